@@ -1,0 +1,6 @@
+"""Parameters: one table, profiles, and their validation."""
+
+from params.load import PROFILES, ParameterError, allowed, build, load
+from params.table import Parameters, Row, Spec, rows
+
+__all__ = ["PROFILES", "ParameterError", "Parameters", "Row", "Spec", "allowed", "build", "load", "rows"]

@@ -1,0 +1,108 @@
+"""From a profile, a TOML file and `name=value` settings to validated `Parameters`."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from params.table import Parameters, Row, rows
+
+PROFILES = ("quadcopter", "helicopter")
+
+
+class ParameterError(ValueError):
+    """A parameter is unknown, unreadable or out of range; the message is one line for the user."""
+
+
+def load(profile: str = "quadcopter", settings: Iterable[str] = ()) -> Parameters:
+    """Build parameters from a profile and settings, later ones winning.
+
+    Parameters
+    ----------
+    profile
+        `quadcopter`, `helicopter` or the path of a TOML file. A file may name the profile it starts
+        from with `profile = "helicopter"`; otherwise it starts from `quadcopter`.
+    settings
+        `name=value` strings; name is the Python or the MAVLink name.
+
+    Raises
+    ------
+    ParameterError
+        Unknown profile, name or choice, unreadable file or value, or value out of range.
+    """
+    values = _profile(profile)
+    by_name = {key: row for row in rows() for key in (row.name, row.mavlink)}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals:
+            raise ParameterError(f"setting {setting!r}: write it as name=value")
+        row = by_name.get(name.strip())
+        if row is None:
+            raise ParameterError(_unknown(name.strip()))
+        values[row.name] = text.strip()
+    return build(values)
+
+
+def build(values: Mapping[str, Any]) -> Parameters:
+    """Validate a mapping of Python names to values; raise `ParameterError` with name, value and range."""
+    for name in values:
+        if name not in Parameters.model_fields:
+            raise ParameterError(_unknown(name))
+    try:
+        return Parameters(**values)
+    except ValidationError as error:
+        raise ParameterError("; ".join(_sentence(detail) for detail in error.errors())) from None
+
+
+def _profile(profile: str) -> dict[str, Any]:
+    if profile in PROFILES:
+        text = resources.files("params").joinpath(f"profiles/{profile}.toml").read_text("utf-8")
+        return _toml(text, profile)
+    path = Path(profile)
+    if path.suffix != ".toml":
+        raise ParameterError(f"profile {profile!r} is unknown: use {', '.join(PROFILES)} or a .toml file")
+    try:
+        text = path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterError(f"profile {profile!r} cannot be read: {error}") from None
+    own = _toml(text, profile)
+    base = own.pop("profile", PROFILES[0])
+    if base not in PROFILES:
+        raise ParameterError(f"profile {base!r} named in {profile} is unknown: use {', '.join(PROFILES)}")
+    return _profile(base) | own
+
+
+def _toml(text: str, name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(f"profile {name!r} is not valid TOML: {error}") from None
+
+
+def _unknown(name: str) -> str:
+    near = difflib.get_close_matches(name, Parameters.model_fields, 1)
+    hint = f"did you mean {near[0]!r}?" if near else "'slz params' lists them all"
+    return f"parameter {name!r} is unknown: {hint}"
+
+
+def _sentence(detail: Any) -> str:
+    if not detail["loc"]:
+        return str(detail["msg"]).removeprefix("Value error, ")
+    name = str(detail["loc"][0])
+    row = next(row for row in rows() if row.name == name)
+    return f"parameter {name} = {detail['input']!r} is refused: it must be {allowed(row)}"
+
+
+def allowed(row: Row) -> str:
+    """Say in words what a parameter accepts."""
+    if row.choices:
+        return " or ".join(row.choices)
+    unit = f" {row.unit}" if row.unit else ""
+    number = "a whole number" if row.kind is int else "a number"
+    return f"{number} from {row.low:g} to {row.high:g}{unit}"

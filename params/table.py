@@ -1,0 +1,303 @@
+"""Every parameter, once.
+
+A parameter is a field of `Parameters`: its Python name carries the unit; the `Spec` beside its type
+holds the MAVLink name, unit, source and one sentence. Validation, profiles, command line, parameter
+server and documentation all read this table. A value outside its range is refused, never clamped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+PAPER = "SLZ paper Table 4"
+THESIS = "SLZ thesis Table 3"
+OURS = "this project"
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """Row of the table: what is known of a parameter beside its type, range and default."""
+
+    mavlink: str
+    unit: str
+    source: str
+    sentence: str
+
+
+def _in(low: float, high: float) -> Any:
+    return Field(ge=low, le=high)
+
+
+class Parameters(BaseModel):
+    """Immutable, validated set of all parameters (`params.load` builds one from a profile)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+
+    # ---- pre-processing -------------------------------------------------------------------------
+    window_s: Annotated[
+        float, _in(0.05, 10), Spec("SLZ_WINDOW_S", "s", PAPER, "Time span of scans handed on together.")
+    ] = 1.0
+    zone_m: Annotated[
+        float, _in(20, 20000), Spec("SLZ_ZONE_M", "m", THESIS, "Side of the square map around its origin.")
+    ] = 400.0
+    max_range_m: Annotated[
+        float,
+        _in(1, 5000),
+        Spec("SLZ_MAXRANGE_M", "m", THESIS, "Points farther than this from the vehicle are not mapped."),
+    ] = 100.0
+
+    # ---- terrain models -------------------------------------------------------------------------
+    mode: Annotated[
+        Literal["default", "source"],
+        Spec("SLZ_MODE", "", OURS, "'source' runs the paper's rules to the letter, unsafe ones included."),
+    ] = "default"
+    cell_m: Annotated[
+        float, _in(0.05, 50), Spec("SLZ_CELL_M", "m", THESIS, "Side of a cell of the near map.")
+    ] = 0.2
+    far_cell_m: Annotated[
+        float, _in(0.5, 100), Spec("SLZ_FAR_CELL_M", "m", THESIS, "Side of a cell of the far map.")
+    ] = 2.0
+    histogram_bins: Annotated[
+        int, _in(10, 10000), Spec("SLZ_HIST_BINS", "", THESIS, "Bins of the vertical outlier histogram.")
+    ] = 300
+    histogram_threshold: Annotated[
+        float,
+        _in(0.5, 1),
+        Spec("SLZ_HIST_THR", "", THESIS, "Least share of points the outlier filter must keep."),
+    ] = 0.9
+    outlier_gap_m: Annotated[
+        float,
+        _in(0.5, 1000),
+        Spec(
+            "SLZ_OUTL_GAP_M",
+            "m",
+            OURS,
+            "Empty vertical gap that sets a few points apart as outliers (default mode).",
+        ),
+    ] = 5.0
+    max_slope_deg: Annotated[
+        float, _in(5, 90), Spec("SLZ_MAX_SLOPE", "deg", PAPER, "Slope that stands for 'worst case'.")
+    ] = 40.0
+    safe_slope_deg: Annotated[
+        float, _in(0.5, 45), Spec("SLZ_SAFE_SLOPE", "deg", PAPER, "A safe cell slopes less than this.")
+    ] = 10.0
+    fusing: Annotated[
+        Literal["mean", "max"],
+        Spec("SLZ_FUSING", "", PAPER, "How source mode joins a cell's old and new values."),
+    ] = "mean"
+    footprint_m: Annotated[
+        float,
+        _in(0.1, 50),
+        Spec("SLZ_FOOTPRINT_M", "m", OURS, "Side of the square of ground under the landed vehicle."),
+    ] = 2.0
+    relief_m: Annotated[
+        float,
+        _in(0.02, 5),
+        Spec("SLZ_RELIEF_M", "m", OURS, "Height above or below the footprint's plane that is a hazard."),
+    ] = 0.3
+    coverage_m: Annotated[
+        float,
+        _in(0.1, 50),
+        Spec("SLZ_COVER_M", "m", OURS, "Ground counts as seen where a square this wide holds returns."),
+    ] = 0.6
+    coverage_points: Annotated[
+        int, _in(1, 1000), Spec("SLZ_COVER_PTS", "", OURS, "Returns that such a square must hold.")
+    ] = 3
+    range_noise_m: Annotated[
+        float, _in(0, 1), Spec("SLZ_NOISE_M", "m", OURS, "Standard deviation of one return's height.")
+    ] = 0.03
+    hold_s: Annotated[
+        float,
+        _in(0.5, 600),
+        Spec("SLZ_HOLD_S", "s", OURS, "A hazard seen is kept at least this long against newer returns."),
+    ] = 8.0
+    max_age_s: Annotated[
+        float,
+        _in(1, 86400),
+        Spec("SLZ_MAX_AGE_S", "s", OURS, "Ground not seen for longer counts as unknown."),
+    ] = 300.0
+
+    # ---- identification and filtering -----------------------------------------------------------
+    min_square_m: Annotated[
+        float, _in(0.1, 200), Spec("SLZ_SQUARE_M", "m", PAPER, "Side of the safe square a zone must hold.")
+    ] = 3.0
+    min_boundary_points: Annotated[
+        int, _in(1, 100000), Spec("SLZ_MIN_BOUND", "", THESIS, "Boundary points a zone must have.")
+    ] = 40
+    certainty_rule: Annotated[
+        Literal["safe", "certain"],
+        Spec("SLZ_CERT_RULE", "", "SLZ paper Eq. 16-17", "Cells counted as certain: safe or measured."),
+    ] = "safe"
+    confidence_factor: Annotated[
+        float, _in(0, 1), Spec("SLZ_CONF", "", PAPER, "Certainty from which a zone is drawn as certain.")
+    ] = 0.86
+    repeat_ratio: Annotated[
+        float, _in(0, 1), Spec("SLZ_REPEAT", "", PAPER, "Boundary share inside an old zone that repeats it.")
+    ] = 0.8
+    area_ratio: Annotated[
+        float, _in(0, 1), Spec("SLZ_AREA_RATIO", "", PAPER, "Least area ratio of a repeated zone.")
+    ] = 0.9
+    repeat_depth: Annotated[
+        int,
+        _in(1, 100000),
+        Spec("SLZ_REP_DEPTH", "", "SLZ paper §3.4.3", "Earlier zones that the repeat filter looks at."),
+    ] = 1000
+    max_zones: Annotated[
+        int, _in(1, 10000), Spec("SLZ_MAX_ZONES", "", OURS, "Zones reported at most, best first.")
+    ] = 64
+
+    # ---- sensor ---------------------------------------------------------------------------------
+    lidar_x_m: Annotated[
+        float, _in(-20, 20), Spec("SLZ_LDR_X_M", "m", OURS, "LiDAR position forward of the autopilot.")
+    ] = 0.1
+    lidar_y_m: Annotated[
+        float, _in(-20, 20), Spec("SLZ_LDR_Y_M", "m", OURS, "LiDAR position right of the autopilot.")
+    ] = 0.0
+    lidar_z_m: Annotated[
+        float, _in(-20, 20), Spec("SLZ_LDR_Z_M", "m", OURS, "LiDAR position below the autopilot.")
+    ] = 0.1
+    lidar_roll_deg: Annotated[
+        float,
+        _in(-180, 180),
+        Spec("SLZ_LDR_ROLL", "deg", OURS, "LiDAR boresight roll (docs/units_and_frames)."),
+    ] = 0.0
+    lidar_pitch_deg: Annotated[
+        float, _in(-180, 180), Spec("SLZ_LDR_PITCH", "deg", OURS, "LiDAR boresight pitch.")
+    ] = 67.5
+    lidar_yaw_deg: Annotated[
+        float, _in(-180, 180), Spec("SLZ_LDR_YAW", "deg", OURS, "LiDAR boresight yaw.")
+    ] = 0.0
+    lidar_min_m: Annotated[
+        float, _in(0, 100), Spec("SLZ_LDR_MIN_M", "m", OURS, "Nearer returns are the vehicle itself or dust.")
+    ] = 0.6
+    lidar_max_m: Annotated[
+        float, _in(1, 5000), Spec("SLZ_LDR_MAX_M", "m", OURS, "Farther returns are not used.")
+    ] = 70.0
+    lidar_timeout_s: Annotated[
+        float,
+        _in(0.1, 30),
+        Spec("SLZ_LDR_TOUT_S", "s", OURS, "Silence after which the LiDAR counts as lost."),
+    ] = 1.0
+    lidar_delay_ms: Annotated[
+        float,
+        _in(-500, 500),
+        Spec("SLZ_LDR_DLY_MS", "ms", OURS, "Fixed delay between measurement and arrival, taken off."),
+    ] = 0.0
+
+    # ---- link -----------------------------------------------------------------------------------
+    component_id: Annotated[
+        int, _in(1, 255), Spec("SLZ_COMPID", "", OURS, "MAVLink component number of this program.")
+    ] = 191
+    pose_rate_hz: Annotated[
+        float, _in(5, 200), Spec("SLZ_POSE_HZ", "Hz", OURS, "Attitude and position rate asked for.")
+    ] = 50.0
+    pose_timeout_s: Annotated[
+        float, _in(0.05, 10), Spec("SLZ_POSE_TOUT", "s", OURS, "Age beyond which a pose is stale.")
+    ] = 0.5
+    link_timeout_s: Annotated[
+        float, _in(1, 60), Spec("SLZ_LINK_TOUT", "s", OURS, "Silence after which the autopilot is lost.")
+    ] = 5.0
+    landing_target_hz: Annotated[
+        float, _in(3, 50), Spec("SLZ_TARGET_HZ", "Hz", OURS, "Rate of LANDING_TARGET.")
+    ] = 20.0
+    obstacle_hz: Annotated[
+        float, _in(1, 50), Spec("SLZ_OBST_HZ", "Hz", OURS, "Rate of OBSTACLE_DISTANCE.")
+    ] = 12.0
+
+    # ---- landing --------------------------------------------------------------------------------
+    survey_s: Annotated[
+        float, _in(2, 3600), Spec("SLZ_SURVEY_S", "s", OURS, "Time spent surveying before a point is chosen.")
+    ] = 30.0
+    survey_speed_ms: Annotated[
+        float, _in(0.2, 50), Spec("SLZ_SURV_SPD", "m/s", OURS, "Ground speed during the survey.")
+    ] = 4.0
+    survey_height_m: Annotated[
+        float,
+        _in(3, 500),
+        Spec("SLZ_SURV_H", "m", OURS, "Lowest height above the take-off point to survey at."),
+    ] = 15.0
+    approach_speed_ms: Annotated[
+        float, _in(0.2, 50), Spec("SLZ_APPR_SPD", "m/s", OURS, "Ground speed towards the landing point.")
+    ] = 4.0
+    descent_speed_ms: Annotated[
+        float, _in(0.1, 10), Spec("SLZ_DESC_SPD", "m/s", OURS, "Sink rate down to the final height.")
+    ] = 1.5
+    climb_speed_ms: Annotated[
+        float, _in(0.1, 10), Spec("SLZ_CLIMB_SPD", "m/s", OURS, "Climb rate after an abort.")
+    ] = 2.0
+    final_height_m: Annotated[
+        float,
+        _in(1, 200),
+        Spec("SLZ_FINAL_H", "m", OURS, "Height above the point where the autopilot's LAND takes over."),
+    ] = 12.0
+    commit_height_m: Annotated[
+        float,
+        _in(0.2, 100),
+        Spec("SLZ_COMMIT_H", "m", OURS, "Height below which the landing is not broken off any more."),
+    ] = 1.5
+    min_certainty: Annotated[
+        float, _in(0, 1), Spec("SLZ_MIN_CERT", "", OURS, "Least certainty of a zone chosen to land in.")
+    ] = 0.86
+    uncertain_below: Annotated[
+        float,
+        _in(0, 1),
+        Spec("SLZ_UNCERTAIN", "", OURS, "Certainty below which a zone is drawn as uncertain."),
+    ] = 0.5
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for low, high in (
+            ("lidar_min_m", "lidar_max_m"),
+            ("commit_height_m", "final_height_m"),
+            ("cell_m", "min_square_m"),
+            ("cell_m", "zone_m"),
+            ("safe_slope_deg", "max_slope_deg"),
+        ):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(
+                    f"{low} ({getattr(self, low)}) must not exceed {high} ({getattr(self, high)})"
+                )
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One parameter as the command line, the parameter server and the documentation show it."""
+
+    name: str
+    mavlink: str
+    unit: str
+    kind: type
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...]
+    default: Any
+    source: str
+    sentence: str
+
+
+def rows() -> tuple[Row, ...]:
+    """Return the whole table in its order."""
+    return tuple(_row(name) for name in Parameters.model_fields)
+
+
+def _row(name: str) -> Row:
+    field = Parameters.model_fields[name]
+    spec = next(m for m in field.metadata if isinstance(m, Spec))
+    bounds = {key: getattr(m, key) for m in field.metadata for key in ("ge", "le") if hasattr(m, key)}
+    choices = getattr(field.annotation, "__args__", ())
+    return Row(
+        name=name,
+        mavlink=spec.mavlink,
+        unit=spec.unit,
+        kind=str if choices else int if field.annotation is int else float,
+        low=bounds.get("ge"),
+        high=bounds.get("le"),
+        choices=tuple(choices),
+        default=field.default,
+        source=spec.source,
+        sentence=spec.sentence,
+    )

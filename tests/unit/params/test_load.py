@@ -1,0 +1,100 @@
+"""Parameters: what is accepted, what is refused, and in which words."""
+
+from pathlib import Path
+
+import pytest
+
+import params
+from params import ParameterError
+
+
+def test_helicopter_profile_has_the_values_of_the_sources() -> None:
+    heli = params.load("helicopter")
+    table = {
+        "window_s": 1.0,
+        "max_slope_deg": 40,
+        "safe_slope_deg": 4,
+        "histogram_bins": 300,
+        "histogram_threshold": 0.9,
+        "min_boundary_points": 200,
+        "min_square_m": 24,
+        "confidence_factor": 0.86,
+        "repeat_ratio": 0.8,
+        "area_ratio": 0.9,
+        "cell_m": 1,
+        "far_cell_m": 10,
+        "zone_m": 5000,
+    }
+    assert {name: getattr(heli, name) for name in table} == table
+
+
+def test_quadcopter_profile_is_the_table_s_default() -> None:
+    assert params.load("quadcopter") == params.Parameters()
+
+
+def test_every_row_fits_the_wire_and_explains_itself() -> None:
+    table = params.rows()
+    assert len({row.mavlink for row in table}) == len(table)
+    for row in table:
+        assert len(row.mavlink) <= 16
+        assert row.mavlink.startswith("SLZ_")
+        assert row.sentence.endswith(".")
+        assert row.source
+        assert row.choices or (row.low is not None and row.high is not None)
+
+
+def test_later_settings_win_and_mavlink_names_work() -> None:
+    config = params.load("helicopter", ["cell_m=0.5", "SLZ_CELL_M=2", "fusing=max"])
+    assert config.cell_m == 2
+    assert config.fusing == "max"
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("cell_m=0", ["cell_m", "'0'", "0.05 to 50 m"]),
+        ("cell_m=nan", ["cell_m", "nan"]),
+        ("cell_m=wide", ["cell_m", "'wide'", "a number"]),
+        ("histogram_bins=2.5", ["histogram_bins", "whole number"]),
+        ("fusing=median", ["fusing", "mean or max"]),
+        ("cel_m=1", ["'cel_m'", "did you mean 'cell_m'"]),
+        ("cell_m", ["name=value"]),
+        ("lidar_min_m=90", ["lidar_min_m", "lidar_max_m"]),
+    ],
+)
+def test_bad_settings_are_refused_in_one_line(setting: str, words: list[str]) -> None:
+    with pytest.raises(ParameterError) as refused:
+        params.load("quadcopter", [setting])
+    message = str(refused.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_file_starts_from_the_profile_it_names(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('profile = "helicopter"\ncell_m = 2.0\n')
+    config = params.load(str(path))
+    assert (config.cell_m, config.min_square_m) == (2.0, 24.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        ("cell_m = ", "TOML"),
+        ("cel_m = 1.0", "did you mean"),
+        ('profile = "plane"', "plane"),
+        ("cell_m = 99", "99"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(tmp_path: Path, content: str, word: str) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(content)
+    with pytest.raises(ParameterError, match=word):
+        params.load(str(path))
+
+
+@pytest.mark.parametrize("name", ["airship", "/nowhere/x.toml"])
+def test_unknown_profile_is_refused(name: str) -> None:
+    with pytest.raises(ParameterError, match=name):
+        params.load(name)
