@@ -1,0 +1,66 @@
+"""Local east-north-up frames on the WGS-84 ellipsoid, and the sources' spherical short form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pymap3d
+from numpy.typing import ArrayLike, NDArray
+
+EARTH_RADIUS_M = 6_378_137.0
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFrame:
+    """East-north-up tangent plane at a geodetic origin (WGS-84; degrees, metres)."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+    def __post_init__(self) -> None:
+        if not (-90 <= self.lat_deg <= 90 and -180 <= self.lon_deg <= 180 and np.isfinite(self.alt_m)):
+            raise ValueError(f"frame origin {self.lat_deg}, {self.lon_deg}, {self.alt_m} is not on the Earth")
+
+    def enu_m(self, lat_deg: ArrayLike, lon_deg: ArrayLike, alt_m: ArrayLike) -> Floats:
+        """Return (..., 3) east, north, up of geodetic coordinates."""
+        return np.stack(
+            pymap3d.geodetic2enu(lat_deg, lon_deg, alt_m, self.lat_deg, self.lon_deg, self.alt_m), axis=-1
+        )
+
+    def lla(self, enu_m: ArrayLike) -> Floats:
+        """Return (..., 3) latitude, longitude (degrees) and altitude (m) of east, north, up."""
+        enu = np.asarray(enu_m, dtype=np.float64)
+        return np.stack(
+            pymap3d.enu2geodetic(
+                enu[..., 0], enu[..., 1], enu[..., 2], self.lat_deg, self.lon_deg, self.alt_m
+            ),
+            axis=-1,
+        )
+
+    def shifted(self, east_m: float, north_m: float) -> LocalFrame:
+        """Return the frame whose origin lies east and north of this one, at the same altitude."""
+        lat, lon, _ = self.lla([east_m, north_m, 0.0])
+        return LocalFrame(float(lat), float(lon), self.alt_m)
+
+    def spherical_enu_m(self, lat_deg: ArrayLike, lon_deg: ArrayLike, alt_m: ArrayLike) -> Floats:
+        """Return east, north, up by the sources' formula (SLZ thesis Eq. 3.15-3.16).
+
+        The sources print X and Y swapped; x is east here. Kept to show the error of the short form,
+        which mistakes the radius of curvature by up to 0.7 %.
+        """
+        lat, lon, alt = np.deg2rad(lat_deg), np.deg2rad(lon_deg), np.asarray(alt_m, dtype=np.float64)
+        radius = EARTH_RADIUS_M + alt
+        north = (lat - np.deg2rad(self.lat_deg)) * radius
+        east = (lon - np.deg2rad(self.lon_deg)) * radius * np.cos(lat)
+        return np.stack(np.broadcast_arrays(east, north, alt - self.alt_m), axis=-1)
+
+    def spherical_lla(self, enu_m: ArrayLike) -> Floats:
+        """Return geodetic coordinates by the sources' formula (SLZ thesis Eq. 4.1-4.2)."""
+        enu = np.asarray(enu_m, dtype=np.float64)
+        alt = enu[..., 2] + self.alt_m
+        lat = np.deg2rad(self.lat_deg) + enu[..., 1] / (EARTH_RADIUS_M + alt)
+        lon = np.deg2rad(self.lon_deg) + enu[..., 0] / ((EARTH_RADIUS_M + alt) * np.cos(lat))
+        return np.stack([np.rad2deg(lat), np.rad2deg(lon), alt], axis=-1)

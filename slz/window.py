@@ -1,0 +1,101 @@
+"""Scans, and the windows of time they are gathered into (SLZ paper §3.1.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.frame import LocalFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """Georeferenced returns of one sensor frame.
+
+    points_enu_m : (n, 3) float64, in `frame`. stamp_ns : (n,) int64, the clock of the vehicle computer,
+    not decreasing. sensor_enu_m : (3,) float64, where the sensor was at the last stamp.
+    """
+
+    points_enu_m: NDArray[np.float64]
+    stamp_ns: NDArray[np.int64]
+    sensor_enu_m: NDArray[np.float64]
+    frame: LocalFrame
+
+    def __post_init__(self) -> None:
+        n = len(self.stamp_ns)
+        if self.points_enu_m.shape != (n, 3) or self.points_enu_m.dtype != np.float64:
+            raise ValueError(f"points must be ({n}, 3) float64, not {_form(self.points_enu_m)}")
+        if self.stamp_ns.shape != (n,) or self.stamp_ns.dtype != np.int64:
+            raise ValueError(f"stamps must be ({n},) int64, not {_form(self.stamp_ns)}")
+        if self.sensor_enu_m.shape != (3,):
+            raise ValueError(f"sensor position must be (3,), not {_form(self.sensor_enu_m)}")
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Window(Scan):
+    """Returns of all scans within one time window; same arrays as `Scan`."""
+
+    start_ns: int
+    end_ns: int
+
+
+class Windower:
+    """Gather scans until their own stamps span the window, then hand the window on.
+
+    The scan whose stamps reach the window's end is not part of it: it starts the next one
+    (SLZ thesis §3.2.1.1). Time stamps decide, never the arrival.
+    """
+
+    def __init__(self, window_s: float) -> None:
+        self._span_ns = round(window_s * 1e9)
+        self._scans: list[Scan] = []
+
+    def add(self, scan: Scan) -> Window | None:
+        """Take a scan; return the finished window if this scan starts a new one."""
+        if not len(scan):
+            return None
+        window = None
+        if self._scans and self._must_close(scan):
+            window = self.flush()
+        self._scans.append(scan)
+        return window
+
+    def _must_close(self, scan: Scan) -> bool:
+        first = self._scans[0]
+        elapsed = int(scan.stamp_ns[0]) - int(first.stamp_ns[0])
+        return elapsed >= self._span_ns or elapsed < 0 or scan.frame != first.frame
+
+    def flush(self) -> Window | None:
+        """Hand on what was gathered, complete or not."""
+        if not self._scans:
+            return None
+        window = join(self._scans)
+        self._scans = []
+        return window
+
+
+def join(scans: Iterable[Scan]) -> Window:
+    """Join scans of one frame into a window, in their order."""
+    scans = list(scans)
+    stamps = np.concatenate([scan.stamp_ns for scan in scans])
+    points = np.concatenate([scan.points_enu_m for scan in scans])
+    points.setflags(write=False)
+    stamps.setflags(write=False)
+    return Window(
+        points_enu_m=points,
+        stamp_ns=stamps,
+        sensor_enu_m=scans[-1].sensor_enu_m,
+        frame=scans[-1].frame,
+        start_ns=int(stamps[0]),
+        end_ns=int(stamps[-1]),
+    )
+
+
+def _form(array: NDArray[np.generic]) -> str:
+    return f"{array.shape} {array.dtype}"
