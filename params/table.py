@@ -101,11 +101,8 @@ class Parameters(BaseModel):
     coverage_m: Annotated[
         float,
         _in(0.1, 50),
-        Spec("SLZ_COVER_M", "m", OURS, "Ground counts as seen where a square this wide holds returns."),
-    ] = 0.6
-    coverage_points: Annotated[
-        int, _in(1, 1000), Spec("SLZ_COVER_PTS", "", OURS, "Returns that such a square must hold.")
-    ] = 3
+        Spec("SLZ_COVER_M", "m", OURS, "Unseen gaps at least this wide make ground unknown."),
+    ] = 1.0
     range_noise_m: Annotated[
         float, _in(0, 1), Spec("SLZ_NOISE_M", "m", OURS, "Standard deviation of one return's height.")
     ] = 0.03
@@ -145,6 +142,11 @@ class Parameters(BaseModel):
         _in(1, 100000),
         Spec("SLZ_REP_DEPTH", "", "SLZ paper §3.4.3", "Earlier zones that the repeat filter looks at."),
     ] = 1000
+    touchdown_error_m: Annotated[
+        float,
+        _in(0, 50),
+        Spec("SLZ_TD_ERR_M", "m", OURS, "A landing point is safe when all cells this near to it are."),
+    ] = 0.5
     max_zones: Annotated[
         int, _in(1, 10000), Spec("SLZ_MAX_ZONES", "", OURS, "Zones reported at most, best first.")
     ] = 64

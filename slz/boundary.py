@@ -1,0 +1,22 @@
+"""Boundary points: which of them a zone needs (SLZ paper §3.4.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Drop points between two neighbours in the same row or the same column (SLZ paper Algorithm 2).
+
+    The algorithm as printed also loses corners where a run in x meets a diagonal; here a point is dropped
+    only when both its neighbours share its row, or both share its column, so the polygon stays the same.
+
+    Parameters
+    ----------
+    boundary_cells
+        (n, 2) rows and columns of a closed contour.
+    """
+    before, after = np.roll(boundary_cells, 1, axis=0), np.roll(boundary_cells, -1, axis=0)
+    flat = (before == boundary_cells) & (after == boundary_cells)
+    return np.asarray(boundary_cells[~flat.any(axis=1)])

@@ -1,0 +1,91 @@
+"""Parameters of a zone: counts, certainty, roughness, obstacles, room to land (SLZ paper §3.4.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from params import Parameters
+from slz.boundary import without_collinear
+from slz.grid import Box
+from slz.landing_point import Terrain, best_point
+from slz.maps import SAFE, UNKNOWN
+from slz.search import Candidate
+from slz.zone import Obstacle, Zone
+
+MOST_OBSTACLES = 200
+
+
+def describe(candidate: Candidate, terrain: Terrain, parameters: Parameters, zone_id: int) -> Zone:
+    """Work out everything that is reported of a candidate.
+
+    In source mode the zone is everything inside the contour, as in the paper; in default mode its safe cells.
+    Counts, certainty and obstacles are of the cells inside the contour in both.
+    """
+    box, grid = candidate.box, terrain.grid
+    state = terrain.state(box)
+    content = candidate.content == 1
+    n_total = int(content.sum())
+    n_safe = int((content & (state == SAFE)).sum())
+    n_uncertain = int((content & (state == UNKNOWN)).sum())
+    certain = n_safe if parameters.certainty_rule == "safe" else n_total - n_uncertain
+    cells = candidate.content if parameters.mode == "source" else candidate.component
+    own = candidate.component == 1
+    corners = without_collinear(candidate.boundary_cells)
+    return Zone(
+        id=zone_id,
+        box=box,
+        cells=cells,
+        area_m2=float(cells.sum()) * grid.cell_m**2,
+        certainty=certain / n_total,
+        n_safe=n_safe,
+        n_unsafe=n_total - n_safe - n_uncertain,
+        n_uncertain=n_uncertain,
+        slope_deg=_mean(terrain.layer("slope_deg", box)[own]),
+        roughness=_mean(terrain.layer("roughness", box)[own]),
+        boundary_cells=candidate.boundary_cells,
+        corners_enu_m=_with_heights(corners, terrain),
+        obstacles=_obstacles(content & ~own, own, terrain, box),
+        best=best_point(candidate, terrain, parameters),
+    )
+
+
+def _mean(values: NDArray[np.float32]) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _with_heights(cells: NDArray[np.int32], terrain: Terrain) -> NDArray[np.float64]:
+    low, high = cells.min(axis=0), cells.max(axis=0) + 1
+    box = Box(int(low[0]), int(high[0]), int(low[1]), int(high[1]))
+    height = terrain.layer("height_m", box)[cells[:, 0] - box.row0, cells[:, 1] - box.col0]
+    if np.isnan(height).any():  # safe cells between returns: the zone's own level stands in
+        height = np.where(np.isnan(height), _mean(height) if np.isfinite(height).any() else 0.0, height)
+    return np.column_stack([terrain.grid.centres(cells), height])
+
+
+def _obstacles(
+    holes: NDArray[np.bool_], own: NDArray[np.bool_], terrain: Terrain, box: Box
+) -> tuple[Obstacle, ...]:
+    """Group the measured unsafe cells inside a contour; each group is an obstacle with its highest return."""
+    height = terrain.layer("height_m", box)
+    top = terrain.layer("top_m", box)
+    top = np.where(np.isnan(top), height, top)
+    label, count = ndimage.label(holes & np.isfinite(height), np.ones((3, 3)))
+    found = []
+    for number, where in enumerate(ndimage.find_objects(label)[:MOST_OBSTACLES], start=1):
+        group = label[where] == number
+        around = tuple(slice(max(0, s.start - 3), s.stop + 3) for s in where)
+        level = height[around][own[around] & np.isfinite(height[around])]
+        highest = np.where(group, top[where], -np.inf)
+        row, col = np.unravel_index(int(np.argmax(highest)), highest.shape)
+        east, north = terrain.grid.centre(
+            int(row) + where[0].start + box.row0, int(col) + where[1].start + box.col0
+        )
+        top_m = float(highest[row, col])
+        base = float(np.median(level)) if len(level) else float("nan")
+        width = float(np.sqrt(group.sum())) * terrain.grid.cell_m
+        found.append(Obstacle(east, north, top_m, top_m - base, width))
+    del count
+    return tuple(found)

@@ -1,0 +1,126 @@
+"""The raster that the terrain maps share: where its cells lie, and boxes of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Half-open range of rows and columns."""
+
+    row0: int
+    row1: int
+    col0: int
+    col1: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return max(0, self.row1 - self.row0), max(0, self.col1 - self.col0)
+
+    @property
+    def empty(self) -> bool:
+        return self.row1 <= self.row0 or self.col1 <= self.col0
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        return slice(self.row0, self.row1), slice(self.col0, self.col1)
+
+    def grown(self, cells: int, grid: Grid) -> Box:
+        """Return the box with a margin, cut off at the edge of the grid."""
+        return Box(
+            max(0, self.row0 - cells),
+            min(grid.rows, self.row1 + cells),
+            max(0, self.col0 - cells),
+            min(grid.cols, self.col1 + cells),
+        )
+
+    def union(self, other: Box) -> Box:
+        if self.empty:
+            return other
+        if other.empty:
+            return self
+        return Box(
+            min(self.row0, other.row0),
+            max(self.row1, other.row1),
+            min(self.col0, other.col0),
+            max(self.col1, other.col1),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Square cells; row 0 is the southernmost, column 0 the westernmost. Edges in metres of the map frame."""
+
+    west_m: float
+    south_m: float
+    cell_m: float
+    rows: int
+    cols: int
+
+    @classmethod
+    def centred(cls, east_m: float, north_m: float, side_m: float, cell_m: float) -> Self:
+        """Return the zone of the SLZ paper §3.1.2: a square about a point, snapped to whole cells."""
+        n = max(3, round(side_m / cell_m))
+        east, north = round(east_m / cell_m) * cell_m, round(north_m / cell_m) * cell_m
+        return cls(east - side_m / 2, north - side_m / 2, cell_m, n, n)
+
+    @property
+    def everything(self) -> Box:
+        return Box(0, self.rows, 0, self.cols)
+
+    @property
+    def east_m(self) -> float:
+        return self.west_m + self.cols * self.cell_m
+
+    @property
+    def north_m(self) -> float:
+        return self.south_m + self.rows * self.cell_m
+
+    def index(self, east_m: float, north_m: float) -> tuple[int, int]:
+        """Return row and column of a point (SLZ paper Eq. 3-4); they may lie outside the grid."""
+        return (
+            int(np.floor((north_m - self.south_m) / self.cell_m)),
+            int(np.floor((east_m - self.west_m) / self.cell_m)),
+        )
+
+    def holds(self, row: int, col: int) -> bool:
+        return 0 <= row < self.rows and 0 <= col < self.cols
+
+    def centre(self, row: float, col: float) -> tuple[float, float]:
+        """Return east and north of a cell's centre."""
+        return (self.west_m + (col + 0.5) * self.cell_m, self.south_m + (row + 0.5) * self.cell_m)
+
+    def centres(self, rows_cols: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Return (n, 2) east, north of the centres of (n, 2) rows and columns."""
+        return np.stack(
+            [
+                self.west_m + (rows_cols[:, 1] + 0.5) * self.cell_m,
+                self.south_m + (rows_cols[:, 0] + 0.5) * self.cell_m,
+            ],
+            axis=1,
+        )
+
+    def shift_to(self, other: Grid) -> tuple[int, int]:
+        """Return rows and columns to add to an index of this grid to get that of `other`."""
+        return (
+            round((self.south_m - other.south_m) / self.cell_m),
+            round((self.west_m - other.west_m) / self.cell_m),
+        )
+
+
+def overlap(old: Grid, new: Grid) -> tuple[Box, Box]:
+    """Return the common cells of two grids of one cell size, as a box of each.
+
+    The four sign cases of SLZ paper Figure 2 are this one intersection.
+    """
+    down, right = old.shift_to(new)
+    row0, row1 = max(0, down), min(new.rows, old.rows + down)
+    col0, col1 = max(0, right), min(new.cols, old.cols + right)
+    if row1 <= row0 or col1 <= col0:
+        return Box(0, 0, 0, 0), Box(0, 0, 0, 0)
+    return Box(row0 - down, row1 - down, col0 - right, col1 - right), Box(row0, row1, col0, col1)

@@ -1,0 +1,72 @@
+"""Vertical outlier removal by histogram (SLZ paper §3.2.1, SLZ thesis §3.3.1.1).
+
+The sources call the vertical axis Y (their display's) and give two numbers, 300 bins and a threshold of
+0.9, without saying how the accepted interval is formed. Here an end bin is *sparse* when it holds less
+than (1 - threshold) of the mean bin population. Sparse end bins are trimmed, the emptier end first,
+while at least `threshold` of all points stay. Points below or above the interval are dropped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.histogram import bins_of, gaps_of
+
+
+def histogram_interval(height_m: NDArray[np.float64], bins: int, threshold: float) -> tuple[float, float]:
+    """Return the accepted heights by the source's rule.
+
+    A lone bird, multipath or dust return is dropped. So is the top of a tall building whose roof holds
+    less than (1 - threshold)/bins of the points per bin at the end of the range: use `gap_interval` where
+    that matters.
+
+    Parameters
+    ----------
+    height_m
+        (n,) heights, metres; NaN must have been dropped.
+    bins, threshold
+        Number of bins and least share of points kept (SLZ thesis Table 3: 300 and 0.9).
+    """
+    if not len(height_m):
+        return -np.inf, np.inf
+    low, high = float(height_m.min()), float(height_m.max())
+    if not high > low:
+        return low, high
+    count = bins_of(height_m, low, high, bins)
+    sparse = (1 - threshold) * len(height_m) / bins
+    first, last, left = 0, bins - 1, len(height_m)
+    while first < last:
+        from_below = count[first] <= count[last]
+        n = int(count[first] if from_below else count[last])
+        if n >= sparse or left - n < threshold * len(height_m):
+            break
+        left -= n
+        if from_below:
+            first += 1
+        else:
+            last -= 1
+    scale = bins / (high - low)
+    return low + first / scale, low + (last + 1) / scale
+
+
+def gap_interval(
+    height_m: NDArray[np.float64], gap_m: float, max_share: float = 0.002
+) -> tuple[float, float]:
+    """Return the accepted heights by the safer rule: only few points beyond an empty gap are outliers.
+
+    A building of any height is joined to the ground by wall returns or holds many points; a valley floor
+    likewise. A ghost is alone: fewer than `max_share` of the points, beyond `gap_m` without any return.
+
+    Parameters
+    ----------
+    height_m
+        (n,) heights, metres.
+    gap_m
+        Least height without returns that sets outliers apart.
+    max_share
+        Greatest share of points that may be dropped at each end.
+    """
+    if not len(height_m):
+        return -np.inf, np.inf
+    return gaps_of(height_m, gap_m, max_share)

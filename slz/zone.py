@@ -1,0 +1,68 @@
+"""A safe landing zone, its obstacles and its best point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Box
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Unsafe measured ground inside a zone: centre and top (m, map frame), height over the zone, extent."""
+
+    east_m: float
+    north_m: float
+    top_m: float
+    height_m: float
+    width_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LandingPoint:
+    """Best point of a zone.
+
+    enu_m : (3,) map frame. clearance_m: distance to the nearest cell outside the zone. square_side_m:
+    side of the largest safe square of the zone centred near the point. certainty: share of the point's
+    own evidence that supports it, 0 to 1.
+    """
+
+    enu_m: NDArray[np.float64]
+    clearance_m: float
+    square_side_m: float
+    slope_deg: float
+    certainty: float
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """One safe landing zone (SLZ paper §3.3-3.4).
+
+    box: its cells' bounding box in the grid. cells: uint8 over that box, 1 = zone; in source mode everything
+    inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and columns
+    in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside the
+    contour: safe, unsafe (measured), uncertain (no elevation). roughness: mean over the measured cells.
+    """
+
+    id: int
+    box: Box
+    cells: NDArray[np.uint8]
+    area_m2: float
+    certainty: float
+    n_safe: int
+    n_unsafe: int
+    n_uncertain: int
+    slope_deg: float
+    roughness: float
+    boundary_cells: NDArray[np.int32]
+    corners_enu_m: NDArray[np.float64]
+    obstacles: tuple[Obstacle, ...]
+    best: LandingPoint
+
+    def holds(self, row: int, col: int) -> bool:
+        """Tell whether a cell of the grid belongs to the zone."""
+        r, c = row - self.box.row0, col - self.box.col0
+        return 0 <= r < self.cells.shape[0] and 0 <= c < self.cells.shape[1] and bool(self.cells[r, c])
