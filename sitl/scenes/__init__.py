@@ -1,0 +1,31 @@
+"""Named scenes to fly in."""
+
+from __future__ import annotations
+
+from sitl.scenes import dense, hill, mountains, plain, stadium, streets
+from sitl.scenes.scene import Polygon, Scene
+
+__all__ = ["NAMES", "Polygon", "Scene", "build"]
+
+_BUILDERS = {
+    "stadium": stadium.build,
+    "plain": plain.build,
+    "hill": hill.build,
+    "streets": streets.build,
+    "mountains": mountains.build,
+    "dense": dense.build,
+}
+NAMES: tuple[str, ...] = tuple(_BUILDERS)
+
+
+def build(name: str, seed: int = 0) -> Scene:
+    """Build a scene; the same name and seed give the same world, number for number.
+
+    Raises
+    ------
+    ValueError
+        If there is no scene of that name.
+    """
+    if name not in _BUILDERS:
+        raise ValueError(f"scene {name!r} is unknown; choose one of {', '.join(NAMES)}")
+    return _BUILDERS[name](seed)

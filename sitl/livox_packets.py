@@ -1,0 +1,137 @@
+"""Livox Mid-360 data packets, byte for byte.
+
+Written from "Livox LiDAR Communication Protocol - Mid360" (v1.4.11), Point Cloud & IMU Data Protocol.
+Everything is little-endian. A packet is a header of 36 bytes and its data:
+
+=============  ======  ====  ==========================================================
+field          offset  size  meaning
+=============  ======  ====  ==========================================================
+version             0     1  0
+length              1     2  bytes of the whole packet, from ``version``
+time_interval       3     2  last point minus first point, 0.1 us
+dot_num             5     2  points in this packet (96; 1 for IMU)
+udp_cnt             7     2  packet counter
+frame_cnt           9     1  frame counter, not valid in a non-repetitive scan
+data_type          10     1  0 IMU, 1 Cartesian 32 bit, 2 Cartesian 16 bit, 3 spherical
+time_type          11     1  0 free-running since power-up, 1 (g)PTP, 2 GPS
+reserved           12    12  zeros
+crc32              24     4  over timestamp and data, the common CRC-32 (zlib)
+timestamp          28     8  of the first point, ns
+=============  ======  ====  ==========================================================
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+POINTS_PER_PACKET = 96
+HEADER = struct.Struct("<BHHHHBBB12sI")
+_STAMP = struct.Struct("<Q")
+HEADER_BYTES = HEADER.size + _STAMP.size
+
+CARTESIAN_32 = np.dtype([("xyz", "<i4", 3), ("reflectivity", "u1"), ("tag", "u1")])
+CARTESIAN_16 = np.dtype([("xyz", "<i2", 3), ("reflectivity", "u1"), ("tag", "u1")])
+SPHERICAL = np.dtype(
+    [("depth", "<u4"), ("theta", "<u2"), ("phi", "<u2"), ("reflectivity", "u1"), ("tag", "u1")]
+)
+
+
+class DataType(IntEnum):
+    """Layout of the data of a packet."""
+
+    IMU = 0
+    CARTESIAN_32 = 1
+    CARTESIAN_16 = 2
+    SPHERICAL = 3
+
+
+class TimeType(IntEnum):
+    """Clock of the timestamp of a packet."""
+
+    FREE_RUNNING = 0
+    PTP = 1
+    GPS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """The fields of a header that change from packet to packet."""
+
+    stamp_ns: int
+    interval_ns: int
+    udp_count: int
+    frame_count: int = 0
+    time_type: TimeType = TimeType.FREE_RUNNING
+
+
+def encode_points(
+    label: Label, points_m: F64, reflectivity: U8, tag: U8, data_type: DataType = DataType.CARTESIAN_32
+) -> bytes:
+    """Encode one point packet.
+
+    Parameters
+    ----------
+    label
+        Stamp of the first point, time from first to last point, counters.
+    points_m
+        (n, 3) in the sensor frame, metres; a row of zeros is a pulse without a return.
+    reflectivity, tag
+        (n,) u8.
+    data_type
+        Not ``DataType.IMU``.
+
+    Raises
+    ------
+    ValueError
+        If the packet would not fit its own fields.
+    """
+    if data_type is DataType.CARTESIAN_32:
+        data = np.zeros(len(points_m), CARTESIAN_32)
+        data["xyz"] = np.rint(points_m * 1000.0)
+    elif data_type is DataType.CARTESIAN_16:
+        data = np.zeros(len(points_m), CARTESIAN_16)
+        data["xyz"] = np.rint(points_m * 100.0)
+    elif data_type is DataType.SPHERICAL:
+        data = _spherical(points_m)
+    else:
+        raise ValueError(f"point packet: data_type {data_type!r} is not a point format")
+    data["reflectivity"] = reflectivity
+    data["tag"] = tag
+    return _packet(label, data_type, len(points_m), data.tobytes())
+
+
+def encode_imu(label: Label, gyro_rad_s: F64, acceleration_g: F64) -> bytes:
+    """Encode one IMU packet; both vectors in the axes of the point cloud, acceleration in g."""
+    data = np.concatenate([gyro_rad_s, acceleration_g]).astype("<f4").tobytes()
+    return _packet(label, DataType.IMU, 1, data)
+
+
+def _spherical(points_m: F64) -> NDArray[np.void]:
+    data = np.zeros(len(points_m), SPHERICAL)
+    x, y, z = points_m.T
+    depth = np.linalg.norm(points_m, axis=1)
+    azimuth = np.degrees(np.arctan2(y, x)) % 360.0
+    data["depth"] = np.rint(depth * 1000.0)
+    data["theta"] = np.where(depth > 0.0, np.rint(np.degrees(np.arctan2(np.hypot(x, y), z)) * 100.0), 0)
+    data["phi"] = np.where(depth > 0.0, np.rint(azimuth * 100.0), 0)
+    return data
+
+
+def _packet(label: Label, data_type: DataType, dots: int, data: bytes) -> bytes:
+    interval = round(label.interval_ns / 100)
+    length = HEADER_BYTES + len(data)
+    if interval > 0xFFFF or length > 0xFFFF:
+        raise ValueError(f"packet: {label.interval_ns} ns or {length} bytes do not fit 16 bits")
+    checked = _STAMP.pack(label.stamp_ns % 2**64) + data
+    counters = (label.udp_count & 0xFFFF, label.frame_count & 0xFF)
+    head = (0, length, interval, dots, *counters, int(data_type), int(label.time_type), bytes(12))
+    return HEADER.pack(*head, zlib.crc32(checked)) + checked

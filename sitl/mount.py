@@ -1,0 +1,88 @@
+"""How the LiDAR is bolted to the vehicle.
+
+Sensor frame of the Mid-360, as its point cloud and its user manual have it: right-handed, origin at
+the optical centre, x forward (away from the connector), y left, z up along the axis of rotation;
+azimuth counts from x towards y, elevation from the xy plane towards z, and the field of view is
+-7 deg to +52 deg of elevation all around.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+FRD_FROM_FLU: F64 = np.diag([1.0, -1.0, -1.0])
+LANDING_PITCH_DEG = 112.5
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Lever arm and boresight of the sensor: ``p_body_frd = lever + T_body_from_lidar p_sensor``.
+
+    The angles turn sensor axes into body forward-left-up axes by R = Rz(yaw) Ry(pitch) Rx(roll), all
+    right-handed about x forward, y left, z up (a positive pitch puts the nose down); body FLU becomes
+    FRD by changing the signs of y and z. With all angles zero the sensor stands upright, looking ahead.
+
+    The default looks down. The middle of the field of view, elevation +22.5 deg at azimuth 0, must
+    become the nadir. A pitch of p lowers a direction of elevation e in the xz plane to e - p, so
+    22.5 - p = -90 and **pitch = 112.5 deg**. The sensor's z axis then points forward and 22.5 deg
+    below the horizon, its x axis down and 22.5 deg backward. Along track the ground is seen from
+    29.5 deg behind the nadir (elevation -7) to 29.5 deg ahead of it (elevation +52).
+    No pitch lets z point forward and *up*: the nadir would be at elevation -22.5 deg or lower, outside
+    the field of view.
+
+    Parameters
+    ----------
+    lever_frd_m
+        Optical centre from the vehicle's reference point, body forward-right-down.
+    roll_deg, pitch_deg, yaw_deg
+        Boresight angles.
+    """
+
+    lever_frd_m: tuple[float, float, float] = (0.10, 0.0, 0.05)
+    roll_deg: float = 0.0
+    pitch_deg: float = LANDING_PITCH_DEG
+    yaw_deg: float = 0.0
+
+    def rotation_frd_from_sensor(self) -> F64:
+        """Return the (3, 3) rotation that turns sensor vectors into body FRD vectors."""
+        (cr, sr), (cp, sp), (cy, sy) = (
+            (np.cos(a), np.sin(a)) for a in np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
+        )
+        rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+        ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+        rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+        rotation: F64 = FRD_FROM_FLU @ rz @ ry @ rx
+        return rotation
+
+    def to_enu(self, vectors_sensor: F64, quat_wxyz: F64) -> F64:
+        """Turn sensor vectors (n, 3) into ENU by one attitude each, (n, 4) body FRD -> NED."""
+        body = vectors_sensor @ self.rotation_frd_from_sensor().T
+        return _ned_to_enu(_rotate(quat_wxyz, body))
+
+    def lever_enu_m(self, quat_wxyz: F64) -> F64:
+        """Return the lever arm in ENU for each attitude, (n, 3)."""
+        lever = np.broadcast_to(np.array(self.lever_frd_m), (len(quat_wxyz), 3))
+        return _ned_to_enu(_rotate(quat_wxyz, lever))
+
+
+def _ned_to_enu(vectors: F64) -> F64:
+    return np.column_stack([vectors[:, 1], vectors[:, 0], -vectors[:, 2]])
+
+
+def _rotate(quat_wxyz: F64, vectors: F64) -> F64:
+    """Rotate vectors by unit quaternions: v + 2w (q x v) + 2 q x (q x v)."""
+    w, x, y, z = quat_wxyz.T
+    vx, vy, vz = vectors.T
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return np.column_stack(
+        [
+            vx + w * tx + y * tz - z * ty,
+            vy + w * ty + z * tx - x * tz,
+            vz + w * tz + x * ty - y * tx,
+        ]
+    )

@@ -1,0 +1,77 @@
+"""A road with houses and small yards on both sides (scene 2)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sitl.primitives import Box, Kind, Solid, Wire
+from sitl.scenes import furniture
+from sitl.scenes.scene import Polygon, Scene, rectangle
+from sitl.scenes.terrain import LAWN_RELIEF_M, Terrain
+from sitl.world import World
+
+ROAD = (-150.0, -4.0, 150.0, 4.0)
+GREEN = (20.0, 48.0, 60.0, 80.0)
+PLOT_M, YARD_Y = 22.0, (26.0, 44.0)
+
+
+def build(seed: int) -> Scene:
+    """Return the street scene; the seed moves houses, trees and cars within their plots."""
+    terrain_rng, rng = np.random.default_rng(seed).spawn(2)
+    terrain = Terrain(150.0, 0.5, terrain_rng)
+    terrain.swell(0.6, 90.0)
+    terrain.level(terrain.rectangle(-150.0, -60.0, 150.0, 90.0), 0.0, 30.0)
+    terrain.cover(terrain.rectangle(*ROAD), Kind.ASPHALT)
+    terrain.cover(terrain.rectangle(*GREEN), Kind.GRASS, LAWN_RELIEF_M)
+    solids = [*_road(rng)]
+    regions: dict[str, Polygon] = {"road": rectangle(*ROAD), "green": rectangle(*GREEN)}
+    for side in (1.0, -1.0):
+        for k, x in enumerate(np.arange(-132.0, 133.0, PLOT_M)):
+            plot = f"plot-{'north' if side > 0 else 'south'}-{k}"
+            solids += _plot(plot, float(x), side, rng)
+            ys = sorted((side * YARD_Y[0], side * YARD_Y[1]))
+            regions[plot] = rectangle(float(x) - 10.0, ys[0], float(x) + 10.0, ys[1])
+    return Scene(
+        name="streets",
+        seed=seed,
+        world=World(terrain.ground(), solids),
+        home_enu=(40.0, 64.0, 0.0),
+        description="A road with kerbs, cars and overhead wires, houses, fenced yards and a village green",
+        regions=regions,
+    )
+
+
+def _road(rng: np.random.Generator) -> list[Solid]:
+    solids: list[Solid] = []
+    for side in (1.0, -1.0):
+        name = "north" if side > 0 else "south"
+        solids.append(Box(0.0, side * 5.5, -0.5, 300.0, 3.0, 0.65, kind=Kind.PAVING, name=f"pavement-{name}"))
+        for k, x in enumerate(np.arange(-143.0, 143.0, 6.5)):
+            if rng.random() < 0.3:
+                solids += furniture.parked_car(f"parked-{name}-{k}", float(x), side * 2.9, 0.0, 0.0)
+    xs = np.arange(-140.0, 141.0, 35.0)
+    for k, x in enumerate(xs):
+        solids += furniture.lamp(f"lamp-{k}", float(x), 6.6, 0.15, 7.0, -0.5 * math.pi)
+    for k in range(len(xs) - 1):
+        a, b = (float(xs[k]), 6.6, 6.9), (float(xs[k + 1]), 6.6, 6.9)
+        solids.append(Wire(a, b, 0.008, Kind.METAL, f"cable-{k}"))
+    return solids
+
+
+def _plot(name: str, x: float, side: float, rng: np.random.Generator) -> list[Solid]:
+    """Return a house, a fenced yard behind it, a shed and a tree."""
+    length, width, height = rng.uniform(9.0, 13.0), rng.uniform(8.0, 10.0), rng.uniform(4.0, 8.0)
+    solids = furniture.flat_roof(f"{name}-house", x, side * 16.0, 0.0, (length, width, height), 0.25)
+    # A block on the roof stands for the ridge: nothing here is a place to land.
+    solids.append(Box(x, side * 16.0, height, length - 2, 2.0, 1.6, kind=Kind.ROOF, name=f"{name}-ridge"))
+    near, far = side * (YARD_Y[0] - 4.0), side * (YARD_Y[1] + 1.0)
+    for edge in (-PLOT_M / 2, PLOT_M / 2):
+        solids += furniture.fence(f"{name}-fence{edge:+.0f}", (x + edge, near), (x + edge, far), 0.0)
+    if rng.random() < 0.7:
+        shed_x, shed_y = x + rng.uniform(-7.0, 7.0), side * rng.uniform(40.0, 43.0)
+        solids.append(Box(shed_x, shed_y, -0.5, 3.0, 2.5, 2.9, kind=Kind.WOOD, name=f"{name}-shed"))
+    tree_x, tree_y = x + rng.uniform(-8.0, 8.0), side * rng.uniform(24.0, 38.0)
+    solids += furniture.tree(f"{name}-tree", tree_x, tree_y, 0.0, rng.uniform(4.0, 8.0), rng)
+    return solids
