@@ -54,8 +54,10 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                     if (i != r or j != c) and out[WEIGHT, i, j] > 0:
                         high2, low2 = max(high2, extreme[0, i, j]), min(low2, extreme[2, i, j])
             top, bottom = min(hi, high2), max(lo, low2)
-            if np.isinf(top):
+            if np.isinf(high2):  # a lone return without neighbours stands for itself
                 top, bottom = hi, lo
+            if top < bottom:  # a lone return above or below everything around it
+                top = bottom = high2 if hi > high2 else low2
             if n > 1:
                 dropped = np.float32(0)
                 total = out[HEIGHT, r, c] * n
@@ -66,7 +68,7 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 out[HEIGHT, r, c] = total / (n - dropped)
             else:
                 out[HEIGHT, r, c] = min(max(out[HEIGHT, r, c], bottom), top)
-            out[TOP, r, c], out[BOTTOM, r, c] = max(top, bottom), min(top, bottom)
+            out[TOP, r, c], out[BOTTOM, r, c] = top, bottom
     return out
 
 
