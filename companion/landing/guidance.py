@@ -1,0 +1,34 @@
+"""Velocities that bring the vehicle to a place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+BRAKING_MS2 = 1.2
+GAIN_PER_S = 0.8
+
+
+def towards(offset_m: NDArray[np.float64], speed_ms: float) -> NDArray[np.float64]:
+    """Return the horizontal velocity (2,) that covers an offset (2,) and stops there without overshoot.
+
+    Far away the speed is the given one, nearer it follows a constant deceleration, at last it is
+    proportional to the distance.
+    """
+    distance = float(np.hypot(*offset_m))
+    if distance < 1e-6:
+        return np.zeros(2)
+    speed = min(speed_ms, GAIN_PER_S * distance, math.sqrt(2 * BRAKING_MS2 * distance))
+    return np.asarray(offset_m * (speed / distance))
+
+
+def level(error_m: float, speed_ms: float) -> float:
+    """Return the vertical velocity, up positive, that takes out a height error."""
+    return max(-speed_ms, min(speed_ms, GAIN_PER_S * error_m))
+
+
+def heading_rad(velocity_enu_ms: NDArray[np.float64]) -> float:
+    """Return the course of a velocity, clockwise from north."""
+    return math.atan2(float(velocity_enu_ms[0]), float(velocity_enu_ms[1]))

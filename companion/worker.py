@@ -1,0 +1,93 @@
+"""The pipeline's own thread: scans in, reports out."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
+from slz.warm_up import warm_up
+
+log = logging.getLogger(__name__)
+
+
+class PipelineWorker:
+    """Gathers scans into windows and runs them through the pipeline in one thread.
+
+    A window that comes while another is computed waits; a third replaces the waiting one, and its points are
+    counted as dropped. An exception in the pipeline makes `invalid` true until a window succeeds again.
+    """
+
+    def __init__(self, parameters: Parameters, on_report: Callable[[Report], None]) -> None:
+        self._parameters = parameters
+        self._on_report = on_report
+        self._windower = Windower(parameters.window_s)
+        self._pipeline = Pipeline(parameters)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
+        self._waiting: tuple[Window, float] | None = None
+        self._wake = asyncio.Event()
+        self._select: list[NDArray[np.float64] | None] = []
+        self.invalid = False
+        self.dropped_windows = 0
+        self.reports = 0
+        self.latencies_ms: deque[float] = deque(maxlen=10_000)
+
+    async def warm_up(self) -> None:
+        """Load or compile all kernels; call it before the heartbeat says ready."""
+        await asyncio.get_running_loop().run_in_executor(self._thread, warm_up, self._parameters)
+
+    def offer(self, scan: Scan) -> None:
+        """Take a scan; never blocks."""
+        window = self._windower.add(scan)
+        if window is None:
+            return
+        if self._waiting is not None:
+            self.dropped_windows += 1
+        self._waiting = (window, time.perf_counter())
+        self._wake.set()
+
+    def select(self, enu_m: NDArray[np.float64] | None) -> None:
+        """Put a landing point under watch from the next window on."""
+        self._select = [enu_m]
+
+    async def run(self) -> None:
+        """Process windows until cancelled."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            if self._waiting is None:
+                continue
+            (window, arrived), self._waiting = self._waiting, None
+            selects, self._select = self._select, []
+            try:
+                report = await loop.run_in_executor(self._thread, self._process, window, selects)
+            except Exception:
+                self.invalid = True
+                log.exception("the pipeline failed on a window; its last answer is withdrawn")
+                continue
+            self.invalid = False
+            self.reports += 1
+            self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
+            self._on_report(report)
+
+    def _process(self, window: Window, selects: list[NDArray[np.float64] | None]) -> Report:
+        for point in selects:
+            self._pipeline.select(point)
+        return self._pipeline.process(window)
+
+    async def maps(self) -> TerrainMaps | None:
+        """Return copies of the maps over all ground seen."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, self._pipeline.maps)
+
+    def close(self) -> None:
+        """Let the thread end after the window under way."""
+        self._thread.shutdown(wait=False, cancel_futures=True)

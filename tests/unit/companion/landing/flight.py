@@ -1,0 +1,126 @@
+"""A point mass that obeys orders, so that the executive can be flown without a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+import params
+from companion.landing.executive import Executive, Orders, Phase, Severity, Situation
+from slz import Box, Grid, LandingPoint, LocalFrame, PointState, Report, SelectedPoint, Zone
+
+STEP_S = 0.1
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+GRID = Grid(-200, -200, 0.2, 2000, 2000)
+
+
+def zone(zone_id: int, east: float, north: float, clearance: float = 5.0, certainty: float = 0.99) -> Zone:
+    """A zone of which only what the executive reads is filled in."""
+    best = LandingPoint(np.array([east, north, 0.0]), clearance, 2 * clearance, 1.0, certainty)
+    empty = np.zeros((0, 2), np.int32)
+    return Zone(
+        id=zone_id,
+        box=Box(0, 1, 0, 1),
+        cells=np.ones((1, 1), np.uint8),
+        area_m2=100.0,
+        certainty=1.0,
+        n_safe=1,
+        n_unsafe=0,
+        n_uncertain=0,
+        slope_deg=1.0,
+        roughness=0.01,
+        boundary_cells=empty,
+        corners_enu_m=np.zeros((0, 3)),
+        obstacles=(),
+        best=best,
+    )
+
+
+class Flight:
+    """Executive, point mass and an operator's view of both."""
+
+    def __init__(
+        self, zones: list[Zone], *, auto: bool = True, height: float = 30.0, **settings: object
+    ) -> None:
+        self.parameters = params.build({"survey_s": 5.0, **settings})
+        self.executive = Executive(self.parameters, auto)
+        self.zones = zones
+        self.mode = "GUIDED"
+        self.state: Callable[[float, np.ndarray], PointState] = lambda _height, _point: PointState.SAFE
+        self.lidar_ok = True
+        self.armed = True
+        self.obeys = True
+        self.connected = True
+        self.position = np.array([0.0, 0.0, height])
+        self.velocity = np.zeros(3)
+        self.selected: np.ndarray | None = None
+        self.time_s = 0.0
+        self.texts: list[str] = []
+        self.severities: list[Severity] = []
+        self.phases: list[Phase] = [Phase.IDLE]
+        self.orders: list[tuple[float, Phase, str, Orders]] = []
+        self.blind = False
+
+    def situation(self) -> Situation:
+        selected = None
+        if self.selected is not None:
+            state = self.state(float(self.position[2]), self.selected)
+            selected = SelectedPoint(self.selected, state, True, 0.0, 1.0, 0.05, 1)
+        report = Report(0, FRAME, GRID, tuple(self.zones), selected, 1000, 1000, False, {})
+        return Situation(
+            now_ns=round(self.time_s * 1e9),
+            connected=self.connected,
+            armed=self.armed,
+            guided=self.mode == "GUIDED",
+            landing=self.mode == "LAND",
+            mode=self.mode,
+            on_ground=bool(self.position[2] < 0.05),
+            position_enu_m=None if self.blind else self.position.copy(),
+            velocity_enu_ms=None if self.blind else self.velocity.copy(),
+            height_above_home_m=float(self.position[2]),
+            lidar_ok=self.lidar_ok,
+            report=report,
+            selected=selected,
+        )
+
+    def step(self) -> Orders:
+        orders = self.executive.step(self.situation())
+        self.orders.append((self.time_s, self.executive.phase, self.mode, orders))
+        self.texts += [text for _, text in orders.texts]
+        self.severities += [severity for severity, _ in orders.texts]
+        if self.executive.phase is not self.phases[-1]:
+            self.phases.append(self.executive.phase)
+        if orders.select_enu_m is not None:
+            self.selected = orders.select_enu_m
+        if self.obeys and orders.mode:
+            self.mode = orders.mode
+        if self.mode == "GUIDED" and orders.velocity_enu_ms is not None:
+            self.velocity = orders.velocity_enu_ms.copy()
+        elif self.mode == "LAND":
+            self.velocity = np.array([0.0, 0.0, -1.0])
+        elif self.mode not in ("GUIDED", "LAND"):
+            self.velocity = np.zeros(3)
+        self.position = self.position + self.velocity * STEP_S
+        self.position[2] = max(0.0, self.position[2])
+        self.time_s += STEP_S
+        return orders
+
+    def until(self, done: Callable[[Flight], bool], limit_s: float = 300.0) -> Flight:
+        end = self.time_s + limit_s
+        while not done(self):
+            self.step()
+            assert self.time_s < end, f"not in {limit_s} s: {self.executive.phase} {self.texts}"
+        return self
+
+    def fly_to(self, phase: Phase) -> Flight:
+        return self.until(lambda f: f.executive.phase is phase)
+
+    def run(self, seconds: float) -> Flight:
+        for _ in range(round(seconds / STEP_S)):
+            self.step()
+        return self
+
+
+__all__ = ["FRAME", "GRID", "Flight", "Phase", "PointState", "replace", "zone"]

@@ -1,0 +1,197 @@
+"""The landing executive, flown with a point mass."""
+
+import numpy as np
+import pytest
+
+from companion.landing.executive import Orders, Phase
+from slz import PointState
+from tests.unit.companion.landing.flight import Flight, zone
+
+
+def commands(orders: Orders) -> bool:
+    return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
+
+
+def test_auto_surveys_chooses_and_lands_on_the_point() -> None:
+    flight = Flight([zone(1, 20, 10), zone(2, 5, 5, clearance=0.5)]).fly_to(Phase.LANDED)
+    assert flight.phases == [
+        Phase.IDLE,
+        Phase.SURVEY,
+        Phase.APPROACH,
+        Phase.DESCEND,
+        Phase.FINAL,
+        Phase.LANDED,
+    ]
+    assert np.hypot(*(flight.position[:2] - [20, 10])) < 0.5
+    assert flight.executive.tally.zone_id == 1
+    assert flight.executive.tally.aborts == 0
+
+
+def test_landing_target_streams_for_longer_than_the_autopilot_needs_before_land() -> None:
+    flight = Flight([zone(1, 3, 2)], final_height_m=29.0).fly_to(Phase.FINAL)
+    streamed = [time for time, _, mode, orders in flight.orders if orders.target_enu_m is not None]
+    assert streamed[-1] - streamed[0] >= 2.5
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"mode": "LOITER"}, "not guided"),
+        ({"armed": False}, "not armed"),
+        ({"connected": False}, "no autopilot"),
+        ({"auto": False}, "not asked"),
+    ],
+)
+def test_nothing_is_commanded_before_the_operator_handed_over(change: dict[str, object], why: str) -> None:
+    flight = Flight([zone(1, 0, 0)], auto=bool(change.pop("auto", True)))
+    for name, value in change.items():
+        setattr(flight, name, value)
+    flight.run(20)
+    assert not any(commands(orders) for *_, orders in flight.orders), why
+
+
+def test_auto_waits_for_the_take_off_to_end() -> None:
+    flight = Flight([zone(1, 0, 0)], height=12.0)
+    flight.velocity = np.array([0, 0, 2.0])
+    for _ in range(50):
+        flight.step()
+        flight.velocity = np.array([0, 0, 2.0])
+    assert flight.executive.phase is Phase.IDLE
+
+
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL])
+def test_hands_off_from_the_step_the_pilot_changes_the_mode(phase: Phase) -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(phase)
+    if phase is Phase.FINAL:
+        flight.until(lambda f: f.mode == "LAND")
+    flight.mode = "LOITER"
+    before = len(flight.orders)
+    flight.run(10)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert flight.executive.phase is Phase.IDLE
+    assert any("hands off" in text for text in flight.texts)
+
+
+def test_pilot_s_guided_hands_over_again() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
+    flight.mode = "LOITER"
+    flight.run(5)
+    flight.mode = "GUIDED"
+    flight.fly_to(Phase.LANDED)
+
+
+@pytest.mark.parametrize("height", [25.0, 10.0, 3.0])
+def test_point_that_turns_unsafe_above_commit_height_is_left_for_another(height: float) -> None:
+    flight = Flight([zone(1, 10, 0, clearance=6), zone(2, -30, 0, clearance=6)])
+    flight.state = lambda h, point: (
+        PointState.UNSAFE
+        if point[0] > 0 and (h < height or flight.executive.tally.aborts)
+        else PointState.SAFE
+    )
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 1
+    assert flight.executive.tally.abort_reasons == ["point unsafe"]
+    assert np.hypot(*(flight.position[:2] - [-30, 0])) < 0.5
+
+
+def test_below_commit_height_the_landing_goes_on() -> None:
+    flight = Flight([zone(1, 10, 0)], commit_height_m=1.5)
+    flight.state = lambda h, _point: PointState.UNSAFE if h < 1.2 else PointState.SAFE
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
+@pytest.mark.parametrize("state", [PointState.UNKNOWN, PointState.UNSAFE])
+def test_a_point_never_found_safe_is_never_descended_to(state: PointState) -> None:
+    flight = Flight([zone(1, 10, 0)])
+    flight.state = lambda _h, _point: state
+    flight.run(200)
+    assert Phase.DESCEND not in flight.phases
+    assert flight.position[2] > 25
+
+
+def test_lost_lidar_in_the_descent_breaks_off_and_then_asks_the_pilot() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 8)
+    flight.lidar_ok = False
+    flight.run(60)
+    assert flight.executive.tally.abort_reasons == ["LiDAR lost"]
+    assert flight.mode == "GUIDED"
+    assert flight.position[2] > 25
+    assert np.allclose(flight.velocity, 0)
+    assert any("take over" in text for text in flight.texts)
+
+
+def test_an_abort_insists_until_the_autopilot_obeys() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.mode == "LAND")
+    flight.state = lambda _h, point: PointState.UNSAFE if point[0] > 0 else PointState.SAFE
+    flight.obeys = False
+    flight.run(4)
+    assert flight.mode == "LAND"
+    assert all(orders.mode == "GUIDED" for *_, orders in flight.orders[-30:])
+    flight.obeys = True
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] < -19
+
+
+def test_no_zone_means_no_landing() -> None:
+    flight = Flight([zone(1, 0, 0, certainty=0.5)]).run(120)
+    assert flight.executive.phase is Phase.SURVEY
+    assert flight.position[2] > 25
+
+
+def test_without_a_pose_the_vehicle_stops() -> None:
+    flight = Flight([zone(1, 50, 0)]).fly_to(Phase.APPROACH).run(1)
+    flight.blind = True
+    orders = flight.step()
+    assert orders.velocity_enu_ms is not None
+    assert np.allclose(orders.velocity_enu_ms, 0)
+
+
+class TestOperator:
+    """Commands of MAV_CMD_USER_1 as the executive sees them."""
+
+    def test_lands_at_the_best_zone(self) -> None:
+        flight = Flight([zone(1, 20, 10)], auto=False).run(1)
+        assert flight.executive.land_at_best(flight.situation()).accepted
+        flight.fly_to(Phase.LANDED)
+        assert np.hypot(*(flight.position[:2] - [20, 10])) < 0.5
+
+    def test_lands_in_the_zone_named(self) -> None:
+        flight = Flight([zone(1, 5, 0, clearance=9), zone(7, -15, 3)], auto=False).run(1)
+        assert not flight.executive.land_in_zone(flight.situation(), 3).accepted
+        assert flight.executive.land_in_zone(flight.situation(), 7).accepted
+        flight.fly_to(Phase.LANDED)
+        assert np.hypot(*(flight.position[:2] - [-15, 3])) < 0.5
+
+    def test_unsafe_point_of_the_operator_is_refused_in_the_air(self) -> None:
+        flight = Flight([], auto=False).run(1)
+        flight.state = lambda _h, _p: PointState.UNSAFE
+        assert flight.executive.land_at_point(flight.situation(), np.array([5.0, 5.0, 0.0])).accepted
+        flight.run(60)
+        assert Phase.DESCEND not in flight.phases
+
+    def test_abort_holds_until_a_new_order(self) -> None:
+        flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+        assert flight.executive.abort(flight.situation()).accepted
+        flight.run(60)
+        assert flight.executive.phase is Phase.HOLD
+        assert flight.position[2] > 25
+        assert flight.executive.land_at_best(flight.situation()).accepted
+        flight.fly_to(Phase.LANDED)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "reason"),
+        [("mode", "LOITER", "GUIDED"), ("armed", False, "not flying"), ("connected", False, "no autopilot")],
+    )
+    def test_orders_are_refused_with_the_reason(self, name: str, value: object, reason: str) -> None:
+        flight = Flight([zone(1, 0, 0)], auto=False).run(1)
+        setattr(flight, name, value)
+        reply = flight.executive.land_at_best(flight.situation())
+        assert not reply.accepted
+        assert reason in reply.reason
+
+    def test_abort_without_a_landing_is_refused(self) -> None:
+        flight = Flight([], auto=False).run(1)
+        assert not flight.executive.abort(flight.situation()).accepted
