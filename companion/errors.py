@@ -1,9 +1,11 @@
-"""What can go wrong in the companion, named for what happened to the caller."""
+"""What can go wrong for whoever runs the program; everything expected is a value instead."""
+
+from __future__ import annotations
 
 
 class CompanionError(Exception):
-    """The companion cannot go on; the message is one line for the operator."""
+    """The program cannot go on; one line says why (exit code 1)."""
 
 
 class UsageError(CompanionError):
-    """Something the user gave is wrong; the message says what, where and what to do."""
+    """The user asked for something that cannot be; one line says what, where and what to do (exit code 2)."""

@@ -1,0 +1,68 @@
+"""TCP: a client of the autopilot (`tcp:`) or a server that it calls (`tcpin:`)."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+
+from companion.link.channel import Channel, OnBytes, StreamChannel
+from companion.link.url import Url
+
+CONNECT_TIMEOUT_S = 5.0
+# The kernel gives a connection up when nothing it sent was acknowledged for so long: a pulled cable sends no
+# reset. Our heartbeat makes sure that there is always something to acknowledge.
+UNACKNOWLEDGED_MS = 10_000
+
+
+async def open_tcp(url: Url, on_bytes: OnBytes) -> Channel:
+    """Connect to the host; raise OSError when that fails."""
+    channel = StreamChannel(on_bytes)
+    async with asyncio.timeout(CONNECT_TIMEOUT_S):
+        transport, _ = await asyncio.get_running_loop().create_connection(lambda: channel, url.host, url.port)
+    _give_up_on_silence(transport)
+    return channel
+
+
+async def listen_tcp(url: Url, on_bytes: OnBytes) -> Channel:
+    """Listen at the address; raise OSError when that fails."""
+    channel = ServerChannel(on_bytes)
+    await channel.listen(url.host, url.port)
+    return channel
+
+
+class ServerChannel:
+    """Whoever has connected, as one channel; it is up from the moment it listens."""
+
+    def __init__(self, on_bytes: OnBytes) -> None:
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        self._on_bytes = on_bytes
+        self._server: asyncio.Server | None = None
+        self._clients: set[StreamChannel] = set()
+
+    async def listen(self, host: str, port: int) -> None:
+        """Start listening."""
+        self._server = await asyncio.get_running_loop().create_server(self._accept, host, port)
+
+    def _accept(self) -> StreamChannel:
+        client = StreamChannel(self._on_bytes)
+        self._clients.add(client)
+        client.lost.add_done_callback(lambda _: self._clients.discard(client))
+        return client
+
+    def write(self, data: bytes) -> bool:
+        taken = [client.write(data) for client in self._clients]
+        return bool(taken) and all(taken)
+
+    def close(self) -> None:
+        if self._server is not None:
+            self._server.close()
+        for client in list(self._clients):
+            client.close()
+        if not self.lost.done():
+            self.lost.set_result("closed")
+
+
+def _give_up_on_silence(transport: asyncio.BaseTransport) -> None:
+    raw = transport.get_extra_info("socket")
+    if raw is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
+        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)
