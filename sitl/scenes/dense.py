@@ -11,22 +11,22 @@ from sitl.scenes.terrain import MICRO_RELIEF_M, Terrain
 from sitl.world import World
 
 BLOCK_M, ALLEY_M = 24.0, 4.0
-SQUARE = (-28.0, -28.0, 28.0, 28.0)
+SQUARE = (-42.0, -42.0, 42.0, 42.0)
 
 
 def build(seed: int) -> Scene:
     """Return the dense quarter; the seed sets heights, roof plant and which roofs are bare."""
     terrain_rng, rng = np.random.default_rng(seed).spawn(2)
-    terrain = Terrain(150.0, 0.5, terrain_rng)
-    terrain.cover(terrain.rectangle(-150.0, -150.0, 150.0, 150.0), Kind.ASPHALT)
+    terrain = Terrain(128.0, 0.5, terrain_rng)
+    terrain.cover(np.ones_like(terrain.z, dtype=bool), Kind.ASPHALT)
     terrain.cover(terrain.rectangle(*SQUARE), Kind.PAVING, MICRO_RELIEF_M[Kind.PAVING])
     solids: list[Solid] = []
     regions: dict[str, Polygon] = {"square": rectangle(*SQUARE)}
     pitch = BLOCK_M + ALLEY_M
-    for row in range(-5, 6):
-        for column in range(-5, 6):
+    for row in range(-4, 5):
+        for column in range(-4, 5):
             x, y = column * pitch, row * pitch
-            if max(abs(x), abs(y)) > 136.0 or (abs(x) < 29.0 and abs(y) < 29.0):
+            if abs(x) < 29.0 and abs(y) < 29.0:
                 continue
             name, height = f"house{row:+d}{column:+d}", float(rng.uniform(6.0, 32.0))
             size = (float(rng.uniform(19.0, BLOCK_M)), float(rng.uniform(19.0, BLOCK_M)), height)
@@ -44,7 +44,7 @@ def build(seed: int) -> Scene:
         seed=seed,
         world=World(terrain.ground(), solids),
         home_enu=(0.0, 0.0, 0.0),
-        description="A dense quarter of flat-roofed buildings 6-32 m high with alleys of 4-9 m and one square",
+        description="Flat-roofed buildings 6-32 m high, alleys of 4-9 m, one square",
         regions=regions,
     )
 

@@ -132,3 +132,30 @@ def goal(name: str, x: float, y: float, z: float, into_court: float) -> list[Sol
     bar = ((x, y - half, z + height), (x, y + half, z + height))
     parts.append(Wire(*bar, 0.06, Kind.METAL, f"{name}-bar"))
     return parts
+
+
+def grove(
+    name: str, area: tuple[float, float, float, float], spacing_m: float, rng: np.random.Generator
+) -> list[Solid]:
+    """Return trees on a lattice on level ground at z = 0: no square of ``spacing_m`` + 4 m stays free."""
+    x0, y0, x1, y1 = area
+    solids: list[Solid] = []
+    for j, y in enumerate(np.arange(y0 + 3.0, y1, spacing_m)):
+        for i, x in enumerate(np.arange(x0 + 3.0, x1, spacing_m)):
+            dx, dy = rng.uniform(-1.5, 1.5, 2)
+            solids += tree(f"{name}-{j}-{i}", float(x) + dx, float(y) + dy, 0.0, rng.uniform(4.5, 8.0), rng)
+    return solids
+
+
+def car_park(
+    name: str, area: tuple[float, float, float, float], row_m: float, rng: np.random.Generator
+) -> list[Solid]:
+    """Return rows of cars, parked across the row at z = 0, one bay in four empty."""
+    x0, y0, x1, y1 = area
+    solids: list[Solid] = []
+    for j, y in enumerate(np.arange(y0 + 3.0, y1 - 2.0, row_m)):
+        for i, x in enumerate(np.arange(x0 + 2.0, x1 - 1.0, 2.8)):
+            if rng.random() < 0.75:
+                lean = float(0.5 * math.pi + rng.normal(0.0, 0.03))
+                solids += parked_car(f"{name}-{j}-{i}", float(x), float(y), 0.0, lean)
+    return solids

@@ -32,7 +32,7 @@ def build(seed: int) -> Scene:
         seed=seed,
         world=World(terrain.ground(), _solids(terrain, rng)),
         home_enu=(0.0, 0.0, 0.0),
-        description="Open grassland with a lake, stones, a fence, scattered trees and rising ground in the north",
+        description="Open grassland with a lake, stones, a fence, scattered trees, rising in the north",
         regions={
             "middle": rectangle(*PAD),
             "field": rectangle(40.0, 40.0, 90.0, 80.0),

@@ -26,6 +26,18 @@ LARGE_ROOF_HEIGHT_M, SMALL_ROOF_HEIGHT_M = 12.0, 8.0
 POND = (-120.0, -125.0, 24.0, 16.0)
 HILL = (125.0, -140.0, 14.0, 28.0)
 RUBBLE = (-25.0, -150.0, 20.0, -115.0)
+CAR_PARK = (32.0, 14.0, 112.0, 94.0)
+# Trees fill what is left between street and stadium: only court and entrance hold a square of 24 m there.
+GROVES = (
+    (-125.0, -50.0, 34.0, -10.0),
+    (-125.0, -8.0, -106.0, 98.0),
+    (-106.0, 95.0, 196.0, 103.0),
+    (114.0, 67.0, 196.0, 92.0),
+    (113.0, -50.0, 133.0, 22.0),
+    (134.0, -8.0, 180.0, 22.0),
+    (166.0, -50.0, 194.0, -8.0),
+    (183.0, -8.0, 194.0, 66.0),
+)
 MEADOW = (-190.0, 120.0, 40.0, 190.0)
 
 
@@ -40,6 +52,8 @@ def build(seed: int) -> Scene:
         *_street(rng),
         *_plaza(),
         *_roofs(),
+        *furniture.car_park("car-park", CAR_PARK, 17.0, rng),
+        *(tree for k, area in enumerate(GROVES) for tree in furniture.grove(f"grove-{k}", area, 18.0, rng)),
         *_park(terrain, rng),
         *_power_line(terrain),
     ]
@@ -48,7 +62,7 @@ def build(seed: int) -> Scene:
         seed=seed,
         world=World(terrain.ground(), solids),
         home_enu=(67.0, -22.0, 0.0),
-        description="Stadium with court and stands, entrance plaza, street, two flat roofs, pond, hill, rubble",
+        description="Stadium, entrance, street, two flat roofs, car park, trees, pond, hill, rubble",
         regions=_regions(),
     )
 
@@ -57,12 +71,12 @@ def _terrain(rng: np.random.Generator) -> Terrain:
     terrain = Terrain(200.0, 0.5, rng)
     terrain.swell(0.8, 90.0)
     terrain.hill(*HILL)
-    terrain.z += 0.05 * np.maximum(terrain.y - 105.0, 0.0)
-    built = terrain.rectangle(-125.0, -70.0, 200.0, 98.0) | terrain.rectangle(-200.0, -70.0, 200.0, -50.0)
+    terrain.z += 0.05 * np.maximum(terrain.y - 110.0, 0.0)
+    built = terrain.rectangle(-130.0, -70.0, 200.0, 108.0) | terrain.rectangle(-200.0, -70.0, 200.0, -50.0)
     terrain.level(built, 0.0, 25.0)
     terrain.cover(terrain.rectangle(*COURT), Kind.GRASS, LAWN_RELIEF_M)
     terrain.cover(terrain.rectangle(*STREET), Kind.ASPHALT)
-    terrain.cover(terrain.rectangle(20.0, -52.5, 110.0, 9.5), Kind.ASPHALT)
+    terrain.cover(terrain.rectangle(36.0, -52.5, 112.0, 94.0), Kind.ASPHALT)
     terrain.cover(terrain.rectangle(*RUBBLE), Kind.ROCK)
     x, y, radius_x, radius_y = POND
     terrain.flood(terrain.ellipse(x, y, radius_x, radius_y), terrain.at(x, y) - 0.6, 6.0)
@@ -145,7 +159,10 @@ def _roofs() -> list[Solid]:
         *furniture.flat_roof("small-roof", small_x, small_y, 0.0, (30.0, 28.0, SMALL_ROOF_HEIGHT_M), 0.4),
         Box(132.0, 57.0, top, 6.0, 4.0, 2.2, kind=Kind.METAL, name="roof-plant-chiller"),
         Box(141.0, 58.0, top, 3.0, 3.0, 1.4, kind=Kind.METAL, name="roof-plant-fan"),
+        Box(150.0, 45.0, top, 3.0, 24.0, 0.9, kind=Kind.METAL, name="roof-plant-duct"),
         Box(172.0, 32.0, top, 4.0, 5.0, 2.6, kind=Kind.CONCRETE, name="roof-plant-stairhead"),
+        Box(130.0, 38.0, top, 2.0, 2.0, 1.2, kind=Kind.METAL, name="roof-plant-vent"),
+        Box(146.0, -24.0, SMALL_ROOF_HEIGHT_M, 1.5, 1.5, 1.1, kind=Kind.METAL, name="small-roof-vent"),
         Cylinder(168.0, 58.0, top, 0.04, 4.0, Kind.METAL, "roof-mast"),
     ]
 
@@ -159,7 +176,7 @@ def _park(terrain: Terrain, rng: np.random.Generator) -> list[Solid]:
         if not in_pond and not (-80.0 < x < 60.0 and y > -112.0):
             solids += furniture.tree(f"park-tree-{k}", x, y, terrain.at(x, y), rng.uniform(5.0, 12.0), rng)
     for k in range(30):
-        x, y = rng.uniform(60.0, 192.0), rng.uniform(102.0, 192.0)
+        x, y = rng.uniform(60.0, 192.0), rng.uniform(112.0, 192.0)
         solids += furniture.tree(f"wood-tree-{k}", x, y, terrain.at(x, y), rng.uniform(7.0, 14.0), rng)
     for k in range(90):
         x, y = rng.uniform(RUBBLE[0], RUBBLE[2]), rng.uniform(RUBBLE[1], RUBBLE[3])
@@ -193,6 +210,7 @@ def _regions() -> dict[str, Polygon]:
         "large_roof": rectangle(*LARGE_ROOF),
         "small_roof": rectangle(*SMALL_ROOF),
         "rubble": rectangle(*RUBBLE),
+        "car_park": rectangle(*CAR_PARK),
         "meadow": rectangle(*MEADOW),
         "slope": rectangle(HILL[0] - 40, HILL[1] - 40, HILL[0] + 40, HILL[1] + 40),
         "pond": ellipse(*POND),

@@ -1,0 +1,106 @@
+"""The scenes: reproducible, with a safe home, and the sizes the stadium must have."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from sitl import scenes, truth
+from sitl.primitives import Kind
+from sitl.scenes.scene import Scene
+
+
+@cache
+def scene(name: str, seed: int = 1) -> Scene:
+    return scenes.build(name, seed)
+
+
+def region_box(name: str, region: str) -> tuple[float, float, float, float]:
+    corners = np.array(scene(name).regions[region])
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    return float(x0), float(y0), float(x1), float(y1)
+
+
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_home_is_on_truly_safe_ground_with_room_around_it(name: str) -> None:
+    for seed in (1, 2):
+        x, y, _ = scene(name, seed).home_enu
+        found = truth.safe_map(scene(name, seed).world, (x - 4.0, y - 4.0, x + 4.0, y + 4.0))
+        assert found.safe.all()
+
+
+@pytest.mark.parametrize("name", scenes.NAMES)
+def test_regions_lie_in_the_world_and_names_are_unique(name: str) -> None:
+    built = scene(name)
+    x0, y0, x1, y1 = built.extent_m
+    for polygon in built.regions.values():
+        assert all(x0 <= x <= x1 and y0 <= y <= y1 for x, y in polygon)
+    names = [solid.name for solid in built.world.solids]
+    assert len(names) == len(set(names))
+
+
+def test_same_seed_same_world_other_seed_other_world() -> None:
+    first, same, other = (scenes.build("plain", seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first.world.ground.z_m, same.world.ground.z_m)
+    assert first.world.solids == same.world.solids
+    assert first.world.solids != other.world.solids
+
+
+def test_an_unknown_scene_is_refused_with_the_names_there_are() -> None:
+    with pytest.raises(ValueError, match="'beach' is unknown; choose one of stadium, plain"):
+        scenes.build("beach")
+
+
+def test_court_and_entrance_have_the_sizes_of_the_paper() -> None:
+    x0, y0, x1, y1 = region_box("stadium", "court")
+    assert (x1 - x0, y1 - y0) == (106.0, 73.0)
+    x0, y0, x1, y1 = region_box("stadium", "entrance")
+    assert (x1 - x0, y1 - y0) == (55.0, 62.0)
+
+
+def test_only_court_and_entrance_hold_a_square_of_24_m_in_the_built_part() -> None:
+    """SLZ paper, scene 1: the 24 m filter leaves two zones, 106 x 73 m and 55 x 62 m."""
+    x0, y0, x1, y1 = -100.0, -66.0, 196.0, 92.0
+    cell = 0.5
+    safe = truth.safe_map(scene("stadium").world, (x0, y0, x1, y1), cell).safe
+    room = ndimage.binary_erosion(safe, np.ones((48, 48)), border_value=0)
+    labels, count = ndimage.label(ndimage.binary_dilation(room, np.ones((49, 49))))
+    found = []
+    for rows, columns in ndimage.find_objects(labels):
+        south_west = (x0 + columns.start * cell, y0 + rows.start * cell)
+        north_east = (x0 + columns.stop * cell, y0 + rows.stop * cell)
+        found.append((*south_west, *north_east))
+    assert count == 2
+    for box, region in zip(sorted(found), ("court", "entrance"), strict=True):
+        assert box == pytest.approx(region_box("stadium", region), abs=3.0)  # less half a footprint
+
+
+def test_court_is_flat_within_centimetres_and_stands_rise_around_it() -> None:
+    world = scene("stadium").world
+    x, y = np.meshgrid(np.arange(-85.0, 5.0, 0.7), np.arange(5.0, 75.0, 0.7))
+    z, kind = world.surface(x, y)
+    grass = kind == Kind.GRASS
+    assert grass.mean() > 0.99
+    assert np.abs(z[grass]).max() < 0.03
+    for outside, highest in (((-50.0, 90.5), 14.0), ((-50.0, -6.9), 10.0), ((-101.5, 40.0), 8.0)):
+        assert world.height_m(*outside) == pytest.approx(highest)
+    assert world.height_m(-50.0, 77.0) == pytest.approx(1.2)
+
+
+def test_slope_and_pond_and_roofs_are_what_their_regions_say() -> None:
+    world = scene("stadium").world
+    ring = truth.safe_map(world, (95.0, -145.0, 100.0, -140.0), 0.5)
+    assert np.median(ring.slope_deg) > 12.0
+    assert not truth.safe_map(world, (-125.0, -130.0, -115.0, -120.0), 0.5).safe.any()
+    assert truth.safe_map(world, (155.0, 40.0, 165.0, 50.0), 0.5).safe.all()
+    assert world.height_m(150.0, -15.0) == pytest.approx(8.0)
+    assert world.height_m(120.1, 40.0) == pytest.approx(12.5)
+
+
+def test_nobody_can_land_on_the_hill_but_all_around_it() -> None:
+    world = scene("hill").world
+    assert truth.safe_map(world, (-45.0, -45.0, 45.0, 45.0), 0.5).safe.mean() < 0.005
+    assert truth.safe_map(world, (-60.0, -180.0, 60.0, -90.0), 0.5).safe.mean() > 0.99
