@@ -1,0 +1,84 @@
+"""Stamps of the autopilot's messages in the companion's clock."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from companion.link.timesync import TimeSync
+
+Source = Literal["none", "arrival", "timesync"]
+
+BUCKET_NS = 15_000_000_000
+# A mapped stamp cannot lie in the future by more than the error of the mapping, nor be older than any queue.
+FUTURE_NS = 20_000_000
+PAST_NS = 10_000_000_000
+DOUBTS = 20
+
+
+class LeastDelay:
+    """Offset from the message that took least time on its way, over the last 15 to 30 seconds.
+
+    Its stamps are late by that least delay; it is what remains until TIMESYNC is answered.
+    """
+
+    def __init__(self) -> None:
+        self._begun_ns: int | None = None
+        self._current_ns: int | None = None
+        self._previous_ns: int | None = None
+
+    def add(self, autopilot_ns: int, now_ns: int) -> int:
+        """Take an arrival and return the offset to add to the autopilot's time."""
+        if self._begun_ns is None or now_ns - self._begun_ns > BUCKET_NS:
+            self._begun_ns, self._previous_ns, self._current_ns = now_ns, self._current_ns, None
+        offset = now_ns - autopilot_ns
+        self._current_ns = offset if self._current_ns is None else min(self._current_ns, offset)
+        return self._current_ns if self._previous_ns is None else min(self._current_ns, self._previous_ns)
+
+
+class AutopilotClock:
+    """Maps the autopilot's boot time to the companion's clock, by TIMESYNC or else by least delay.
+
+    Attributes
+    ----------
+    timesync
+        The exchange with the autopilot.
+    implausible
+        Stamps refused because they would lie in the future, or too far back.
+    """
+
+    def __init__(self, salt: int = 0) -> None:
+        self.timesync = TimeSync(salt)
+        self.implausible = 0
+        self._arrivals = LeastDelay()
+        self._doubts = 0
+        self._heard = False
+
+    @property
+    def source(self) -> Source:
+        """What stamps rest on now."""
+        if self.timesync.synced:
+            return "timesync"
+        return "arrival" if self._heard else "none"
+
+    def stamp_ns(self, boot_ms: int, now_ns: int) -> int | None:
+        """Return our time of a message stamped `boot_ms` that arrived now; None if that cannot be."""
+        self._heard = True
+        autopilot_ns = boot_ms * 1_000_000
+        stamp = autopilot_ns + self._arrivals.add(autopilot_ns, now_ns)
+        if self.timesync.synced:
+            stamp = self.timesync.to_local_ns(autopilot_ns)
+        if now_ns - PAST_NS <= stamp <= now_ns + FUTURE_NS:
+            self._doubts = 0
+            return min(stamp, now_ns)
+        self.implausible += 1
+        self._doubts += 1
+        if self._doubts >= DOUBTS:  # the autopilot's clock is no longer the one we synchronised with
+            self.reset()
+        return None
+
+    def reset(self) -> None:
+        """Start over: the autopilot rebooted."""
+        self.timesync.reset()
+        self._arrivals = LeastDelay()
+        self._doubts = 0
+        self._heard = False

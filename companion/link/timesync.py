@@ -1,0 +1,206 @@
+"""The autopilot's clock in ours, from MAVLink's TIMESYNC, without I/O.
+
+We send our time, the autopilot answers with it and its own. Half-way between sending and receiving is when it
+answered, give or take half the round trip. Only the quickest of the recent round trips are believed, and a
+straight line through them gives the offset and the drift between the two clocks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from statistics import median
+
+FAST_NS = 200_000_000
+SLOW_NS = 1_000_000_000
+# Exchanges at the fast rate before the slow one, and those needed before the offset is believed.
+FAST_COUNT = 25
+NEEDED = 5
+WINDOW = 40
+# A round trip is believed up to this much above the best of the window: the jitter of a good link.
+GATE_NS = 1_500_000
+REPLY_TIMEOUT_NS = 2_000_000_000
+# Drift is fitted over a span this long; over less, noise would pass for drift.
+DRIFT_SPAN_NS = 10_000_000_000
+# An offset that contradicts the line by more than the round trips explain, so many times in a row, is a jump.
+JUMP_NS = 10_000_000
+JUMP_COUNT = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One answered request: its middle in our time, our time minus the autopilot's, how long it took."""
+
+    local_ns: int
+    offset_ns: int
+    round_trip_ns: int
+
+
+class TimeSync:
+    """Offset between the companion's clock and the autopilot's.
+
+    Parameters
+    ----------
+    salt
+        0..999, added to our stamps so that two programs on one network never send the same one.
+
+    Attributes
+    ----------
+    resets, strays
+        Times it started over; replies that answer none of our requests.
+    """
+
+    def __init__(self, salt: int = 0) -> None:
+        self._salt = salt
+        self._pending: dict[int, int] = {}  # stamp sent -> when
+        self._next_ns: int | None = None
+        self._sent = 0
+        self.resets = 0
+        self.strays = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._window: deque[Exchange] = deque(maxlen=WINDOW)
+        self._jumps: list[Exchange] = []
+        self._reference_ns = 0
+        self._offset_ns = 0.0
+        self._drift = 0.0
+        self._residual_ns = 0.0
+        self._sent = 0
+
+    # ---- exchange -------------------------------------------------------------------------------
+
+    def request(self, now_ns: int) -> int | None:
+        """Return the stamp to send as ts1 (with tc1 = 0) if a request is due."""
+        if self._next_ns is not None and now_ns < self._next_ns:
+            return None
+        self._next_ns = now_ns + (FAST_NS if self._sent < FAST_COUNT else SLOW_NS)
+        self._sent += 1
+        stamp = now_ns - now_ns % 1000 + self._salt
+        for old in [old for old, sent in self._pending.items() if now_ns - sent > REPLY_TIMEOUT_NS]:
+            del self._pending[old]
+        self._pending[stamp] = now_ns
+        return stamp
+
+    def reply(self, tc1: int, ts1: int, now_ns: int) -> None:
+        """Take the autopilot's answer: its time `tc1` and our stamp `ts1`, back at `now_ns`."""
+        sent_ns = self._pending.pop(ts1, None)
+        if sent_ns is None:
+            self.strays += 1
+            return
+        round_trip = now_ns - sent_ns
+        if not 0 <= round_trip <= REPLY_TIMEOUT_NS or tc1 <= 0:
+            return
+        middle = sent_ns + round_trip // 2
+        self._add(Exchange(middle, middle - tc1, round_trip))
+
+    def reset(self) -> None:
+        """Forget everything: the autopilot rebooted, or its clock is another one."""
+        self._pending.clear()
+        self._next_ns = None
+        self.resets += 1
+        self._clear()
+
+    def _add(self, exchange: Exchange) -> None:
+        if self.synced and self._contradicts(exchange):
+            self._jumps.append(exchange)
+            if len(self._jumps) < JUMP_COUNT:
+                return
+            jumps = self._jumps
+            self.resets += 1
+            self._clear()
+            self._window.extend(jumps)
+        else:
+            self._jumps.clear()
+            self._window.append(exchange)
+        self._fit()
+
+    def _contradicts(self, exchange: Exchange) -> bool:
+        error = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
+        return error > JUMP_NS + (exchange.round_trip_ns + self.round_trip_ns) / 2
+
+    def _fit(self) -> None:
+        """Fit offset and drift to the quickest exchanges of the window."""
+        gate = self._gate_ns()
+        good = [e for e in self._window if e.round_trip_ns <= gate]
+        self._reference_ns = good[-1].local_ns
+        base = good[-1].offset_ns  # differences to it keep their precision in floats
+        offsets = [float(e.offset_ns - base) for e in good]
+        times = [float(e.local_ns - self._reference_ns) for e in good]
+        # An offset is wrong by half its round trip at most: what spreads wider drifts, over any span.
+        drifts = times[-1] - times[0] >= DRIFT_SPAN_NS or max(offsets) - min(offsets) > gate + JUMP_NS
+        self._drift = _slope(times, offsets) if drifts and len(good) >= NEEDED else 0.0
+        level = median(o - self._drift * t for t, o in zip(times, offsets, strict=True))
+        self._offset_ns = base + level
+        self._residual_ns = median(
+            abs(o - self._drift * t - level) for t, o in zip(times, offsets, strict=True)
+        )
+
+    def _gate_ns(self) -> int:
+        """Return the round trip up to which exchanges are believed: at least a quarter of them are."""
+        trips = sorted(e.round_trip_ns for e in self._window)
+        enough = trips[min(len(trips), max(NEEDED, len(trips) // 4)) - 1]
+        return max(trips[0] + GATE_NS, enough)
+
+    # ---- use ------------------------------------------------------------------------------------
+
+    @property
+    def synced(self) -> bool:
+        """Whether enough exchanges agree for the offset to be used."""
+        return len(self._window) >= NEEDED
+
+    @property
+    def round_trip_ns(self) -> int:
+        """Best round trip of the recent ones, 0 before the first."""
+        return min((e.round_trip_ns for e in self._window), default=0)
+
+    @property
+    def residual_ns(self) -> float:
+        """Median distance of the believed exchanges from the fit."""
+        return self._residual_ns
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much faster our clock runs than the autopilot's."""
+        return self._drift * 1e6
+
+    def to_local_ns(self, autopilot_ns: int) -> int:
+        """Return our time at which the autopilot's clock shows `autopilot_ns`.
+
+        Raises
+        ------
+        ValueError
+            If not synced yet.
+        """
+        if not self.synced:
+            raise ValueError("the clocks are not synchronised yet")
+        # offset(local) = offset + drift (local - reference), with local = autopilot + offset(local)
+        elapsed = (autopilot_ns + self._offset_ns - self._reference_ns) / (1.0 - self._drift)
+        return self._reference_ns + round(elapsed)
+
+    def to_autopilot_ns(self, local_ns: int) -> int:
+        """Return the autopilot's time at our time `local_ns`; raises as `to_local_ns` does."""
+        if not self.synced:
+            raise ValueError("the clocks are not synchronised yet")
+        return local_ns - round(self._offset_at(local_ns))
+
+    def _offset_at(self, local_ns: int) -> float:
+        return self._offset_ns + self._drift * (local_ns - self._reference_ns)
+
+
+def answer(tc1: int, ts1: int, now_ns: int) -> tuple[int, int] | None:
+    """Return (tc1, ts1) of the reply to another's request, None if it is no request.
+
+    Zero would make the reply a request itself, so our clock's zero is sent as one.
+    """
+    return None if tc1 != 0 else (max(1, now_ns), ts1)
+
+
+def _slope(times: list[float], values: list[float]) -> float:
+    mean_time = sum(times) / len(times)
+    mean_value = sum(values) / len(values)
+    spread = sum((t - mean_time) ** 2 for t in times)
+    if spread == 0:
+        return 0.0
+    rise = sum((t - mean_time) * (v - mean_value) for t, v in zip(times, values, strict=True))
+    return rise / spread

@@ -1,0 +1,170 @@
+"""TimeSync recovers offset and drift through delay, loss, jumps and reboots; scripts, no sockets."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+
+from companion.link.autopilot_clock import AutopilotClock
+from companion.link.timesync import TimeSync, answer
+
+MS = 1_000_000
+S = 1_000_000_000
+Delays = Callable[[random.Random], tuple[float, float]]
+
+
+def quick(_: random.Random) -> tuple[float, float]:
+    return 1 * MS, 1 * MS
+
+
+def jittery(rng: random.Random) -> tuple[float, float]:
+    """Two milliseconds each way, and queues of up to 40 ms that strike one direction at a time."""
+    there, back = (2 * MS + rng.expovariate(1) * 0.2 * MS for _ in range(2))
+    queue = rng.uniform(0, 40 * MS) if rng.random() < 0.5 else 0.0
+    return (there + queue, back) if rng.random() < 0.5 else (there, back + queue)
+
+
+def exchange(
+    sync: TimeSync,
+    begin_ns: int,
+    seconds: float,
+    autopilot: Callable[[float], float],
+    delays: Delays = quick,
+    seed: int = 1,
+    loss: float = 0.0,
+) -> int:
+    """Let both sides talk; `autopilot` maps our time to its clock. Return the time reached."""
+    rng = random.Random(seed)
+    now = begin_ns
+    while now < begin_ns + seconds * S:
+        stamp = sync.request(now)
+        if stamp is not None and rng.random() >= loss:
+            there, back = delays(rng)
+            sync.reply(round(autopilot(now + there)), stamp, round(now + there + back))
+        now += 50 * MS
+    return now
+
+
+def test_it_asks_five_times_a_second_at_first_and_once_a_second_then() -> None:
+    sync = TimeSync()
+    times = [t for t in range(0, 20 * S, 10 * MS) if sync.request(t) is not None]
+    gaps = [b - a for a, b in pairwise(times)]
+    assert gaps[:20] == [200 * MS] * 20
+    assert gaps[-5:] == [S] * 5
+
+
+def test_a_constant_offset_is_found_exactly_on_a_symmetric_link() -> None:
+    sync = TimeSync()
+    now = exchange(sync, 1000 * S, 3, lambda t: t - 900 * S)
+    assert sync.synced
+    assert abs(sync.to_local_ns(now - 900 * S) - now) <= 2
+    assert abs(sync.to_autopilot_ns(now) - (now - 900 * S)) <= 2
+    assert sync.residual_ns < 1000
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_queues_in_one_direction_do_not_pull_the_offset(seed: int) -> None:
+    sync = TimeSync()
+    now = exchange(sync, 10 * S, 30, lambda t: t + 5 * S, jittery, seed)
+    assert abs(sync.to_local_ns(now + 5 * S) - now) < 1 * MS
+
+
+@pytest.mark.parametrize("ppm", [-100, 40, 100])
+def test_drift_is_followed_and_extrapolated_through_silence(ppm: int) -> None:
+    sync = TimeSync()
+    rate = 1 - ppm * 1e-6
+
+    def autopilot(t: float) -> float:
+        return 7 * S + (t - 50 * S) * rate
+
+    now = exchange(sync, 50 * S, 60, autopilot, jittery, seed=3, loss=0.3)
+    later = now + 20 * S
+    assert sync.drift_ppm == pytest.approx(ppm, abs=25)
+    assert abs(sync.to_local_ns(round(autopilot(later))) - later) < 1.5 * MS
+
+
+def test_there_and_back_is_the_identity_under_drift() -> None:
+    sync = TimeSync()
+    now = exchange(sync, 50 * S, 60, lambda t: 7 * S + t * 0.95)
+    for at in (now - S, now, now + S):
+        assert abs(sync.to_local_ns(sync.to_autopilot_ns(at)) - at) <= 2000
+
+
+def test_a_jump_of_the_autopilot_s_clock_is_followed_after_three_exchanges() -> None:
+    sync = TimeSync()
+    now = exchange(sync, 10 * S, 20, lambda t: t)
+    now = exchange(sync, now, 6, lambda t: t + 100 * MS)
+    assert sync.resets == 1
+    assert sync.synced
+    assert abs(sync.to_local_ns(now + 100 * MS) - now) < 100
+
+
+def test_one_wrong_answer_is_no_jump() -> None:
+    sync = TimeSync()
+    now = exchange(sync, 10 * S, 20, lambda t: t)
+    now = exchange(sync, now, 1, lambda t: t + 3 * S)
+    now = exchange(sync, now, 5, lambda t: t)
+    assert sync.resets == 0
+    assert abs(sync.to_local_ns(now) - now) < 100
+
+
+def test_answers_to_others_and_repeated_ones_are_counted_and_ignored() -> None:
+    sync = TimeSync()
+    stamp = sync.request(S)
+    assert stamp is not None
+    sync.reply(5 * S, 12345, S + MS)
+    sync.reply(5 * S, stamp, S + MS)
+    sync.reply(9 * S, stamp, S + 2 * MS)
+    assert sync.strays == 2
+    assert not sync.synced
+
+
+def test_nothing_is_mapped_before_enough_answers() -> None:
+    with pytest.raises(ValueError, match="not synchronised"):
+        TimeSync().to_local_ns(5)
+
+
+def test_a_request_is_answered_with_our_time_and_a_reply_is_not() -> None:
+    assert answer(0, 77, 5 * S) == (5 * S, 77)
+    assert answer(0, 77, 0) == (1, 77)
+    assert answer(3, 77, 5 * S) is None
+
+
+def test_before_timesync_the_quickest_arrival_sets_the_clock() -> None:
+    clock = AutopilotClock()
+    assert clock.source == "none"
+    for n, delay_ms in enumerate([30, 5, 80, 12, 60]):
+        boot_ms = 1000 + 20 * n
+        stamp = clock.stamp_ns(boot_ms, (boot_ms + 50_000 + delay_ms) * MS)
+    assert clock.source == "arrival"
+    assert stamp == (1080 + 50_000 + 5) * MS
+
+
+def test_the_quickest_arrival_is_forgotten_when_clocks_drift_apart() -> None:
+    clock = AutopilotClock()
+    for boot_ms in range(0, 200_000, 100):
+        arrival = 5 * S + round(boot_ms * MS * 1.001)
+        stamp = clock.stamp_ns(boot_ms, arrival)
+    assert stamp is not None
+    assert 0 <= arrival - stamp <= 30 * MS + 1
+
+
+def test_synchronised_stamps_do_not_depend_on_the_delay_of_the_message() -> None:
+    clock = AutopilotClock()
+    now = exchange(clock.timesync, 10 * S, 5, lambda t: t - 9 * S)
+    for delay in (0, 30 * MS, 400 * MS):
+        assert clock.source == "timesync"
+        assert clock.stamp_ns((now - 9 * S) // MS, now + delay) == pytest.approx(now, abs=100)
+
+
+def test_stamps_from_the_future_are_refused_and_many_of_them_start_the_clock_over() -> None:
+    clock = AutopilotClock()
+    now = exchange(clock.timesync, 10 * S, 5, lambda t: t - 9 * S)
+    boot_ms = (now - 9 * S) // MS + 60_000
+    results = [clock.stamp_ns(boot_ms + n, now + n * MS) for n in range(21)]
+    assert results[:20] == [None] * 20
+    assert results[20] == now + 20 * MS
+    assert (clock.implausible, clock.source) == (20, "arrival")
