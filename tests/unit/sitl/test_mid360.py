@@ -83,6 +83,12 @@ def test_default_mount_looks_straight_down_with_the_middle_of_its_view() -> None
         assert frd[1] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_boresight_angles_are_yaw_then_pitch_then_roll_about_the_turned_axes() -> None:
+    mount = Mount(roll_deg=20.0, pitch_deg=-35.0, yaw_deg=110.0)
+    flu = Rotation.from_euler("ZYX", [110.0, -35.0, 20.0], degrees=True).as_matrix()
+    np.testing.assert_allclose(mount.rotation_frd_from_sensor(), np.diag([1, -1, -1]) @ flu, atol=1e-12)
+
+
 def test_flat_ground_below_is_seen_under_the_vehicle_ahead_behind_and_to_both_sides() -> None:
     points, _, _ = decode(lidar().step(0, 200 * MS, hover(heading_deg=90.0), flat_world()))
     seen = points[np.any(points != 0.0, axis=1)]

@@ -83,6 +83,26 @@ def test_wire_is_hit_within_its_length_only() -> None:
     assert cast_one(world, (4.0, 0.021, 8.0), (0.0, 0.0, -1.0))[0] == pytest.approx(8.0)
 
 
+def test_a_thick_rising_wire_looks_the_same_from_above_by_ray_and_by_formula() -> None:
+    world = World(flat_ground(), [Wire((0.0, 0.0, 3.0), (6.0, 4.0, 12.0), 0.8)])
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(-2.0, 8.0, 0.11), np.arange(-2.0, 6.0, 0.11)))
+    z, _ = world.surface(x, y)
+    origins = np.column_stack([x, y, np.full(x.size, 50.0)])
+    range_m, _ = world.cast(origins, np.tile([0.0, 0.0, -1.0], (x.size, 1)), 100.0)
+    # Near the open ends a ray enters the tube through its mouth and meets the inside.
+    outside = z > 0.0
+    assert outside.sum() > 300
+    np.testing.assert_allclose(50.0 - range_m[outside], z[outside], atol=1e-9)
+
+
+def test_a_ray_that_crosses_one_saddle_square_twice_stops_at_the_first_crossing() -> None:
+    saddle = Ground(0.0, 0.0, 10.0, np.array([[0.0, 4.0], [4.0, 0.0]]), np.ones((1, 1), np.uint8))
+    # Along the diagonal x = y the height is 8 u (1 - u): a ridge 2 m high. Fly through it at 1.5 m.
+    range_m, _, _ = cast_one(World(saddle, cell_m=10.0), (0.1, 0.1, 1.5), (1.0, 1.0, 0.0))
+    u = (1.0 - math.sqrt(1.0 - 1.5 / 2.0)) / 2.0
+    assert range_m == pytest.approx((10.0 * u - 0.1) * math.sqrt(2.0), abs=1e-9)
+
+
 def test_water_returns_nothing_but_hides_what_is_below() -> None:
     range_m, kind, _ = cast_one(World(flat_ground(kind=Kind.WATER)), (0.0, 0.0, 10.0), (0.1, 0.0, -1.0))
     assert math.isnan(range_m)

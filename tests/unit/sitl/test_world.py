@@ -51,6 +51,15 @@ def test_a_car_stands_on_the_surface_below_it_not_on_another_car() -> None:
     assert world.movers["b"].z_m == pytest.approx(0.15)
 
 
+def test_parts_of_a_mover_turn_about_its_own_origin() -> None:
+    world = World(flat())
+    parts = (Box(3.0, 1.0, 0.5, 2.0, 0.4, 1.0, name="arm"),)
+    world.add_mover("crane", parts, 1.0, 2.0, math.pi / 2)
+    assert world.height_m(0.0, 5.0) == pytest.approx(1.5)  # (3, 1) turned left by 90 deg is (-1, 3)
+    assert world.height_m(0.0, 5.9) == pytest.approx(1.5)
+    assert world.height_m(2.0, 5.0) == 0.0
+
+
 def test_movers_do_not_hide_what_is_nearer() -> None:
     world = World(flat(), [Cylinder(0, 0, 0, 0.1, 8)])
     world.add_car("car", 5.0, 0.0, 0.0)
