@@ -11,9 +11,13 @@ import selectors
 import socket
 import struct
 from collections.abc import Callable
-from typing import Any
+from concurrent.futures import Executor
+from typing import TypeVar, TypeVarTuple, Unpack
 
 from companion.errors import CompanionError
+
+Args = TypeVarTuple("Args")
+Result = TypeVar("Result")
 
 # Half an hour of a companion's clock before the simulator's zero: clocks of two machines never agree.
 CLOCK_OFFSET_NS = 1_800_000_000_000
@@ -38,7 +42,9 @@ class LockstepLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         return self._simulated_ns * 1e-9
 
-    def run_in_executor(self, executor: Any, func: Callable[..., Any], *args: Any) -> Any:
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[Unpack[Args]], Result], *args: *Args
+    ) -> asyncio.Future[Result]:
         future = super().run_in_executor(executor, func, *args)
         self._computing += 1
         future.add_done_callback(self._computed)
@@ -55,7 +61,7 @@ class LockstepLoop(asyncio.SelectorEventLoop):
         return True
 
 
-class _IdleSelector(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
+class _IdleSelector(selectors.DefaultSelector):
     """Selector that, instead of sleeping, lets the simulated time pass."""
 
     def __init__(self, on_idle: Callable[[], bool]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,13 +75,13 @@ class Situation:
 class Orders:
     """What to do now.
 
-    velocity_enu_ms: setpoint, or None to send none. yaw_rad: heading to turn to, or None to keep. mode: a
-    mode to ask for. target_enu_m: the landing target to stream. select_enu_m: a point to put under watch.
+    velocity_enu_ms: setpoint, or None to send none. yaw_rad: heading to turn to, or None to keep. mode:
+    the kind of mode to ask for. target_enu_m: the landing target to stream. select_enu_m: a point to put under watch.
     """
 
     velocity_enu_ms: Vector | None = None
     yaw_rad: float | None = None
-    mode: str | None = None
+    mode: Literal["guided", "land"] | None = None
     target_enu_m: Vector | None = None
     select_enu_m: Vector | None = None
     texts: tuple[tuple[Severity, str], ...] = ()
@@ -350,7 +351,7 @@ class Executive:
         if self._height_above_point(s) <= self._p.final_height_m and steady and distance < 0.7:
             self._say(Severity.INFO, "final: LAND")
             self._go(Phase.FINAL, s)
-            return Orders(mode="LAND", target_enu_m=self._target(s))
+            return Orders(mode="land", target_enu_m=self._target(s))
         floor = self._p.final_height_m - 1.0 - self._height_above_point(s)
         sink = level(min(0.0, floor), self._p.descent_speed_ms) if distance < 1.5 else 0.0
         horizontal = towards(offset, self._p.approach_speed_ms)
@@ -362,15 +363,15 @@ class Executive:
             reason = self._why_not(s)
             if reason:
                 self._break_off(s, reason)
-                return Orders(mode="GUIDED", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
+                return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
         slow = s.guided and s.now_ns - self._since_ns > 1_000_000_000
-        return Orders(mode="LAND" if slow else None, target_enu_m=self._target(s))
+        return Orders(mode="land" if slow else None, target_enu_m=self._target(s))
 
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
         position = _known(s.position_enu_m)
         if not s.guided:
-            return Orders(mode="GUIDED", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
+            return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
         error = self._height_m - float(position[2])
         if error > 1.0:
             return Orders(velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
@@ -400,7 +401,7 @@ class Executive:
     def _without_pose(self, s: Situation) -> Orders:
         """Stop where the autopilot obeys velocities; once it lands by itself let it."""
         if not s.guided:
-            return Orders(mode="GUIDED" if not self._guided_again else None)
+            return Orders(mode="guided" if not self._guided_again else None)
         return Orders(velocity_enu_ms=STOPPED)
 
     # ---- parts ----------------------------------------------------------------------------------

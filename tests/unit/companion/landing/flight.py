@@ -95,7 +95,7 @@ class Flight:
         if orders.select_enu_m is not None:
             self.selected = orders.select_enu_m
         if self.obeys and orders.mode:
-            self.mode = orders.mode
+            self.mode = orders.mode.upper()
         if self.mode == "GUIDED" and orders.velocity_enu_ms is not None:
             self.velocity = orders.velocity_enu_ms.copy()
         elif self.mode == "LAND":

@@ -129,7 +129,7 @@ def test_an_abort_insists_until_the_autopilot_obeys() -> None:
     flight.obeys = False
     flight.run(4)
     assert flight.mode == "LAND"
-    assert all(orders.mode == "GUIDED" for *_, orders in flight.orders[-30:])
+    assert all(orders.mode == "guided" for *_, orders in flight.orders[-30:])
     flight.obeys = True
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] < -19

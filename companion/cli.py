@@ -1,0 +1,228 @@
+"""The command line: `slz demo`, `sim`, `run`, `map`, `params`."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.table import Table
+
+import params
+from companion.errors import CompanionError, UsageError
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Safe landing zones from LiDAR: map the ground, choose where to land, land there.",
+)
+err = Console(stderr=True)
+
+Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
+Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]
+
+
+def main() -> None:
+    """Run the command line; every expected error ends in one line and exit code 1 or 2."""
+    try:
+        app()
+    except (UsageError, params.ParameterError) as error:
+        _fail(error, 2)
+    except CompanionError as error:
+        _fail(error, 1)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _fail(error: Exception, code: int) -> None:
+    print(f"slz: {error}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _log(verbose: bool) -> None:
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.INFO,
+        format="%(name)s: %(message)s",
+        handlers=[RichHandler(console=err, show_path=False, rich_tracebacks=False)],
+    )
+    logging.getLogger("asyncio").setLevel(logging.WARNING)
+    for noisy in ("numba", "matplotlib", "rasterio", "PIL"):
+        logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+@app.command()
+def demo(
+    scene: Annotated[str, typer.Option(help="stadium, plain, hill, streets, mountains or dense.")] = "stadium",
+    sensor: Annotated[str, typer.Option(help="lidar.")] = "lidar",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
+    speedup: Annotated[
+        float, typer.Option(min=0, help="Simulated seconds per second; 0 is as fast as possible.")
+    ] = 0.0,
+    headless: Annotated[bool, typer.Option("--headless", help="No live display.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for maps and figures.")] = Path("out/demo"),
+    intruder: Annotated[
+        str, typer.Option(help="car@15: a car drives onto the landing point below 15 m.")
+    ] = "none",
+    point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,
+    limit_s: Annotated[float, typer.Option(help="Give up after so many simulated seconds.")] = 900.0,
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006 - typer reads the default
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Fly the simulator: take off, survey, choose a zone and land in it."""
+    _log(verbose)
+    from companion import demo as flight
+
+    if sensor != "lidar":
+        raise UsageError(f"--sensor {sensor!r} is not there yet: use lidar")
+    parameters = params.load(profile, setting)
+    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s)
+    summary = flight.fly(plan, parameters, err, live=not headless)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        Console().print(flight.table(summary))
+    if not (summary["landed"] and summary["touchdown_safe"]):
+        sys.exit(1)
+
+
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+def sim(context: typer.Context) -> None:
+    """Run the simulated vehicle alone: `slz sim -- --help` shows its options."""
+    os.execv(sys.executable, [sys.executable, "-m", "sitl", *context.args])
+
+
+@app.command()
+def run(
+    mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
+    lidar: Annotated[str, typer.Option(help="livox:HOST:PORT")],
+    land: Annotated[str, typer.Option(help="ask: wait for the operator. auto: land without further word.")] = "ask",
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006
+    out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run on the vehicle: read the autopilot and the LiDAR, map, choose and land."""
+    _log(verbose)
+    from companion import flight
+
+    if land not in ("ask", "auto"):
+        raise UsageError(f"--land {land!r}: use ask or auto")
+    parameters = params.load(profile, setting)
+    summary = flight.run(mavlink, lidar, land == "auto", parameters, out)
+    if as_json:
+        print(json.dumps(summary))
+
+
+@app.command("map")
+def map_(
+    files: Annotated[list[Path], typer.Argument(help="LAS or LAZ files.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    cell_m: Annotated[float | None, typer.Option(help="Side of a cell, m (0.5).")] = None,
+    min_square_m: Annotated[float | None, typer.Option(help="Side of the safe square, m (3).")] = None,
+    max_slope_deg: Annotated[float | None, typer.Option(help="Steepest safe slope, degrees (10).")] = None,
+    crs: Annotated[str | None, typer.Option(help="CRS of files that name none, such as EPSG:2992.")] = None,
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Find the landing zones in stored clouds."""
+    _log(verbose)
+    from companion import survey
+
+    given = {"cell_m": cell_m, "min_square_m": min_square_m, "safe_slope_deg": max_slope_deg}
+    if profile == "quadcopter" and cell_m is None:
+        given["cell_m"] = 0.5
+    own = [f"{name}={value}" for name, value in given.items() if value is not None]
+    parameters = params.load(profile, [*own, *setting])
+    with _progress(as_json) as step:
+        summary = survey.run(files, out, parameters, step, crs)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        Console().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+
+
+@app.command("params")
+def params_(
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+) -> None:
+    """List every parameter with its value, range and meaning."""
+    values = params.load(profile, setting).model_dump()
+    if as_json:
+        table = {
+            row.name: {
+                "value": values[row.name],
+                "mavlink": row.mavlink,
+                "unit": row.unit,
+                "allowed": params.allowed(row),
+                "default": row.default,
+                "source": row.source,
+                "description": row.sentence,
+            }
+            for row in params.rows()
+        }
+        print(json.dumps(table))
+        return
+    shown = Table("name", "MAVLink", "value", "allowed", "source", "meaning")
+    for row in params.rows():
+        shown.add_row(
+            row.name, row.mavlink, str(values[row.name]), params.allowed(row), row.source, row.sentence
+        )
+    Console().print(shown)
+
+
+class _progress:  # noqa: N801 - a context manager used as a function
+    """Progress bar on stderr, silent with --json."""
+
+    def __init__(self, quiet: bool) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        self._bar = Progress(
+            TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), console=err, disable=quiet
+        )
+        self._task = self._bar.add_task("starting", total=1.0)
+
+    def __enter__(self) -> Callable[[str, float], None]:
+        self._bar.start()
+        return self._step
+
+    def _step(self, what: str, done: float) -> None:
+        self._bar.update(self._task, description=what, completed=done)
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+
+def _zone_table(zones: list[dict[str, Any]], title: str) -> Table:
+    table = Table("zone", "area m²", "certainty", "slope °", "square m", "latitude", "longitude", title=title)
+    for zone in zones[:20]:
+        table.add_row(
+            str(zone["id"]),
+            f"{zone['area_m2']:.0f}",
+            f"{zone['certainty']:.2f}",
+            f"{zone['slope_deg']:.1f}",
+            f"{zone['square_side_m']:.1f}",
+            f"{zone['lat']:.7f}",
+            f"{zone['lon']:.7f}",
+        )
+    return table
+
+
+if __name__ == "__main__":
+    main()

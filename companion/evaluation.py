@@ -1,0 +1,117 @@
+"""How well a simulated flight went, measured against the simulator's truth files (evaluation only)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.errors import CompanionError
+from params import Parameters
+from slz import SAFE, UNKNOWN, Box, LocalFrame, TerrainMaps, Zone
+from slz.search import search_components, side_in_cells
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The simulator's truth: 1 where the footprint is safe; rows from north to south as in the file."""
+
+    safe: NDArray[np.uint8]
+    west_m: float
+    north_m: float
+    cell_m: float
+    frame: LocalFrame
+    flight: dict[str, Any]
+
+    def at(self, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return 1 safe, 0 unsafe at points of the truth's own frame; outside the world nothing is safe."""
+        col = np.floor((east_m - self.west_m) / self.cell_m).astype(np.int64)
+        row = np.floor((self.north_m - north_m) / self.cell_m).astype(np.int64)
+        inside = (row >= 0) & (col >= 0) & (row < self.safe.shape[0]) & (col < self.safe.shape[1])
+        value = self.safe[row.clip(0, self.safe.shape[0] - 1), col.clip(0, self.safe.shape[1] - 1)]
+        return np.where(inside, value, 0).astype(np.uint8)
+
+
+def read_truth(folder: Path) -> Truth:
+    """Read truth.tif, scene.json and flight.json of a simulated flight."""
+    import rasterio
+
+    try:
+        scene = json.loads((folder / "scene.json").read_text("utf-8"))
+        flight = json.loads((folder / "flight.json").read_text("utf-8"))
+        with rasterio.open(folder / "truth.tif") as file:
+            safe, transform = file.read(1), file.transform
+    except (OSError, ValueError) as error:
+        raise CompanionError(f"the simulator left no truth in {folder}: {error}") from None
+    lat, lon, alt = _origin(scene)
+    return Truth(safe, transform.c, transform.f, transform.a, LocalFrame(lat, lon, alt), flight)
+
+
+def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:
+    origin = scene["origin"]
+    if isinstance(origin, dict):
+        values = list(origin.values())
+        return float(values[0]), float(values[1]), float(values[2])
+    return float(origin[0]), float(origin[1]), float(origin[2])
+
+
+def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str, Any]:
+    """Return where the vehicle came down, how far from the chosen point, and whether the ground is safe."""
+    contact = truth.flight.get("touchdown")
+    if not contact:
+        return {"landed": False, "touchdown_error_m": None, "touchdown_safe": False}
+    here = np.array([float(contact["e"]), float(contact["n"])])
+    error = None
+    if chosen_lla is not None:
+        error = float(np.hypot(*(truth.frame.enu_m(*chosen_lla)[:2] - here)))
+    return {
+        "landed": True,
+        "touchdown_error_m": error,
+        "touchdown_safe": bool(truth.at(here[:1], here[1:])[0]),
+    }
+
+
+def area_error(
+    truth: Truth, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters
+) -> dict[str, float | None]:
+    """Return Eq. (20) of the SLZ paper over the ground that was seen, and how safe cells compare.
+
+    Computed area: the cells of the zones. Ground truth: the truly safe cells among those seen that belong
+    to a patch with room to land by the same rule. unsafe_as_safe: truly unsafe cells called safe, as a
+    share of all seen.
+    """
+    box = maps.box
+    rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
+    east, north = (
+        maps.grid.west_m + (cols + 0.5) * maps.grid.cell_m,
+        maps.grid.south_m + (rows + 0.5) * maps.grid.cell_m,
+    )
+    there = truth.frame.enu_m(*np.moveaxis(maps.frame.lla(np.stack([east, north, 0 * east], -1)), -1, 0))
+    safe = truth.at(there[..., 0], there[..., 1])
+    seen = maps.state != UNKNOWN
+    computed = np.zeros(box.shape, bool)
+    for zone in zones:
+        b = zone.box
+        computed[b.row0 - box.row0 : b.row1 - box.row0, b.col0 - box.col0 : b.col1 - box.col0] |= (
+            zone.cells == 1
+        )
+    real = np.zeros(box.shape, bool)
+    padded = np.pad((safe == 1) & seen, 1).astype(np.uint8)
+    least = side_in_cells(parameters.min_square_m, maps.grid)
+    for patch in search_components(padded, Box(0, padded.shape[0], 0, padded.shape[1]), least, 1):
+        b = patch.box
+        real[b.row0 - 1 : b.row1 - 1, b.col0 - 1 : b.col1 - 1] |= patch.component == 1
+    both = float((computed & real).sum())
+    found, exists = float(computed.sum()), float(real.sum())
+    error = (found - both) / found + (exists - both) / exists if found and exists else None
+    called = maps.state == SAFE
+    n_seen = max(1.0, float(seen.sum()))
+    return {
+        "area_error": error,
+        "unsafe_as_safe": float((called & (safe == 0)).sum()) / n_seen,
+        "recall": float((called & (safe == 1)).sum()) / max(1.0, float((seen & (safe == 1)).sum())),
+    }
