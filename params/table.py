@@ -168,7 +168,7 @@ class Parameters(BaseModel):
     ] = 0.0
     lidar_pitch_deg: Annotated[
         float, _in(-180, 180), Spec("SLZ_LDR_PITCH", "deg", OURS, "LiDAR boresight pitch.")
-    ] = 67.5
+    ] = 112.5
     lidar_yaw_deg: Annotated[
         float, _in(-180, 180), Spec("SLZ_LDR_YAW", "deg", OURS, "LiDAR boresight yaw.")
     ] = 0.0

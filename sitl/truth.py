@@ -39,7 +39,7 @@ class TruthMap(NamedTuple):
     slope_deg: F32
     """Slope of the best-fit plane of the footprint."""
     relief_m: F32
-    """Largest distance, along z, of the footprint's surface from that plane."""
+    """Height of the footprint's surface, peak to peak, about that plane."""
 
 
 def safe_map(
@@ -48,13 +48,13 @@ def safe_map(
     cell_m: float = 0.2,
     footprint_m: float = 2.0,
     slope_limit_deg: float = 10.0,
-    relief_limit_m: float = 0.15,
+    relief_limit_m: float = 0.3,
 ) -> TruthMap:
     """Judge every cell of an extent.
 
     A cell is safe when, over the square footprint about its centre, the best-fit plane is not steeper
-    than the limit, no part of the exact surface is farther from that plane than the limit, there is no
-    water and no edge of the world. The surface is sampled at 0.1 m or less; objects thinner than the
+    than the limit, the exact surface spans no more than the limit, peak to peak, about that plane (so
+    that a step counts with its height wherever it crosses the footprint), there is no water and no edge of the world. The surface is sampled at 0.1 m or less; objects thinner than the
     sampling count with their full height wherever they touch a sample's square.
 
     Parameters
@@ -145,12 +145,15 @@ def _fit(z: F64, offsets: F64, step: int) -> tuple[F32, F32]:
     # The offsets are symmetric about zero, so the normal equations of the plane are diagonal.
     spread = n * float(np.sum(offsets**2))
     mean, gradient_x, gradient_y = total / n**2, moment_x / spread, moment_y / spread
-    relief = np.zeros(mean.shape)
+    lowest, highest = np.full(mean.shape, np.inf), np.full(mean.shape, -np.inf)
     for j in range(n):
         row = down[j].T
         for i in range(n):
             plane = mean + gradient_x * offsets[i] + gradient_y * offsets[j]
-            np.maximum(relief, np.abs(_shifted(row, i, n, step) - plane), out=relief)
+            residual = _shifted(row, i, n, step) - plane
+            np.minimum(lowest, residual, out=lowest)
+            np.maximum(highest, residual, out=highest)
+    relief = highest - lowest
     slope = np.degrees(np.arctan(np.hypot(gradient_x, gradient_y)))
     return slope.T.astype(np.float32), relief.T.astype(np.float32)
 
@@ -170,7 +173,7 @@ def write(
     cell_m: float = 0.2,
     footprint_m: float = 2.0,
     slope_limit_deg: float = 10.0,
-    relief_limit_m: float = 0.15,
+    relief_limit_m: float = 0.3,
     extent: Extent | None = None,
 ) -> TruthMap:
     """Write ``truth.tif``, ``dsm_truth.tif`` and ``scene.json`` and return the map.

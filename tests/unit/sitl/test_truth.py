@@ -70,7 +70,7 @@ def test_a_wire_spoils_the_strip_below_it() -> None:
 
 
 def test_a_small_bump_is_relief_not_danger() -> None:
-    low, high = Cylinder(0, 0, 0, 0.3, 0.10), Cylinder(0, 0, 0, 0.3, 0.20)
+    low, high = Cylinder(0, 0, 0, 0.3, 0.25), Cylinder(0, 0, 0, 0.3, 0.35)
     assert truth.safe_map(World(sloping(), [low]), EXTENT).safe.all()
     assert not truth.safe_map(World(sloping(), [high]), EXTENT).safe.all()
 
@@ -110,7 +110,7 @@ def test_every_cell_is_what_least_squares_says(seed: int, sizes: tuple[float, fl
         slope, relief = _by_least_squares(world, x, y, footprint, pitch, cell)
         assert found.slope_deg[row, column] == pytest.approx(slope, abs=1e-3)
         assert found.relief_m[row, column] == pytest.approx(relief, abs=1e-5)
-        assert found.safe[row, column] == (slope <= 10.0 and relief <= 0.15)
+        assert found.safe[row, column] == (slope <= 10.0 and relief <= 0.3)
 
 
 def _by_least_squares(
@@ -124,7 +124,7 @@ def _by_least_squares(
     design = np.column_stack([np.ones_like(dx), dx, dy])
     plane, *_ = np.linalg.lstsq(design, z, rcond=None)
     slope = float(np.degrees(np.arctan(np.hypot(plane[1], plane[2]))))
-    return slope, float(np.abs(z - design @ plane).max())
+    return slope, float(np.ptp(z - design @ plane))
 
 
 def test_files_open_with_the_right_place_orientation_and_content(tmp_path: Path) -> None:
