@@ -1,0 +1,364 @@
+"""The companion's MAVLink link: one vehicle, its state, its clock, commands both ways."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.clock import now_ns
+from companion.link.codec import Codec
+from companion.link.command import Command, CommandResult
+from companion.link.commander import Commander
+from companion.link.event import Event, Unsubscribe
+from companion.link.inbox import Inbox
+from companion.link.modes import mode_parameters
+from companion.link.operator import CommandServer, Handler
+from companion.link.statistics import LinkStatistics, RateMeter
+from companion.link.streams import Stream, StreamKeeper, wanted
+from companion.link.timesync import TimeSync
+from companion.link.transport import Transport
+from companion.link.url import parse_url
+from companion.link.vehicle import Quaternion, Vector, VehicleState
+from companion.outputs.statustext import statustext
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+HEARTBEAT_S = 1.0
+STREAM_PAUSE_S = 0.1
+# The new mode shows in the next heartbeat, a second later at worst.
+MODE_CONFIRM_S = 2.5
+
+
+class Link:
+    """MAVLink link to one vehicle.
+
+    Parameters
+    ----------
+    url
+        As `companion.link.url.parse_url` takes it.
+    parameters
+        Uses `component_id`, `pose_rate_hz` and `link_timeout_s`.
+
+    Attributes
+    ----------
+    connected
+        Whether the autopilot's heartbeat was heard within `link_timeout_s`.
+    system_status
+        MAV_STATE of our own heartbeat.
+
+    Raises
+    ------
+    UsageError
+        If the URL is none.
+    """
+
+    def __init__(self, url: str, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._transport = Transport(parse_url(url))
+        self._codec = Codec(parameters.component_id)
+        self._server = CommandServer()
+        self._inbox = Inbox(self._codec, self._server)
+        self._streams = StreamKeeper()
+        self._commander = Commander(self._send_command)
+        self._rates = RateMeter()
+        self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
+        self._connection: Event[[bool]] = Event()
+        self._text_id = 0
+        self._stop: asyncio.Event | None = None
+        self._failure: asyncio.Future[None] | None = None
+        self._ended = asyncio.Event()
+        self.connected = False
+        self.system_status: int = mavlink.MAV_STATE_BOOT
+        self._inbox.outgoing.subscribe(self.send)
+        self._inbox.reason.subscribe(self._tell_reason)
+        self._inbox.acknowledged.subscribe(self._commander.acknowledge)
+        self._inbox.heartbeat.subscribe(self._heard)
+        self._inbox.rebooted.subscribe(self._streams.restart)
+
+    # ---- what is known --------------------------------------------------------------------------
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """Newest state of the vehicle."""
+        return self._inbox.vehicle
+
+    @property
+    def timesync(self) -> TimeSync:
+        """The autopilot's clock in ours."""
+        return self._inbox.clock.timesync
+
+    @property
+    def system_id(self) -> int:
+        """System that we speak as, the vehicle's once it is known."""
+        return self._codec.system_id
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """Counters, rates and the state of the clock."""
+        at_ns, codec, clock = now_ns(), self._codec, self._inbox.clock
+        sync = clock.timesync
+        return LinkStatistics(
+            received=codec.received,
+            lost=codec.lost,
+            bad=codec.bad,
+            bad_bytes=codec.bad_bytes,
+            unknown=codec.unknown,
+            sent=codec.sent,
+            dropped=self._transport.dropped,
+            foreign=self._inbox.foreign,
+            opened=self._transport.opened,
+            rates_hz=self._rates.rates_hz(at_ns),
+            missing=self._streams.missing(at_ns),
+            time_source=clock.source,
+            round_trip_ms=sync.round_trip_ns * 1e-6,
+            residual_ms=sync.residual_ns * 1e-6,
+            drift_ppm=sync.drift_ppm,
+            time_resets=sync.resets,
+            implausible_stamps=clock.implausible,
+            commands_executed=self._server.executed,
+            commands_repeated=self._server.repeated,
+        )
+
+    # ---- who wants to know ----------------------------------------------------------------------
+
+    def subscribe(
+        self, type_name: str, handler: Callable[[Any, int], None], *, anyone: bool = False
+    ) -> Unsubscribe:
+        """Call `handler(message, now_ns)` for each message of a type from the vehicle, or from anyone."""
+        return self._subscribers[type_name, anyone].subscribe(handler)
+
+    def on_change(self, callback: Callable[[VehicleState, VehicleState], None]) -> Unsubscribe:
+        """Call `callback(old, new)` whenever the vehicle's state changes."""
+        return self._inbox.changed.subscribe(callback)
+
+    def on_connection(self, callback: Callable[[bool], None]) -> Unsubscribe:
+        """Call `callback(connected)` when the autopilot is found, lost or found again."""
+        return self._connection.subscribe(callback)
+
+    def on_attitude(self, callback: Callable[[int, Quaternion, Vector], None]) -> Unsubscribe:
+        """Call `callback(stamp_ns, quat_wxyz, rates_rad_s)`: companion clock, body FRD to NED, body rates."""
+        return self._inbox.attitude.subscribe(callback)
+
+    def on_position(self, callback: Callable[[int, float, float, float, Vector], None]) -> Unsubscribe:
+        """Call `callback(stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms)`, stamped in our clock."""
+        return self._inbox.position.subscribe(callback)
+
+    def on_command(self, handler: Handler) -> None:
+        """Let `handler` carry out and answer commands addressed to this component."""
+        self._server.handler = handler
+
+    # ---- what is sent ---------------------------------------------------------------------------
+
+    def send(self, message: Any) -> None:
+        """Send a message as this component; dropped and counted while no channel is open."""
+        self._transport.write(self._codec.encode(message))
+
+    async def command(
+        self,
+        command_id: int,
+        *params: float,
+        frame: int | None = None,
+        x: int = 0,
+        y: int = 0,
+        z: float = 0.0,
+        timeout_s: float = 1.5,
+        tries: int = 3,
+        supersede: bool = False,
+    ) -> CommandResult:
+        """Send the vehicle a command and wait for its result.
+
+        Parameters
+        ----------
+        params
+            Up to seven of COMMAND_LONG; with a `frame` (COMMAND_INT) the first four, and x, y (degrees x 1e7,
+            in local frames metres x 1e4) and z (m).
+        supersede
+            End an earlier command of this number instead of waiting for its result.
+        """
+        command = Command(command_id, params, frame, x, y, z)
+        return await self._commander.run(command, timeout_s=timeout_s, tries=tries, supersede=supersede)
+
+    async def set_mode(self, name: str, timeout_s: float = 1.5, tries: int = 3) -> CommandResult:
+        """Ask for a flight mode by name and wait until the vehicle says that it is in it."""
+        command_id = mavlink.MAV_CMD_DO_SET_MODE
+        numbers = mode_parameters(self.vehicle.autopilot, self.vehicle.vehicle_type, name)
+        if numbers is None:
+            return CommandResult(command_id, "unsupported")
+        custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        result = await self.command(
+            command_id, custom, *numbers, timeout_s=timeout_s, tries=tries, supersede=True
+        )
+        if not result.ok or await self._sees_mode(name):
+            return result
+        return CommandResult(command_id, "unconfirmed", result.tries)
+
+    def statustext(self, text: str, severity: int) -> None:
+        """Show a text to the pilot (MAV_SEVERITY 0 emergency to 7 debug)."""
+        self._text_id = self._text_id % 65535 + 1
+        for message in statustext(text, severity, self._text_id):
+            self.send(message)
+
+    # ---- life -----------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Keep the link until `close` or cancelled.
+
+        Raises
+        ------
+        UsageError
+            If the address cannot be opened and never will be.
+        Exception
+            Whatever a subscriber raised.
+        """
+        self._stop, self._failure = asyncio.Event(), asyncio.get_running_loop().create_future()
+        self._ended.clear()
+        try:
+            async with asyncio.TaskGroup() as group:
+                tasks = [
+                    group.create_task(
+                        self._transport.run(self._on_bytes, self._on_up), name="link transport"
+                    ),
+                    group.create_task(self._beat(), name="link heartbeat"),
+                    group.create_task(self._tick(), name="link clock and watch"),
+                    group.create_task(self._keep_streams(), name="link streams"),
+                    group.create_task(_wait_for(self._failure), name="link failure"),
+                ]
+                await self._stop.wait()
+                for task in tasks:
+                    task.cancel()
+        except BaseExceptionGroup as failures:
+            raise failures.exceptions[0] from None
+        finally:
+            self._set_connected(False)
+            self._stop = None
+            self._ended.set()
+
+    async def close(self) -> None:
+        """Say good-bye on the wire, close the channel and let `run` return; again it does nothing."""
+        if self._stop is None:
+            return
+        self.system_status = mavlink.MAV_STATE_POWEROFF
+        self._send_heartbeat()
+        self._stop.set()
+        await self._ended.wait()
+
+    def _on_up(self) -> None:
+        self._codec.restart()
+        self._streams.restart()
+        self._send_heartbeat()
+
+    def _on_bytes(self, data: bytes) -> None:
+        """Take bytes off the wire; an exception here is a fault of ours and ends `run`."""
+        try:
+            at_ns = now_ns()
+            for message in self._codec.decode(data):
+                self._take(message, at_ns)
+        except Exception as error:
+            if self._failure is not None and not self._failure.done():
+                self._failure.set_exception(error)
+
+    def _take(self, message: Any, at_ns: int) -> None:
+        name = message.get_type()
+        from_vehicle = self._inbox.take(message, at_ns)
+        if from_vehicle:
+            self._rates.note(name, at_ns)
+            self._streams.heard(name, at_ns)
+        for key in ((name, True), ("*", True), (name, False)):
+            if key in self._subscribers and (key[1] or from_vehicle):
+                self._subscribers[key](message, at_ns)
+
+    # ---- tasks ----------------------------------------------------------------------------------
+
+    async def _beat(self) -> None:
+        while True:
+            self._send_heartbeat()
+            await asyncio.sleep(HEARTBEAT_S)
+
+    async def _tick(self) -> None:
+        timeout_ns = round(self._parameters.link_timeout_s * 1e9)
+        while True:
+            at_ns = now_ns()
+            heard_ns = self.vehicle.last_heartbeat_ns
+            if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
+                self._set_connected(False)
+            if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
+                self.send(mavlink.MAVLink_timesync_message(0, stamp))
+            await asyncio.sleep(TICK_S)
+
+    async def _keep_streams(self) -> None:
+        while True:
+            stream = self._streams.due(now_ns()) if self.connected else None
+            if stream is None:
+                await asyncio.sleep(STREAM_PAUSE_S)
+            else:
+                result = await self._ask(stream)
+                if result.outcome != "not_connected":
+                    self._streams.asked(stream, now_ns(), accepted=result.ok)
+
+    async def _ask(self, stream: Stream) -> CommandResult:
+        return await self.command(
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            float(stream.message_id),
+            float(stream.interval_us),
+            timeout_s=0.7,
+            tries=2,
+        )
+
+    # ---- details --------------------------------------------------------------------------------
+
+    def _send_heartbeat(self) -> None:
+        self.send(
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+                mavlink.MAV_AUTOPILOT_INVALID,
+                0,
+                0,
+                self.system_status,
+                3,
+            )
+        )
+
+    def _send_command(self, command: Command, tries: int) -> bool:
+        # A lost heartbeat is no reason not to try: the way out may still be open.
+        if self.vehicle.sysid is None or not self._transport.up:
+            return False
+        self.send(command.message(self.vehicle.sysid, mavlink.MAV_COMP_ID_AUTOPILOT1, tries))
+        return True
+
+    def _tell_reason(self, reason: str, accepted: bool) -> None:
+        self.statustext(reason, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING)
+
+    def _heard(self) -> None:
+        if not self.connected:
+            self._streams.want(wanted(self.vehicle.autopilot, self._parameters.pose_rate_hz))
+            self._set_connected(True)
+
+    def _set_connected(self, connected: bool) -> None:
+        if connected != self.connected:
+            self.connected = connected
+            log.info("autopilot connected") if connected else log.warning("autopilot lost")
+            self._connection(connected)
+
+    async def _sees_mode(self, name: str) -> bool:
+        seen = asyncio.Event()
+        unsubscribe = self.on_change(lambda _, new: seen.set() if new.mode == name else None)
+        try:
+            async with asyncio.timeout(MODE_CONFIRM_S):
+                if self.vehicle.mode != name:
+                    await seen.wait()
+        except TimeoutError:
+            return False
+        finally:
+            unsubscribe()
+        return True
+
+
+async def _wait_for(failure: asyncio.Future[None]) -> None:
+    await failure

@@ -1,0 +1,165 @@
+"""Commands that others send to us: addressed, answered, and never executed twice."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+# Frames whose x and y are degrees x 1e7; in all others they are metres x 1e4.
+_GLOBAL_FRAMES = frozenset(
+    {
+        mavlink.MAV_FRAME_GLOBAL,
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+        mavlink.MAV_FRAME_GLOBAL_INT,
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+    }
+)
+# The same command again within so long is a retransmission; longer if its counter says so itself.
+REPEAT_NS = 1_500_000_000
+COUNTED_REPEAT_NS = 10_000_000_000
+MAX_SENDERS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorCommand:
+    """A command to this component.
+
+    Attributes
+    ----------
+    params
+        Parameters 1 to 4 (NaN where the sender left one open).
+    x, y, z
+        Parameters 5 to 7: degrees and metres in global frames and in COMMAND_LONG (there in single precision,
+        good to a metre), metres in local frames.
+    frame
+        MAV_FRAME of x, y, z; None in COMMAND_LONG.
+    """
+
+    command: int
+    params: tuple[float, float, float, float]
+    x: float
+    y: float
+    z: float
+    frame: int | None
+    sender_system: int
+    sender_component: int
+
+
+@dataclass(frozen=True, slots=True)
+class CommandReply:
+    """Answer to a command: a MAV_RESULT, and a reason for the pilot's screen (empty: none)."""
+
+    result: int
+    reason: str = ""
+
+    @classmethod
+    def accepted(cls, reason: str = "") -> CommandReply:
+        """Return the answer of a command that is carried out."""
+        return cls(mavlink.MAV_RESULT_ACCEPTED, reason)
+
+    @classmethod
+    def denied(cls, reason: str) -> CommandReply:
+        """Return the answer of a command that will not be carried out as it is."""
+        return cls(mavlink.MAV_RESULT_DENIED, reason)
+
+    @classmethod
+    def later(cls, reason: str) -> CommandReply:
+        """Return the answer of a command that may succeed at another time."""
+        return cls(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, reason)
+
+    @classmethod
+    def unsupported(cls) -> CommandReply:
+        """Return the answer of a command that nobody here knows."""
+        return cls(mavlink.MAV_RESULT_UNSUPPORTED)
+
+
+Handler = Callable[[OperatorCommand], CommandReply]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What to send back: the acknowledgement, and whether the command was carried out just now."""
+
+    ack: Any
+    reply: CommandReply
+    executed: bool
+
+
+@dataclass(slots=True)
+class _Last:
+    command: OperatorCommand
+    sequence: int
+    confirmation: int
+    heard_ns: int
+    reply: CommandReply
+
+
+class CommandServer:
+    """Answers COMMAND_LONG and COMMAND_INT.
+
+    Only the newest command of each sender is remembered: after another one, the same command is meant anew
+    (land, abort, land).
+
+    Attributes
+    ----------
+    handler
+        Carries a command out and answers it; None: every command is unsupported.
+    executed, repeated
+        Commands handed to the handler; retransmissions answered from memory.
+    """
+
+    def __init__(self) -> None:
+        self.handler: Handler | None = None
+        self.executed = 0
+        self.repeated = 0
+        self._last: OrderedDict[tuple[int, int], _Last] = OrderedDict()
+
+    def take(self, message: Any, system: int, component: int, now_ns: int) -> Answer | None:
+        """Return the answer to a command, None if it is not addressed to this very component."""
+        if (message.target_system, message.target_component) != (system, component):
+            return None
+        command = _command(message)
+        confirmation = getattr(message, "confirmation", 0)
+        sender = (command.sender_system, command.sender_component)
+        last = self._last.get(sender)
+        if last is not None and _repeats(last, command, confirmation, message.get_seq(), now_ns):
+            self.repeated += 1
+            last.confirmation = confirmation
+            return Answer(_ack(command, last.reply), last.reply, executed=False)
+        reply = CommandReply.unsupported() if self.handler is None else self.handler(command)
+        self.executed += 1
+        self._last[sender] = _Last(command, message.get_seq(), confirmation, now_ns, reply)
+        self._last.move_to_end(sender)
+        if len(self._last) > MAX_SENDERS:
+            self._last.popitem(last=False)
+        return Answer(_ack(command, reply), reply, executed=True)
+
+
+def _repeats(last: _Last, command: OperatorCommand, confirmation: int, sequence: int, now_ns: int) -> bool:
+    # repr, because an open parameter is NaN, which equals nothing
+    if repr(last.command) != repr(command):
+        return False
+    age_ns = now_ns - last.heard_ns
+    counted = confirmation > last.confirmation or sequence == last.sequence
+    return age_ns <= (COUNTED_REPEAT_NS if counted else REPEAT_NS)
+
+
+def _command(m: Any) -> OperatorCommand:
+    params = (m.param1, m.param2, m.param3, m.param4)
+    sender = (m.get_srcSystem(), m.get_srcComponent())
+    if m.get_type() == "COMMAND_LONG":
+        return OperatorCommand(m.command, params, m.param5, m.param6, m.param7, None, *sender)
+    scale = 1e-7 if m.frame in _GLOBAL_FRAMES else 1e-4
+    return OperatorCommand(m.command, params, m.x * scale, m.y * scale, m.z, m.frame, *sender)
+
+
+def _ack(command: OperatorCommand, reply: CommandReply) -> Any:
+    return mavlink.MAVLink_command_ack_message(
+        command.command, reply.result, 255, 0, command.sender_system, command.sender_component
+    )

@@ -1,0 +1,78 @@
+"""How the link does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.link.autopilot_clock import Source
+
+WINDOW_NS = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatistics:
+    """Snapshot of counters since the start; rates are of the last two seconds.
+
+    Attributes
+    ----------
+    lost
+        Frames missing by the senders' sequence numbers.
+    bad, bad_bytes, unknown
+        Broken frames; bytes outside any frame; messages that the dialect lacks.
+    dropped
+        Messages of ours that no open channel took.
+    foreign
+        Messages of other systems and components, ignored unless addressed to us.
+    opened
+        Times a channel was opened.
+    missing
+        Streams asked for that are away or slow.
+    """
+
+    received: int
+    lost: int
+    bad: int
+    bad_bytes: int
+    unknown: int
+    sent: int
+    dropped: int
+    foreign: int
+    opened: int
+    rates_hz: dict[str, float]
+    missing: tuple[str, ...]
+    time_source: Source
+    round_trip_ms: float
+    residual_ms: float
+    drift_ppm: float
+    time_resets: int
+    implausible_stamps: int
+    commands_executed: int
+    commands_repeated: int
+
+
+class RateMeter:
+    """Messages a second by name, over windows of two seconds."""
+
+    def __init__(self) -> None:
+        self._begun_ns: int | None = None
+        self._counts: dict[str, int] = {}
+        self._rates_hz: dict[str, float] = {}
+
+    def note(self, name: str, now_ns: int) -> None:
+        """Count a message."""
+        self._turn(now_ns)
+        self._counts[name] = self._counts.get(name, 0) + 1
+
+    def rates_hz(self, now_ns: int) -> dict[str, float]:
+        """Return the rates over the newest full window."""
+        self._turn(now_ns)
+        return dict(self._rates_hz)
+
+    def _turn(self, now_ns: int) -> None:
+        if self._begun_ns is None:
+            self._begun_ns = now_ns
+        elapsed_ns = now_ns - self._begun_ns
+        if elapsed_ns >= WINDOW_NS:
+            self._rates_hz = {name: count * 1e9 / elapsed_ns for name, count in self._counts.items()}
+            self._counts = {}
+            self._begun_ns = now_ns
