@@ -10,7 +10,10 @@ Unsubscribe = Callable[[], None]
 
 
 class Event(Generic[P]):
-    """List of callbacks, called in the order they came in."""
+    """List of callbacks, called in the order they came in.
+
+    Call the event itself, or `subscribe`, with a callback; whoever owns the event calls `emit`.
+    """
 
     def __init__(self) -> None:
         self._callbacks: list[Callable[P, None]] = []
@@ -25,6 +28,10 @@ class Event(Generic[P]):
 
         return unsubscribe
 
-    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> None:
+    def __call__(self, callback: Callable[P, None]) -> Unsubscribe:
+        return self.subscribe(callback)
+
+    def emit(self, *args: P.args, **kwargs: P.kwargs) -> None:
+        """Call all of them."""
         for callback in tuple(self._callbacks):
             callback(*args, **kwargs)

@@ -84,9 +84,9 @@ class Inbox:
         result = self._server.take(message, self._codec.system_id, self._codec.component_id, now_ns)
         if result is None:
             return False
-        self.outgoing(result.ack)
+        self.outgoing.emit(result.ack)
         if result.executed and result.reply.reason:
-            self.reason(result.reply.reason, result.reply.result == mavlink.MAV_RESULT_ACCEPTED)
+            self.reason.emit(result.reply.reason, result.reply.result == mavlink.MAV_RESULT_ACCEPTED)
         return True
 
     def _timesync(self, message: Any, now_ns: int) -> None:
@@ -94,7 +94,7 @@ class Inbox:
         if reply is None:
             self.clock.timesync.reply(message.tc1, message.ts1, now_ns)
         else:
-            self.outgoing(mavlink.MAVLink_timesync_message(*reply))
+            self.outgoing.emit(mavlink.MAVLink_timesync_message(*reply))
 
     def _acknowledgement(self, message: Any, now_ns: int) -> None:
         # Zero is everybody; old autopilots leave the fields out, which reads as zero.
@@ -102,7 +102,7 @@ class Inbox:
             0,
             self._codec.component_id,
         ):
-            self.acknowledged(message, now_ns)
+            self.acknowledged.emit(message, now_ns)
 
     def _state(self, message: Any, now_ns: int) -> None:
         old = self.vehicle
@@ -112,16 +112,16 @@ class Inbox:
         if new.reboots != old.reboots:
             log.warning("the autopilot rebooted")
             self.clock.reset()
-            self.rebooted()
+            self.rebooted.emit()
         if message.get_type() == "HEARTBEAT":
-            self.heartbeat()
-        self.changed(old, new)
+            self.heartbeat.emit()
+        self.changed.emit(old, new)
         # A tuple that is another object was in this message, and was valid.
         if new.attitude_wxyz is not None and new.attitude_wxyz is not old.attitude_wxyz:
             stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
             if stamp is not None and new.rates_rad_s is not None:
-                self.attitude(stamp, new.attitude_wxyz, new.rates_rad_s)
+                self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
         if new.position_lla is not None and new.position_lla is not old.position_lla:
             stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
             if stamp is not None and new.velocity_ned_ms is not None:
-                self.position(stamp, *new.position_lla, new.velocity_ned_ms)
+                self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)

@@ -51,7 +51,15 @@ class Link:
     connected
         Whether the autopilot's heartbeat was heard within `link_timeout_s`.
     system_status
-        MAV_STATE of our own heartbeat.
+        MAV_STATE of our own heartbeat; `ready` sets it.
+    on_change
+        Event (old, new) of the vehicle's state.
+    on_connection
+        Event (connected) when the autopilot is found, lost or found again.
+    on_attitude
+        Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
+    on_position
+        Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
 
     Raises
     ------
@@ -69,13 +77,16 @@ class Link:
         self._commander = Commander(self._send_command)
         self._rates = RateMeter()
         self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
-        self._connection: Event[[bool]] = Event()
         self._text_id = 0
         self._stop: asyncio.Event | None = None
         self._failure: asyncio.Future[None] | None = None
         self._ended = asyncio.Event()
         self.connected = False
         self.system_status: int = mavlink.MAV_STATE_BOOT
+        self.on_connection: Event[[bool]] = Event()
+        self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
+        self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
+        self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
         self._inbox.outgoing.subscribe(self.send)
         self._inbox.reason.subscribe(self._tell_reason)
         self._inbox.acknowledged.subscribe(self._commander.acknowledge)
@@ -100,6 +111,14 @@ class Link:
         return self._codec.system_id
 
     @property
+    def ready(self) -> bool:
+        """Whether our heartbeat says that we work (MAV_STATE_ACTIVE) or still start (MAV_STATE_BOOT)."""
+        return bool(self.system_status == mavlink.MAV_STATE_ACTIVE)
+
+    @ready.setter
+    def ready(self, ready: bool) -> None:
+        self.system_status = mavlink.MAV_STATE_ACTIVE if ready else mavlink.MAV_STATE_BOOT
+
     def statistics(self) -> LinkStatistics:
         """Counters, rates and the state of the clock."""
         at_ns, codec, clock = now_ns(), self._codec, self._inbox.clock
@@ -133,22 +152,6 @@ class Link:
     ) -> Unsubscribe:
         """Call `handler(message, now_ns)` for each message of a type from the vehicle, or from anyone."""
         return self._subscribers[type_name, anyone].subscribe(handler)
-
-    def on_change(self, callback: Callable[[VehicleState, VehicleState], None]) -> Unsubscribe:
-        """Call `callback(old, new)` whenever the vehicle's state changes."""
-        return self._inbox.changed.subscribe(callback)
-
-    def on_connection(self, callback: Callable[[bool], None]) -> Unsubscribe:
-        """Call `callback(connected)` when the autopilot is found, lost or found again."""
-        return self._connection.subscribe(callback)
-
-    def on_attitude(self, callback: Callable[[int, Quaternion, Vector], None]) -> Unsubscribe:
-        """Call `callback(stamp_ns, quat_wxyz, rates_rad_s)`: companion clock, body FRD to NED, body rates."""
-        return self._inbox.attitude.subscribe(callback)
-
-    def on_position(self, callback: Callable[[int, float, float, float, Vector], None]) -> Unsubscribe:
-        """Call `callback(stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms)`, stamped in our clock."""
-        return self._inbox.position.subscribe(callback)
 
     def on_command(self, handler: Handler) -> None:
         """Let `handler` carry out and answer commands addressed to this component."""
@@ -272,7 +275,7 @@ class Link:
             self._streams.heard(name, at_ns)
         for key in ((name, True), ("*", True), (name, False)):
             if key in self._subscribers and (key[1] or from_vehicle):
-                self._subscribers[key](message, at_ns)
+                self._subscribers[key].emit(message, at_ns)
 
     # ---- tasks ----------------------------------------------------------------------------------
 
@@ -344,7 +347,7 @@ class Link:
         if connected != self.connected:
             self.connected = connected
             log.info("autopilot connected") if connected else log.warning("autopilot lost")
-            self._connection(connected)
+            self.on_connection.emit(connected)
 
     async def _sees_mode(self, name: str) -> bool:
         seen = asyncio.Event()

@@ -11,7 +11,9 @@ MAX_CHUNKS = 8
 
 
 def statustext(text: str, severity: int, text_id: int) -> list[Any]:
-    """Return the STATUSTEXT messages of a text of up to 400 bytes; what is longer ends in `...`.
+    """Return the STATUSTEXT messages of a text of up to 400 characters; what is longer ends in `...`.
+
+    Ground stations disagree on everything beyond ASCII, and may cut it between two parts: it becomes `?`.
 
     Parameters
     ----------
@@ -21,9 +23,9 @@ def statustext(text: str, severity: int, text_id: int) -> list[Any]:
         1 to 65535, another one for every text, so that receivers can join its parts. A text that fits one
         message carries none.
     """
-    data = text.encode()
+    data = text.encode("ascii", "replace")
     if len(data) > MAX_CHUNKS * CHUNK_BYTES:
-        data = data[: MAX_CHUNKS * CHUNK_BYTES - 3].decode(errors="ignore").encode() + b"..."
+        data = data[: MAX_CHUNKS * CHUNK_BYTES - 3] + b"..."
     if len(data) <= CHUNK_BYTES:
         return [mavlink.MAVLink_statustext_message(severity, data)]
     chunks = [data[at : at + CHUNK_BYTES] for at in range(0, len(data), CHUNK_BYTES)]

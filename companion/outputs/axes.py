@@ -1,0 +1,61 @@
+"""Between the map's east-north-up and the vehicle's forward-right-down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+_ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+class PoseLike(Protocol):
+    """Where the vehicle is and how it is turned, at a time of the companion clock."""
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+    @property
+    def position_enu_m(self) -> Floats: ...
+
+    @property
+    def rotation_enu_from_frd(self) -> Floats: ...
+
+
+def body_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
+    """Return (..., 3) points of the map relative to the vehicle in its body axes, m."""
+    offset = np.asarray(points_enu_m, dtype=np.float64) - pose.position_enu_m
+    return np.asarray(offset @ pose.rotation_enu_from_frd)
+
+
+def level_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
+    """Return (..., 3) points of the map relative to the vehicle, turned by its heading only, m."""
+    offset = np.asarray(points_enu_m, dtype=np.float64) - pose.position_enu_m
+    east, north = pose.rotation_enu_from_frd[:2, 0]
+    heading = math.atan2(east, north)
+    sine, cosine = math.sin(heading), math.cos(heading)
+    enu_from_level = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, -1.0]])
+    return np.asarray(offset @ enu_from_level)
+
+
+def rotation_enu_from_frd(quat_wxyz: Sequence[float]) -> Floats:
+    """Return the (3, 3) rotation of body forward-right-down into east-north-up.
+
+    Parameters
+    ----------
+    quat_wxyz
+        Unit quaternion that turns body forward-right-down into north-east-down, as ATTITUDE_QUATERNION.
+    """
+    w, x, y, z = quat_wxyz
+    ned_from_frd = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return np.asarray(_ENU_FROM_NED @ ned_from_frd)

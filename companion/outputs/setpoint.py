@@ -1,0 +1,107 @@
+"""Setpoints for the mode that follows them (GUIDED, OFFBOARD)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.link.vehicle import VehicleState
+from companion.outputs.axes import Floats
+
+_POSITION = (
+    mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+)
+_VELOCITY = (
+    mavlink.POSITION_TARGET_TYPEMASK_VX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_VY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_VZ_IGNORE
+)
+_ACCELERATION = (
+    mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AY_IGNORE
+    | mavlink.POSITION_TARGET_TYPEMASK_AZ_IGNORE
+)
+_YAW = mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+_YAW_RATE = mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+
+
+def velocity_setpoint(
+    vehicle: VehicleState, velocity_enu_ms: Sequence[float] | Floats, yaw_rad: float | None = None
+) -> Any:
+    """Return a velocity setpoint (SET_POSITION_TARGET_LOCAL_NED).
+
+    Parameters
+    ----------
+    vehicle
+        Whom it is for.
+    velocity_enu_ms
+        East, north, up, m/s.
+    yaw_rad
+        Heading to turn to, clockwise from north; None turns nowhere (yaw rate zero).
+
+    Raises
+    ------
+    ValueError
+        If a velocity or the heading is not finite: the vehicle must never get one.
+    """
+    east, north, up = (float(value) for value in velocity_enu_ms)
+    if not all(map(math.isfinite, (east, north, up, yaw_rad or 0.0))):
+        raise ValueError(f"velocity setpoint {east}, {north}, {up} m/s, heading {yaw_rad} is not finite")
+    mask = _POSITION | _ACCELERATION | (_YAW if yaw_rad is None else _YAW_RATE)
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        vehicle.boot_ms or 0,
+        vehicle.sysid or 0,
+        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        mask,
+        *(0.0, 0.0, 0.0),
+        *(north, east, -up),
+        *(0.0, 0.0, 0.0),
+        0.0 if yaw_rad is None else math.remainder(yaw_rad, 2 * math.pi),
+        0.0,
+    )
+
+
+def hold_setpoint(vehicle: VehicleState) -> Any:
+    """Return a setpoint that stops the vehicle where it is."""
+    return velocity_setpoint(vehicle, (0.0, 0.0, 0.0))
+
+
+def climb_setpoint(vehicle: VehicleState, climb_ms: float) -> Any:
+    """Return a setpoint straight up (or down, negative)."""
+    return velocity_setpoint(vehicle, (0.0, 0.0, climb_ms))
+
+
+def position_setpoint(
+    vehicle: VehicleState,
+    lat_deg: float,
+    lon_deg: float,
+    alt_msl_m: float,
+    yaw_rad: float | None = None,
+) -> Any:
+    """Return a position setpoint (SET_POSITION_TARGET_GLOBAL_INT, altitude above mean sea level).
+
+    ArduPilot's default avoidance stops velocity setpoints before a wall, but not position setpoints.
+    """
+    if not all(map(math.isfinite, (lat_deg, lon_deg, alt_msl_m, yaw_rad or 0.0))):
+        raise ValueError(f"position setpoint {lat_deg}, {lon_deg}, {alt_msl_m} m is not finite")
+    mask = _VELOCITY | _ACCELERATION | _YAW_RATE | (_YAW if yaw_rad is None else 0)
+    return mavlink.MAVLink_set_position_target_global_int_message(
+        vehicle.boot_ms or 0,
+        vehicle.sysid or 0,
+        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        mavlink.MAV_FRAME_GLOBAL_INT,
+        mask,
+        round(lat_deg * 1e7),
+        round(lon_deg * 1e7),
+        alt_msl_m,
+        *(0.0, 0.0, 0.0),
+        *(0.0, 0.0, 0.0),
+        0.0 if yaw_rad is None else math.remainder(yaw_rad, 2 * math.pi),
+        0.0,
+    )
