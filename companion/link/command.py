@@ -26,7 +26,7 @@ _OUTCOMES: dict[int, Outcome] = {
     mavlink.MAV_RESULT_DENIED: "denied",
     mavlink.MAV_RESULT_UNSUPPORTED: "unsupported",
     mavlink.MAV_RESULT_FAILED: "failed",
-    mavlink.MAV_RESULT_CANCELLED: "cancelled",
+    6: "cancelled",  # MAV_RESULT_CANCELLED, which the dialect lacks
 }
 # After "in progress" the autopilot owes further word within so long.
 PROGRESS_TIMEOUT_NS = 10_000_000_000

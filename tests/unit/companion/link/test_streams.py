@@ -1,0 +1,86 @@
+"""Streams are asked for once, again when they stay away, and not for ever at full pace."""
+
+from __future__ import annotations
+
+from companion.link.streams import StreamKeeper, wanted
+
+MS, S = 1_000_000, 1_000_000_000
+
+
+def asked_until(
+    keeper: StreamKeeper, begin_ns: int, end_ns: int, heard: dict[str, int] | None = None
+) -> list[str]:
+    """Accept every request at once, deliver `heard` streams at their intervals, return what was asked for."""
+    names = []
+    for now in range(begin_ns, end_ns, 10 * MS):
+        for name, interval_ns in heard.items():
+            if now % interval_ns == 0:
+                keeper.heard(name, now)
+        while stream := keeper.due(now):
+            names.append(stream.name)
+            keeper.asked(stream, now, accepted=True)
+    return names
+
+
+ALL = {stream.name: round(1e9 / stream.rate_hz) for stream in wanted("ardupilot", 50.0)}
+
+
+def keeper() -> StreamKeeper:
+    made = StreamKeeper()
+    made.want(wanted("ardupilot", 50.0))
+    return made
+
+
+def test_everything_is_asked_for_once_the_pose_first_and_then_it_flows() -> None:
+    names = asked_until(keeper(), 0, 30 * S, ALL)
+    assert names[:2] == ["ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT"]
+    assert sorted(names) == sorted(ALL)
+
+
+def test_a_stream_that_stays_away_is_asked_for_again_ever_more_seldom() -> None:
+    heard = {name: ns for name, ns in ALL.items() if name != "BATTERY_STATUS"}
+    kept = keeper()
+    names = asked_until(kept, 0, 120 * S, heard)
+    assert 4 <= names.count("BATTERY_STATUS") <= 8
+    assert kept.missing(120 * S) == ("BATTERY_STATUS",)
+    assert len(names) == len(ALL) - 1 + names.count("BATTERY_STATUS")
+
+
+def test_a_stream_that_ends_is_asked_for_within_three_seconds() -> None:
+    kept = keeper()
+    asked_until(kept, 0, 20 * S, ALL)
+    rest = {name: ns for name, ns in ALL.items() if name != "ATTITUDE_QUATERNION"}
+    assert asked_until(kept, 20 * S, 23 * S, rest) == ["ATTITUDE_QUATERNION"]
+
+
+def test_a_stream_slowed_by_another_program_is_asked_for_again() -> None:
+    kept = keeper()
+    asked_until(kept, 0, 20 * S, ALL)
+    slowed = ALL | {"GLOBAL_POSITION_INT": 250 * MS}
+    assert "GLOBAL_POSITION_INT" in asked_until(kept, 20 * S, 30 * S, slowed)
+
+
+def test_after_a_reboot_everything_is_asked_for_again() -> None:
+    kept = keeper()
+    asked_until(kept, 0, 20 * S, ALL)
+    kept.restart()
+    assert sorted(asked_until(kept, 20 * S, 21 * S, ALL)) == sorted(ALL)
+
+
+def test_a_refused_stream_does_not_keep_the_others_waiting() -> None:
+    kept = keeper()
+    first = kept.due(0)
+    assert first is not None
+    kept.asked(first, 0, accepted=False)
+    second = kept.due(0)
+    assert second is not None
+    assert second.name != first.name
+
+
+def test_px4_is_asked_for_its_local_frame_too() -> None:
+    names = {stream.name for stream in wanted("px4", 50.0)}
+    assert names >= {"LOCAL_POSITION_NED", "GPS_GLOBAL_ORIGIN"}
+
+
+def test_intervals_are_in_microseconds() -> None:
+    assert [s.interval_us for s in wanted("ardupilot", 50.0)][:3] == [20_000, 20_000, 200_000]
