@@ -54,8 +54,9 @@ def safe_map(
 
     A cell is safe when, over the square footprint about its centre, the best-fit plane is not steeper
     than the limit, the exact surface spans no more than the limit, peak to peak, about that plane (so
-    that a step counts with its height wherever it crosses the footprint), there is no water and no edge of the world. The surface is sampled at 0.1 m or less; objects thinner than the
-    sampling count with their full height wherever they touch a sample's square.
+    that a step counts with its height wherever it crosses the footprint), and there is no water and no
+    edge of the world. The surface is sampled at 0.1 m or less; objects thinner than the sampling count
+    with their full height wherever they touch a sample's square.
 
     Parameters
     ----------

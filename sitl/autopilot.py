@@ -1,0 +1,274 @@
+"""The simulated autopilot: ArduCopter's behaviour where a companion or a ground station can tell."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pymap3d
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.commands import Commands
+from sitl.control import VelocityLoop, attitude_for, rate_command
+from sitl.modes import Mode, Navigator
+from sitl.parameters import DEFAULTS
+from sitl.precland import PrecisionLanding
+from sitl.state import State, to_euler
+from sitl.telemetry import Telemetry
+
+F64 = NDArray[np.float64]
+Demand = tuple[F64, float]
+
+OUTER_LOOP_NS = 10_000_000
+LANDED_NS = 1_000_000_000
+RANGEFINDER_NS = 500_000_000
+
+
+class Autopilot:
+    """Modes, arming, guidance, precision landing, parameters and messages.
+
+    Parameters
+    ----------
+    origin_lla
+        Latitude, longitude (degrees) and altitude (m) of the world's origin.
+    parameters
+        Values that differ from `sitl.parameters.DEFAULTS`.
+    boot_offset_ns
+        Time since boot at the simulation's zero.
+    ready_after_s
+        Simulated seconds until the position estimate lets it arm.
+    """
+
+    sysid = 1
+    compid = 1
+
+    def __init__(
+        self,
+        origin_lla: tuple[float, float, float],
+        parameters: dict[str, float] | None = None,
+        *,
+        boot_offset_ns: int = 3_217_000_000,
+        ready_after_s: float = 5.0,
+    ) -> None:
+        self.origin_lla = origin_lla
+        self.parameters = DEFAULTS | (parameters or {})
+        self.boot_offset_ns = boot_offset_ns
+        self.mode = Mode.STABILIZE
+        self.armed = False
+        self.airborne = False
+        self.battery_pct = 100.0
+        self.truth_source: Callable[[], State] | None = None
+        self.precland = PrecisionLanding()
+        self.navigator = Navigator(self.parameters, self.precland)
+        self.commands = Commands(self)
+        self.telemetry = Telemetry(self)
+        self.mode_changes: list[tuple[int, str]] = []
+        self.estimate: State | None = None
+        self.rangefinder: tuple[int, float] | None = None
+        self._ready_ns = round(ready_after_s * 1e9)
+        self._now_ns = 0
+        self._outgoing: deque[tuple[int | None, Any]] = deque()
+        self._velocity = VelocityLoop()
+        self._yaw_rad: float | None = None
+        self._wanted: tuple[F64, float] = (np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
+        self._next_outer_ns = 0
+        self._settled_since_ns: int | None = None
+
+    # ---- what others ask --------------------------------------------------------------------------
+
+    @property
+    def mode_name(self) -> str:
+        return self.mode.name
+
+    @property
+    def landing_target_enu_m(self) -> F64 | None:
+        """Latest accepted LANDING_TARGET in the estimate's frame."""
+        return self.precland.latest_enu_m
+
+    @property
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    @property
+    def boot_ns(self) -> int:
+        """Time since boot, as every message stamps it."""
+        return self._now_ns + self.boot_offset_ns
+
+    @property
+    def position_ok(self) -> bool:
+        """Whether the estimator has a position good enough to arm on."""
+        return self._now_ns >= self._ready_ns
+
+    def add_link(self, link: int) -> None:
+        """Start the default streams on a link."""
+        self.telemetry.add_link(link, self._now_ns)
+
+    def receive(self, message: Any, link: int, now_ns: int) -> None:
+        """Take a message for this autopilot or for everybody."""
+        self._now_ns = max(self._now_ns, now_ns)
+        self.add_link(link)
+        self.commands.receive(message, link)
+
+    def send(self, message: Any, link: int | None = None) -> None:
+        """Queue a message for a link, or for all."""
+        self._outgoing.append((link, message))
+
+    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
+        """Send a STATUSTEXT to everybody."""
+        self.send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50], 0, 0))
+
+    def take_outgoing(self, now_ns: int) -> list[tuple[int | None, Any]]:
+        """Return what is to be sent now: link or None for all, and the message."""
+        self._now_ns = max(self._now_ns, now_ns)
+        self.telemetry.emit(self._now_ns)
+        out = list(self._outgoing)
+        self._outgoing.clear()
+        return out
+
+    def lla(self, enu_m: F64) -> tuple[float, float, float]:
+        """Return latitude, longitude, altitude of a point of the estimate's frame."""
+        lat, lon, alt = pymap3d.enu2geodetic(*(float(v) for v in enu_m), *self.origin_lla)
+        return float(lat), float(lon), float(alt)
+
+    def enu_m(self, lat_deg: float, lon_deg: float, alt_m: float) -> F64:
+        """Return a geodetic point in the estimate's frame."""
+        return np.array(pymap3d.geodetic2enu(lat_deg, lon_deg, alt_m, *self.origin_lla), np.float64)
+
+    @property
+    def height_above_home_m(self) -> float:
+        return (
+            0.0 if self.estimate is None else float(self.estimate.pos_enu_m[2] - self.navigator.home_enu_m[2])
+        )
+
+    # ---- what happens to it ------------------------------------------------------------------------
+
+    def set_mode(self, mode: Mode) -> bool:
+        """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
+        needs_position = mode in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
+        if self.estimate is None or (needs_position and not self.position_ok):
+            self.say(f"Mode change to {mode.name} failed: requires position", mavlink.MAV_SEVERITY_WARNING)
+            return False
+        if mode is not self.mode:
+            self.mode = mode
+            self.navigator.enter(mode, self.estimate)
+            self.mode_changes.append((self._now_ns, mode.name))
+            self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        return True
+
+    def arm(self) -> str | None:
+        """Arm; return the reason when that is refused."""
+        if self.armed:
+            return None
+        if not self.position_ok:
+            return "Arm: Need Position Estimate"
+        if self.mode in (Mode.LAND, Mode.RTL, Mode.BRAKE):
+            return f"Arm: {self.mode.name} mode not armable"
+        if self.estimate is not None:
+            self.navigator.home_enu_m = self.estimate.pos_enu_m.copy()
+            self._velocity.reset(np.zeros(3))
+        self.armed = True
+        self._yaw_rad = None
+        self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+        self.say("Arming motors")
+        return None
+
+    def disarm(self, *, force: bool = False) -> str | None:
+        """Disarm; return the reason when that is refused."""
+        if self.airborne and not force:
+            return "Disarm: vehicle is flying"
+        if self.armed:
+            self.armed = False
+            self.airborne = False
+            self.say("Disarming motors")
+            self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        return None
+
+    def take_off(self, height_m: float) -> str | None:
+        """Climb to a height above home; return the reason when that is refused."""
+        if self.mode is not Mode.GUIDED:
+            return "Takeoff: GUIDED needed"
+        if not self.armed or self.estimate is None:
+            return "Takeoff: not armed"
+        if self.airborne:
+            return "Takeoff: already flying"
+        self.navigator.enter(Mode.GUIDED, self.estimate)
+        self.navigator.takeoff_up_m = float(self.navigator.home_enu_m[2]) + height_m
+        return None
+
+    def step(self, dt_s: float, now_ns: int, estimate: State, on_ground: bool) -> Demand:
+        """Return the body rates (rad/s) and thrust (m/s2) wanted of the motors."""
+        self._now_ns = now_ns
+        first = self.estimate is None
+        self.estimate = estimate
+        if first:
+            self.navigator.home_enu_m = estimate.pos_enu_m.copy()
+            self.navigator.enter(self.mode, estimate)
+        if not self.armed:
+            self.airborne = False
+            return np.zeros(3), 0.0
+        if now_ns >= self._next_outer_ns:
+            self._next_outer_ns = now_ns + OUTER_LOOP_NS
+            self.precland.remember(now_ns, estimate)
+            self._outer(now_ns, estimate, on_ground)
+        quat, thrust = self._wanted
+        return rate_command(estimate.quat_wxyz, quat), thrust
+
+    def _outer(self, now_ns: int, estimate: State, on_ground: bool) -> None:
+        dt_s = OUTER_LOOP_NS * 1e-9
+        self.battery_pct = max(0.0, self.battery_pct - 100 * dt_s / (20 * 60))
+        self.airborne = self.airborne or not on_ground
+        wants_up = self.navigator.takeoff_up_m is not None
+        if on_ground and not wants_up:
+            self._on_ground(now_ns)
+            self._velocity.reset(np.zeros(3))
+            self._wanted = (_level(estimate), 2.0 if self.armed else 0.0)
+            return
+        self._settled_since_ns = None
+        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._height_above_ground())
+        acceleration = self._velocity.acceleration(
+            velocity, estimate, dt_s, self.parameters["WPNAV_ACCEL"] / 100
+        )
+        self._wanted = attitude_for(acceleration, self._slew_yaw(estimate, dt_s))
+
+    def _on_ground(self, now_ns: int) -> None:
+        """Disarm after a second on the ground in a landing mode, as the land detector does."""
+        if self._settled_since_ns is None:
+            self._settled_since_ns = now_ns
+        elif now_ns - self._settled_since_ns > LANDED_NS and self.mode in (Mode.LAND, Mode.RTL):
+            self.airborne = False
+            self.disarm()
+        elif now_ns - self._settled_since_ns > LANDED_NS:
+            self.airborne = False
+
+    def _height_above_ground(self) -> float:
+        p = self.parameters
+        if p["RNGFND1_TYPE"] == 10 and self.rangefinder is not None:
+            stamp, distance = self.rangefinder
+            fresh = self._now_ns - stamp < RANGEFINDER_NS
+            if fresh and p["RNGFND1_MIN"] <= distance <= p["RNGFND1_MAX"]:
+                return distance
+        return self.height_above_home_m
+
+    def _slew_yaw(self, estimate: State, dt_s: float) -> float:
+        """Turn the wanted heading towards what GUIDED asked for, at 60 degrees per second at most."""
+        if self._yaw_rad is None:
+            self._yaw_rad = to_euler(estimate.quat_wxyz)[2]
+        guided = self.navigator.guided
+        if self.mode is Mode.GUIDED:
+            if guided.yaw_rate_rad_s is not None:
+                self._yaw_rad += guided.yaw_rate_rad_s * dt_s
+            elif guided.yaw_rad is not None:
+                error = math.remainder(guided.yaw_rad - self._yaw_rad, 2 * math.pi)
+                step = math.radians(60) * dt_s
+                self._yaw_rad += max(-step, min(step, error))
+        return self._yaw_rad
+
+
+def _level(estimate: State) -> F64:
+    _, _, yaw = to_euler(estimate.quat_wxyz)
+    return np.array([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])

@@ -1,0 +1,129 @@
+"""Flight modes, and what each makes the vehicle do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.control import approach
+from sitl.precland import PrecisionLanding
+from sitl.state import State
+
+F64 = NDArray[np.float64]
+
+
+class Mode(IntEnum):
+    """ArduCopter's custom_mode numbers."""
+
+    STABILIZE = 0
+    ALT_HOLD = 2
+    GUIDED = 4
+    LOITER = 5
+    RTL = 6
+    LAND = 9
+    BRAKE = 17
+
+
+@dataclass(slots=True)
+class GuidedTarget:
+    """What GUIDED was last told: a position, a velocity, or both, and a heading or turn rate."""
+
+    position_enu_m: F64 | None = None
+    velocity_enu_ms: F64 | None = None
+    yaw_rad: float | None = None
+    yaw_rate_rad_s: float | None = None
+    stamp_ns: int = 0
+
+
+@dataclass(slots=True)
+class Navigator:
+    """Works out the velocity wanted, by mode.
+
+    height_above_ground_m is the rangefinder's where one is healthy, else the height above home, as the
+    autopilot has it.
+    """
+
+    parameters: dict[str, float]
+    precland: PrecisionLanding
+    home_enu_m: F64 = field(default_factory=lambda: np.zeros(3))
+    hold_enu_m: F64 = field(default_factory=lambda: np.zeros(3))
+    guided: GuidedTarget = field(default_factory=GuidedTarget)
+    takeoff_up_m: float | None = None
+    climbing: bool = False
+
+    def enter(self, mode: Mode, state: State) -> None:
+        """Start a mode from where the vehicle is."""
+        stop = state.vel_enu_ms * np.array([0.6, 0.6, 0.3])
+        self.hold_enu_m = state.pos_enu_m + stop
+        self.guided = GuidedTarget(position_enu_m=self.hold_enu_m.copy())
+        self.takeoff_up_m = None
+        self.climbing = mode is Mode.RTL
+
+    def velocity(self, mode: Mode, state: State, now_ns: int, height_above_ground_m: float) -> F64:
+        """Return the velocity wanted (3,) east, north, up."""
+        if self.takeoff_up_m is not None:
+            return self._take_off(state)
+        if mode is Mode.GUIDED:
+            return self._guided(state, now_ns)
+        if mode is Mode.LAND:
+            return self._land(state, now_ns, height_above_ground_m)
+        if mode is Mode.RTL:
+            return self._return(state, now_ns, height_above_ground_m)
+        return self._hold(self.hold_enu_m, state)
+
+    def _hold(self, target_enu_m: F64, state: State) -> F64:
+        p = self.parameters
+        offset = target_enu_m - state.pos_enu_m
+        out = np.zeros(3)
+        out[:2] = approach(offset[:2], p["WPNAV_SPEED"] / 100, p["WPNAV_ACCEL"] / 100)
+        limit = p["WPNAV_SPEED_UP"] if offset[2] > 0 else p["WPNAV_SPEED_DN"]
+        out[2] = approach(offset[2], limit / 100, 1.0)
+        return out
+
+    def _take_off(self, state: State) -> F64:
+        up = self.takeoff_up_m or 0.0
+        if state.pos_enu_m[2] > up - 0.3:
+            self.takeoff_up_m = None
+            self.guided = GuidedTarget(position_enu_m=np.array([*self.hold_enu_m[:2], up]))
+        return self._hold(np.array([*self.hold_enu_m[:2], up]), state)
+
+    def _guided(self, state: State, now_ns: int) -> F64:
+        g = self.guided
+        if g.velocity_enu_ms is None:
+            return self._hold(self.hold_enu_m if g.position_enu_m is None else g.position_enu_m, state)
+        if now_ns - g.stamp_ns > self.parameters["GUID_TIMEOUT"] * 1e9:
+            return np.zeros(3)
+        wanted = g.velocity_enu_ms.copy()
+        if g.position_enu_m is not None:
+            wanted = wanted + self._hold(g.position_enu_m, state)
+        return wanted
+
+    def _land(self, state: State, now_ns: int, height_above_ground_m: float) -> F64:
+        """Sink over the precision-landing target while it is believed, else over where it is."""
+        p = self.parameters
+        target = self.precland.target(now_ns) if p["PLND_ENABLED"] else None
+        if target is not None:
+            self.hold_enu_m = np.array([target[0], target[1], state.pos_enu_m[2]])
+        out = self._hold(self.hold_enu_m, state)
+        low = height_above_ground_m < p["LAND_ALT_LOW"] / 100
+        speed = p["LAND_SPEED"] if low else p["LAND_SPEED_HIGH"] or p["WPNAV_SPEED_DN"]
+        out[2] = -speed / 100
+        if target is not None and height_above_ground_m < 2.0:
+            error = float(np.hypot(*(target[:2] - state.pos_enu_m[:2])))
+            out[2] *= max(0.2, 1.0 - error)  # slower while off the target, near the ground
+        return out
+
+    def _return(self, state: State, now_ns: int, height_above_ground_m: float) -> F64:
+        top = max(self.hold_enu_m[2], self.home_enu_m[2] + self.parameters["RTL_ALT"] / 100)
+        if self.climbing:
+            if state.pos_enu_m[2] > top - 0.5:
+                self.climbing = False
+            return self._hold(np.array([*self.hold_enu_m[:2], top]), state)
+        home = np.array([*self.home_enu_m[:2], top])
+        if float(np.hypot(*(home[:2] - state.pos_enu_m[:2]))) > 0.7:
+            return self._hold(home, state)
+        self.hold_enu_m = np.array([*self.home_enu_m[:2], self.hold_enu_m[2]])
+        return self._land(state, now_ns, height_above_ground_m)

@@ -1,0 +1,40 @@
+"""Parameters of the simulated autopilot: ArduCopter's names, units and defaults, set up for a companion."""
+
+from __future__ import annotations
+
+DEFAULTS: dict[str, float] = {
+    "SYSID_THISMAV": 1,
+    "ARMING_CHECK": 1,
+    "AVOID_ENABLE": 3,
+    "BATT_CAPACITY": 5200,
+    "BATT_LOW_VOLT": 0,
+    "FRAME_CLASS": 1,
+    "FRAME_TYPE": 1,
+    "FS_GCS_ENABLE": 0,
+    "GUID_TIMEOUT": 3.0,
+    "LAND_ALT_LOW": 1000,  # cm
+    "LAND_SPEED": 50,  # cm/s
+    "LAND_SPEED_HIGH": 0,  # cm/s, 0 takes WPNAV_SPEED_DN
+    "PLND_ENABLED": 1,
+    "PLND_TYPE": 1,
+    "PLND_EST_TYPE": 1,
+    "PLND_LAG": 0.02,
+    "PLND_TIMEOUT": 4,
+    "PLND_STRICT": 1,
+    "PLND_ALT_MIN": 0.75,
+    "PLND_ALT_MAX": 8,
+    "PRX1_TYPE": 2,
+    "RNGFND1_TYPE": 10,
+    "RNGFND1_MIN": 0.2,
+    "RNGFND1_MAX": 70,
+    "RNGFND1_ORIENT": 25,
+    "RTL_ALT": 1500,  # cm
+    "RTL_SPEED": 0,
+    "SERIAL1_BAUD": 921,
+    "SERIAL1_PROTOCOL": 2,
+    "WPNAV_ACCEL": 250,  # cm/s2
+    "WPNAV_SPEED": 500,  # cm/s
+    "WPNAV_SPEED_DN": 150,
+    "WPNAV_SPEED_UP": 250,
+    "WP_YAW_BEHAVIOR": 2,
+}
