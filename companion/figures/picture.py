@@ -1,0 +1,72 @@
+"""Maps thinned to what a screen shows, shaded by a low sun."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from params import Parameters
+from slz import TerrainMaps, Zone
+
+MOST_PIXELS = 2400  # on a side; larger maps are thinned before they are drawn
+FILL_CELLS = 2  # cells without a return this near to one take its height, in pictures only
+FLAT = 0.7  # light on flat ground
+
+
+class Picture:
+    """Maps thinned to what a screen shows, and what all pictures need of them."""
+
+    def __init__(self, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters) -> None:
+        self.maps, self.zones, self.parameters = maps, zones, parameters
+        rows, cols = maps.box.shape
+        step = self.step = max(1, math.ceil(max(rows, cols) / MOST_PIXELS))
+        self.cell_m = maps.grid.cell_m * step
+        rows, cols = math.ceil(rows / step), math.ceil(cols / step)
+        self.extent_m = cols * self.cell_m, rows * self.cell_m
+        west, south = maps.west_m, maps.south_m
+        self.bounds = west, west + self.extent_m[0], south, south + self.extent_m[1]
+        self.state = maps.state[::step, ::step]
+        self.height_m = _filled(maps.height_m[::step, ::step])
+        self.shade = _shade(self.height_m, self.cell_m)
+
+    def zone_cells(self, zone: Zone) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
+        """Return the thinned cells of a zone and where they lie in the picture."""
+        row = zone.box.row0 - self.maps.box.row0
+        col = zone.box.col0 - self.maps.box.col0
+        first_row, first_col = -row % self.step, -col % self.step
+        cells = zone.cells[first_row :: self.step, first_col :: self.step] == 1
+        row, col = (row + first_row) // self.step, (col + first_col) // self.step
+        return cells, (slice(row, row + cells.shape[0]), slice(col, col + cells.shape[1]))
+
+    def all_zones(self) -> NDArray[np.bool_]:
+        mask = np.zeros(self.state.shape, bool)
+        for zone in self.zones:
+            cells, where = self.zone_cells(zone)
+            mask[where] |= cells
+        return mask
+
+
+def _filled(height_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return heights with the nearest one put into small gaps, for the eye."""
+    unknown = np.isnan(height_m)
+    if unknown.all() or not unknown.any():
+        return height_m
+    distance, where = ndimage.distance_transform_edt(unknown, return_indices=True)
+    filled: NDArray[np.float32] = height_m[tuple(where)]
+    filled[distance > FILL_CELLS] = np.nan
+    return filled
+
+
+def _shade(height_m: NDArray[np.float32], cell_m: float) -> NDArray[np.float64]:
+    """Return the light from the north-west at 45 degrees, 0 to 1; flat and unknown ground at 0.7."""
+    level = np.nanmedian(height_m) if np.isfinite(height_m).any() else 0.0
+    known = np.where(np.isnan(height_m), level, height_m)
+    if min(known.shape) < 2:
+        return np.full(known.shape, FLAT)
+    north, east = np.gradient(known.astype(np.float64), cell_m)
+    light = (1 + (east - north) / math.sqrt(2)) / np.sqrt(2 * (1 + east**2 + north**2))
+    shade = np.clip(light, 0, 1)
+    return np.where(np.isnan(height_m), FLAT, shade)
