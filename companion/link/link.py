@@ -239,7 +239,7 @@ class Link:
         except BaseExceptionGroup as failures:
             raise failures.exceptions[0] from None
         finally:
-            self._set_connected(False)
+            self.connected = False
             self._stop = None
             self._ended.set()
 

@@ -23,7 +23,14 @@ async def open_serial(url: Url, on_bytes: OnBytes) -> Channel:
     """Open the device for nobody else; raise OSError when that fails."""
     if not os.path.exists(url.device):  # noqa: ASYNC240 - a look at /dev never waits
         raise FileNotFoundError(2, "no such device", url.device)
-    return SerialChannel(serial.Serial(url.device, baudrate=url.baud, exclusive=True, timeout=0), on_bytes)
+    try:
+        port = serial.Serial(url.device, baudrate=url.baud, exclusive=True, timeout=0)
+    except serial.SerialException as error:
+        cause = error.__context__
+        if isinstance(cause, termios.error):  # pyserial hides its number in the text
+            raise OSError(*cause.args) from None
+        raise
+    return SerialChannel(port, on_bytes)
 
 
 class SerialChannel:

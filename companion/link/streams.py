@@ -106,9 +106,9 @@ class StreamKeeper:
         self._slow.discard(name)
 
     def missing(self, now_ns: int) -> tuple[str, ...]:
-        """Return the names of streams that were asked for and are away or slow."""
+        """Return the names of streams that were asked for and never came, are away, or are slow."""
         asked = (s for s in self._streams.values() if s.name in self._asked_ns)
-        return tuple(stream.name for stream in asked if self._lacks(stream, now_ns))
+        return tuple(s.name for s in asked if s.name not in self._heard_ns or self._lacks(s, now_ns))
 
     def _is_due(self, stream: Stream, now_ns: int) -> bool:
         asked = self._asked_ns.get(stream.name)

@@ -1,0 +1,301 @@
+"""The link against an autopilot over UDP: found, followed, commanded, lost and found again."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.clock import now_ns
+from companion.link.link import Link
+from companion.link.operator import CommandReply, OperatorCommand
+from params import Parameters
+from tests.integration.link_bench import (
+    GUIDED,
+    LAND,
+    autopilot_over_udp,
+    free_port,
+    running,
+    until,
+    virtually,
+)
+
+USER, DO_SET_MODE = mavlink.MAV_CMD_USER_1, mavlink.MAV_CMD_DO_SET_MODE
+MS = 1_000_000
+
+
+def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port, system=7):
+            await until(lambda: link.connected)
+            await asyncio.sleep(10)
+            statistics = link.statistics()
+            vehicle = link.vehicle
+            assert (vehicle.sysid, vehicle.autopilot, vehicle.mode) == (7, "ardupilot", "LOITER")
+            assert statistics.rates_hz["ATTITUDE_QUATERNION"] == pytest.approx(50, abs=3)
+            assert statistics.rates_hz["GLOBAL_POSITION_INT"] == pytest.approx(50, abs=3)
+            assert vehicle.landed == "in_air"
+            assert statistics.lost == statistics.bad == statistics.bad_bytes == 0
+            assert statistics.missing == ("HOME_POSITION", "SYS_STATUS", "BATTERY_STATUS")
+
+    virtually(flight)
+
+
+def test_our_heartbeat_comes_every_second_from_the_vehicle_s_system() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with (
+            running(f"udpin:127.0.0.1:{port}") as link,
+            autopilot_over_udp(port, system=7) as autopilot,
+        ):
+            await until(lambda: link.connected)
+            link.ready = True
+            autopilot.received.clear()
+            await asyncio.sleep(10.05)
+            beats = autopilot.heard("HEARTBEAT")
+            assert len(beats) in (10, 11)
+            last = beats[-1]
+            assert (last.type, last.autopilot, last.system_status) == (18, 8, mavlink.MAV_STATE_ACTIVE)
+            assert (last.get_srcSystem(), last.get_srcComponent()) == (7, 191)
+
+    virtually(flight)
+
+
+def test_poses_are_stamped_in_our_clock_whatever_their_way_took() -> None:
+    async def flight() -> None:
+        port = free_port()
+        errors: list[float] = []
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.timesync.synced)
+            sent: dict[int, int] = {}
+            link.subscribe("ATTITUDE_QUATERNION", lambda m, _: sent.update(last=m.time_boot_ms))
+            link.on_attitude.subscribe(lambda stamp, quat, rates: errors.append(stamp))
+            autopilot.delay_s = 0.3
+            await asyncio.sleep(1)
+            errors.clear()
+            await asyncio.sleep(1)
+            assert link.statistics().time_source == "timesync"
+            true_ns = autopilot.booted_ns + sent["last"] * MS
+            assert errors[-1] == pytest.approx(true_ns, abs=3 * MS)
+            assert now_ns() - errors[-1] > 290 * MS
+
+    virtually(flight)
+
+
+def test_positions_come_as_degrees_metres_and_north_east_down() -> None:
+    async def flight() -> None:
+        port = free_port()
+        seen: list[Any] = []
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port):
+            link.on_position.subscribe(lambda *position: seen.append(position))
+            await until(lambda: seen)
+            assert seen[0][1:] == (pytest.approx(47.0), pytest.approx(8.0), 412.0, (1.0, 2.0, -0.5))
+
+    virtually(flight)
+
+
+def test_silence_is_noticed_after_the_time_out_and_the_streams_are_asked_for_when_it_ends() -> None:
+    async def flight() -> None:
+        port = free_port()
+        changes: list[tuple[bool, int]] = []
+        async with (
+            running(f"udpin:127.0.0.1:{port}", link_timeout_s=3.0) as link,
+            autopilot_over_udp(port) as autopilot,
+        ):
+            await until(lambda: link.connected)
+            await asyncio.sleep(3)
+            link.on_connection.subscribe(lambda connected: changes.append((connected, now_ns())))
+            autopilot.mute, begun_ns = True, now_ns()
+            await until(lambda: changes)
+            assert changes[0][0] is False
+            assert 2.0e9 <= changes[0][1] - begun_ns <= 3.2e9
+            autopilot.mute = False
+            autopilot.intervals_s.clear()
+            await until(lambda: link.connected)
+            await until(lambda: len(autopilot.intervals_s) == 7, 3)
+
+    virtually(flight)
+
+
+def test_after_a_reboot_the_clock_and_the_streams_begin_anew() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.timesync.synced)
+            await until(lambda: link.vehicle.position_lla)
+            stamps: list[int] = []
+            link.on_attitude.subscribe(lambda stamp, quat, rates: stamps.append(stamp))
+            autopilot.reboot()
+            # Its default streams tell of the reboot before anything is asked for.
+            autopilot.intervals_s[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = 0.25
+            await until(lambda: link.vehicle.reboots == 1)
+            assert not link.timesync.synced
+            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == 7)
+            await asyncio.sleep(1)
+            assert now_ns() - 50 * MS <= stamps[-1] <= now_ns()
+            assert stamps == sorted(stamps)
+
+    virtually(flight)
+
+
+def test_another_vehicle_on_the_wire_is_ignored_even_when_ours_is_lost() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.vehicle.position_lla)
+            autopilot.intervals_s.clear()
+            autopilot.mute = True
+            async with autopilot_over_udp(port, system=2, mode=LAND):
+                await until(lambda: not link.connected)
+                await asyncio.sleep(5)
+            assert (link.vehicle.sysid, link.vehicle.mode, link.connected) == (1, "LOITER", False)
+            assert link.statistics().foreign >= 10
+
+    virtually(flight)
+
+
+def test_a_command_is_repeated_until_it_is_heard() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.connected)
+            autopilot.deaf_to[400] = 2
+            result = await link.command(400, 1.0)
+            assert (result.ok, result.tries) == (True, 3)
+            sent = [m.confirmation for m in autopilot.heard("COMMAND_LONG") if m.command == 400]
+            assert sent == [0, 1, 2]
+            autopilot.deaf_to[400] = 99
+            assert (await link.command(400, 1.0, tries=2)).outcome == "timeout"
+
+    virtually(flight)
+
+
+def test_a_mode_counts_only_when_the_vehicle_says_that_it_is_in_it() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.connected)
+            assert (await link.set_mode("GUIDED")).ok
+            assert link.vehicle.guided
+            autopilot.obeys_modes = False
+            assert (await link.set_mode("LAND")).outcome == "unconfirmed"
+            assert (await link.set_mode("OFFBOARD")).outcome == "unsupported"
+
+    virtually(flight)
+
+
+def test_a_newer_mode_takes_the_place_of_one_that_gets_no_answer() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.connected)
+            autopilot.deaf_to[DO_SET_MODE] = 1
+            first = asyncio.create_task(link.set_mode("GUIDED"))
+            await asyncio.sleep(0.2)
+            second = await link.set_mode("LAND")
+            assert (await first).outcome == "superseded"
+            assert second.ok
+            assert autopilot.mode == LAND
+
+    virtually(flight)
+
+
+def test_before_a_vehicle_is_known_nothing_can_be_commanded() -> None:
+    async def flight() -> None:
+        async with running(f"udpin:127.0.0.1:{free_port()}") as link:
+            assert (await link.command(400, 1.0)).outcome == "not_connected"
+            assert (await link.set_mode("LAND")).outcome == "unsupported"
+
+    virtually(flight)
+
+
+def test_an_operator_is_obeyed_once_answered_twice_and_told_why_not() -> None:
+    async def flight() -> None:
+        port = free_port()
+        done: list[OperatorCommand] = []
+        reason = "no zone is safe enough, climb and look again at the other side"
+
+        def carry_out(command: OperatorCommand) -> CommandReply:
+            done.append(command)
+            return CommandReply.denied(reason)
+
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.connected)
+            link.on_command(carry_out)
+            for confirmation in (0, 1):
+                order = mavlink.MAVLink_command_long_message(1, 191, USER, confirmation, 1, 0, 0, 0, 0, 0, 0)
+                autopilot.send(order, system=255, component=190)
+            everybody = mavlink.MAVLink_command_long_message(0, 0, USER, 0, 1, 0, 0, 0, 0, 0, 0)
+            autopilot.send(everybody, system=255, component=190)
+            await until(lambda: len(autopilot.heard("COMMAND_ACK")) == 2)
+            await asyncio.sleep(1)
+            assert len(done) == 1
+            acks = autopilot.heard("COMMAND_ACK")
+            assert [(a.result, a.target_system, a.target_component) for a in acks] == [(2, 255, 190)] * 2
+            texts = autopilot.heard("STATUSTEXT")
+            assert "".join(t.text for t in texts) == reason
+            assert [(t.chunk_seq, t.severity) for t in texts] == [(0, 4), (1, 4)]
+
+    virtually(flight)
+
+
+def test_the_autopilot_s_own_timesync_is_answered_in_our_clock() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
+            await until(lambda: link.connected)
+            autopilot.send(mavlink.MAVLink_timesync_message(0, 4242))
+            await until(lambda: any(m.ts1 == 4242 for m in autopilot.heard("TIMESYNC")))
+            reply = next(m for m in autopilot.heard("TIMESYNC") if m.ts1 == 4242)
+            assert 0 <= now_ns() - reply.tc1 <= 50 * MS
+
+    virtually(flight)
+
+
+def test_a_subscriber_s_fault_ends_the_link_instead_of_passing_unseen() -> None:
+    async def flight() -> None:
+        port = free_port()
+
+        def fail(message: Any, at_ns: int) -> None:
+            raise ZeroDivisionError("mine")
+
+        async with autopilot_over_udp(port):
+            link = Link(f"udpin:127.0.0.1:{port}", Parameters())
+            link.subscribe("HEARTBEAT", fail)
+            with pytest.raises(ZeroDivisionError, match="mine"):
+                await link.run()
+
+    virtually(flight)
+
+
+def test_closing_says_good_bye_and_leaves_no_task() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with autopilot_over_udp(port) as autopilot:
+            before = asyncio.all_tasks()
+            async with running(f"udpin:127.0.0.1:{port}") as link:
+                await until(lambda: link.connected)
+            await asyncio.sleep(0.1)
+            assert asyncio.all_tasks() == before
+            assert autopilot.heard("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_POWEROFF
+            await link.close()
+
+    virtually(flight)
+
+
+def test_a_subscription_ends_when_asked_to() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port, mode=GUIDED):
+            beats: list[Any] = []
+            unsubscribe = link.subscribe("HEARTBEAT", lambda message, at_ns: beats.append(message))
+            await until(lambda: len(beats) == 2)
+            unsubscribe()
+            unsubscribe()
+            await asyncio.sleep(3)
+            assert len(beats) == 2
+
+    virtually(flight)
