@@ -62,7 +62,9 @@ def _log(verbose: bool) -> None:
 
 @app.command()
 def demo(
-    scene: Annotated[str, typer.Option(help="stadium, plain, hill, streets, mountains or dense.")] = "stadium",
+    scene: Annotated[
+        str, typer.Option(help="stadium, plain, hill, streets, mountains or dense.")
+    ] = "stadium",
     sensor: Annotated[str, typer.Option(help="lidar.")] = "lidar",
     seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
     speedup: Annotated[
@@ -107,7 +109,9 @@ def sim(context: typer.Context) -> None:
 def run(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
     lidar: Annotated[str, typer.Option(help="livox:HOST:PORT")],
-    land: Annotated[str, typer.Option(help="ask: wait for the operator. auto: land without further word.")] = "ask",
+    land: Annotated[
+        str, typer.Option(help="ask: wait for the operator. auto: land without further word.")
+    ] = "ask",
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,

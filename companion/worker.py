@@ -84,10 +84,7 @@ class PipelineWorker:
             self._pipeline.select(point)
         return self._pipeline.process(window)
 
-    async def maps(self) -> TerrainMaps | None:
-        """Return copies of the maps over all ground seen."""
-        return await asyncio.get_running_loop().run_in_executor(self._thread, self._pipeline.maps)
-
-    def close(self) -> None:
-        """Let the thread end after the window under way."""
-        self._thread.shutdown(wait=False, cancel_futures=True)
+    def close(self) -> TerrainMaps | None:
+        """End the thread after the window under way; return the last maps."""
+        self._thread.shutdown(wait=True, cancel_futures=True)
+        return self._pipeline.maps()

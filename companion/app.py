@@ -1,0 +1,311 @@
+"""Wires everything: link, LiDAR, fusion, pipeline, executive, outputs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Coroutine
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.clock import now_ns
+from companion.fusion.assembler import ScanAssembler
+from companion.fusion.pose_history import PoseHistory
+from companion.landing.executive import FLYING, Executive, Phase, Severity, Situation
+from companion.landing.operator import Operator
+from companion.link.link import Link
+from companion.obstacles import ObstacleMemory
+from companion.outputs.axes import level_frd_m
+from companion.outputs.distance_sensor import downward_distance
+from companion.outputs.landing_target import landing_target
+from companion.outputs.obstacle_distance import obstacle_distance
+from companion.outputs.setpoint import velocity_setpoint
+from companion.sensors.driver import open_lidar
+from companion.worker import PipelineWorker
+from params import Parameters
+from slz import Report, Scan, TerrainMaps, Zone
+
+log = logging.getLogger(__name__)
+
+STEP_S = 0.05
+PATH_STEP_NS = 200_000_000
+
+
+class Companion:
+    """The whole application.
+
+    Parameters
+    ----------
+    mavlink_url, lidar_url
+        As on the command line.
+    auto
+        Land without being asked.
+
+    Raises
+    ------
+    UsageError
+        A URL is wrong or its port is in use.
+    """
+
+    def __init__(self, mavlink_url: str, lidar_url: str, parameters: Parameters, *, auto: bool) -> None:
+        self.parameters = parameters
+        self.link = Link(mavlink_url, parameters)
+        self.history = PoseHistory(parameters)
+        self.worker = PipelineWorker(parameters, self._on_report)
+        self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
+        self.lidar = open_lidar(lidar_url, parameters, self.assembler.add)
+        self.executive = Executive(parameters, auto)
+        self.obstacles = ObstacleMemory()
+        self.report: Report | None = None
+        self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)
+        self.zones_seen: dict[int, Zone] = {}
+        self.maps: TerrainMaps | None = None
+        self._last_scan_ns: int | None = None
+        self._last_report_ns: int | None = None
+        self._last_path_ns = 0
+        self._mode_change: asyncio.Task[None] | None = None
+        self._stop = asyncio.Event()
+        self._was_lost = False
+
+    # ---- life -----------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Run until `stop`; any essential part that fails ends it with that part's error."""
+        self.link.on_attitude.subscribe(self.history.add_attitude)
+        self.link.on_position.subscribe(self.history.add_position)
+        self.link.on_command(Operator(self).answer)
+        try:
+            async with asyncio.TaskGroup() as group:
+                parts: dict[str, Coroutine[Any, Any, None]] = {
+                    "link": self.link.run(),
+                    "lidar": self.lidar.run(),
+                    "ready": self._get_ready(),
+                    "stopper": self._wait_for_stop(),
+                }
+                for name, part in parts.items():
+                    group.create_task(part, name=name)
+        except* _Stopped:
+            pass
+        except* Exception as errors:
+            raise _first(errors) from None
+        finally:
+            self.maps = self.worker.close()
+
+    def stop(self) -> None:
+        """End `run`, after telling whoever listens."""
+        self._stop.set()
+
+    async def _get_ready(self) -> None:
+        """Warm up, then start deciding: nothing compiles in flight, and nothing commands before."""
+        self.link.ready = False
+        await self.worker.warm_up()
+        self.link.ready = True
+        log.info("ready")
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self.worker.run(), name="pipeline")
+            group.create_task(self._decide(), name="executive")
+            group.create_task(self._send_obstacles(), name="obstacles")
+
+    async def _wait_for_stop(self) -> None:
+        await self._stop.wait()
+        flying = self.executive.phase in FLYING
+        text = "SLZ: companion stops, take over" if flying else "SLZ: companion stops"
+        self.link.statustext(text, Severity.CRITICAL.value if flying else Severity.NOTICE.value)
+        if flying and self.link.vehicle.guided:
+            self.link.send(velocity_setpoint(self.link.vehicle, np.zeros(3), None))
+        await asyncio.sleep(0.2)
+        await self.link.close()
+        raise _Stopped
+
+    # ---- data -----------------------------------------------------------------------------------
+
+    def _on_scan(self, scan: Scan) -> None:
+        self._last_scan_ns = now_ns()
+        self.obstacles.add(scan)
+        self.worker.offer(scan)
+
+    def _on_report(self, report: Report) -> None:
+        self.report = report
+        self._last_report_ns = now_ns()
+        for zone in report.zones:
+            self.zones_seen[zone.id] = zone
+
+    def situation(self) -> Situation:
+        """Return what is known now, as the executive sees it."""
+        now = now_ns()
+        vehicle = self.link.vehicle
+        pose = self.history.latest(now)
+        fresh = self._report_is_fresh(now)
+        landed = vehicle.landed
+        return Situation(
+            now_ns=now,
+            connected=self.link.connected,
+            armed=vehicle.armed,
+            guided=vehicle.guided,
+            landing=vehicle.landing,
+            mode=vehicle.mode,
+            on_ground=None if landed == "unknown" else landed == "on_ground",
+            position_enu_m=None if pose is None else pose.position_enu_m,
+            velocity_enu_ms=None if pose is None else pose.velocity_enu_ms,
+            height_above_home_m=vehicle.relative_alt_m or 0.0,
+            lidar_ok=self._scans_are_fresh(now) and fresh and not self.worker.invalid,
+            report=self.report if fresh else None,
+            selected=self.report.selected if fresh and self.report else None,
+        )
+
+    def _scans_are_fresh(self, now: int) -> bool:
+        limit = self.parameters.lidar_timeout_s * 1e9
+        return self._last_scan_ns is not None and now - self._last_scan_ns < limit
+
+    def _report_is_fresh(self, now: int) -> bool:
+        limit = (2 * self.parameters.window_s + 1.0) * 1e9
+        return self._last_report_ns is not None and now - self._last_report_ns < limit
+
+    # ---- decisions and streams ------------------------------------------------------------------
+
+    async def _decide(self) -> None:
+        """Step the executive at 20 Hz and carry out its orders."""
+        loop = asyncio.get_running_loop()
+        next_s = loop.time()
+        while True:
+            self._tick()
+            next_s = max(next_s + STEP_S, loop.time())
+            await asyncio.sleep(next_s - loop.time())
+
+    def _tick(self) -> None:
+        situation = self.situation()
+        orders = self.executive.step(situation)
+        for severity, text in orders.texts:
+            log.info(text)
+            self.link.statustext(text, severity.value)
+        if orders.select_enu_m is not None:
+            self.worker.select(orders.select_enu_m)
+        if orders.mode is not None:
+            self._change_mode(orders.mode)
+        vehicle = self.link.vehicle
+        if orders.velocity_enu_ms is not None and vehicle.guided:
+            self.link.send(velocity_setpoint(vehicle, orders.velocity_enu_ms, orders.yaw_rad))
+        if orders.target_enu_m is not None:
+            self._send_target(orders.target_enu_m)
+        self._follow(situation)
+
+    def _change_mode(self, kind: str) -> None:
+        if self._mode_change is not None and not self._mode_change.done():
+            return
+        px4 = self.link.vehicle.autopilot == "px4"
+        mode = {"guided": "OFFBOARD" if px4 else "GUIDED", "land": "AUTO.PRECLAND" if px4 else "LAND"}[kind]
+        self._mode_change = asyncio.create_task(self._set_mode(mode), name="set-mode")
+
+    async def _set_mode(self, mode: str) -> None:
+        result = await self.link.set_mode(mode)
+        if not result.ok:
+            log.warning("mode %s: %s", mode, result.outcome)
+
+    def _send_target(self, point_enu_m: NDArray[np.float64]) -> None:
+        pose = self.history.latest(now_ns())
+        if pose is None:
+            return
+        target = landing_target(
+            self.link.vehicle,
+            point_enu_m,
+            pose,
+            now_ns(),
+            pose_timeout_s=self.parameters.pose_timeout_s,
+            frame=self.history.frame,
+        )
+        height = float(pose.position_enu_m[2] - point_enu_m[2])
+        for message in (target, downward_distance(height, self.link.vehicle.boot_ms or 0)):
+            if message is not None:
+                self.link.send(message)
+
+    async def _send_obstacles(self) -> None:
+        while True:
+            pose = self.history.latest(now_ns())
+            if pose is not None and self._scans_are_fresh(now_ns()):
+                nearby = level_frd_m(self.obstacles.points_enu_m(now_ns()), pose)
+                p = self.parameters
+                self.link.send(
+                    obstacle_distance(nearby, now_ns(), min_m=p.lidar_min_m, max_m=min(p.lidar_max_m, 50.0))
+                )
+            await asyncio.sleep(1 / self.parameters.obstacle_hz)
+
+    def _follow(self, situation: Situation) -> None:
+        """Keep the flown path, and note when the autopilot is lost and found."""
+        if situation.position_enu_m is not None and situation.now_ns - self._last_path_ns >= PATH_STEP_NS:
+            self._last_path_ns = situation.now_ns
+            self.path_enu_m.append(situation.position_enu_m)
+        lost = not situation.connected and self.link.vehicle.sysid is not None
+        if lost != self._was_lost:
+            self._was_lost = lost
+            log.warning("autopilot lost" if lost else "autopilot is back")
+
+    # ---- summary --------------------------------------------------------------------------------
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the flight came to, as `--json` prints it."""
+        tally, frame = self.executive.tally, self.history.frame
+        chosen = None
+        if tally.chosen_enu_m is not None and frame is not None:
+            lat, lon, alt = (float(v) for v in frame.lla(tally.chosen_enu_m))
+            chosen = {"lat": lat, "lon": lon, "alt_m": alt, "zone": tally.zone_id}
+        return {
+            "phase": self.executive.phase.value,
+            "landed": self.executive.phase is Phase.LANDED,
+            "chosen": chosen,
+            "touchdown": self._touchdown(),
+            "aborts": tally.aborts,
+            "abort_reasons": tally.abort_reasons,
+            "pilot_took_over": tally.hands_off,
+            "zones": [self._zone_summary(zone) for zone in (self.report.zones if self.report else ())],
+            "zones_seen": len(self.zones_seen),
+            "reports": self.worker.reports,
+            "dropped_windows": self.worker.dropped_windows,
+            "latency_ms": _quantiles(list(self.worker.latencies_ms)),
+            "link": asdict(self.link.statistics()),
+            "lidar": self.lidar.statistics(),
+        }
+
+    def _touchdown(self) -> dict[str, float] | None:
+        if self.executive.phase is not Phase.LANDED or not self.path_enu_m or self.history.frame is None:
+            return None
+        lat, lon, alt = (float(v) for v in self.history.frame.lla(self.path_enu_m[-1]))
+        return {"lat": lat, "lon": lon, "alt_m": alt}
+
+    def _zone_summary(self, zone: Zone) -> dict[str, Any]:
+        frame = self.history.frame
+        lat, lon, alt = (float(v) for v in frame.lla(zone.best.enu_m)) if frame else (0.0, 0.0, 0.0)
+        return {
+            "id": zone.id,
+            "area_m2": round(zone.area_m2, 2),
+            "certainty": round(zone.certainty, 4),
+            "slope_deg": round(zone.slope_deg, 2),
+            "roughness": round(zone.roughness, 4),
+            "square_side_m": round(zone.best.square_side_m, 2),
+            "clearance_m": round(zone.best.clearance_m, 2),
+            "lat": lat,
+            "lon": lon,
+            "alt_m": alt,
+            "obstacles": len(zone.obstacles),
+        }
+
+
+class _Stopped(Exception):  # noqa: N818 - not an error
+    """Ends the task group after `stop`."""
+
+
+def _first(errors: BaseExceptionGroup[BaseException]) -> BaseException:
+    error: BaseException = errors
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error
+
+
+def _quantiles(values: list[float]) -> dict[str, float | None]:
+    if not values:
+        return {"p50": None, "p99": None, "max": None}
+    p50, p99 = np.percentile(values, [50, 99])
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(max(values), 2)}

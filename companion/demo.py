@@ -1,0 +1,248 @@
+"""`slz demo`: the simulator and the companion, joined by nothing but the wire and a clock."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.status import Status
+from rich.table import Table
+
+from companion.app import Companion
+from companion.errors import CompanionError, UsageError
+from companion.evaluation import area_error, read_truth, touchdown
+from companion.flight import draw
+from companion.landing.executive import Phase
+from companion.simulated import LockstepClient, LockstepLoop
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense")
+START_LIMIT_S = 180.0
+SETTLE_S = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What to fly: scene, seed, pace, folder, and who gets in the way."""
+
+    scene: str
+    seed: int
+    speedup: float
+    out: Path
+    intruder: str = "none"
+    point_rate_hz: float = 200_000.0
+    limit_s: float = 900.0
+
+
+def fly(plan: Plan, parameters: Parameters, console: Console, *, live: bool) -> dict[str, Any]:
+    """Fly one simulated mission and return its summary, measured against the simulator's truth.
+
+    Raises
+    ------
+    UsageError
+        The scene is unknown or the folder cannot be written.
+    CompanionError
+        The simulator does not start or dies.
+    """
+    if plan.scene not in SCENES:
+        raise UsageError(f"scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
+    try:
+        plan.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"--out {plan.out} cannot be made: {error.strerror}") from None
+    started = time.perf_counter()
+    truth = Path(tempfile.mkdtemp(prefix="slz-truth-"))
+    mavlink_port, lidar_port = _free_udp_ports(2)
+    try:
+        with (
+            console.status("starting the simulator (the first start compiles for a minute)") as status,
+            _simulator(plan, parameters, truth, mavlink_port, lidar_port) as (process, lockstep),
+        ):
+            client = LockstepClient(lockstep)
+            companion, elapsed_s = _run(plan, parameters, client, mavlink_port, lidar_port, status, live)
+            client.close()
+            status.update("judging against the truth")
+            _wait(process)
+        evaluated = _evaluate(companion, truth, parameters)
+        files = draw(companion, plan.out)
+        for file in ("truth.tif", "scene.json", "flight.json"):
+            shutil.copy(truth / file, plan.out / file)
+    finally:
+        shutil.rmtree(truth, ignore_errors=True)
+    summary = companion.summary() | evaluated
+    wall_s = time.perf_counter() - started
+    summary |= {
+        "scene": plan.scene,
+        "seed": plan.seed,
+        "simulated_s": round(elapsed_s, 1),
+        "wall_s": round(wall_s, 1),
+        "maps": files,
+    }
+    (plan.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
+    return summary
+
+
+def table(summary: dict[str, Any]) -> Table:
+    """Return the summary as a person reads it."""
+    good = summary["landed"] and summary["touchdown_safe"]
+    verdict = "landed on safe ground" if good else "did NOT land on safe ground"
+    shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
+    error, area = summary["touchdown_error_m"], summary["area_error"]
+    rows = {
+        "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
+        "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
+        "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
+        "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",
+        "safe ground found": f"{100 * summary['recall']:.1f} %",
+        "aborts": f"{summary['aborts']} {', '.join(summary['abort_reasons'])}",
+        "scan to report": "p50 {p50} ms, p99 {p99} ms, max {max} ms".format(**summary["latency_ms"]),
+        "flight": f"{summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
+        "maps": ", ".join(summary["maps"].values()) or "-",
+    }
+    for name, value in rows.items():
+        shown.add_row(name, value)
+    return shown
+
+
+def _run(
+    plan: Plan,
+    parameters: Parameters,
+    client: LockstepClient,
+    mavlink_port: int,
+    lidar_port: int,
+    status: Status,
+    live: bool,
+) -> tuple[Companion, float]:
+    """Fly on simulated time; return the companion after it stopped and the simulated seconds."""
+    loop = LockstepLoop(client.advance)
+    try:
+        started = loop.time()
+        companion = loop.run_until_complete(
+            _mission(plan, parameters, mavlink_port, lidar_port, status, live)
+        )
+        return companion, loop.time() - started
+    finally:
+        loop.close()
+
+
+async def _mission(
+    plan: Plan, parameters: Parameters, mavlink_port: int, lidar_port: int, status: Status, live: bool
+) -> Companion:
+    companion = Companion(
+        f"udpin:127.0.0.1:{mavlink_port}", f"livox:127.0.0.1:{lidar_port}", parameters, auto=True
+    )
+    watch = asyncio.create_task(_watch(companion, plan, status, live))
+    try:
+        await companion.run()
+    finally:
+        watch.cancel()
+    return companion
+
+
+async def _watch(companion: Companion, plan: Plan, status: Status, live: bool) -> None:
+    """Show how far it is, and stop the companion when it has landed or the time is up."""
+    loop = asyncio.get_running_loop()
+    start, wall = loop.time(), time.perf_counter()
+    while companion.executive.phase is not Phase.LANDED and loop.time() - start < plan.limit_s:
+        s = companion.situation()
+        elapsed = loop.time() - start
+        pace = elapsed / max(1e-3, time.perf_counter() - wall)
+        zones = len(companion.report.zones) if companion.report else 0
+        status.update(
+            f"{elapsed:4.0f} s  {companion.executive.phase.value:<8}  {s.mode or '-':<9} "
+            f"height {s.height_above_home_m:5.1f} m  zones {zones:2d}  {pace:4.1f}x real time"
+        )
+        await asyncio.sleep(0.5)
+    await asyncio.sleep(SETTLE_S)
+    companion.stop()
+
+
+@contextlib.contextmanager
+def _simulator(
+    plan: Plan, parameters: Parameters, truth: Path, mavlink_port: int, lidar_port: int
+) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """Start the simulator in a process of its own; yield it and the port of its clock."""
+    command = [
+        sys.executable, "-m", "sitl",
+        "--scene", plan.scene,
+        "--seed", str(plan.seed),
+        "--lidar", "mid360",
+        "--point-rate", str(plan.point_rate_hz),
+        "--mavlink", f"udpout:127.0.0.1:{mavlink_port}",
+        "--lidar-to", f"127.0.0.1:{lidar_port}",
+        "--lockstep", "0",
+        "--speedup", str(plan.speedup),
+        "--pilot", "takeoff",
+        "--intruder", plan.intruder,
+        "--truth", str(truth),
+        "--footprint", str(parameters.footprint_m),
+        "--slope-limit", str(parameters.safe_slope_deg),
+        "--relief-limit", str(parameters.relief_m),
+    ]  # fmt: skip
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        yield process, _ready(process)
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            _wait(process)
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def _ready(process: subprocess.Popen[str]) -> int:
+    """Return the clock's port from the line that says the simulator is ready."""
+    line = process.stdout.readline() if process.stdout else ""
+    try:
+        return int(json.loads(line)["lockstep"])
+    except (ValueError, KeyError, TypeError):
+        code = process.wait(START_LIMIT_S)
+        raise CompanionError(f"the simulator did not start (exit code {code})") from None
+
+
+def _wait(process: subprocess.Popen[str]) -> None:
+    try:
+        process.wait(START_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        raise CompanionError("the simulator did not end") from None
+
+
+def _evaluate(companion: Companion, folder: Path, parameters: Parameters) -> dict[str, Any]:
+    truth = read_truth(folder)
+    chosen = companion.executive.tally.chosen_enu_m
+    frame = companion.history.frame
+    where = frame.lla(np.asarray(chosen)) if chosen is not None and frame is not None else None
+    result: dict[str, Any] = {"area_error": None, "unsafe_as_safe": 0.0, "recall": 0.0}
+    if companion.maps is not None and companion.report is not None:
+        result |= area_error(truth, companion.maps, companion.report.zones, parameters)
+    return result | touchdown(truth, where)
+
+
+def _free_udp_ports(count: int) -> list[int]:
+    """Return ports that were free a moment ago."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    try:
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [int(one.getsockname()[1]) for one in sockets]
+    finally:
+        for one in sockets:
+            one.close()

@@ -1,0 +1,53 @@
+"""`slz run`: the companion on the vehicle, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.app import Companion
+from companion.landing.executive import Phase
+from params import Parameters
+
+
+def run(
+    mavlink_url: str, lidar_url: str, auto: bool, parameters: Parameters, out: Path | None
+) -> dict[str, Any]:
+    """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
+
+    With `out`, the maps, the flown path and the chosen point are drawn there at the end.
+    """
+    return asyncio.run(_run(mavlink_url, lidar_url, auto, parameters, out))
+
+
+async def _run(
+    mavlink_url: str, lidar_url: str, auto: bool, parameters: Parameters, out: Path | None
+) -> dict[str, Any]:
+    companion = Companion(mavlink_url, lidar_url, parameters, auto=auto)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, companion.stop)
+    await companion.run()
+    if out is not None:
+        draw(companion, out)
+    return companion.summary()
+
+
+def draw(companion: Companion, out: Path) -> dict[str, str]:
+    """Draw the flight's maps into a folder; return the files."""
+    from companion.figures import save_flight
+
+    maps = companion.maps
+    if maps is None:
+        return {}
+    zones = companion.report.zones if companion.report else ()
+    chosen = companion.executive.tally.chosen_enu_m
+    path = np.array(companion.path_enu_m).reshape(-1, 3)
+    landed = companion.executive.phase is Phase.LANDED
+    touchdown = path[-1] if landed and len(path) else None
+    files = save_flight(out, maps, zones, path, chosen, touchdown, companion.parameters)
+    return {file.stem: str(file) for file in files}

@@ -1,0 +1,61 @@
+"""The operator's interface over MAVLink: MAV_CMD_USER_1."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.landing.executive import Reply
+from companion.link.operator import CommandReply, OperatorCommand
+
+if TYPE_CHECKING:
+    from companion.app import Companion
+
+ABORT, LAND_AT_BEST, LAND_IN_ZONE, POINT = range(4)
+
+
+class Operator:
+    """Turns MAV_CMD_USER_1 into orders for the executive.
+
+    param1: 0 abort, 1 land at the best zone, 2 land at zone param2, 3 watch (param2 = 0) or land at
+    (param2 = 1) the point in x, y, z: latitude, longitude (degrees), altitude above mean sea level (m).
+    """
+
+    def __init__(self, companion: Companion) -> None:
+        self._companion = companion
+
+    def answer(self, command: OperatorCommand) -> CommandReply:
+        """Carry out a command, or say why not; the reason goes to the sender's screen."""
+        if command.command != mavlink.MAV_CMD_USER_1:
+            return CommandReply.unsupported()
+        what, which = command.params[0], command.params[1]
+        executive, situation = self._companion.executive, self._companion.situation()
+        if what == ABORT:
+            reply = executive.abort(situation)
+        elif what == LAND_AT_BEST:
+            reply = executive.land_at_best(situation)
+        elif what == LAND_IN_ZONE and float(which).is_integer():
+            reply = executive.land_in_zone(situation, int(which))
+        elif what == POINT and which in (0, 1):
+            reply = self._point(command, land=which == 1)
+        else:
+            reply = Reply(False, f"USER_1 knows no {what:g}/{which:g}")
+        if reply.accepted:
+            return CommandReply.accepted()
+        return CommandReply.denied(f"SLZ: {reply.reason}")
+
+    def _point(self, command: OperatorCommand, *, land: bool) -> Reply:
+        frame = self._companion.history.frame
+        lat, lon, alt = command.x, command.y, command.z
+        if frame is None:
+            return Reply(False, "no position yet")
+        if not (math.isfinite(lat) and math.isfinite(lon) and abs(lat) <= 90 and abs(lon) <= 180):
+            return Reply(False, "x, y are no latitude, longitude")
+        enu = frame.enu_m(lat, lon, alt if math.isfinite(alt) else frame.alt_m)
+        if float(np.hypot(enu[0], enu[1])) > self._companion.parameters.zone_m:
+            return Reply(False, "the point is too far away")
+        executive = self._companion.executive
+        return executive.land_at_point(self._companion.situation(), enu) if land else executive.watch(enu)
