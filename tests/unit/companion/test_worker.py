@@ -1,0 +1,99 @@
+"""The pipeline's thread: windows in, reports out, failures withdrawn."""
+
+import asyncio
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import params
+from companion.worker import PipelineWorker
+from slz import LocalFrame, Pipeline, Report, Scan, Window
+
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+SMALL = params.load("quadcopter", ["zone_m=40", "window_s=1"])
+
+
+def scan(second: float) -> Scan:
+    rng = np.random.default_rng(round(second * 10))
+    points = np.column_stack([rng.uniform(-8, 8, (3000, 2)), rng.normal(0, 0.01, 3000)])
+    stamps = (second * 1e9 + np.linspace(0, 0.4e9, 3000)).astype(np.int64)
+    return Scan(points, stamps, np.array([0.0, 0.0, 20.0]), FRAME)
+
+
+async def drive(worker: PipelineWorker, until: Callable[[], bool]) -> None:
+    task = asyncio.create_task(worker.run())
+    async with asyncio.timeout(60):
+        while not until():
+            await asyncio.sleep(0)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()
+
+
+async def test_a_window_makes_a_report_with_its_latency() -> None:
+    reports: list[Report] = []
+    worker = PipelineWorker(SMALL, reports.append)
+    for second in (0, 0.5, 1.0):
+        worker.offer(scan(second))
+    await drive(worker, lambda: bool(reports))
+    assert len(reports[0].zones) == 1
+    assert worker.reports == 1
+    assert worker.latencies_ms[0] > 0
+
+
+async def test_the_newest_window_wins_and_the_lost_one_is_counted() -> None:
+    reports: list[Report] = []
+    worker = PipelineWorker(SMALL, reports.append)
+    for second in range(5):
+        worker.offer(scan(second))
+    await drive(worker, lambda: bool(reports))
+    assert worker.dropped_windows == 3
+    assert reports[0].stamp_ns > 3e9
+
+
+async def test_a_failure_withdraws_the_answer_until_a_window_succeeds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reports: list[Report] = []
+    worker = PipelineWorker(SMALL, reports.append)
+    process = Pipeline.process
+
+    def fail(self: Pipeline, window: Window) -> Report:
+        monkeypatch.setattr(Pipeline, "process", process)
+        raise ArithmeticError("broken on purpose")
+
+    monkeypatch.setattr(Pipeline, "process", fail)
+    worker.offer(scan(0))
+    worker.offer(scan(1))
+    task = asyncio.create_task(worker.run())
+    async with asyncio.timeout(60):
+        while not worker.invalid:
+            await asyncio.sleep(0)
+        worker.offer(scan(2))
+        while worker.invalid:
+            await asyncio.sleep(0)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()
+    assert len(reports) == 1
+
+
+async def test_a_point_selected_is_judged_with_the_next_window() -> None:
+    reports: list[Report] = []
+    worker = PipelineWorker(SMALL, reports.append)
+    worker.offer(scan(0))
+    worker.offer(scan(1))
+    task = asyncio.create_task(worker.run())
+    async with asyncio.timeout(60):
+        while not reports:
+            await asyncio.sleep(0)
+        worker.select(np.array([1.0, 1.0, 0.0]))
+        worker.offer(scan(2))
+        while len(reports) < 2:
+            await asyncio.sleep(0)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()
+    assert reports[0].selected is None
+    assert reports[1].selected is not None
