@@ -24,8 +24,8 @@ def joined(messages: list[object]) -> bytes:
         assert seen.chunk_seq == number
         part = seen.text.encode() if isinstance(seen.text, str) else seen.text
         text += part
-        if len(part) < 50:
-            assert number == len(messages) - 1
+        ends = len(part) < 50 or seen.id == 0
+        assert ends == (number == len(messages) - 1), "only the last part may end the text"
     return text
 
 
