@@ -211,7 +211,7 @@ class Link:
     # ---- life -----------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Keep the link until `close` or cancelled.
+        """Keep the link until `close` or cancelled; the last heartbeat says that we go (MAV_STATE_POWEROFF).
 
         Raises
         ------
@@ -233,7 +233,10 @@ class Link:
                     group.create_task(self._keep_streams(), name="link streams"),
                     group.create_task(_wait_for(self._failure), name="link failure"),
                 ]
-                await self._stop.wait()
+                try:
+                    await self._stop.wait()
+                finally:  # closed, cancelled or failed: while the channel is still open
+                    self._send_heartbeat(mavlink.MAV_STATE_POWEROFF)
                 for task in tasks:
                     task.cancel()
         except BaseExceptionGroup as failures:
@@ -244,11 +247,9 @@ class Link:
             self._ended.set()
 
     async def close(self) -> None:
-        """Say good-bye on the wire, close the channel and let `run` return; again it does nothing."""
+        """Let `run` say good-bye, close the channel and return; does nothing if it does not run."""
         if self._stop is None:
             return
-        self.system_status = mavlink.MAV_STATE_POWEROFF
-        self._send_heartbeat()
         self._stop.set()
         await self._ended.wait()
 

@@ -286,6 +286,23 @@ def test_closing_says_good_bye_and_leaves_no_task() -> None:
     virtually(flight)
 
 
+def test_a_cancelled_link_says_good_bye_too() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with autopilot_over_udp(port) as autopilot:
+            link = Link(f"udpin:127.0.0.1:{port}", Parameters())
+            task = asyncio.create_task(link.run())
+            await until(lambda: link.connected)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+            await asyncio.sleep(0.1)
+            assert task.cancelled()
+            assert autopilot.heard("HEARTBEAT")[-1].system_status == mavlink.MAV_STATE_POWEROFF
+            assert not link.connected
+
+    virtually(flight)
+
+
 def test_a_subscription_ends_when_asked_to() -> None:
     async def flight() -> None:
         port = free_port()
