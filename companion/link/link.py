@@ -317,17 +317,10 @@ class Link:
 
     # ---- details --------------------------------------------------------------------------------
 
-    def _send_heartbeat(self) -> None:
-        self.send(
-            mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-                mavlink.MAV_AUTOPILOT_INVALID,
-                0,
-                0,
-                self.system_status,
-                3,
-            )
-        )
+    def _send_heartbeat(self, status: int | None = None) -> None:
+        kind, autopilot = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID
+        status = self.system_status if status is None else status
+        self.send(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, status, 3))
 
     def _send_command(self, command: Command, tries: int) -> bool:
         # A lost heartbeat is no reason not to try: the way out may still be open.
