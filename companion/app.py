@@ -68,6 +68,7 @@ class Companion:
         self._last_report_ns: int | None = None
         self._last_path_ns = 0
         self._mode_change: asyncio.Task[None] | None = None
+        self._mode_wanted = ""
         self._stop = asyncio.Event()
         self._was_lost = False
 
@@ -194,8 +195,10 @@ class Companion:
         self._follow(situation)
 
     def _change_mode(self, kind: str) -> None:
-        if self._mode_change is not None and not self._mode_change.done():
+        pending = self._mode_change is not None and not self._mode_change.done()
+        if pending and kind == self._mode_wanted:
             return
+        self._mode_wanted = kind
         px4 = self.link.vehicle.autopilot == "px4"
         mode = {"guided": "OFFBOARD" if px4 else "GUIDED", "land": "AUTO.PRECLAND" if px4 else "LAND"}[kind]
         self._mode_change = asyncio.create_task(self._set_mode(mode), name="set-mode")
@@ -217,7 +220,7 @@ class Companion:
             pose_timeout_s=self.parameters.pose_timeout_s,
             frame=self.history.frame,
         )
-        height = float(pose.position_enu_m[2] - point_enu_m[2])
+        height = self.obstacles.height_above_ground_m(pose.position_enu_m, now_ns())
         for message in (target, downward_distance(height, self.link.vehicle.boot_ms or 0)):
             if message is not None:
                 self.link.send(message)

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from slz import Scan
 
+BELOW_M = 1.0
+FEWEST = 5
+
 
 class ObstacleMemory:
     """Returns of the last second, thinned, in the map frame.
@@ -34,3 +37,11 @@ class ObstacleMemory:
         if not self._scans:
             return np.zeros((0, 3))
         return np.concatenate([points for _, points in self._scans])
+
+    def height_above_ground_m(self, position_enu_m: NDArray[np.float64], now_ns: int) -> float:
+        """Return the height over the returns below the vehicle, NaN where too few fell there."""
+        points = self.points_enu_m(now_ns)
+        below = np.hypot(*(points[:, :2] - position_enu_m[:2]).T) < BELOW_M
+        if np.count_nonzero(below) < FEWEST:
+            return float("nan")
+        return float(position_enu_m[2] - np.median(points[below, 2]))

@@ -1,4 +1,4 @@
-"""DISTANCE_SENSOR: the height above the ground under the vehicle, from the terrain map.
+"""DISTANCE_SENSOR: the height above the ground under the vehicle, from the returns below it.
 
 ArduPilot (RNGFND1_TYPE = 10) slows its landing by it; without a rangefinder it trusts the height above home,
 and reaches a roof at full sink rate.

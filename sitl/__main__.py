@@ -1,0 +1,184 @@
+"""`python -m sitl`: the simulated vehicle as a program."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from sitl import scenes, truth
+from sitl.intruder import Intruder
+from sitl.lockstep import LockstepServer
+from sitl.simulation import DEFAULT_ORIGIN, Simulation
+from sitl.wire import WireError
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> None:  # type: ignore[override]
+        raise _UsageError(message)
+
+
+class _UsageError(ValueError):
+    """Bad arguments."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run until SIGTERM, SIGINT, the clock's client hanging up, or the duration; return the exit code."""
+    try:
+        options = _parse(sys.argv[1:] if arguments is None else arguments)
+        simulation, server = _build(options)
+    except (ValueError, WireError) as error:
+        print(f"slz sim: {error}", file=sys.stderr)
+        return 2
+    stop = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.append(True))
+    print(json.dumps(_ready(simulation, server, options)), flush=True)
+    limit_ns = round(options.duration * 1e9) if options.duration else 1 << 62
+
+    def ended() -> bool:
+        return bool(stop) or simulation.now_ns >= limit_ns
+
+    step = _paced(simulation.advance, options.speedup)
+    try:
+        if server is not None:
+            server.serve(step, ended)
+            server.close()
+        else:
+            while not ended():
+                step()
+    finally:
+        simulation.close()
+    if options.truth is not None:
+        _write_truth(simulation, options)
+    return 0
+
+
+def _parse(arguments: list[str]) -> argparse.Namespace:
+    parser = _Parser(prog="slz sim", description="A simulated vehicle with autopilot and LiDAR.")
+    parser.add_argument("--scene", default="stadium", help=", ".join(scenes.NAMES))
+    parser.add_argument("--origin", default=None, metavar="LAT,LON,ALT", help="where the scene lies")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lidar", default="mid360", choices=("mid360", "none"))
+    parser.add_argument("--lidar-to", default="127.0.0.1:56301", metavar="HOST:PORT")
+    parser.add_argument("--point-rate", type=float, default=200_000.0, help="LiDAR points per second")
+    parser.add_argument(
+        "--mavlink", action="append", metavar="URL", help="repeatable; tcpin:, udpin:, udpout: or a device"
+    )
+    parser.add_argument("--lockstep", type=int, default=None, metavar="PORT", help="0 takes a free port")
+    parser.add_argument(
+        "--speedup", type=float, default=None, help="times real time; 0 is as fast as possible"
+    )
+    parser.add_argument("--pilot", default="none", choices=("none", "takeoff"))
+    parser.add_argument("--takeoff-alt", type=float, default=30.0, help="m above home")
+    parser.add_argument("--wind", type=float, default=3.0, help="mean wind, m/s")
+    parser.add_argument("--intruder", default="none", metavar="none|car@HEIGHT")
+    parser.add_argument("--duration", type=float, default=None, help="simulated seconds")
+    parser.add_argument(
+        "--truth", type=Path, default=None, metavar="DIR", help="write truth files at the end"
+    )
+    parser.add_argument("--footprint", type=float, default=2.0, help="vehicle footprint of the truth, m")
+    parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
+    parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
+    return parser.parse_args(arguments)
+
+
+def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
+    intruder = _intruder(options.intruder)
+    default = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
+    simulation = Simulation.build(
+        options.scene,
+        mavlink=options.mavlink or default,
+        seed=options.seed,
+        origin_lla=_origin(options.origin),
+        lidar_to=None if options.lidar == "none" else _address(options.lidar_to),
+        point_rate_hz=round(options.point_rate),
+        wind_ms=options.wind,
+        pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
+    )
+    simulation.intruder = intruder
+    return simulation, None if options.lockstep is None else LockstepServer(options.lockstep)
+
+
+def _origin(text: str | None) -> tuple[float, float, float]:
+    if text is None:
+        return DEFAULT_ORIGIN
+    try:
+        lat, lon, alt = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--origin {text!r}: write LAT,LON,ALT in degrees and metres") from None
+    if not (abs(lat) <= 90 and abs(lon) <= 180):
+        raise ValueError(f"--origin {text!r} is not on the Earth")
+    return lat, lon, alt
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise ValueError(f"--lidar-to {text!r}: write HOST:PORT")
+    return host, int(port)
+
+
+def _intruder(text: str) -> Intruder | None:
+    if text == "none":
+        return None
+    kind, _, height = text.partition("@")
+    try:
+        if kind == "car" and float(height) > 0:
+            return Intruder(float(height))
+    except ValueError:
+        pass
+    raise ValueError(f"--intruder {text!r}: write car@HEIGHT, such as car@15")
+
+
+def _ready(
+    simulation: Simulation, server: LockstepServer | None, options: argparse.Namespace
+) -> dict[str, object]:
+    names = [wire.name for wire in simulation.router.wires if wire.name != "pilot"]
+    return {
+        "ready": True,
+        "mavlink": names,
+        "lidar": None if options.lidar == "none" else options.lidar_to,
+        "lockstep": None if server is None else server.port,
+    }
+
+
+def _paced(step: Callable[[], int], speedup: float | None) -> Callable[[], int]:
+    """Slow a step down to a multiple of real time; under a lock-step clock None means unpaced."""
+    if speedup == 0:
+        return step
+    pace = 1.0 if speedup is None else speedup
+    start: list[float] = []
+
+    def paced() -> int:
+        now_ns = step()
+        if not start:
+            start.append(time.monotonic() - now_ns * 1e-9 / pace)
+        ahead = start[0] + now_ns * 1e-9 / pace - time.monotonic()
+        if ahead > 1e-3:
+            time.sleep(ahead)
+        elif ahead < -0.5:
+            start[0] -= ahead  # too slow to keep the pace: do not race to catch up
+        return now_ns
+
+    return paced
+
+
+def _write_truth(simulation: Simulation, options: argparse.Namespace) -> None:
+    truth.write(
+        options.truth,
+        simulation.scene,
+        simulation.origin_lla,
+        footprint_m=options.footprint,
+        slope_limit_deg=options.slope_limit,
+        relief_limit_m=options.relief_limit,
+    )
+    simulation.log.write(options.truth)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

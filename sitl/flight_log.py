@@ -1,0 +1,75 @@
+"""The true course of a flight, for evaluation."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pymap3d
+
+if TYPE_CHECKING:
+    from sitl.simulation import Simulation
+
+STEP_NS = 200_000_000
+
+
+class FlightLog:
+    """Trajectory at 5 Hz, take-off, touchdown, modes and events."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._next_ns = 0
+        self.trajectory: list[dict[str, Any]] = []
+        self.takeoff: dict[str, float] | None = None
+        self.events: list[dict[str, Any]] = []
+
+    def note(self) -> None:
+        """Look at the simulation after a tick."""
+        s = self._simulation
+        if self.takeoff is None and s.autopilot.airborne:
+            e, n, u = (float(v) for v in s.vehicle.truth.pos_enu_m)
+            self.takeoff = {"t": s.now_ns * 1e-9, "e": e, "n": n, "u": u}
+        if s.now_ns < self._next_ns:
+            return
+        self._next_ns = s.now_ns + STEP_NS
+        e, n, u = (round(float(v), 3) for v in s.vehicle.truth.pos_enu_m)
+        self.trajectory.append(
+            {
+                "t": round(s.now_ns * 1e-9, 3),
+                "e": e,
+                "n": n,
+                "u": u,
+                "mode": s.autopilot.mode_name,
+                "armed": s.autopilot.armed,
+            }
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Return everything as it is written."""
+        s = self._simulation
+        contact = s.touchdown
+        if contact is not None:
+            lat, lon, alt = pymap3d.enu2geodetic(contact["e"], contact["n"], contact["u"], *s.origin_lla)
+            contact = {
+                "t": contact["t_ns"] * 1e-9,
+                "lat": float(lat),
+                "lon": float(lon),
+                "alt": float(alt),
+            } | contact
+        return {
+            "seed": s.scene.seed,
+            "scene": s.scene.name,
+            "origin": list(s.origin_lla),
+            "takeoff": self.takeoff,
+            "touchdown": contact,
+            "armed_at_end": s.autopilot.armed,
+            "modes": [{"t": t * 1e-9, "mode": mode} for t, mode in s.autopilot.mode_changes],
+            "events": self.events,
+            "trajectory": self.trajectory,
+        }
+
+    def write(self, folder: Path) -> None:
+        """Write flight.json."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "flight.json").write_text(json.dumps(self.document()) + "\n", "utf-8")

@@ -1,0 +1,175 @@
+"""Everything together, one tick at a time."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl import scenes
+from sitl.autopilot import Autopilot
+from sitl.estimator import EstimateErrors, Estimator
+from sitl.flight_log import FlightLog
+from sitl.intruder import Intruder
+from sitl.mid360 import Mid360
+from sitl.pilot import Pilot
+from sitl.scenes import Scene
+from sitl.vehicle import Vehicle
+from sitl.wire import MemoryWire, Router, Wire, open_wire
+
+F64 = NDArray[np.float64]
+
+TICK_NS = 2_500_000
+LIDAR_TICKS = 4
+DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
+
+
+@dataclass(slots=True)
+class PoseTrack:
+    """True poses of the last ticks, for the LiDAR."""
+
+    stamps: list[int] = field(default_factory=list)
+    positions: list[F64] = field(default_factory=list)
+    quats: list[F64] = field(default_factory=list)
+
+    def add(self, stamp_ns: int, position: F64, quat: F64) -> None:
+        self.stamps.append(stamp_ns)
+        self.positions.append(position)
+        self.quats.append(quat)
+
+    def keep_last(self) -> None:
+        del self.stamps[:-1], self.positions[:-1], self.quats[:-1]
+
+    def at(self, stamps_ns: NDArray[np.int64]) -> tuple[F64, F64]:
+        """Return positions (n, 3) and quaternions (n, 4), interpolated between ticks."""
+        times = np.array(self.stamps, np.float64)
+        when = stamps_ns.astype(np.float64)
+        positions, quats = np.array(self.positions), np.array(self.quats)
+        for i in range(1, len(quats)):
+            if quats[i] @ quats[i - 1] < 0:
+                quats[i] = -quats[i]
+        position = np.column_stack([np.interp(when, times, positions[:, i]) for i in range(3)])
+        quat = np.column_stack([np.interp(when, times, quats[:, i]) for i in range(4)])
+        return position, quat / np.sqrt(np.einsum("ij,ij->i", quat, quat))[:, None]
+
+
+class Simulation:
+    """World, vehicle, autopilot, LiDAR and wires under one clock.
+
+    `advance` first answers everything that has arrived, then steps one tick. `every_tick` holds functions
+    called after each.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        wires: list[Wire],
+        *,
+        seed: int = 1,
+        origin_lla: tuple[float, float, float] = DEFAULT_ORIGIN,
+        lidar_to: tuple[str, int] | None = None,
+        point_rate_hz: int = 200_000,
+        errors: EstimateErrors | None = None,
+        wind_ms: float = 3.0,
+        parameters: dict[str, float] | None = None,
+        pilot_height_m: float | None = None,
+        ready_after_s: float = 5.0,
+    ) -> None:
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+        x, y, heading = scene.home_enu
+        self.scene = scene
+        self.origin_lla = origin_lla
+        self.now_ns = 0
+        self.vehicle = Vehicle(streams[0], (x, y, scene.world.height_m(x, y)), heading, wind_ms)
+        self.estimator = Estimator(streams[1], errors)
+        self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
+        self.autopilot.truth_source = lambda: self.vehicle.truth
+        self.router = Router(wires, streams[3], self._deliver)
+        self.lidar = Mid360(streams[2], point_rate_hz=point_rate_hz) if lidar_to else None
+        self.lidar_on = True
+        self.log = FlightLog(self)
+        self.intruder: Intruder | None = None
+        self.pilot: Pilot | None = None
+        if pilot_height_m is not None:
+            wire = MemoryWire("pilot")
+            wires.append(wire)
+            self.pilot = Pilot(wire, pilot_height_m)
+        self.every_tick: list[Callable[[Simulation], None]] = [lambda s: s.log.note()]
+        self._lidar_to = lidar_to
+        self._lidar_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._track = PoseTrack()
+        self._ticks = 0
+        self._ground_m = self.vehicle.truth.pos_enu_m[2]
+
+    @classmethod
+    def build(
+        cls, scene: str = "stadium", *, mavlink: list[str] | None = None, seed: int = 1, **more: Any
+    ) -> Self:
+        """Open the wires and build a scene; see the constructor for the rest."""
+        return cls(scenes.build(scene, seed), [open_wire(url) for url in mavlink or []], seed=seed, **more)
+
+    @property
+    def touchdown(self) -> dict[str, Any] | None:
+        """Where the vehicle last came down, by the truth."""
+        return self.vehicle.contact
+
+    def advance(self) -> int:
+        """Answer what has arrived, step one tick, send what is due; return the simulated time."""
+        self.router.read(self.now_ns)
+        if self.pilot is not None:
+            self.pilot.step(self.now_ns)
+        dt = TICK_NS * 1e-9
+        truth = self.vehicle.truth
+        if not self._track.stamps:
+            self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
+        estimate = self.estimator.update(dt, truth)
+        demand = self.autopilot.step(dt, self.now_ns, estimate, self.vehicle.on_ground)
+        self.now_ns += TICK_NS
+        self._ticks += 1
+        if self._ticks % 4 == 0 or truth.pos_enu_m[2] - self._ground_m < 3.0:
+            ground = self.scene.world.height_m(float(truth.pos_enu_m[0]), float(truth.pos_enu_m[1]))
+            self._ground_m = ground if np.isfinite(ground) else -1e6
+        if self.autopilot.armed or not self.vehicle.on_ground:
+            self.vehicle.step(dt, self.now_ns, demand, self._ground_m)
+        truth = self.vehicle.truth
+        self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
+        if self.intruder is not None:
+            self.intruder.step(self)
+        if self._ticks % LIDAR_TICKS == 0:
+            self._scan()
+        for peer in self.router.peers():
+            self.autopilot.add_link(self.router.number(peer))
+        for link, message in self.autopilot.take_outgoing(self.now_ns):
+            self.router.send(link, message)
+        for hook in self.every_tick:
+            hook(self)
+        return self.now_ns
+
+    def run(self, seconds: float) -> Self:
+        """Advance for so many simulated seconds."""
+        end = self.now_ns + round(seconds * 1e9)
+        while self.now_ns < end:
+            self.advance()
+        return self
+
+    def _deliver(self, message: Any, link: int) -> None:
+        self.autopilot.receive(message, link, self.now_ns)
+
+    def _scan(self) -> None:
+        start = self._track.stamps[0]
+        if self.lidar is not None and self.lidar_on and self._lidar_to is not None:
+            for packet in self.lidar.step(start, self.now_ns, self._track.at, self.scene.world):
+                try:
+                    self._lidar_socket.sendto(packet, self._lidar_to)
+                except OSError:
+                    break  # nobody listens
+        self._track.keep_last()
+
+    def close(self) -> None:
+        """Close all sockets."""
+        self.router.close()
+        self._lidar_socket.close()
