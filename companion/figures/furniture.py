@@ -38,8 +38,8 @@ def draw_marks(axes: Axes, marks: Marks) -> None:
         axes.plot(path[:, 0], path[:, 1], color=PATH, linewidth=1.6, label="flown path", zorder=5)
     for point, marker, size, colour, label in (
         (marks.take_off_enu_m, "^", 80, TAKE_OFF, "take-off"),
-        (marks.chosen_enu_m, "*", 260, CHOSEN, "chosen point"),
-        (marks.touchdown_enu_m, "X", 80, TOUCHDOWN, "touchdown"),
+        (marks.chosen_enu_m, "*", 420, CHOSEN, "chosen point"),
+        (marks.touchdown_enu_m, "X", 45, TOUCHDOWN, "touchdown"),
     ):
         if point is not None:
             axes.scatter(
@@ -66,7 +66,15 @@ def draw_frame(axes: Axes, picture: Picture, title: str) -> None:
     axes.tick_params(labelsize=8)
     _scale_bar(axes, picture)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper right", fontsize=8, framealpha=0.85)
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=4,
+            fontsize=8,
+            frameon=False,
+            markerscale=0.7,
+            columnspacing=1.4,
+        )
 
 
 def _scale_bar(axes: Axes, picture: Picture) -> None:

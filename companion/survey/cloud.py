@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from companion.errors import UsageError
 from companion.survey import memory
 from companion.survey.reference import Reference, from_option, of_header
+from companion.survey.signature import look
 
 CHUNK = 1_000_000
-BYTES_PER_POINT = 160  # measured at the peak of a survey
 # ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
 LOW_NOISE, HIGH_NOISE, WATER = 7, 18, 9
 
@@ -78,7 +78,7 @@ def read(
                 f" {headers[0].path}: reproject one of them"
             )
     n_points = sum(header.n_points for header in headers)
-    memory.check_points(n_points, BYTES_PER_POINT)
+    memory.check_points(n_points)
     timed = all(header.has_time for header in headers) and len({h.standard_time for h in headers}) == 1
     points = np.empty((n_points, 3))
     gps_s = np.empty(n_points) if timed else None
@@ -104,8 +104,8 @@ def read(
 
 
 def _header(path: Path, given: Reference | None) -> _Header:
-    _look(path)
-    with _translated(path), laspy.open(path) as reader:
+    look(path)
+    with _translated(path), laspy.open(path, encoding_errors="replace") as reader:
         header = reader.header
         n_points = int(header.point_count)
         names = set(header.point_format.dimension_names)
@@ -122,24 +122,9 @@ def _header(path: Path, given: Reference | None) -> _Header:
         return _Header(path, n_points, given or of_header(header, path), "gps_time" in names, standard)
 
 
-def _look(path: Path) -> None:
-    """Refuse what is no LAS file before a library looks at it."""
-    try:
-        with path.open("rb") as file:
-            signature = file.read(4)
-    except FileNotFoundError:
-        raise UsageError(f"{path}: no such file") from None
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    if not signature:
-        raise UsageError(f"{path}: it is empty")
-    if signature != b"LASF":
-        raise UsageError(f"{path}: it is not a LAS or LAZ file, and only these are supported")
-
-
 def _chunks(header: _Header) -> Iterator[Any]:
     n = 0
-    with _translated(header.path), laspy.open(header.path) as reader:
+    with _translated(header.path), laspy.open(header.path, encoding_errors="replace") as reader:
         for chunk in reader.chunk_iterator(CHUNK):
             n += len(chunk)
             yield chunk
@@ -177,5 +162,5 @@ def _translated(path: Path) -> Iterator[None]:
     except (UsageError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
         raise UsageError(f"{path}: it is truncated or corrupt ({reason}): copy it again") from None

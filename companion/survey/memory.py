@@ -9,6 +9,11 @@ from companion.errors import UsageError
 
 SHARE = 0.7  # of the machine's memory
 MOST_CELLS = 200_000_000
+POINT_BYTES = 130  # per point at the peak of a survey, measured
+BOX_BYTES = 160  # per cell of the cloud's extent, measured
+SQUARE_BYTES = (
+    64  # per cell of the square around it: the largest array, of which untouched pages take nothing
+)
 
 
 def total_bytes() -> int:
@@ -16,25 +21,22 @@ def total_bytes() -> int:
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
-def check_points(n_points: int, bytes_per_point: int) -> None:
+def check_points(n_points: int) -> None:
     """Refuse more points than fit."""
-    most = int(SHARE * total_bytes() / bytes_per_point)
+    most = int(SHARE * total_bytes() / POINT_BYTES)
     if n_points > most:
         raise UsageError(
             f"{n_points} points do not fit into memory, {most} would: map fewer files at a time, or thin them"
         )
 
 
-def check_cells(width_m: float, height_m: float, cell_m: float, box_bytes: int, square_bytes: int) -> None:
-    """Refuse a grid that does not fit; say which cell would.
-
-    box_bytes: memory per cell of the extent. square_bytes: address space per cell of the square around it,
-    whose untouched pages take no memory, but must be granted.
-    """
+def check_cells(width_m: float, height_m: float, cell_m: float, n_points: int) -> None:
+    """Refuse a grid that does not fit beside the points; say which cell would."""
     box = width_m * height_m / cell_m**2
     square = (max(width_m, height_m) / cell_m) ** 2
-    budget = SHARE * total_bytes()
-    excess = max(box / MOST_CELLS, box * box_bytes / budget, square * square_bytes / budget)
+    memory = total_bytes()
+    room = max(SHARE * memory - n_points * POINT_BYTES, 0.05 * memory)
+    excess = max(box / MOST_CELLS, box * BOX_BYTES / room, square * SQUARE_BYTES / (0.9 * memory))
     if excess > 1:
         fits = math.ceil(cell_m * math.sqrt(excess) * 1.01 * 100) / 100
         raise UsageError(

@@ -22,7 +22,6 @@ from companion.survey.stray import near
 from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE, Pipeline, Report, TerrainMaps, Window
 
-BOX_BYTES, SQUARE_BYTES = 190, 100  # per cell; measured, see memory.check_cells
 Progress = Callable[[str, float], None]
 
 
@@ -98,7 +97,7 @@ def survey(cloud: Cloud, parameters: Parameters) -> Survey:
     low, high = points.min(axis=0), points.max(axis=0)
     metric = about(cloud.reference, low, high, parameters.cell_m)
     width, height = (float(v) for v in (high - low)[:2] * (metric.x_m, metric.y_m))
-    memory.check_cells(width, height, parameters.cell_m, BOX_BYTES, SQUARE_BYTES)
+    memory.check_cells(width, height, parameters.cell_m, len(points))
     points = metric.local(points)
     density = density_per_m2(points)
     own = _fitted(parameters, density, max(width, height))
