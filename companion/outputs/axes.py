@@ -42,7 +42,7 @@ def level_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
     return np.asarray(offset @ enu_from_level)
 
 
-def rotation_enu_from_frd(quat_wxyz: Sequence[float]) -> Floats:
+def rotation_enu_from_frd(quat_wxyz: Sequence[float] | Floats) -> Floats:
     """Return the (3, 3) rotation of body forward-right-down into east-north-up.
 
     Parameters
