@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import deque
 from collections.abc import Callable
@@ -22,6 +23,8 @@ from sitl.telemetry import Telemetry
 
 F64 = NDArray[np.float64]
 Demand = tuple[F64, float]
+
+log = logging.getLogger(__name__)
 
 OUTER_LOOP_NS = 10_000_000
 LANDED_NS = 1_000_000_000
@@ -66,6 +69,8 @@ class Autopilot:
         self.navigator = Navigator(self.parameters, self.precland)
         self.commands = Commands(self)
         self.telemetry = Telemetry(self)
+        self.faults = 0
+        """Messages that broke a handler and were dropped."""
         self.mode_changes: list[tuple[int, str]] = []
         self.estimate: State | None = None
         self.rangefinder: tuple[int, float] | None = None
@@ -111,7 +116,11 @@ class Autopilot:
         """Take a message for this autopilot or for everybody."""
         self._now_ns = max(self._now_ns, now_ns)
         self.add_link(link)
-        self.commands.receive(message, link)
+        try:
+            self.commands.receive(message, link)
+        except Exception:  # a peer must not be able to stop the simulation, whatever it sends
+            self.faults += 1
+            log.exception("a %s was dropped", message.get_type())
 
     def send(self, message: Any, link: int | None = None) -> None:
         """Queue a message for a link, or for all."""

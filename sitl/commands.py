@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.modes import GuidedTarget, Mode
+from sitl.parameters import in_range
 from sitl.state import rotate, to_euler
 
 if TYPE_CHECKING:
@@ -34,6 +35,20 @@ _GLOBAL = (*_RELATIVE, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 _IGNORE_POSITION, _IGNORE_VELOCITY, _IGNORE_YAW, _IGNORE_YAW_RATE = 0b111, 0b111000, 1 << 10, 1 << 11
 
 
+# Parameters that must be numbers, counted from 1; elsewhere NaN means "as it is", as many stations send it.
+_NEEDED: dict[int, tuple[int, ...]] = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: (1,),
+    mavlink.MAV_CMD_DO_SET_MODE: (1, 2),
+    mavlink.MAV_CMD_NAV_TAKEOFF: (7,),
+    mavlink.MAV_CMD_DO_REPOSITION: (2, 5, 6, 7),
+    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: (1, 2),
+    mavlink.MAV_CMD_REQUEST_MESSAGE: (1,),
+    mavlink.MAV_CMD_DO_SET_HOME: (1,),
+    mavlink.MAV_CMD_CONDITION_YAW: (1, 3, 4),
+}
+HIGHEST_M = 100_000.0
+
+
 class Params:
     """Parameters 1 to 7 of COMMAND_LONG or COMMAND_INT, with x and y in degrees or metres."""
 
@@ -46,6 +61,20 @@ class Params:
             self.relative = message.frame in _RELATIVE
         else:
             self.x, self.y, self.z = message.param5, message.param6, message.param7
+
+    def numbers(self, needed: tuple[int, ...]) -> bool:
+        """Tell whether these parameters, counted from 1, are finite."""
+        values = (*self.p, self.x, self.y, self.z)
+        return all(math.isfinite(values[i - 1]) for i in needed)
+
+    @property
+    def is_place(self) -> bool:
+        """Whether x, y and z are a latitude, a longitude and an altitude."""
+        return _is_place(self.x, self.y, self.z)
+
+
+def _is_place(lat_deg: float, lon_deg: float, alt_m: float) -> bool:
+    return abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and abs(alt_m) <= HIGHEST_M
 
 
 class Commands:
@@ -94,7 +123,13 @@ class Commands:
 
     def _command(self, message: Any, link: int) -> None:
         handler = self._commands.get(message.command)
-        result = UNSUPPORTED if handler is None else handler(Params(message), link)
+        p = Params(message)
+        if handler is None:
+            result = UNSUPPORTED
+        elif not p.numbers(_NEEDED.get(message.command, ())):
+            result = DENIED
+        else:
+            result = handler(p, link)
         self._ap.send(
             mavlink.MAVLink_command_ack_message(
                 message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
@@ -135,10 +170,14 @@ class Commands:
         self._ap.send(mavlink.MAVLink_command_ack_message(mavlink.MAVLINK_MSG_ID_SET_MODE, result), link)
 
     def _take_off(self, p: Params, _link: int) -> int:
+        if not 0 < p.z <= HIGHEST_M:
+            return self._refuse("Takeoff: needs a height above home")
         return self._refuse(self._ap.take_off(float(p.z)))
 
     def _reposition(self, p: Params, _link: int) -> int:
         """Go to a point, into GUIDED if param2 says so."""
+        if not p.is_place:
+            return DENIED
         if self._ap.mode is not Mode.GUIDED and not (int(p.p[1]) & 1 and self._ap.set_mode(Mode.GUIDED)):
             return DENIED
         self._ap.navigator.guided = GuidedTarget(self._point(p.x, p.y, p.z, relative=p.relative))
@@ -154,7 +193,7 @@ class Commands:
         interval_us = float(p.p[1])
         if 0 < interval_us < 4999:  # faster than 200 Hz is refused
             return DENIED
-        return ACCEPTED if self._ap.telemetry.set_interval(link, int(p.p[0]), interval_us) else FAILED
+        return ACCEPTED if self._ap.telemetry.set_interval(link, int(p.p[0]), interval_us) else DENIED
 
     def _request(self, p: Params, link: int) -> int:
         return ACCEPTED if self._ap.telemetry.send_once(int(p.p[0]), link) else FAILED
@@ -167,8 +206,10 @@ class Commands:
         estimate = self._ap.estimate
         if p.p[0] == 1 and estimate is not None:
             self._ap.navigator.home_enu_m = estimate.pos_enu_m.copy()
-        else:
+        elif p.is_place:
             self._ap.navigator.home_enu_m = self._point(p.x, p.y, p.z, relative=False)
+        else:
+            return DENIED
         self._ap.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
         return ACCEPTED
 
@@ -218,21 +259,28 @@ class Commands:
         if self._ap.mode is not Mode.GUIDED or message.coordinate_frame not in _GLOBAL:
             return
         relative = message.coordinate_frame in _RELATIVE
-        point = self._point(message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt, relative=relative)
+        place = message.lat_int * 1e-7, message.lon_int * 1e-7, message.alt
+        if _uses(message, _IGNORE_POSITION):
+            if not _is_place(*place):
+                return
+            point = self._point(*place, relative=relative)
+        else:
+            point = np.zeros(3)
         self._set_guided(message, point, np.array([message.vy, message.vx, -message.vz], np.float64))
 
     def _set_guided(self, message: Any, position: F64, velocity: F64) -> None:
-        mask = message.type_mask
-        use_position = mask & _IGNORE_POSITION != _IGNORE_POSITION
-        use_velocity = mask & _IGNORE_VELOCITY != _IGNORE_VELOCITY
-        if not (use_position or use_velocity) or not np.isfinite([position, velocity]).all():
+        use_position = _uses(message, _IGNORE_POSITION)
+        use_velocity = _uses(message, _IGNORE_VELOCITY)
+        used = [v for v, use in ((position, use_position), (velocity, use_velocity)) if use]
+        if not used or not np.isfinite(used).all():
             return
-        old = self._ap.navigator.guided
+        use_yaw = not message.type_mask & _IGNORE_YAW and math.isfinite(message.yaw)
+        use_rate = not message.type_mask & _IGNORE_YAW_RATE and math.isfinite(message.yaw_rate)
         self._ap.navigator.guided = GuidedTarget(
             position_enu_m=position if use_position else None,
             velocity_enu_ms=velocity if use_velocity else None,
-            yaw_rad=old.yaw_rad if mask & _IGNORE_YAW else float(message.yaw),
-            yaw_rate_rad_s=None if mask & _IGNORE_YAW_RATE else float(message.yaw_rate),
+            yaw_rad=float(message.yaw) if use_yaw else self._ap.navigator.guided.yaw_rad,
+            yaw_rate_rad_s=float(message.yaw_rate) if use_rate else None,
             stamp_ns=self._ap.now_ns,
         )
 
@@ -283,7 +331,7 @@ class Commands:
 
     def _param_set(self, message: Any, link: int) -> None:
         if message.param_id in self._ap.parameters:
-            if math.isfinite(message.param_value):
+            if in_range(message.param_id, message.param_value):
                 self._ap.parameters[message.param_id] = float(message.param_value)
             self._param(message.param_id, link)
 
@@ -299,3 +347,7 @@ class Commands:
         self._ap.telemetry.data_stream(
             link, message.req_stream_id, message.req_message_rate, message.start_stop
         )
+
+
+def _uses(message: Any, ignored: int) -> bool:
+    return bool(message.type_mask & ignored != ignored)

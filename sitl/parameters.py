@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 DEFAULTS: dict[str, float] = {
     "SYSID_THISMAV": 1,
     "ARMING_CHECK": 1,
@@ -38,3 +40,32 @@ DEFAULTS: dict[str, float] = {
     "WPNAV_SPEED_UP": 250,
     "WP_YAW_BEHAVIOR": 2,
 }
+
+_LIMITS: dict[str, tuple[float, float]] = {
+    "SYSID_THISMAV": (1, 255),
+    "GUID_TIMEOUT": (0.1, 60),
+    "LAND_ALT_LOW": (100, 10_000),
+    "LAND_SPEED": (30, 200),
+    "LAND_SPEED_HIGH": (0, 500),
+    "PLND_EST_TYPE": (0, 1),
+    "PLND_LAG": (0.02, 0.25),
+    "PLND_TIMEOUT": (0, 20),
+    "PLND_STRICT": (0, 2),
+    "PLND_ALT_MIN": (0, 5),
+    "PLND_ALT_MAX": (0, 50),
+    "RNGFND1_MIN": (0, 100),
+    "RNGFND1_MAX": (0, 1000),
+    "RTL_ALT": (30, 300_000),
+    "RTL_SPEED": (0, 2000),
+    "WPNAV_ACCEL": (50, 500),
+    "WPNAV_SPEED": (10, 2000),
+    "WPNAV_SPEED_DN": (10, 500),
+    "WPNAV_SPEED_UP": (10, 1000),
+}
+_ANY = (0.0, 65_535.0)
+
+
+def in_range(name: str, value: float) -> bool:
+    """Tell whether a parameter may be set to a value; what is no number never may."""
+    low, high = _LIMITS.get(name, _ANY)
+    return math.isfinite(value) and low <= value <= high

@@ -46,7 +46,7 @@ class PrecisionLanding:
             self.frame_refused = True
             return "Plnd: Frame not supported"
         body = np.array([message.x, message.y, message.z], np.float64)
-        if message.distance <= 0 or not np.isfinite(body).all() or not self._poses:
+        if not message.distance > 0 or not np.isfinite([*body, message.distance]).all() or not self._poses:
             return None
         if message.time_usec == self._last_stamp:
             return None

@@ -10,6 +10,7 @@ import errno
 import heapq
 import os
 import socket
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -46,7 +47,11 @@ class Peer:
 
     def parse(self, data: bytes) -> list[Any]:
         """Return the messages that these bytes complete; garbage is counted."""
-        messages = self.codec.parse_buffer(bytearray(data)) or []
+        try:
+            messages = self.codec.parse_buffer(bytearray(data)) or []
+        except Exception:  # the parser itself fails on some frames; a peer must not stop the simulation
+            self.bad += 1
+            return []
         good = [m for m in messages if m.get_type() != "BAD_DATA"]
         self.bad += len(messages) - len(good)
         return good
@@ -262,6 +267,7 @@ class Router:
         self._queue: list[tuple[int, int, Callable[[], None]]] = []
         self._order = 0
         self.now_ns = 0
+        self.unsendable = 0
 
     def number(self, peer: Peer) -> int:
         """Return the link number of a peer."""
@@ -284,7 +290,11 @@ class Router:
         """Send a message of the autopilot to one link or to all."""
         for peer in self.peers():
             if link is None or self.number(peer) == link:
-                data = bytes(message.pack(peer.codec))
+                try:
+                    data = bytes(message.pack(peer.codec))
+                except (struct.error, ValueError, OverflowError):  # a value its field cannot hold
+                    self.unsendable += 1
+                    continue
                 peer.codec.seq = (peer.codec.seq + 1) % 256
                 self._through(lambda p=peer, d=data: p.write(self._spoilt(d)))  # type: ignore[misc]
 
