@@ -1,5 +1,5 @@
 """Stored clouds: `slz map`."""
 
-from companion.survey.survey import run
+from companion.survey.command import run
 
 __all__ = ["run"]

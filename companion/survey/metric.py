@@ -95,8 +95,11 @@ def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Met
 
 def _accuracy_m(used: Transformer) -> float | None:
     """Return the accuracy of the operation a transformer used last."""
-    accuracy = used.get_last_used_operation().accuracy
-    return float(accuracy) if accuracy is not None and accuracy >= 0 else None
+    try:
+        accuracy = float(used.get_last_used_operation().accuracy)
+    except ProjError:  # from WGS-84 to itself
+        accuracy = float(used.accuracy)
+    return accuracy if accuracy >= 0 else None
 
 
 def _lengths(reference: Reference, centre: Floats, low: Floats, high: Floats) -> tuple[float, float]:

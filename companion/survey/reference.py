@@ -34,8 +34,9 @@ class Reference:
 
     @property
     def name(self) -> str:
-        code = self.crs.to_epsg()
-        return f"EPSG:{code}" if code else str(self.crs.name)
+        parts = self.crs.sub_crs_list if self.crs.is_compound else [self.crs]
+        codes = [self.crs.to_epsg()] if self.crs.to_epsg() else [part.to_epsg() for part in parts]
+        return f"EPSG:{'+'.join(map(str, codes))}" if all(codes) else str(self.crs.name)
 
     def same_as(self, other: Reference) -> bool:
         """Tell whether coordinates of both mean the same place."""

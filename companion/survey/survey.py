@@ -1,28 +1,22 @@
-"""A survey of stored clouds: from files to zones, maps and pictures."""
+"""A cloud through the pipeline: one window, on a map that holds it all."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion import figures
 from companion.errors import UsageError
-from companion.survey import memory, raster, zones
-from companion.survey.cloud import Cloud, read
+from companion.survey import memory
+from companion.survey.cloud import Cloud
 from companion.survey.density import coverage_for, density_per_m2
 from companion.survey.metric import Metric, about
 from companion.survey.stray import near
 from params import Parameters
-from slz import SAFE, UNKNOWN, UNSAFE, Pipeline, Report, TerrainMaps, Window
-
-Progress = Callable[[str, float], None]
+from slz import Pipeline, Report, TerrainMaps, Window
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,51 +29,6 @@ class Survey:
     parameters: Parameters
     density_per_m2: float
     dropped: dict[str, int]
-
-
-def run(
-    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, crs: str | None = None
-) -> dict[str, Any]:
-    """Survey clouds, write zones.geojson, the GeoTIFF and the pictures, and return the summary for JSON.
-
-    Parameters
-    ----------
-    files
-        LAS or LAZ files of one CRS.
-    out
-        Folder, made where there is none.
-    parameters
-        `coverage_m` and `max_zones` follow the cloud where nobody set them.
-    progress
-        Called with what is done next and the share that is done.
-    crs
-        Overrides the CRS of the files.
-
-    Raises
-    ------
-    UsageError
-        A file, the CRS, the folder or the size of the grid cannot be used.
-    """
-    started = time.perf_counter()
-    _make(out)
-    progress("reading", 0.0)
-    cloud = read(files, crs, lambda share: progress("reading", 0.5 * share))
-    progress("mapping", 0.5)
-    found = survey(cloud, parameters)
-    progress("writing", 0.65)
-    described = zones.rows(found.report.zones, found.maps, found.metric)
-    try:
-        outputs = raster.write(out, found.maps, found.metric, found.parameters.mode == "source")
-        outputs.append(out / "zones.geojson")
-        zones.write_geojson(outputs[-1], found.report.zones, described, found.maps, found.metric)
-        progress("drawing", 0.8)
-        outputs += figures.save_maps(out, found.maps, found.report.zones, found.parameters)
-    except OSError as error:
-        raise UsageError(f"--out {out}: cannot be written: {error}") from None
-    progress("done", 1.0)
-    return _summary(files, cloud, found, described, outputs) | {
-        "seconds": round(time.perf_counter() - started, 3)
-    }
 
 
 def survey(cloud: Cloud, parameters: Parameters) -> Survey:
@@ -148,64 +97,3 @@ def _window(
         start_ns=int(stamp_ns[0]),
         end_ns=int(stamp_ns[-1]),
     )
-
-
-def _make(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"--out {out}: this folder cannot be made: {error.strerror}") from None
-
-
-def _summary(
-    files: Sequence[Path], cloud: Cloud, found: Survey, described: list[dict[str, Any]], outputs: list[Path]
-) -> dict[str, Any]:
-    state, grid = found.maps.state, found.maps.grid
-    rows, cols = state.shape
-    reference = cloud.reference
-    return {
-        "files": [str(path) for path in files],
-        "crs": reference.name,
-        "unit_m": reference.unit_m,
-        "vertical_unit_m": reference.vertical_m,
-        "vertical_unit_from": reference.vertical_from,
-        "wgs84_error_m": found.metric.wgs84_error_m,
-        "points": {
-            "read": cloud.n_read,
-            "used": found.report.n_used,
-            "dropped": {name: count for name, count in found.dropped.items() if count},
-            "per_m2": round(found.density_per_m2, 3),
-        },
-        "cells": {
-            "cell_m": grid.cell_m,
-            "rows": rows,
-            "cols": cols,
-            "safe": int((state == SAFE).sum()),
-            "unsafe": int((state == UNSAFE).sum()),
-            "unknown": int((state == UNKNOWN).sum()),
-        },
-        "coverage_m": found.parameters.coverage_m,
-        "zones": described,
-        "outputs": [str(path) for path in outputs],
-        "warnings": _warnings(found),
-        "stage_ms": {name: round(ms, 1) for name, ms in found.report.stage_ms.items()},
-    }
-
-
-def _warnings(found: Survey) -> list[str]:
-    """Say what the user must know before he trusts the zones."""
-    own, warnings = found.parameters, []
-    default = Parameters.model_fields["coverage_m"].default
-    if own.coverage_m > default:
-        warnings.append(
-            f"{found.density_per_m2:.1f} points/m2: gaps of up to {own.coverage_m:g} m count as seen,"
-            " so a narrower hazard may have no return"
-        )
-    if not (found.maps.state != UNKNOWN).any():
-        warnings.append(
-            f"{found.density_per_m2:.1f} points/m2 cover no ground without gaps of {own.coverage_m:g} m:"
-            " try a larger --cell-m or --set coverage_m"
-        )
-    if found.dropped.get("stray"):
-        warnings.append(f"{found.dropped['stray']} points lie far from all others and were dropped")
-    return warnings

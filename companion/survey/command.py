@@ -1,0 +1,73 @@
+"""`slz map`: from files to zones, maps and pictures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from companion import figures
+from companion.errors import UsageError
+from companion.survey import raster, zones
+from companion.survey.cloud import read
+from companion.survey.summary import summary
+from companion.survey.survey import survey
+from params import Parameters
+
+Progress = Callable[[str, float], None]
+
+
+def run(
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, crs: str | None = None
+) -> dict[str, Any]:
+    """Survey clouds, write zones.geojson, the GeoTIFF and the pictures, and return the summary for JSON.
+
+    Parameters
+    ----------
+    files
+        LAS or LAZ files of one CRS.
+    out
+        Folder, made where there is none.
+    parameters
+        `coverage_m` and `max_zones` follow the cloud where nobody set them.
+    progress
+        Called with what is done next and the share that is done.
+    crs
+        Overrides the CRS of the files.
+
+    Raises
+    ------
+    UsageError
+        A file, the CRS, the folder or the size of the grid cannot be used.
+    """
+    started = time.perf_counter()
+    _look(out)
+    progress("reading", 0.0)
+    cloud = read(files, crs, lambda share: progress("reading", 0.5 * share))
+    progress("mapping", 0.5)
+    found = survey(cloud, parameters)
+    progress("writing", 0.65)
+    described = zones.rows(found.report.zones, found.maps, found.metric)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        outputs = raster.write(out, found.maps, found.metric, found.parameters.mode == "source")
+        outputs.append(out / "zones.geojson")
+        zones.write_geojson(outputs[-1], found.report.zones, described, found.maps, found.metric)
+        progress("drawing", 0.8)
+        outputs += figures.save_maps(out, found.maps, found.report.zones, found.parameters)
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be written: {error}") from None
+    progress("done", 1.0)
+    return summary(files, cloud, found, described, outputs) | {
+        "seconds": round(time.perf_counter() - started, 3)
+    }
+
+
+def _look(out: Path) -> None:
+    """Refuse a folder that is a file before minutes are spent; it is made when something is written."""
+    for part in (out, *out.parents):
+        if part.exists():
+            if not part.is_dir():
+                raise UsageError(f"--out {out}: {part} is a file: name a folder")
+            return

@@ -1,0 +1,151 @@
+"""What is read of LAS and LAZ files, and what is refused, in one line."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.errors import UsageError
+from companion.survey.cloud import read
+from tests.unit.companion.survey.clouds import field, placed, write
+
+POINTS = placed(field(2.0), "EPSG:32610")
+
+
+def refusal(files: list[Path], crs: str | None = None) -> str:
+    with pytest.raises(UsageError) as caught:
+        read(files, crs)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 300
+    return message
+
+
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+def test_coordinates_come_in_the_units_of_the_file(tmp_path: Path, suffix: str) -> None:
+    points = placed(field(2.0), "EPSG:2992", 0.3048)
+    cloud = read([write(tmp_path / f"a.{suffix}", points, "EPSG:2992")])
+    np.testing.assert_allclose(cloud.points, points, atol=6e-4)
+    assert cloud.reference.name == "EPSG:2992"
+    assert cloud.reference.unit_m == 0.3048
+    assert cloud.n_read == len(points)
+
+
+def test_noise_water_and_withheld_points_are_dropped_and_counted(tmp_path: Path) -> None:
+    kinds = np.full(len(POINTS), 2)
+    kinds[:3], kinds[3:5], kinds[5:9] = 7, 18, 9
+    withheld = np.zeros(len(POINTS), int)
+    withheld[-2:] = 1
+    cloud = read([write(tmp_path / "a.las", POINTS, classification=kinds, withheld=withheld)])
+    assert cloud.dropped == {"withheld": 2, "noise": 5, "water": 4, "not_finite": 0}
+    np.testing.assert_allclose(cloud.points, POINTS[9:-2], atol=6e-4)
+
+
+def test_several_files_make_one_cloud(tmp_path: Path) -> None:
+    times = np.linspace(5.0, 6.0, len(POINTS))
+    a = write(tmp_path / "a.las", POINTS, gps_time=times)
+    b = write(tmp_path / "b.laz", POINTS + np.array([100.0, 0, 0]), gps_time=times + 1)
+    shares: list[float] = []
+    cloud = read([a, b], progress=shares.append)
+    assert len(cloud.points) == 2 * len(POINTS)
+    assert cloud.gps_s is not None
+    np.testing.assert_allclose(cloud.gps_s, np.concatenate([times, times + 1]))
+    assert shares[-1] == 1.0
+
+
+def test_files_of_two_crs_are_refused_by_name(tmp_path: Path) -> None:
+    a = write(tmp_path / "a.las", POINTS)
+    b = write(tmp_path / "b.las", POINTS, "EPSG:32611")
+    message = refusal([a, b])
+    assert str(a) in message
+    assert str(b) in message
+    assert "EPSG:32611" in message
+
+
+def test_files_whose_heights_differ_in_unit_are_refused(tmp_path: Path) -> None:
+    a = write(tmp_path / "a.las", POINTS, "EPSG:32610+5703")
+    b = write(tmp_path / "b.las", POINTS, "EPSG:32610+6360")
+    assert str(b) in refusal([a, b])
+
+
+def test_a_file_without_crs_names_the_option(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.las", POINTS, None)
+    message = refusal([path])
+    assert str(path) in message
+    assert "--crs" in message
+    assert read([path], "EPSG:32610").reference.name == "EPSG:32610"
+
+
+def test_the_option_overrides_the_file(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.las", POINTS)
+    assert read([path], "EPSG:26910").reference.name == "EPSG:26910"
+    assert "--crs 'EPSG:1'" in refusal([path], "EPSG:1")
+
+
+def damaged(tmp_path: Path, kind: str) -> Path:
+    las, laz = tmp_path / "a.las", tmp_path / "a.laz"
+    data = write(las, POINTS).read_bytes()
+    packed = write(laz, POINTS).read_bytes()
+    (points_at,) = struct.unpack_from("<I", packed, 96)
+    match kind:
+        case "empty":
+            las.write_bytes(b"")
+        case "not LAS":
+            las.write_bytes(b"x y z\n1 2 3\n")
+        case "truncated LAS":
+            las.write_bytes(data[:-100])
+        case "truncated within":
+            las.write_bytes(data[:200])
+        case "truncated LAZ":
+            laz.write_bytes(packed[: (points_at + len(packed)) // 2])
+            return laz
+        case "corrupt LAZ":
+            noise = np.random.default_rng(1).bytes(len(packed) - points_at - 30)
+            laz.write_bytes(packed[: points_at + 8] + noise + packed[-22:])
+            return laz
+        case "endless records":
+            las.write_bytes(data[:100] + struct.pack("<I", 2**32 - 1) + data[104:])
+        case "future version":
+            las.write_bytes(data[:25] + b"\x09" + data[26:])
+        case "no points":
+            write(las, np.zeros((0, 3)))
+        case "NaN scale":
+            las.write_bytes(data[:131] + struct.pack("<d", np.nan) + data[139:])
+        case "missing":
+            las.unlink()
+        case "folder":
+            return tmp_path
+    return las
+
+
+@pytest.mark.parametrize(
+    ("kind", "word"),
+    [
+        ("missing", "no such file"),
+        ("folder", "cannot be read"),
+        ("empty", "empty"),
+        ("not LAS", "not a LAS or LAZ file"),
+        ("truncated LAS", "truncated"),
+        ("truncated within", "truncated"),
+        ("truncated LAZ", "truncated or corrupt"),
+        ("corrupt LAZ", "corrupt"),
+        ("endless records", "corrupt"),
+        ("future version", "LAS 1.9"),
+        ("no points", "no points"),
+        ("NaN scale", "not finite"),
+    ],
+)
+def test_an_unusable_file_is_refused_in_one_line_that_names_it(tmp_path: Path, kind: str, word: str) -> None:
+    path = damaged(tmp_path, kind)
+    message = refusal([path])
+    assert message.startswith(f"{path}: ")
+    assert word in message
+
+
+def test_more_points_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.las", POINTS)
+    monkeypatch.setattr("companion.survey.memory.total_bytes", lambda: 10_000)
+    assert "do not fit into memory" in refusal([path])

@@ -1,0 +1,70 @@
+"""Polygons follow the edges of the cells: exact area, valid, holes kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from companion.survey.metric import about
+from companion.survey.polygon import wgs84, zone_polygon
+from companion.survey.reference import from_option
+from companion.survey.square import square_centre
+from slz import SAFE, UNSAFE, Box, Grid, LandingPoint, LocalFrame, TerrainMaps, Zone
+
+GRID = Grid(-10.0, -20.0, 0.5, 60, 50)
+Cells = NDArray[np.uint8]
+
+
+def zone(cells: Cells, row0: int = 7, col0: int = 4) -> Zone:
+    box = Box(row0, row0 + cells.shape[0], col0, col0 + cells.shape[1])
+    best = LandingPoint(np.array([-6.0, -14.0, 0.0]), 1.0, 2.0, 0.0, 1.0)
+    area_m2, boundary, corners = float(cells.sum()) / 4, np.zeros((0, 2), np.int32), np.zeros((0, 3))
+    return Zone(1, box, cells, area_m2, 1.0, 1, 0, 0, 0.0, 0.0, boundary, corners, (), best)
+
+
+@given(arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 1)))
+def test_any_cells_give_valid_polygons_of_exactly_these_cells(cells: Cells) -> None:
+    shape = zone_polygon(zone(cells), GRID)
+    assert shape.is_valid
+    assert shape.area == pytest.approx(cells.sum() / 4)
+    rows, cols = np.indices(cells.shape)
+    east, north = -10 + (cols + 4.5) * 0.5, -20 + (rows + 7.5) * 0.5
+    np.testing.assert_array_equal(shapely.contains_xy(shape, east, north), cells == 1)
+
+
+def test_a_hole_stays_a_hole() -> None:
+    cells = np.ones((5, 5), np.uint8)
+    cells[2, 2] = 0
+    (part,) = zone_polygon(zone(cells), GRID).geoms
+    assert len(part.interiors) == 1
+
+
+def test_outer_rings_run_anticlockwise_and_holes_clockwise() -> None:
+    cells = np.ones((5, 5), np.uint8)
+    cells[2, 2] = 0
+    metric = about(from_option("EPSG:32610"), np.array([5e5, 4e6, 0]), np.array([5.01e5, 4.001e6, 1]), 0.5)
+    (part,) = wgs84(zone_polygon(zone(cells), GRID), metric).geoms
+    assert shapely.is_ccw(part.exterior)
+    assert not shapely.is_ccw(part.interiors[0])
+    west, south, east, north = part.bounds
+    assert -124 < west < east < -122  # longitude comes first
+    assert 36 < south < north < 37
+
+
+def test_the_square_lies_on_safe_cells_only() -> None:
+    cells = np.zeros((10, 12), np.uint8)
+    cells[1:8, 2:9] = 1
+    cells[8, 2:12] = 1
+    state = np.full((60, 50), UNSAFE, np.uint8)
+    state[7:17, 4:16][cells == 1] = SAFE
+    blank = np.zeros((60, 50), np.float32)
+    frame = LocalFrame(44.0, -123.0, 0.0)
+    maps = TerrainMaps(frame, GRID, GRID.everything, blank, blank, blank, blank, state)
+    east, north = square_centre(zone(cells), maps)
+    assert east == pytest.approx(-10 + (4 + 2 + 3.5) * 0.5)
+    assert -20 + (7 + 1 + 3.5) * 0.5 <= north <= -20 + (7 + 2 + 3.5) * 0.5
