@@ -6,16 +6,24 @@ from collections import deque
 
 WINDOW_NS = 10_000_000_000
 BLOCK_NS = 500_000_000
+ENOUGH_NS = 4_000_000_000
 JUMP_NS = 1_000_000_000
+REORDERED_NS = 20_000_000
+GAP_NS = 100_000_000
 MAX_DRIFT = 200e-6
+
+Point = tuple[int, int]  # stamp, arrival - stamp
 
 
 class SensorClock:
     """Offset of a free-running sensor clock by the quickest arrivals.
 
-    A packet can be late but never early, so the smallest difference of arrival and stamp within a block is
-    the best offset there; a line through the blocks of the last seconds, kept under all of them, follows the
-    drift. A clock that goes back, or leaps by more than a second, starts anew.
+    A packet can be late but never early, so arrival minus stamp is least for the packets that waited least.
+    The least of every half second is kept for ten seconds; the line that touches them from below is the
+    offset and its drift. Hence no stamp ever maps to a time after its arrival.
+
+    A sensor that starts anew, or whose clock is set by more than a second, starts this anew. Late packets do
+    not: their stamps go on where the last one ended.
 
     Parameters
     ----------
@@ -25,48 +33,79 @@ class SensorClock:
 
     def __init__(self, delay_ns: int = 0) -> None:
         self._delay_ns = delay_ns
-        self._blocks: deque[tuple[int, int]] = deque()  # (stamp, smallest arrival - stamp)
-        self._last_stamp: int | None = None
+        self._least: deque[Point] = deque()
+        self._block_start = 0
+        self._last: tuple[int, int] | None = None  # stamp, arrival
+        self._anchor: Point = (0, 0)
         self._drift = 0.0
         self.resets = 0
+
+    def is_jump(self, stamp_ns: int, arrival_ns: int) -> bool:
+        """Return whether a packet can only be explained by another time of the sensor's clock."""
+        if self._last is None:
+            return False
+        step, wait = stamp_ns - self._last[0], arrival_ns - self._last[1]
+        return step < -REORDERED_NS or step - wait > JUMP_NS or (step > GAP_NS and wait - step > JUMP_NS)
 
     def observe(self, stamp_ns: int, arrival_ns: int) -> None:
         """Learn from a packet whose last point has this stamp and which arrived now."""
         difference = arrival_ns - stamp_ns
-        if self._last_stamp is not None:
-            back = stamp_ns < self._last_stamp - BLOCK_NS
-            if back or abs(difference - self._expected(stamp_ns)) > JUMP_NS:
-                self._blocks.clear()
-                self._drift = 0.0
-                self.resets += 1
-        self._last_stamp = stamp_ns
-        if self._blocks and stamp_ns - self._blocks[-1][0] < BLOCK_NS:
-            start, least = self._blocks[-1]
-            self._blocks[-1] = (start, min(least, difference))
-        else:
-            self._blocks.append((stamp_ns, difference))
-            while stamp_ns - self._blocks[0][0] > WINDOW_NS:
-                self._blocks.popleft()
+        if self.is_jump(stamp_ns, arrival_ns):
+            self._least.clear()
+            self._last = None
+            self.resets += 1
+        self._last = (stamp_ns if self._last is None else max(stamp_ns, self._last[0]), arrival_ns)
+        if not self._least or stamp_ns - self._block_start >= BLOCK_NS:
+            self._block_start = stamp_ns
+            self._least.append((stamp_ns, difference))
+            while stamp_ns - self._least[0][0] > WINDOW_NS:
+                self._least.popleft()
             self._fit()
+        elif difference < self._least[-1][1]:
+            self._least[-1] = (stamp_ns, difference)
+        excess = self._line(stamp_ns) - difference
+        if excess > 0:
+            self._anchor = (self._anchor[0], self._anchor[1] - excess)
 
     def offset_ns(self, stamp_ns: int) -> int:
-        """Return what to add to a sensor stamp."""
-        if not self._blocks:
-            raise ValueError("no packet was observed yet")
-        return self._expected(stamp_ns) - self._delay_ns
+        """Return what to add to a sensor stamp.
 
-    def _expected(self, stamp_ns: int) -> int:
-        if not self._blocks:
-            return 0
-        return min(least + round(self._drift * (stamp_ns - start)) for start, least in self._blocks)
+        Raises
+        ------
+        ValueError
+            No packet was observed yet.
+        """
+        if not self._least:
+            raise ValueError("no packet was observed yet")
+        return self._line(stamp_ns) - self._delay_ns
+
+    def _line(self, stamp_ns: int) -> int:
+        start, offset = self._anchor
+        return offset + round(self._drift * (stamp_ns - start))
 
     def _fit(self) -> None:
-        """Take the drift from the least of the older half to the least of the newer half."""
-        if len(self._blocks) < 8:
-            return
-        blocks = list(self._blocks)[:-1]
-        half = len(blocks) // 2
-        first = min(blocks[:half], key=lambda block: block[1])
-        second = min(blocks[half:], key=lambda block: block[1])
-        slope = (second[1] - first[1]) / (second[0] - first[0])
-        self._drift = max(-MAX_DRIFT, min(MAX_DRIFT, slope))
+        """Lay the line under all points, along the side of their lower hull below the middle."""
+        points = list(self._least)
+        first, newest = points[0][0], points[-1][0]
+        self._drift = 0.0
+        if newest - first >= ENOUGH_NS:
+            middle = (first + newest) // 2
+            # The newest block has only begun, its least is not known yet.
+            hull = _lower_hull(points[:-1])
+            a, b = next(((a, b) for a, b in zip(hull, hull[1:], strict=False) if b[0] >= middle), hull[-2:])
+            self._drift = max(-MAX_DRIFT, min(MAX_DRIFT, (b[1] - a[1]) / (b[0] - a[0])))
+        self._anchor = (newest, min(d + round(self._drift * (newest - s)) for s, d in points))
+
+
+def _lower_hull(points: list[Point]) -> list[Point]:
+    """Return the corners of the convex hull's lower side, points given in order of stamps."""
+    hull: list[Point] = []
+    for point in points:
+        while len(hull) > 1 and not _turns_up(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    return hull
+
+
+def _turns_up(a: Point, b: Point, c: Point) -> bool:
+    return (b[1] - a[1]) * (c[0] - b[0]) < (c[1] - b[1]) * (b[0] - a[0])

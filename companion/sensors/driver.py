@@ -10,10 +10,8 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from companion.clock import now_ns
-from companion.errors import UsageError
+from companion.errors import CompanionError, UsageError
 from companion.sensors.clock import SensorClock
 from companion.sensors.livox import LivoxDecoder
 from companion.sensors.returns import Returns
@@ -22,12 +20,14 @@ from params import Parameters
 BATCH_S = 0.01
 BATCH_PACKETS = 64
 RECEIVE_BUFFER = 8 << 20
+RATE_NS = 1_000_000_000
+EXAMPLE = "livox:HOST:PORT, such as livox:0.0.0.0:56301"
 
 OnReturns = Callable[[Returns], None]
 
 
 def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> LivoxDriver:
-    """Return the driver for a URL such as `livox:0.0.0.0:56301`.
+    """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
 
     Raises
     ------
@@ -35,11 +35,13 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> Livox
         The URL is malformed or names a sensor that is not supported.
     """
     kind, _, address = url.partition(":")
+    if kind in ("velodyne", "ouster"):
+        raise UsageError(f"LiDAR {url!r}: {kind} is not supported yet: write {EXAMPLE}")
     if kind != "livox":
-        raise UsageError(f"LiDAR {url!r} is not supported: write livox:HOST:PORT")
+        raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
     host, _, port = address.rpartition(":")
-    if not port.isdigit() or not 0 < int(port) < 65536:
-        raise UsageError(f"LiDAR {url!r} has no port: write livox:HOST:PORT, such as livox:0.0.0.0:56301")
+    if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
+        raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
     return LivoxDriver(host.strip("[]") or "0.0.0.0", int(port), parameters, on_returns)
 
 
@@ -51,13 +53,21 @@ class LivoxDriver(asyncio.DatagramProtocol):
         self._on_returns = on_returns
         self._decoder = LivoxDecoder()
         self._clock = SensorClock(round(parameters.lidar_delay_ms * 1e6))
-        self._packets: list[bytes] = []
         self._timer: asyncio.TimerHandle | None = None
         self._failure: asyncio.Future[None] | None = None
+        self._rate = _Rate()
         self.last_arrival_ns: int | None = None
 
     async def run(self) -> None:
-        """Receive until cancelled; raise UsageError if the port cannot be bound."""
+        """Receive until cancelled.
+
+        Raises
+        ------
+        UsageError
+            The port cannot be bound.
+        CompanionError
+            The socket failed.
+        """
         loop = asyncio.get_running_loop()
         self._failure = loop.create_future()
         transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound())
@@ -67,6 +77,7 @@ class LivoxDriver(asyncio.DatagramProtocol):
             transport.close()
             if self._timer is not None:
                 self._timer.cancel()
+                self._timer = None
 
     def _bound(self) -> socket.socket:
         host, port = self._address
@@ -85,13 +96,16 @@ class LivoxDriver(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Keep a packet for the next batch."""
-        arrival = now_ns()
-        stamp = self._decoder.stamp_of(data)
-        if stamp is not None:
-            self._clock.observe(stamp, arrival)
-            self.last_arrival_ns = arrival
-        self._packets.append(data)
-        if len(self._packets) >= BATCH_PACKETS:
+        stamp_ns = self._decoder.check(data)
+        if stamp_ns is None:
+            return
+        arrival_ns = now_ns()
+        if self._clock.is_jump(stamp_ns, arrival_ns):
+            self._flush()  # the packets before have the clock of before
+        self._clock.observe(stamp_ns, arrival_ns)
+        self._decoder.take(data)
+        self.last_arrival_ns = arrival_ns
+        if len(self._decoder) >= BATCH_PACKETS:
             self._flush()
         elif self._timer is None:
             self._timer = asyncio.get_running_loop().call_later(BATCH_S, self._flush)
@@ -99,23 +113,50 @@ class LivoxDriver(asyncio.DatagramProtocol):
     def error_received(self, exc: Exception) -> None:
         """Ignore what a peer's closed port answers; nothing is sent from here."""
 
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End `run` when the socket failed."""
+        if exc is not None:
+            self._fail(CompanionError(f"LiDAR socket {self._address[0]}:{self._address[1]} failed: {exc}"))
+
     def _flush(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        packets, self._packets = self._packets, []
         try:
-            raw = self._decoder.decode(packets)
-            if len(raw.stamp_ns):
-                offset = self._clock.offset_ns(int(raw.stamp_ns[-1]))
-                order = np.argsort(raw.stamp_ns, kind="stable")
-                self._on_returns(
-                    Returns(raw.xyz_m[order], raw.stamp_ns[order] + offset, raw.intensity[order])
-                )
+            raw = self._decoder.drain()
+            if len(raw):
+                self._rate.add(now_ns(), len(raw))
+                stamps_ns = raw.stamp_ns + self._clock.offset_ns(int(raw.stamp_ns[-1]))
+                self._on_returns(Returns(raw.xyz_m, stamps_ns, raw.intensity))
         except Exception as error:
-            if self._failure is not None and not self._failure.done():
-                self._failure.set_exception(error)
+            self._fail(error)
 
-    def statistics(self) -> dict[str, int]:
-        """Counters of packets, returns and what was dropped."""
-        return asdict(self._decoder.counters) | {"clock_resets": self._clock.resets}
+    def _fail(self, error: Exception) -> None:
+        if self._failure is not None and not self._failure.done():
+            self._failure.set_exception(error)
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters of packets and returns, and of what was dropped and why."""
+        return asdict(self._decoder.counters) | {
+            "clock_resets": self._clock.resets,
+            "last_arrival_ns": self.last_arrival_ns,
+            "rate_hz": self._rate.hz,
+        }
+
+
+class _Rate:
+    """Returns a second, over the last whole second in which any came."""
+
+    def __init__(self) -> None:
+        self.hz = 0.0
+        self._since_ns: int | None = None
+        self._count = 0
+
+    def add(self, now_ns: int, count: int) -> None:
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        elapsed_ns = now_ns - self._since_ns
+        if elapsed_ns >= RATE_NS:
+            self.hz = self._count * 1e9 / elapsed_ns
+            self._since_ns, self._count = now_ns, 0
+        self._count += count

@@ -1,7 +1,9 @@
 """Decoder of the Livox Mid-360's point packets (Livox LiDAR communication protocol for the Mid-360, v1.4).
 
-A packet is a header of 36 bytes, little endian, and `dot_num` points. The checksum covers everything from the
-time stamp on. Points are given forward, left, up of the sensor's centre.
+A packet is a header of 36 bytes, little endian, and `dot_num` points. `length` counts the whole packet. The
+checksum covers everything from the time stamp on. `timestamp` is the first point's time, `time_interval` the
+time from the first point to the last. `udp_cnt` counts packets, from zero in every frame or without an end.
+Points are given forward, left, up of the sensor's centre.
 """
 
 from __future__ import annotations
@@ -14,28 +16,31 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.sensors.livox_points import decode_points
+
 # version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
 # crc32, timestamp (ns)
 HEADER = struct.Struct("<BHHHHBBB12xIQ")
 CHECKED_FROM = 28
-CARTESIAN_MM = np.dtype([("xyz", "<i4", 3), ("reflectivity", "u1"), ("tag", "u1")])
-CARTESIAN_CM = np.dtype([("xyz", "<i2", 3), ("reflectivity", "u1"), ("tag", "u1")])
-SPHERICAL = np.dtype([("depth", "<u4"), ("angles", "<u2", 2), ("reflectivity", "u1"), ("tag", "u1")])
-FORMATS = {1: CARTESIAN_MM, 2: CARTESIAN_CM, 3: SPHERICAL}
 IMU = 0
-# Tag bits 0-1, 2-3 and 4-5: confidence that the return is a glue point, an atmospheric particle, or other;
-# 0 is high confidence (a normal point), 1 moderate, 2 low.
-LOW_CONFIDENCE = 2
+POINT_BYTES = {1: 14, 2: 8, 3: 10}
+REORDERED = 64  # a packet at most this much behind the newest is late, one farther behind starts a frame
+MOST_NS = 2**62
 
 
 @dataclass(slots=True)
 class LivoxCounters:
-    """What came, and what was dropped and why."""
+    """What came, and what was dropped and why.
+
+    `unchecked` packets carry a checksum of zero, which the protocol does not give a meaning: they are taken,
+    since UDP has a checksum of its own.
+    """
 
     packets: int = 0
     imu: int = 0
     malformed: int = 0
     bad_checksum: int = 0
+    unchecked: int = 0
     lost_packets: int = 0
     returns: int = 0
     no_return: int = 0
@@ -50,90 +55,92 @@ class RawReturns:
     stamp_ns: NDArray[np.int64]
     intensity: NDArray[np.uint8]
 
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
 
 @dataclass(slots=True)
 class LivoxDecoder:
-    """Decodes packets; malformed ones are counted and dropped, never raised."""
+    """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
+    _packets: list[bytes] = field(default_factory=list)
+    _spans: list[tuple[int, int, int, int]] = field(default_factory=list)  # kind, points, stamp, interval
     _udp_count: int | None = None
 
-    def stamp_of(self, packet: bytes) -> int | None:
-        """Return the sensor time of a packet's last point, or None if it is no point packet."""
-        if len(packet) < HEADER.size:
-            return None
-        _, _, interval, _, _, _, kind, _, _, stamp = HEADER.unpack_from(packet)
-        return stamp + interval * 100 if kind in FORMATS else None
+    def __len__(self) -> int:
+        """Return the number of packets taken and not decoded yet."""
+        return len(self._packets)
 
-    def decode(self, packets: Sequence[bytes]) -> RawReturns:
-        """Decode packets together; without any return the arrays are empty."""
-        points, stamps, intensities = [], [], []
-        for packet in packets:
-            decoded = self._packet(packet)
-            if decoded is not None:
-                points.append(decoded[0])
-                stamps.append(decoded[1])
-                intensities.append(decoded[2])
-        if not points:
-            return RawReturns(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), np.zeros(0, np.uint8))
-        return RawReturns(np.concatenate(points), np.concatenate(stamps), np.concatenate(intensities))
+    def check(self, packet: bytes) -> int | None:
+        """Return the sensor's time of a packet's last point (ns), or None for what is no sound point packet.
 
-    def _packet(
-        self, packet: bytes
-    ) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.uint8]] | None:
+        What is dropped is counted.
+        """
         c = self.counters
         if len(packet) < HEADER.size:
             c.malformed += 1
             return None
-        _, length, interval, count, udp_count, _, kind, _, crc, stamp = HEADER.unpack_from(packet)
+        version, length, interval, count, _, _, kind, _, crc, stamp = HEADER.unpack_from(packet)
+        if version != 0 or length != len(packet):
+            c.malformed += 1
+            return None
+        if crc == 0:
+            c.unchecked += 1
+        elif zlib.crc32(memoryview(packet)[CHECKED_FROM:]) != crc:
+            c.bad_checksum += 1
+            return None
         if kind == IMU:
             c.imu += 1
             return None
-        form = FORMATS.get(kind)
-        if (
-            form is None
-            or not count
-            or length != len(packet)
-            or length != HEADER.size + count * form.itemsize
-        ):
+        size = POINT_BYTES.get(kind)
+        if size is None or count == 0 or length != HEADER.size + count * size or stamp > MOST_NS:
             c.malformed += 1
             return None
-        if zlib.crc32(packet[CHECKED_FROM:]) != crc:
-            c.bad_checksum += 1
-            return None
-        c.packets += 1
+        return int(stamp + interval * 100)
+
+    def take(self, packet: bytes) -> None:
+        """Keep a packet that `check` found sound."""
+        _, _, interval, count, udp_count, _, kind, _, _, stamp = HEADER.unpack_from(packet)
+        self.counters.packets += 1
         self._count_lost(udp_count)
-        raw = np.frombuffer(packet, form, count, HEADER.size)
-        xyz = _metres(raw, kind)
-        tag = raw["tag"]
-        present = np.any(xyz != 0, axis=1)
-        sure = (
-            ((tag & 3) < LOW_CONFIDENCE)
-            & ((tag >> 2 & 3) < LOW_CONFIDENCE)
-            & ((tag >> 4 & 3) < LOW_CONFIDENCE)
-        )
-        keep = present & sure
-        c.no_return += int(count - present.sum())
-        c.low_confidence += int((present & ~sure).sum())
-        c.returns += int(keep.sum())
-        # The interval spans from the first point of the packet to the last.
-        times = stamp + (np.arange(count) * (interval * 100) // max(1, count - 1)).astype(np.int64)
-        return xyz[keep], times[keep], raw["reflectivity"][keep]
+        self._packets.append(packet)
+        self._spans.append((kind, count, stamp, interval * 100))
+
+    def drain(self) -> RawReturns:
+        """Decode the packets taken; what is no return, or one of low confidence, is dropped and counted."""
+        spans = np.array(self._spans, np.int64).reshape(-1, 4)
+        most = int(spans[:, 1].sum())
+        xyz = np.empty((most, 3), np.float32)
+        stamps = np.empty(most, np.int64)
+        intensity = np.empty(most, np.uint8)
+        data = np.frombuffer(b"".join(self._packets), np.uint8)
+        kept, absent, doubtful = decode_points(data, spans, xyz, stamps, intensity)
+        self._packets.clear()
+        self._spans.clear()
+        self.counters.returns += kept
+        self.counters.no_return += absent
+        self.counters.low_confidence += doubtful
+        return RawReturns(xyz[:kept], stamps[:kept], intensity[:kept])
+
+    def decode(self, packets: Sequence[bytes]) -> RawReturns:
+        """Check and decode packets together; without any return the arrays are empty."""
+        for packet in packets:
+            if self.check(packet) is not None:
+                self.take(packet)
+        return self.drain()
 
     def _count_lost(self, udp_count: int) -> None:
-        """Count gaps of a running counter; one that begins anew with each frame shows no gap at its end."""
-        if self._udp_count is not None and udp_count != 0:
-            gap = (udp_count - self._udp_count - 1) % 65536
-            self.counters.lost_packets += gap if gap < 32768 else 0
-        self._udp_count = udp_count
-
-
-def _metres(raw: NDArray[np.void], kind: int) -> NDArray[np.float32]:
-    if kind == 3:
-        depth = raw["depth"] * np.float32(1e-3)
-        theta = np.radians(raw["angles"][:, 0] * np.float32(0.01))  # from the z axis
-        phi = np.radians(raw["angles"][:, 1] * np.float32(0.01))  # from x towards y
-        across = depth * np.sin(theta)
-        xyz = np.stack([across * np.cos(phi), across * np.sin(phi), depth * np.cos(theta)], axis=1)
-        return xyz.astype(np.float32)
-    return raw["xyz"] * np.float32(1e-3 if kind == 1 else 1e-2)
+        """Count gaps of a counter that runs on, or that begins anew with each frame."""
+        newest = self._udp_count
+        ahead = 0 if newest is None else (udp_count - newest - 1) % 65536
+        if newest is None or ahead < 32768:
+            self.counters.lost_packets += ahead
+            self._udp_count = udp_count
+        elif newest - udp_count <= min(REORDERED, newest // 2):
+            # Late, and counted as lost when a later one overtook it; a repeated packet is no late one.
+            if udp_count != newest and self.counters.lost_packets:
+                self.counters.lost_packets -= 1
+        else:
+            self.counters.lost_packets += udp_count  # a new frame, whose first packets may be missing
+            self._udp_count = udp_count

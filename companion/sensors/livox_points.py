@@ -1,0 +1,99 @@
+"""Kernel that turns the bytes of many Livox packets into points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+HEADER_BYTES = 36
+CENTIDEGREE = math.pi / 18000
+# Tag bits 0-1: the return lies on the line between two close objects; bits 2-3: rain, fog or dust; bits 4-5:
+# other. 0 is high confidence, 1 moderate, 2 low, 3 reserved: the upper bit of a pair tells low confidence.
+DOUBTFUL = 0b101010
+
+
+@kernel()
+def _u16(data: NDArray[np.uint8], at: int) -> int:
+    return np.int64(data[at]) | np.int64(data[at + 1]) << 8
+
+
+@kernel()
+def _i16(data: NDArray[np.uint8], at: int) -> int:
+    value = _u16(data, at)
+    return value - 0x10000 if value >= 0x8000 else value
+
+
+@kernel()
+def _u32(data: NDArray[np.uint8], at: int) -> int:
+    return _u16(data, at) | _u16(data, at + 2) << 16
+
+
+@kernel()
+def _i32(data: NDArray[np.uint8], at: int) -> int:
+    value = _u32(data, at)
+    return value - 0x100000000 if value >= 0x80000000 else value
+
+
+@kernel()
+def _metres(data: NDArray[np.uint8], at: int, kind: int) -> tuple[float, float, float]:
+    """Return x, y, z of the point that begins at a byte; 1: mm, 2: cm, 3: depth mm and two angles."""
+    if kind == 1:
+        return _i32(data, at) * 1e-3, _i32(data, at + 4) * 1e-3, _i32(data, at + 8) * 1e-3
+    if kind == 2:
+        return _i16(data, at) * 1e-2, _i16(data, at + 2) * 1e-2, _i16(data, at + 4) * 1e-2
+    depth = _u32(data, at) * 1e-3
+    theta = _u16(data, at + 4) * CENTIDEGREE  # from the z axis
+    phi = _u16(data, at + 6) * CENTIDEGREE  # from x towards y
+    across = depth * math.sin(theta)
+    return across * math.cos(phi), across * math.sin(phi), depth * math.cos(theta)
+
+
+@kernel("UniTuple(int64, 3)(Array(uint8, 1, 'C', readonly=True), i8[:, ::1], f4[:, ::1], i8[::1], u1[::1])")
+def decode_points(
+    data: NDArray[np.uint8],
+    spans: NDArray[np.int64],
+    xyz_m: NDArray[np.float32],
+    stamps_ns: NDArray[np.int64],
+    intensity: NDArray[np.uint8],
+) -> tuple[int, int, int]:
+    """Decode packets that follow each other in `data`.
+
+    Parameters
+    ----------
+    data
+        (bytes,) uint8, whole packets, checked.
+    spans
+        (packets, 4): data type, points, first point's stamp (ns), time from first to last point (ns).
+    xyz_m, stamps_ns, intensity
+        Filled from the front: (points, 3) m, (points,) ns, (points,).
+
+    Returns
+    -------
+    tuple
+        Points kept, points without a return, points of low confidence.
+    """
+    kept, absent, doubtful = 0, 0, 0
+    at = 0
+    for packet in range(spans.shape[0]):
+        kind, count, stamp, interval = spans[packet]
+        size = 14 if kind == 1 else 8 if kind == 2 else 10
+        step = interval / max(1, count - 1)
+        at += HEADER_BYTES
+        for i in range(count):
+            x, y, z = _metres(data, at, kind)
+            tag = data[at + size - 1]
+            if x == 0 and y == 0 and z == 0:
+                absent += 1
+            elif tag & DOUBTFUL:
+                doubtful += 1
+            else:
+                xyz_m[kept, 0], xyz_m[kept, 1], xyz_m[kept, 2] = x, y, z
+                stamps_ns[kept] = stamp + np.int64(i * step)
+                intensity[kept] = data[at + size - 2]
+                kept += 1
+            at += size
+    return kept, absent, doubtful
