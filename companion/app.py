@@ -64,6 +64,7 @@ class Companion:
         self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)
         self.zones_seen: dict[int, Zone] = {}
         self.maps: TerrainMaps | None = None
+        self.summary: dict[str, Any] = {}
         self._last_scan_ns: int | None = None
         self._last_report_ns: int | None = None
         self._last_path_ns = 0
@@ -95,6 +96,7 @@ class Companion:
             raise _first(errors) from None
         finally:
             self.maps = self.worker.close()
+            self.summary = self._summary()
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
@@ -248,7 +250,7 @@ class Companion:
 
     # ---- summary --------------------------------------------------------------------------------
 
-    def summary(self) -> dict[str, Any]:
+    def _summary(self) -> dict[str, Any]:
         """Return what the flight came to, as `--json` prints it."""
         tally, frame = self.executive.tally, self.history.frame
         chosen = None

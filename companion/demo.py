@@ -85,7 +85,7 @@ def fly(plan: Plan, parameters: Parameters, console: Console, *, live: bool) -> 
             shutil.copy(truth / file, plan.out / file)
     finally:
         shutil.rmtree(truth, ignore_errors=True)
-    summary = companion.summary() | evaluated
+    summary = companion.summary | evaluated
     wall_s = time.perf_counter() - started
     summary |= {
         "scene": plan.scene,

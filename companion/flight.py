@@ -34,7 +34,7 @@ async def _run(
     await companion.run()
     if out is not None:
         draw(companion, out)
-    return companion.summary()
+    return companion.summary
 
 
 def draw(companion: Companion, out: Path) -> dict[str, str]:

@@ -104,8 +104,16 @@ class Parameters(BaseModel):
         Spec("SLZ_COVER_M", "m", OURS, "Unseen gaps at least this wide make ground unknown."),
     ] = 1.0
     range_noise_m: Annotated[
-        float, _in(0, 1), Spec("SLZ_NOISE_M", "m", OURS, "Standard deviation of one return's height.")
-    ] = 0.03
+        float, _in(0, 1), Spec("SLZ_NOISE_M", "m", OURS, "Standard deviation of one return along its ray.")
+    ] = 0.02
+    angle_noise_deg: Annotated[
+        float, _in(0, 5), Spec("SLZ_ANGLE_NOISE", "deg", OURS, "Standard deviation of a ray's direction.")
+    ] = 0.15
+    height_noise_m: Annotated[
+        float,
+        _in(0.01, 5),
+        Spec("SLZ_HEIGHT_NOISE", "m", OURS, "Returns whose height is less certain than this are not mapped."),
+    ] = 0.045
     hold_s: Annotated[
         float,
         _in(0.5, 600),

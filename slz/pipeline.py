@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -41,6 +42,7 @@ class Pipeline:
     def __init__(self, parameters: Parameters, centre_enu_m: tuple[float, float] | None = None) -> None:
         self._parameters = parameters
         self._centre = centre_enu_m
+        self._reach_m = reach_m(parameters)
         self._source = parameters.mode == "source"
         self._terrain: Terrain | None = None
         self._frame: LocalFrame | None = None
@@ -50,8 +52,8 @@ class Pipeline:
     def process(self, window: Window) -> Report:
         """Run every stage on one window and report the zones of the total map.
 
-        Non-finite points and points beyond `max_range_m` of the sensor are dropped and show as the difference
-        of n_points and n_used.
+        Non-finite points and points beyond `reach_m` of the sensor are dropped and show as the difference of
+        n_points and n_used.
         """
         clock = _Stages()
         points = self._usable(window)
@@ -111,7 +113,7 @@ class Pipeline:
     def _usable(self, window: Window) -> NDArray[np.float64]:
         points = window.points_enu_m
         offset = points[:, :2] - window.sensor_enu_m[:2]
-        near = np.einsum("ij,ij->i", offset, offset) <= self._parameters.max_range_m**2
+        near = np.einsum("ij,ij->i", offset, offset) <= self._reach_m**2
         keep = near & np.isfinite(points[:, 2])  # a NaN in x or y fails the comparison
         return np.ascontiguousarray(points[keep])
 
@@ -198,6 +200,20 @@ class Pipeline:
 
     def _new_names(self) -> RepeatFilter | ZoneTracker:
         return RepeatFilter(self._parameters) if self._source else ZoneTracker()
+
+
+def reach_m(parameters: Parameters) -> float:
+    """Return the horizontal distance from the sensor up to which returns are mapped (m).
+
+    An error of a ray's direction moves its return up or down by that angle times the horizontal distance.
+    Beyond the distance where this exceeds `height_noise_m`, noise alone would fill the footprint's relief; such
+    ground stays unknown until the vehicle comes nearer. The sources know no such rule.
+    """
+    p = parameters
+    if p.mode == "source" or p.angle_noise_deg == 0:
+        return p.max_range_m
+    allowed = max(0.0, p.height_noise_m**2 - p.range_noise_m**2) ** 0.5
+    return min(p.max_range_m, allowed / math.radians(p.angle_noise_deg))
 
 
 class _Stages:

@@ -19,6 +19,7 @@ from companion.landing.guidance import heading_rad, level, towards
 from companion.landing.pattern import expanding_square
 from params import Parameters
 from slz import PointState, Report, SelectedPoint
+from slz.pipeline import reach_m
 
 Vector = NDArray[np.float64]
 
@@ -76,7 +77,7 @@ class Orders:
     """What to do now.
 
     velocity_enu_ms: setpoint, or None to send none. yaw_rad: heading to turn to, or None to keep. mode:
-    the kind of mode to ask for. target_enu_m: the landing target to stream. select_enu_m: a point to put under watch.
+    the kind of mode to ask for. target_enu_m: the landing target to stream. select_enu_m: a point to watch.
     """
 
     velocity_enu_ms: Vector | None = None
@@ -279,7 +280,7 @@ class Executive:
         else:
             east, north, up = (float(v) for v in s.position_enu_m)
             self._height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
-            self._corners = expanding_square(east, north, 0.5 * self._p.lidar_max_m)
+            self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
             self._corner = np.array([east, north])
         self._say(Severity.INFO, "surveying")
         self._go(Phase.SURVEY, s)
