@@ -1,75 +1,100 @@
-"""Holds returns back until poses bracket them."""
+"""Batches of returns wait here until the poses around them are known."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 
-import numpy as np
-
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.pose_history import PoseHistory
-from companion.sensors.returns import Returns
+from companion.sensors.returns import Returns, join
 from params import Parameters
 from slz import Scan
 
-SCAN_NS = 50_000_000
-MOST_WAITING = 400
+SPAN_NS = 50_000_000
+# Returns kept waiting at most, some seconds of a fast sensor: memory is bounded whatever the stamps say.
+MOST_WAITING = 2_000_000
 
 
 class ScanAssembler:
-    """Turns batches of returns into scans of about 50 ms, never placing one with a stale pose.
+    """Gathers returns into scans of 50 ms and places them once poses bracket them.
 
-    Returns wait until attitude and position of a later time are known, at most `pose_timeout_s`; then they
-    are dropped and counted. Memory is bounded: the oldest batch goes first.
+    Nothing is ever placed with an extrapolated pose: a batch that no pose has followed `pose_timeout_s` after
+    it, by the sensor's own stamps, is dropped.
+
+    Parameters
+    ----------
+    parameters
+        Mount, range gate and `pose_timeout_s`.
+    history
+        The vehicle's poses.
+    on_scan
+        Called with every scan, in order.
+
+    Attributes
+    ----------
+    stale
+        Returns dropped because no pose came in time, or too many waited.
+    scans
+        Scans handed on.
     """
 
     def __init__(self, parameters: Parameters, history: PoseHistory, on_scan: Callable[[Scan], None]) -> None:
+        self._patience_ns = round(parameters.pose_timeout_s * 1e9)
         self._history = history
         self._on_scan = on_scan
         self._georeferencer = Georeferencer(parameters)
-        self._timeout_ns = round(parameters.pose_timeout_s * 1e9)
-        self._waiting: deque[Returns] = deque()
-        self._scan: list[Returns] = []
-        self._jumps = 0
-        self.timed_out = 0
+        self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each
+        self._n_waiting = 0
+        self._gathered: list[Returns] = []
+        self.stale = 0
+        self.scans = 0
 
     def add(self, returns: Returns) -> None:
-        """Take a batch, and emit every scan that is complete."""
-        self._waiting.append(returns)
-        self._expire(int(returns.stamp_ns[-1]))
-        covered = self._history.bracketed_until_ns
-        if self._history.jumps != self._jumps:
-            self._jumps = self._history.jumps
-            self._scan.clear()  # a scan must not straddle a reset of the estimate
-        while covered is not None and self._waiting and int(self._waiting[0].stamp_ns[-1]) <= covered:
-            self._gather(self._waiting.popleft())
-
-    def _gather(self, returns: Returns) -> None:
-        self._scan.append(returns)
-        first = int(self._scan[0].stamp_ns[0])
-        if int(returns.stamp_ns[-1]) - first < SCAN_NS:
+        """Take a batch; hand on the scans that are complete now."""
+        if not len(returns):
             return
-        batch, self._scan = self._scan, []
-        joined = Returns(
-            np.concatenate([r.xyz_sensor_m for r in batch]),
-            np.concatenate([r.stamp_ns for r in batch]),
-            np.concatenate([r.intensity for r in batch]),
-        )
-        scan = self._georeferencer.georeference(joined, self._history)
-        if scan is not None:
-            self._on_scan(scan)
-
-    def _expire(self, newest_ns: int) -> None:
-        while self._waiting and (
-            newest_ns - int(self._waiting[0].stamp_ns[-1]) > self._timeout_ns
-            or len(self._waiting) > MOST_WAITING
-        ):
-            self.timed_out += len(self._waiting.popleft())
+        newest_ns = int(returns.stamp_ns.max())
+        self._waiting.append((newest_ns, returns))
+        self._n_waiting += len(returns)
+        self._place_bracketed()
+        self._drop_stale(newest_ns)
 
     def statistics(self) -> dict[str, int]:
-        """Counters of what was not placed."""
+        """Return scans handed on and returns dropped, by reason."""
         return {
-            "without_pose": self._georeferencer.without_pose + self.timed_out,
+            "scans": self.scans,
+            "stale": self.stale,
             "out_of_range": self._georeferencer.out_of_range,
+            "without_pose": self._georeferencer.without_pose,
         }
+
+    def _place_bracketed(self) -> None:
+        until_ns = self._history.bracketed_until_ns
+        while until_ns is not None and self._waiting and self._waiting[0][0] <= until_ns:
+            newest_ns, returns = self._waiting.popleft()
+            self._n_waiting -= len(returns)
+            self._gather(returns, newest_ns)
+
+    def _gather(self, returns: Returns, newest_ns: int) -> None:
+        """Add a batch to the scan; a scan ends once it spans 50 ms, and before a gap that would double it."""
+        if self._gathered and not 0 <= newest_ns - int(self._gathered[0].stamp_ns[0]) < 2 * SPAN_NS:
+            self._emit()
+        self._gathered.append(returns)
+        if newest_ns - int(self._gathered[0].stamp_ns[0]) >= SPAN_NS:
+            self._emit()
+
+    def _emit(self) -> None:
+        scan = self._georeferencer.georeference(join(self._gathered), self._history)
+        self._gathered = []
+        if scan is not None:
+            self.scans += 1
+            self._on_scan(scan)
+
+    def _drop_stale(self, newest_ns: int) -> None:
+        while self._waiting and (
+            newest_ns - self._waiting[0][0] > self._patience_ns or self._n_waiting > MOST_WAITING
+        ):
+            _, returns = self._waiting.popleft()
+            self._n_waiting -= len(returns)
+            self.stale += len(returns)

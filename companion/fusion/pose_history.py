@@ -1,199 +1,173 @@
-"""Where the vehicle was, and how it was turned, at any moment of the last seconds."""
+"""The vehicle's recent attitudes and positions, and its pose at any time between them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.outputs.axes import rotation_enu_from_frd
+from companion.fusion.motion import EPOCH, POSITION_WIDTH, interpolate
+from companion.fusion.pose import Pose, turned
+from companion.fusion.track import Track
 from params import Parameters
-from slz import LocalFrame
+from slz.frame import LocalFrame
 
 Floats = NDArray[np.float64]
 
-CAPACITY = 2048
+CAPACITY = 1024
+# A position this far from where the velocities lead is a correction of the estimate, not motion; unknown
+# accelerations of this size are allowed for besides.
 JUMP_M = 2.0
-EXTRAPOLATION_NS = 200_000_000
+ACCELERATION_MS2 = 10.0
+EXTRAPOLATION_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
-    """Pose at a time of the companion clock; quat_wxyz turns body forward-right-down into north-east-down."""
+class Poses:
+    """Poses at many stamps; rows that are not valid hold NaN.
 
-    stamp_ns: int
+    position_enu_m : (n, 3). rotation_enu_from_frd : (n, 3, 3). valid : (n,) bool.
+    """
+
     position_enu_m: Floats
-    velocity_enu_ms: Floats
-    quat_wxyz: Floats
     rotation_enu_from_frd: Floats
-
-
-class _Track:
-    """Ring of stamped rows in order of time."""
-
-    def __init__(self, width: int) -> None:
-        self.stamps = np.zeros(2 * CAPACITY, np.int64)
-        self.rows = np.zeros((2 * CAPACITY, width))
-        self.end = 0
-        self.start = 0
-
-    def add(self, stamp_ns: int, row: Floats) -> bool:
-        """Append a row; refuse one that is not newer than the last."""
-        if self.end > self.start and stamp_ns <= self.stamps[self.end - 1]:
-            return False
-        if self.end == len(self.stamps):
-            keep = slice(self.end - CAPACITY, self.end)
-            self.stamps[:CAPACITY], self.rows[:CAPACITY] = self.stamps[keep].copy(), self.rows[keep].copy()
-            self.start, self.end = 0, CAPACITY
-        self.stamps[self.end], self.rows[self.end] = stamp_ns, row
-        self.end += 1
-        self.start = max(self.start, self.end - CAPACITY)
-        return True
-
-    def clear(self) -> None:
-        self.start = self.end = 0
-
-    @property
-    def newest_ns(self) -> int | None:
-        return int(self.stamps[self.end - 1]) if self.end > self.start else None
-
-    @property
-    def view(self) -> tuple[NDArray[np.int64], Floats]:
-        return self.stamps[self.start : self.end], self.rows[self.start : self.end]
+    valid: NDArray[np.bool_]
 
 
 class PoseHistory:
-    """Attitudes and positions by their own stamps.
+    """Buffers of the autopilot's attitude and position, on the companion clock.
 
-    The first position fixes the map frame. A stamp that goes back is refused and counted; one that goes back
-    by more than a second means that the clocks were set anew, and the history starts again. A position that
-    jumps against the velocity also starts it again and counts in `jumps`: scans that straddle one must be
-    dropped.
+    Parameters
+    ----------
+    parameters
+        `pose_timeout_s` is the longest gap that is interpolated over, and the age at which a pose is stale.
+    frame
+        Map frame; if None, the first position becomes its origin.
+
+    Attributes
+    ----------
+    frame
+        Map frame, None until known.
+    epoch
+        Rises by one whenever the position estimate jumps or the clocks start anew.
+    jumps, refused
+        Jumps of the estimate; samples that were out of order, repeated or not finite.
     """
 
     def __init__(self, parameters: Parameters, frame: LocalFrame | None = None) -> None:
+        self._limit_ns = round(parameters.pose_timeout_s * 1e9)
+        self._attitudes = Track(4, CAPACITY)
+        self._positions = Track(POSITION_WIDTH, CAPACITY)
+        self._rates = np.zeros(3)
         self.frame = frame
-        self.refused = 0
+        self.epoch = 0
         self.jumps = 0
-        self._gap_ns = round(parameters.pose_timeout_s * 1e9)
-        self._attitudes = _Track(7)  # quaternion, rates
-        self._positions = _Track(6)  # position, velocity, map frame
+        self.refused = 0
 
-    def add_attitude(
-        self, stamp_ns: int, quat_wxyz: tuple[float, ...] | Floats, rates_rad_s: tuple[float, ...] | Floats
-    ) -> None:
-        """Take an attitude (body FRD to NED) and body rates."""
-        quat = np.asarray(quat_wxyz, np.float64)
-        norm = float(np.sqrt(quat @ quat))
-        if not 0.9 < norm < 1.1:
+    def add_attitude(self, stamp_ns: int, quat_wxyz: Sequence[float], rates: Sequence[float]) -> None:
+        """Take an attitude (body forward-right-down to north-east-down) and body rates in rad/s."""
+        quat = np.asarray(quat_wxyz, dtype=np.float64)
+        norm = float(np.linalg.norm(quat))
+        if not 0.5 < norm < 2 or not self._is_next(self._attitudes, stamp_ns):
             self.refused += 1
             return
-        self._add(self._attitudes, stamp_ns, np.concatenate([quat / norm, np.asarray(rates_rad_s)]))
+        self._attitudes.append(stamp_ns, quat / norm)
+        self._rates = np.nan_to_num(np.asarray(rates, dtype=np.float64), posinf=0, neginf=0)
 
     def add_position(
-        self, stamp_ns: int, lat_deg: float, lon_deg: float, alt_m: float, velocity_ned_ms: tuple[float, ...]
+        self, stamp_ns: int, lat_deg: float, lon_deg: float, alt_m: float, vel_ned_ms: Sequence[float]
     ) -> None:
-        """Take a position above mean sea level and a velocity."""
-        if self.frame is None:
-            self.frame = LocalFrame(lat_deg, lon_deg, alt_m)
-        north, east, down = velocity_ned_ms
-        row = np.concatenate([self.frame.enu_m(lat_deg, lon_deg, alt_m), [east, north, -down]])
-        if not np.isfinite(row).all():
+        """Take a position (WGS-84 degrees, altitude in m) and its rates north, east, down in m/s."""
+        velocity = np.asarray(vel_ned_ms, dtype=np.float64)[[1, 0, 2]] * (1, 1, -1)
+        if not self._is_place(lat_deg, lon_deg, alt_m, velocity) or not self._is_next(
+            self._positions, stamp_ns
+        ):
             self.refused += 1
             return
-        stamps, rows = self._positions.view
-        if len(stamps):
-            dt = (stamp_ns - int(stamps[-1])) * 1e-9
-            moved = rows[-1, :3] + 0.5 * (rows[-1, 3:] + row[3:]) * dt
-            if 0 < dt < 2.0 and float(np.abs(row[:3] - moved).max()) > JUMP_M:
-                self.jumps += 1
-                self._positions.clear()
-        self._add(self._positions, stamp_ns, row)
-
-    def _add(self, track: _Track, stamp_ns: int, row: Floats) -> None:
-        newest = track.newest_ns
-        if newest is not None and stamp_ns < newest - 1_000_000_000:
-            self._attitudes.clear()
-            self._positions.clear()
-        if not track.add(stamp_ns, row):
-            self.refused += 1
+        if self.frame is None:
+            self.frame = LocalFrame(lat_deg, lon_deg, alt_m)
+        position = self.frame.enu_m(lat_deg, lon_deg, alt_m)
+        if self._has_jumped(stamp_ns, position, velocity):
+            self.jumps += 1
+            self.epoch += 1
+        self._positions.append(stamp_ns, (*position, *velocity, self.epoch))
 
     @property
     def bracketed_until_ns(self) -> int | None:
-        """Newest time that both attitudes and positions cover."""
-        a, p = self._attitudes.newest_ns, self._positions.newest_ns
-        return None if a is None or p is None else min(a, p)
+        """Newest time that both attitude and position cover, None without either."""
+        attitude, position = self._attitudes.newest_ns, self._positions.newest_ns
+        return None if attitude is None or position is None else min(attitude, position)
 
-    def interpolate(self, stamps_ns: NDArray[np.int64]) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Return positions (n, 3) in the map, quaternions (n, 4) body to NED, and which are valid.
+    def samples(self) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64], Floats, int]:
+        """Return what kernels read: stamps and samples of attitude and position, and the longest gap."""
+        a, p = self._attitudes, self._positions
+        return a.stamp_ns, a.values, p.stamp_ns, p.values, self._limit_ns
 
-        Positions follow a cubic through positions and velocities, attitudes a spherical line. Invalid are
-        times outside the history or inside a gap longer than `pose_timeout_s`.
-        """
-        n = len(stamps_ns)
-        (ta, qa), (tp, xp) = self._attitudes.view, self._positions.view
-        if len(ta) < 2 or len(tp) < 2:
-            return np.zeros((n, 3)), np.tile([1.0, 0, 0, 0], (n, 1)), np.zeros(n, bool)
-        i, f, ok_a = self._places(ta, stamps_ns)
-        quats = slerp(qa[i, :4], qa[i + 1, :4], f)
-        i, f, ok_p = self._places(tp, stamps_ns)
-        dt = ((tp[i + 1] - tp[i]) * 1e-9)[:, None]
-        positions = _hermite(xp[i, :3], xp[i, 3:] * dt, xp[i + 1, :3], xp[i + 1, 3:] * dt, f[:, None])
-        return positions, quats, ok_a & ok_p
-
-    def _places(
-        self, times: NDArray[np.int64], stamps: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]:
-        i = np.clip(np.searchsorted(times, stamps, side="right") - 1, 0, len(times) - 2)
-        span = times[i + 1] - times[i]
-        f = (stamps - times[i]) / span
-        return i, np.clip(f, 0.0, 1.0), (f >= 0) & (f <= 1) & (span <= self._gap_ns)
+    def interpolate(self, stamp_ns: NDArray[np.int64]) -> Poses:
+        """Return the poses at stamps (n,); never extrapolates, nor crosses a gap or a jump."""
+        n = len(stamp_ns)
+        poses = Poses(np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.bool_))
+        interpolate(
+            np.ascontiguousarray(stamp_ns),
+            *self.samples(),
+            poses.position_enu_m,
+            poses.rotation_enu_from_frd,
+            poses.valid,
+        )
+        return poses
 
     def latest(self, now_ns: int) -> Pose | None:
-        """Return the pose now, carried on from the newest by velocity and rates; None if that is stale."""
-        (ta, qa), (tp, xp) = self._attitudes.view, self._positions.view
-        if not len(ta) or not len(tp):
+        """Return the newest pose carried forward to now, by 0.1 s at most; None if it is stale.
+
+        Its stamp is the time that it holds for.
+        """
+        attitude_ns, position_ns = self._attitudes.newest_ns, self._positions.newest_ns
+        if attitude_ns is None or position_ns is None:
             return None
-        age_a, age_p = now_ns - int(ta[-1]), now_ns - int(tp[-1])
-        if max(age_a, age_p) > self._gap_ns:
+        if max(abs(now_ns - attitude_ns), abs(now_ns - position_ns)) > self._limit_ns:
             return None
-        quat = _turned(qa[-1, :4], qa[-1, 4:], min(max(age_a, 0), EXTRAPOLATION_NS) * 1e-9)
-        velocity = xp[-1, 3:].copy()
-        position = xp[-1, :3] + velocity * min(max(age_p, 0), EXTRAPOLATION_NS) * 1e-9
-        stamp = min(int(ta[-1]), int(tp[-1]))
-        return Pose(stamp, position, velocity, quat, rotation_enu_from_frd(quat))
+        stamp_ns = min(now_ns, min(attitude_ns, position_ns) + round(EXTRAPOLATION_S * 1e9))
+        sample = self._positions.values[-1]
+        velocity = sample[3:6].copy()
+        return Pose(
+            stamp_ns=stamp_ns,
+            position_enu_m=sample[:3] + velocity * _bounded_s(stamp_ns - position_ns),
+            velocity_enu_ms=velocity,
+            quat_wxyz=turned(self._attitudes.values[-1], self._rates, _bounded_s(stamp_ns - attitude_ns)),
+            epoch=int(sample[EPOCH]),
+        )
+
+    # ---- what is taken --------------------------------------------------------------------------
+
+    def _is_next(self, track: Track, stamp_ns: int) -> bool:
+        """Tell whether a stamp is newer than the last; one far older means that the clock began anew."""
+        newest = track.newest_ns
+        if newest is None or stamp_ns > newest:
+            return True
+        if newest - stamp_ns <= self._limit_ns:
+            return False
+        self._attitudes.clear()
+        self._positions.clear()
+        self.epoch += 1
+        return True
+
+    @staticmethod
+    def _is_place(lat_deg: float, lon_deg: float, alt_m: float, velocity: Floats) -> bool:
+        """Tell a place on Earth from none; autopilots report 0, 0 before their first fix."""
+        on_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (lat_deg, lon_deg) != (0, 0)
+        return on_earth and bool(np.isfinite(alt_m) and np.isfinite(velocity).all())
+
+    def _has_jumped(self, stamp_ns: int, position: Floats, velocity: Floats) -> bool:
+        if not len(self._positions):
+            return False
+        last = self._positions.values[-1]
+        elapsed_s = (stamp_ns - int(self._positions.stamp_ns[-1])) * 1e-9
+        expected = last[:3] + (last[3:6] + velocity) * (elapsed_s / 2)
+        allowed = JUMP_M + 0.5 * ACCELERATION_MS2 * elapsed_s**2
+        return bool(np.linalg.norm(position - expected) > allowed)
 
 
-def slerp(a: Floats, b: Floats, f: Floats) -> Floats:
-    """Return unit quaternions (n, 4) at fractions f (n,) of the short way from a to b."""
-    dot = np.einsum("ij,ij->i", a, b)
-    b = np.where(dot[:, None] < 0, -b, b)
-    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
-    sine = np.sin(angle)
-    small = sine < 1e-6
-    safe = np.where(small, 1.0, sine)
-    wa = np.where(small, 1 - f, np.sin((1 - f) * angle) / safe)
-    wb = np.where(small, f, np.sin(f * angle) / safe)
-    out = wa[:, None] * a + wb[:, None] * b
-    return np.asarray(out / np.sqrt(np.einsum("ij,ij->i", out, out))[:, None])
-
-
-def _hermite(a: Floats, va: Floats, b: Floats, vb: Floats, f: Floats) -> Floats:
-    f2, f3 = f * f, f * f * f
-    return (2 * f3 - 3 * f2 + 1) * a + (f3 - 2 * f2 + f) * va + (3 * f2 - 2 * f3) * b + (f3 - f2) * vb
-
-
-def _turned(quat: Floats, rates: Floats, dt_s: float) -> Floats:
-    """Turn a quaternion by body rates for dt."""
-    w, x, y, z = quat
-    p, q, r = rates * (0.5 * dt_s)
-    out = np.array(
-        [
-            w - x * p - y * q - z * r,
-            x + w * p + y * r - z * q,
-            y + w * q + z * p - x * r,
-            z + w * r + x * q - y * p,
-        ]
-    )
-    return np.asarray(out / np.sqrt(out @ out))
+def _bounded_s(nanoseconds: int) -> float:
+    return min(max(nanoseconds * 1e-9, -EXTRAPOLATION_S), EXTRAPOLATION_S)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 
 WINDOW_NS = 10_000_000_000
 BLOCK_NS = 500_000_000
@@ -92,7 +93,7 @@ class SensorClock:
             middle = (first + newest) // 2
             # The newest block has only begun, its least is not known yet.
             hull = _lower_hull(points[:-1])
-            a, b = next(((a, b) for a, b in zip(hull, hull[1:], strict=False) if b[0] >= middle), hull[-2:])
+            a, b = next(((a, b) for a, b in pairwise(hull) if b[0] >= middle), hull[-2:])
             self._drift = max(-MAX_DRIFT, min(MAX_DRIFT, (b[1] - a[1]) / (b[0] - a[0])))
         self._anchor = (newest, min(d + round(self._drift * (newest - s)) for s, d in points))
 

@@ -18,7 +18,7 @@ DOUBTFUL = 0b101010
 
 @kernel()
 def _u16(data: NDArray[np.uint8], at: int) -> int:
-    return np.int64(data[at]) | np.int64(data[at + 1]) << 8
+    return int(data[at]) | int(data[at + 1]) << 8
 
 
 @kernel()

@@ -1,50 +1,33 @@
-"""Returns of a LiDAR in its own axes, on the companion's clock."""
+"""Returns of a LiDAR, decoded, in the sensor's own frame."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-_DTYPES = {
-    "xyz_sensor_m": np.float32,
-    "stamp_ns": np.int64,
-    "intensity": np.uint8,
-    "line": np.uint8,
-    "tag": np.uint8,
-    "return_number": np.uint8,
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Returns:
-    """What a LiDAR driver hands on.
+    """A batch of returns.
 
-    xyz_sensor_m : (n, 3) float32, sensor axes (x forward, y left, z up for Livox), m.
-    stamp_ns : (n,) int64, companion clock, the moment of each pulse.
-    intensity, line, tag, return_number : (n,) uint8; the first return of a pulse is number 1.
-
-    Raises
-    ------
-    ValueError
-        An array has the wrong shape or dtype.
+    xyz_sensor_m : (n, 3) float32, forward, left, up of the sensor. stamp_ns : (n,) int64, companion clock.
+    intensity : (n,) uint8. The arrays must be contiguous, and become read-only.
     """
 
     xyz_sensor_m: NDArray[np.float32]
     stamp_ns: NDArray[np.int64]
     intensity: NDArray[np.uint8]
-    line: NDArray[np.uint8]
-    tag: NDArray[np.uint8]
-    return_number: NDArray[np.uint8]
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
-        for name, dtype in _DTYPES.items():
-            array = getattr(self, name)
-            shape = (n, 3) if name == "xyz_sensor_m" else (n,)
+        for name, array, shape, dtype in (
+            ("xyz_sensor_m", self.xyz_sensor_m, (n, 3), np.float32),
+            ("stamp_ns", self.stamp_ns, (n,), np.int64),
+            ("intensity", self.intensity, (n,), np.uint8),
+        ):
             if array.shape != shape or array.dtype != dtype or not array.flags.c_contiguous:
                 raise ValueError(
                     f"{name} must be contiguous {shape} {np.dtype(dtype)}, not {array.shape} {array.dtype}"
@@ -54,15 +37,13 @@ class Returns:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    @classmethod
-    def join(cls, parts: Sequence[Self]) -> Self:
-        """Return all returns of `parts` in their order.
 
-        Raises
-        ------
-        ValueError
-            There are no parts.
-        """
-        if len(parts) == 1:
-            return parts[0]
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+def join(parts: Sequence[Returns]) -> Returns:
+    """Return all returns of `parts`, at least one, in their order."""
+    if len(parts) == 1:
+        return parts[0]
+    return Returns(
+        np.concatenate([part.xyz_sensor_m for part in parts]),
+        np.concatenate([part.stamp_ns for part in parts]),
+        np.concatenate([part.intensity for part in parts]),
+    )

@@ -1,0 +1,145 @@
+"""Kernels that say where a vehicle was between two samples of its attitude and position.
+
+An attitude sample is a unit quaternion (w, x, y, z) that turns body forward-right-down into north-east-down.
+Between two samples the body turns at a constant rate (slerp); a position follows the cubic that meets both
+positions and both velocities (Hermite).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+# Columns of a position sample: east, north, up; their rates; epoch.
+POSITION_WIDTH = 7
+EPOCH = 6
+
+
+@kernel("int64(int64[::1], int64, int64)")
+def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
+    """Return i with `stamp_ns[i] <= t_ns <= stamp_ns[i + 1]`, -1 if there is none.
+
+    The search walks from `hint`, as neighbouring returns lie in the same or the next segment.
+    """
+    last = len(stamp_ns) - 1
+    if last < 1 or t_ns < stamp_ns[0] or t_ns > stamp_ns[last]:
+        return -1
+    i = min(max(hint, 0), last - 1)
+    if abs(t_ns - stamp_ns[i]) > 2_000_000_000:
+        i = min(np.int64(np.searchsorted(stamp_ns, t_ns)), last - 1)  # type: ignore[assignment]
+    while stamp_ns[i] > t_ns:
+        i -= 1
+    while stamp_ns[i + 1] < t_ns:
+        i += 1
+    return i
+
+
+@kernel("void(float64[::1], float64[:, ::1])")
+def rotation_enu(quat_wxyz: Floats, out: Floats) -> None:
+    """Write the rotation of body forward-right-down into east-north-up, from one into north-east-down."""
+    w, x, y, z = quat_wxyz[0], quat_wxyz[1], quat_wxyz[2], quat_wxyz[3]
+    out[1, 0] = 1 - 2 * (y * y + z * z)
+    out[1, 1] = 2 * (x * y - w * z)
+    out[1, 2] = 2 * (x * z + w * y)
+    out[0, 0] = 2 * (x * y + w * z)
+    out[0, 1] = 1 - 2 * (x * x + z * z)
+    out[0, 2] = 2 * (y * z - w * x)
+    out[2, 0] = -2 * (x * z - w * y)
+    out[2, 1] = -2 * (y * z + w * x)
+    out[2, 2] = -1 + 2 * (x * x + y * y)
+
+
+@kernel("UniTuple(float64, 4)(float64[::1], float64[::1])")
+def turn_between(before: Floats, after: Floats) -> tuple[float, float, float, float]:
+    """Return body axis (3) and angle (rad, 0 to pi) of the shorter turn from one attitude to the next."""
+    w = before[0] * after[0] + before[1] * after[1] + before[2] * after[2] + before[3] * after[3]
+    # conjugate(before) * after
+    x = before[0] * after[1] - before[1] * after[0] - before[2] * after[3] + before[3] * after[2]
+    y = before[0] * after[2] + before[1] * after[3] - before[2] * after[0] - before[3] * after[1]
+    z = before[0] * after[3] - before[1] * after[2] + before[2] * after[1] - before[3] * after[0]
+    sine = math.sqrt(x * x + y * y + z * z)
+    if sine < 1e-12:
+        return 1.0, 0.0, 0.0, 0.0
+    sign = 1.0 if w >= 0 else -1.0
+    scale = sign / sine
+    return x * scale, y * scale, z * scale, 2 * math.atan2(sine, abs(w))
+
+
+@kernel("UniTuple(float64, 2)(float64)")
+def sine_versine(angle: float) -> tuple[float, float]:
+    """Return sin and 1 - cos of an angle; below half a radian by their series, which errs by 1e-11."""
+    if angle > 0.5:
+        return math.sin(angle), 1 - math.cos(angle)
+    s = angle * angle
+    sine = angle * (1 - s / 6 * (1 - s / 20 * (1 - s / 42 * (1 - s / 72))))
+    versine = s / 2 * (1 - s / 12 * (1 - s / 30 * (1 - s / 56 * (1 - s / 90))))
+    return sine, versine
+
+
+@kernel("void(float64[:, ::1], int64, float64, float64, float64[::1])")
+def hermite(samples: Floats, i: int, u: float, span_s: float, out: Floats) -> None:
+    """Write the position at the share `u` of the way from sample i to i + 1, `span_s` seconds apart."""
+    v = 1 - u
+    h0, h1 = v * v * (1 + 2 * u), u * u * (3 - 2 * u)
+    g0, g1 = span_s * u * v * v, -span_s * u * u * v
+    for k in range(3):
+        out[k] = (
+            h0 * samples[i, k] + h1 * samples[i + 1, k] + g0 * samples[i, 3 + k] + g1 * samples[i + 1, 3 + k]
+        )
+
+
+@kernel(
+    "void(Array(int64, 1, 'C', True), int64[::1], float64[:, ::1], int64[::1], float64[:, ::1], int64,"
+    " float64[:, ::1], float64[:, :, ::1], boolean[::1])"
+)
+def interpolate(
+    stamp_ns: Stamps,
+    attitude_ns: Stamps,
+    attitudes: Floats,
+    position_ns: Stamps,
+    positions: Floats,
+    gap_ns: int,
+    position_enu_m: Floats,
+    rotation_enu_from_frd: Floats,
+    valid: NDArray[np.bool_],
+) -> None:
+    """Write position (n, 3), rotation (n, 3, 3) and whether both hold (n,) at each stamp; NaN where not.
+
+    A segment longer than `gap_ns`, or one over which the estimate jumped, holds nothing.
+    """
+    before = np.empty((3, 3))
+    a = p = 0
+    for j in range(len(stamp_ns)):
+        t = stamp_ns[j]
+        ja, jp = segment(attitude_ns, t, a), segment(position_ns, t, p)
+        valid[j] = (
+            ja >= 0
+            and jp >= 0
+            and attitude_ns[ja + 1] - attitude_ns[ja] <= gap_ns
+            and position_ns[jp + 1] - position_ns[jp] <= gap_ns
+            and positions[jp, EPOCH] == positions[jp + 1, EPOCH]
+        )
+        if not valid[j]:
+            position_enu_m[j, :] = np.nan
+            rotation_enu_from_frd[j, :, :] = np.nan
+            continue
+        a, p = ja, jp
+        span_ns = position_ns[p + 1] - position_ns[p]
+        hermite(positions, p, (t - position_ns[p]) / span_ns, span_ns * 1e-9, position_enu_m[j])
+        x, y, z, angle = turn_between(attitudes[a], attitudes[a + 1])
+        share = (t - attitude_ns[a]) / (attitude_ns[a + 1] - attitude_ns[a])
+        s, c = sine_versine(angle * share)
+        rotation_enu(attitudes[a], before)
+        for row in range(3):  # times the body's turn, by Rodrigues' formula
+            r0, r1, r2 = before[row, 0], before[row, 1], before[row, 2]
+            along = c * (r0 * x + r1 * y + r2 * z)
+            rotation_enu_from_frd[j, row, 0] = r0 * (1 - c) + s * (r1 * z - r2 * y) + along * x
+            rotation_enu_from_frd[j, row, 1] = r1 * (1 - c) + s * (r2 * x - r0 * z) + along * y
+            rotation_enu_from_frd[j, row, 2] = r2 * (1 - c) + s * (r0 * y - r1 * x) + along * z
