@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,6 +15,8 @@ from companion.survey.cloud import read
 from companion.survey.summary import summary
 from companion.survey.survey import survey
 from params import Parameters
+
+log = logging.getLogger(__name__)
 
 Progress = Callable[[str, float], None]
 
@@ -59,9 +62,10 @@ def run(
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)
-    return summary(files, cloud, found, described, outputs) | {
-        "seconds": round(time.perf_counter() - started, 3)
-    }
+    told = summary(files, cloud, found, described, outputs)
+    for warning in told["warnings"]:
+        log.warning(warning)
+    return told | {"seconds": round(time.perf_counter() - started, 3)}
 
 
 def _look(out: Path) -> None:

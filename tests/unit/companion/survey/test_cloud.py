@@ -132,7 +132,7 @@ def damaged(tmp_path: Path, kind: str) -> Path:
         ("truncated within", "truncated"),
         ("truncated LAZ", "truncated or corrupt"),
         ("corrupt LAZ", "corrupt"),
-        ("endless records", "corrupt"),
+        ("endless records", "header is corrupt"),
         ("future version", "LAS 1.9"),
         ("no points", "no points"),
         ("NaN scale", "not finite"),

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.errors import UsageError
@@ -51,6 +51,7 @@ def test_density_is_that_of_the_ground_that_holds_points() -> None:
     assert density_per_m2(np.vstack([half_empty, far_corner])) == pytest.approx(8, rel=0.05)
 
 
+@settings(deadline=None)
 @given(st.floats(0.3, 100), st.sampled_from([0.2, 0.5, 1.0]))
 def test_coverage_is_as_wide_as_chance_leaves_gaps_and_no_wider(density: float, cell_m: float) -> None:
     width = coverage_for(density, cell_m, 1.0, 100.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 from companion import figures
 from companion.figures.furniture import CHOSEN
 from companion.figures.layers import CERTAIN, LESS_CERTAIN, UNCERTAIN
+from companion.figures.picture import Picture
 from companion.survey.cloud import Cloud
 from companion.survey.reference import from_option
 from companion.survey.survey import Survey, survey
 from params import load
-from slz import TerrainMaps, Zone
+from slz import UNKNOWN, Box, TerrainMaps, Zone
 from tests.unit.companion.survey.clouds import field, placed
 
 
@@ -36,17 +38,17 @@ def share_of(path: Path, colour: str) -> float:
     return float((np.abs(pixels - level * wanted).max(axis=-1) < 0.03).mean())
 
 
-def with_certainty(zone: Zone, certainty: float) -> Zone:
-    from dataclasses import replace
-
-    return replace(zone, certainty=certainty)
+def moved(zone: Zone, rows: int, cols: int) -> Zone:
+    """Return a zone without its first rows and columns."""
+    box = replace(zone.box, row0=zone.box.row0 + rows, col0=zone.box.col0 + cols)
+    return replace(zone, box=box, cells=zone.cells[rows:, cols:])
 
 
 @pytest.mark.parametrize(("certainty", "colour"), [(0.9, CERTAIN), (0.6, LESS_CERTAIN), (0.3, UNCERTAIN)])
 def test_zones_have_the_colour_of_their_certainty(
     found: Survey, tmp_path: Path, certainty: float, colour: str
 ) -> None:
-    zones = [with_certainty(zone, certainty) for zone in found.report.zones]
+    zones = [replace(zone, certainty=certainty) for zone in found.report.zones]
     figures.save_terrain(tmp_path / "a.png", found.maps, "safe", "A field", zones)
     shares = {c: share_of(tmp_path / "a.png", c) for c in (CERTAIN, LESS_CERTAIN, UNCERTAIN)}
     assert max(shares, key=shares.__getitem__) == colour
@@ -69,8 +71,6 @@ def test_a_flight_is_drawn_over_every_map(found: Survey, tmp_path: Path) -> None
 def test_maps_of_any_shape_and_without_data_are_drawn(
     found: Survey, tmp_path: Path, shape: tuple[int, int]
 ) -> None:
-    from slz import UNKNOWN, Box
-
     blank = np.full(shape, np.nan, np.float32)
     state = np.full(shape, UNKNOWN, np.uint8)
     box = Box(0, shape[0], 0, shape[1])
@@ -79,9 +79,16 @@ def test_maps_of_any_shape_and_without_data_are_drawn(
         assert matplotlib.image.imread(path).shape[0] > 100
 
 
+@pytest.mark.parametrize("most", [11, 30, 70])
 def test_a_large_map_is_thinned_and_its_zones_stay_in_place(
-    found: Survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    found: Survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
-    monkeypatch.setattr("companion.figures.picture.MOST_PIXELS", 30)
-    figures.save_terrain(tmp_path / "thin.png", found.maps, "safe", "", found.report.zones)
-    assert share_of(tmp_path / "thin.png", CERTAIN) > 0.3
+    monkeypatch.setattr("companion.figures.picture.MOST_PIXELS", most)
+    zones = tuple(moved(zone, 1, 2) for zone in found.report.zones)
+    picture = Picture(found.maps, zones, found.parameters)
+    assert max(picture.state.shape) <= most
+    whole = np.zeros(found.maps.state.shape, bool)
+    for zone in zones:
+        row, col = zone.box.row0 - found.maps.box.row0, zone.box.col0 - found.maps.box.col0
+        whole[row : row + zone.cells.shape[0], col : col + zone.cells.shape[1]] |= zone.cells == 1
+    np.testing.assert_array_equal(picture.all_zones(), whole[:: picture.step, :: picture.step])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
@@ -33,6 +33,7 @@ def test_metres_are_those_on_the_ground(crs: str) -> None:
 
 
 @pytest.mark.parametrize("crs", SYSTEMS)
+@settings(max_examples=25, deadline=None)
 @given(east=st.floats(-500, 500), north=st.floats(-500, 500), up=st.floats(-100, 9000), lat=st.floats(25, 49))
 def test_there_and_back_is_the_same_place(crs: str, east: float, north: float, up: float, lat: float) -> None:
     here = metric(crs, lat=lat)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ def zone(cells: Cells, row0: int = 7, col0: int = 4) -> Zone:
     return Zone(1, box, cells, area_m2, 1.0, 1, 0, 0, 0.0, 0.0, boundary, corners, (), best)
 
 
+@settings(deadline=None)
 @given(arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(0, 1)))
 def test_any_cells_give_valid_polygons_of_exactly_these_cells(cells: Cells) -> None:
     shape = zone_polygon(zone(cells), GRID)
