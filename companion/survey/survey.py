@@ -67,6 +67,7 @@ def _fitted(parameters: Parameters, density: float, extent_m: float) -> Paramete
         "zone_m": 2 * halves * p.cell_m,
         "max_range_m": 2 * halves * p.cell_m,
         "max_age_s": 1e12,
+        "angle_noise_deg": 0.0,  # where the sensor was is not known, and no reach follows from it
     }
     if "coverage_m" not in p.model_fields_set:
         own["coverage_m"] = coverage_for(density, p.cell_m, p.coverage_m, p.min_square_m)
