@@ -92,8 +92,9 @@ class ScanAssembler:
             self._on_scan(scan)
 
     def _drop_stale(self, newest_ns: int) -> None:
+        """Drop what waited too long, or was stamped by a clock that has been set back since."""
         while self._waiting and (
-            newest_ns - self._waiting[0][0] > self._patience_ns or self._n_waiting > MOST_WAITING
+            abs(newest_ns - self._waiting[0][0]) > self._patience_ns or self._n_waiting > MOST_WAITING
         ):
             _, returns = self._waiting.popleft()
             self._n_waiting -= len(returns)

@@ -1,0 +1,118 @@
+"""Returns of a moving, turning vehicle land where the world is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from companion.fusion.georeference import Georeferencer
+from companion.fusion.mount import rotation_frd_from_sensor
+from companion.fusion.pose_history import PoseHistory
+from params import Parameters
+from tests.unit.companion.fusion.flights import MS, Flight, returns_of, sensor_points
+
+TILTED = Parameters(
+    lidar_x_m=0.3, lidar_y_m=-0.2, lidar_z_m=0.5, lidar_roll_deg=10, lidar_pitch_deg=-35, lidar_yaw_deg=120
+)
+
+
+def direction(elevation_deg: float, azimuth_deg: float = 0.0) -> np.ndarray:
+    e, a = np.radians([elevation_deg, azimuth_deg])
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+
+
+def test_the_default_mount_looks_down_with_the_middle_of_its_view() -> None:
+    p = Parameters()
+    frd = rotation_frd_from_sensor(p.lidar_roll_deg, p.lidar_pitch_deg, p.lidar_yaw_deg)
+    np.testing.assert_allclose(frd @ direction(22.5), [0, 0, 1], atol=1e-12)
+    forward, right, down = frd @ [0, 0, 1]
+    assert (forward, down) == (pytest.approx(np.cos(np.pi / 8)), pytest.approx(np.sin(np.pi / 8)))
+    assert right == pytest.approx(0)
+    np.testing.assert_allclose(frd @ [0, 1, 0], [0, -1, 0], atol=1e-12)  # left stays left
+
+
+@pytest.mark.parametrize(
+    ("roll_pitch_yaw", "sensor_flu", "body_frd"),
+    [
+        ((0, 0, 0), (1, 2, 3), (1, -2, -3)),
+        ((0, 30, 0), (1, 0, 0), (np.cos(np.pi / 6), 0, 0.5)),  # positive pitch lowers forward
+        ((90, 0, 0), (0, 1, 0), (0, 0, -1)),  # positive roll lifts left
+        ((0, 0, 90), (1, 0, 0), (0, -1, 0)),  # positive yaw turns forward to the left
+        ((90, 0, 90), (0, 1, 0), (0, 0, -1)),  # roll first, yaw last
+    ],
+)
+def test_boresight_angles_turn_as_documented(
+    roll_pitch_yaw: tuple[float, float, float],
+    sensor_flu: tuple[float, ...],
+    body_frd: tuple[float, ...],
+) -> None:
+    rotation = rotation_frd_from_sensor(*roll_pitch_yaw)
+    np.testing.assert_allclose(rotation @ sensor_flu, body_frd, atol=1e-12)
+
+
+@pytest.mark.parametrize("parameters", [Parameters(), TILTED])
+def test_known_points_come_back_within_a_millimetre(parameters: Parameters) -> None:
+    rng = np.random.default_rng(4)
+    flight = Flight()
+    stamps = np.sort(rng.integers(10 * MS, 1990 * MS, 3000))
+    targets = flight.position_enu_m(stamps * 1e-9) + rng.uniform(-30, 30, (3000, 3))
+    xyz = sensor_points(flight, parameters, targets, stamps * 1e-9)
+    far = np.linalg.norm(xyz, axis=1)
+    keep = (far > parameters.lidar_min_m + 0.01) & (far < parameters.lidar_max_m - 0.01)
+    scan = Georeferencer(parameters).georeference(
+        returns_of(xyz[keep], stamps[keep]), flight.history(parameters)
+    )
+    assert np.abs(scan.points_enu_m - targets[keep]).max() < 1e-3
+    np.testing.assert_array_equal(scan.stamp_ns, stamps[keep])
+
+
+def test_the_ground_stays_flat_under_a_vehicle_that_spins_and_climbs() -> None:
+    flight = Flight(rates_frd=(0.8, -0.5, 2.0), velocity_enu_ms=(8.0, -6.0, 2.0))
+    p = Parameters()
+    rng = np.random.default_rng(5)
+    stamps = np.sort(rng.integers(10 * MS, 1000 * MS, 4000))
+    ground = np.column_stack([rng.uniform(-20, 20, (4000, 2)), np.zeros(4000)])
+    scan = Georeferencer(p).georeference(
+        returns_of(sensor_points(flight, p, ground, stamps * 1e-9), stamps), flight.history(p)
+    )
+    assert np.abs(scan.points_enu_m[:, 2]).max() < 2e-3
+
+
+def test_the_scan_tells_where_the_sensor_was_at_its_last_return() -> None:
+    flight = Flight()
+    scan = Georeferencer(TILTED).georeference(
+        returns_of(np.full((3, 3), 4.0), np.array([500, 700, 900]) * MS), flight.history(TILTED)
+    )
+    expected = flight.position_enu_m(np.float64(0.9)) + flight.enu_from_frd(0.9) @ [0.3, -0.2, 0.5]
+    np.testing.assert_allclose(scan.sensor_enu_m, expected, atol=1e-5)
+
+
+def test_returns_out_of_range_or_without_a_pose_are_counted() -> None:
+    p = Parameters()
+    georeferencer = Georeferencer(p)
+    xyz = [[0.5, 0, 0], [p.lidar_min_m + 1e-3, 0, 0], [0, 69.9, 0], [0, 0, 70.1], [np.nan, 1, 1], [5, 5, 5]]
+    stamps = np.array([100, 100, 100, 100, 100, 3000]) * MS
+    scan = georeferencer.georeference(returns_of(np.array(xyz), stamps), Flight().history(p))
+    assert len(scan) == 2
+    assert (georeferencer.out_of_range, georeferencer.without_pose) == (3, 1)
+
+
+def test_no_scan_comes_of_no_frame_or_no_pose() -> None:
+    p = Parameters()
+    batch = returns_of(np.full((2, 3), 4.0), np.array([9000, 9001]) * MS)
+    georeferencer = Georeferencer(p)
+    assert georeferencer.georeference(batch, PoseHistory(p)) is None
+    assert georeferencer.georeference(batch, Flight().history(p)) is None
+    assert georeferencer.without_pose == 4
+
+
+def test_overtaken_returns_come_in_order_of_time() -> None:
+    stamps = np.array([100, 300, 200]) * MS
+    xyz = np.array([[1.0, 0, 0], [3, 0, 0], [2, 0, 0]])
+    history = Flight().history(Parameters())
+    scan = Georeferencer(Parameters()).georeference(returns_of(xyz, stamps), history)
+    assert scan.stamp_ns.tolist() == [100 * MS, 200 * MS, 300 * MS]
+    sorted_scan = Georeferencer(Parameters()).georeference(
+        returns_of(xyz[[0, 2, 1]], np.sort(stamps)), history
+    )
+    np.testing.assert_allclose(scan.points_enu_m, sorted_scan.points_enu_m, atol=1e-9)
