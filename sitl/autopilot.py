@@ -197,6 +197,12 @@ class Autopilot:
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return None
 
+    def crash(self) -> None:
+        """Stop the motors, as the crash check does."""
+        if self.armed:
+            self.disarm(force=True)
+            self.say("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
+
     def take_off(self, height_m: float) -> str | None:
         """Climb to a height above home; return the reason when that is refused."""
         if self.mode is not Mode.GUIDED:

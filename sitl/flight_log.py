@@ -48,26 +48,27 @@ class FlightLog:
     def document(self) -> dict[str, Any]:
         """Return everything as it is written."""
         s = self._simulation
-        contact = s.touchdown
-        if contact is not None:
-            lat, lon, alt = pymap3d.enu2geodetic(contact["e"], contact["n"], contact["u"], *s.origin_lla)
-            contact = {
-                "t": contact["t_ns"] * 1e-9,
-                "lat": float(lat),
-                "lon": float(lon),
-                "alt": float(alt),
-            } | contact
         return {
             "seed": s.scene.seed,
             "scene": s.scene.name,
             "origin": list(s.origin_lla),
             "takeoff": self.takeoff,
-            "touchdown": contact,
+            "touchdown": self._placed(s.touchdown),
+            "collision": self._placed(s.vehicle.collision),
+            "crashed": s.vehicle.collision is not None,
             "armed_at_end": s.autopilot.armed,
             "modes": [{"t": t * 1e-9, "mode": mode} for t, mode in s.autopilot.mode_changes],
             "events": self.events,
             "trajectory": self.trajectory,
         }
+
+    def _placed(self, event: dict[str, Any] | None) -> dict[str, Any] | None:
+        if event is None:
+            return None
+        origin = self._simulation.origin_lla
+        lat, lon, alt = pymap3d.enu2geodetic(event["e"], event["n"], event["u"], *origin)
+        place = {"t": event["t_ns"] * 1e-9, "lat": float(lat), "lon": float(lon), "alt": float(alt)}
+        return place | event
 
     def write(self, folder: Path) -> None:
         """Write flight.json."""

@@ -114,7 +114,7 @@ class Simulation:
 
     @property
     def touchdown(self) -> dict[str, Any] | None:
-        """Where the vehicle last came down, by the truth."""
+        """Where the vehicle last came down, by the truth; None in flight and after a collision."""
         return self.vehicle.contact
 
     def advance(self) -> int:
@@ -135,6 +135,8 @@ class Simulation:
             self._ground_m = ground if np.isfinite(ground) else -1e6
         if self.autopilot.armed or not self.vehicle.on_ground:
             self.vehicle.step(dt, self.now_ns, demand, self._ground_m)
+            if self.vehicle.collision is not None:
+                self.autopilot.crash()
         truth = self.vehicle.truth
         self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
         if self.intruder is not None:

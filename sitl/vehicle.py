@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,17 @@ DRAG_PER_S = 0.25
 MAX_THRUST_MS2 = 22.0
 GUST_TAU_S = 4.0
 
+COLLISION_M = 0.5  # deeper in a surface, or lifted by more of it, than skids can be
+HARDEST_TOUCH_MS = 4.0
+HOP_M = 0.3  # a take-off skips over the ground below this
+NEW_FLIGHT_M = 2.0  # higher than any bounce
+
 # x: 0-2 position enu, 3-5 velocity enu, 6-9 quaternion, 10-12 rates, 13 thrust, 14-16 acceleration
 
 
 @kernel()
-def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64) -> bool:
-    """Advance the body by dt; return whether it stands on the ground afterwards."""
+def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64) -> tuple[bool, float]:
+    """Advance the body by dt; return whether it stands on the ground, and how far that had to lift it."""
     for i in range(3):
         x[10 + i] += (rates[i] - x[10 + i]) * min(1.0, dt / RATE_LAG_S)
     x[13] += (min(max(thrust, 0.0), MAX_THRUST_MS2) - x[13]) * min(1.0, dt / THRUST_LAG_S)
@@ -37,6 +43,7 @@ def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64
     ay = lift[0] - DRAG_PER_S * (x[4] - wind[1])
     az = -lift[2] - GRAVITY_MS2 - DRAG_PER_S * (x[5] - wind[2])
     standing = False
+    lifted = 0.0
     if x[2] <= ground + 1e-3 and x[5] + az * dt <= 0.0:
         # Skids on the ground: no sliding, no sinking, level with it.
         standing = True
@@ -55,10 +62,11 @@ def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64
         x[3] += ax * dt
         x[4] += ay * dt
         x[5] += az * dt
-        x[2] = max(x[2], ground)
+        lifted = max(0.0, ground - x[2])
+        x[2] += lifted
     x[6:10] = q
     x[14], x[15], x[16] = ax, ay, az
-    return standing
+    return standing, lifted
 
 
 class Vehicle:
@@ -95,6 +103,12 @@ class Vehicle:
         self._next_draw = 0
         self.on_ground = True
         self.contact: dict[str, Any] | None = None
+        """The first touch of the last landing; None in flight and after a collision."""
+        self.collision: dict[str, Any] | None = None
+        """Where it flew into something; its motors are dead since."""
+        self._hopped = False
+        self._lifted_m = 0.0
+        self._clear_ground_m = float(home_enu[2])
 
     @property
     def truth(self) -> State:
@@ -102,22 +116,54 @@ class Vehicle:
         return State(x[0:3], x[3:6], x[6:10], x[10:13], x[14:17])
 
     def step(self, dt_s: float, now_ns: int, demand: tuple[F64, float], ground_z_m: float) -> None:
-        """Advance by dt under commanded body rates (rad/s) and thrust (m/s2); notes a touchdown."""
+        """Advance by dt under commanded body rates (rad/s) and thrust (m/s2).
+
+        Notes a touchdown and a collision. What has collided falls where it is, to the ground it was over.
+        """
+        if self.collision is None and ground_z_m - self._x[2] > COLLISION_M:
+            self._collide(now_ns)
+        if self.collision is None:
+            self._clear_ground_m = ground_z_m
+        else:
+            demand, ground_z_m = (np.zeros(3), 0.0), self._clear_ground_m
         rates, thrust = demand
-        sinking = self._x[3:6].copy()
-        roll, pitch, _ = to_euler(self._x[6:10]) if not self.on_ground else (0.0, 0.0, 0.0)
-        standing = bool(_step(self._x, rates, thrust, dt_s, ground_z_m, self._wind(dt_s)))
-        if standing and not self.on_ground:
-            self.contact = {
-                "t_ns": now_ns,
-                "e": float(self._x[0]),
-                "n": float(self._x[1]),
-                "u": float(self._x[2]),
-                "sink_ms": float(-sinking[2]),
-                "drift_ms": float(np.hypot(sinking[0], sinking[1])),
-                "tilt_deg": float(np.degrees(np.hypot(roll, pitch))),
-            }
+        before = self._x.copy()
+        standing, lifted = _step(self._x, rates, thrust, dt_s, ground_z_m, self._wind(dt_s))
+        if self.collision is None:
+            self._note(now_ns, before, standing, lifted, float(self._x[2]) - ground_z_m)
         self.on_ground = standing
+
+    def _note(self, now_ns: int, before: F64, standing: bool, lifted_m: float, height_m: float) -> None:
+        """Tell flights, touchdowns and bounces apart."""
+        self._lifted_m = self._lifted_m + lifted_m if height_m <= 0 and not standing else 0.0
+        if self._lifted_m > COLLISION_M:
+            self._collide(now_ns)
+        self._hopped = self._hopped or height_m > HOP_M
+        if height_m > NEW_FLIGHT_M:
+            self.contact = None
+        if not standing or self.on_ground or not self._hopped or self.contact is not None:
+            return
+        east, north, up = (float(v) for v in before[3:6])
+        if math.hypot(east, north, up) > HARDEST_TOUCH_MS:
+            self._collide(now_ns, before)
+            return
+        roll, pitch, _ = to_euler(before[6:10])
+        self._hopped = False
+        self.contact = self._place(now_ns) | {
+            "sink_ms": -up,
+            "drift_ms": math.hypot(east, north),
+            "tilt_deg": math.degrees(math.hypot(roll, pitch)),
+        }
+
+    def _collide(self, now_ns: int, before: F64 | None = None) -> None:
+        speed = np.sqrt(np.sum(np.square((self._x if before is None else before)[3:6])))
+        self.collision = self._place(now_ns) | {"speed_ms": float(speed)}
+        self.contact = None
+        self._x[3:5] = 0.0
+
+    def _place(self, now_ns: int) -> dict[str, Any]:
+        e, n, u = (float(v) for v in self._x[0:3])
+        return {"t_ns": now_ns, "e": e, "n": n, "u": u}
 
     def _wind(self, dt_s: float) -> F64:
         if self._next_draw == len(self._draws):

@@ -188,3 +188,30 @@ def test_every_message_it_knows_can_be_packed() -> None:
     assert {m.get_msgId() for m in sent} >= set(bench.autopilot.telemetry.numbers)
     for message in sent:
         assert mavlink.MAVLink(None).decode(bytearray(message.pack(packer))).get_type() == message.get_type()
+
+
+def test_the_first_touch_of_a_landing_is_the_touchdown_not_a_bounce() -> None:
+    bench = Bench(EstimateErrors(), wind_ms=6, seed=0).airborne(8)
+    assert bench.vehicle.contact is None
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, Mode.LAND) == 0
+    bench.run(25)
+    assert bench.vehicle.contact is not None
+    assert bench.vehicle.contact["sink_ms"] > 0.3
+
+
+def test_a_wall_stops_the_vehicle_and_does_not_lift_it() -> None:
+    bench = Bench().airborne(10)
+    heights = []
+    for tick in range(3200):
+        if tick % 20 == 0:
+            bench.velocity(4, 0, 0)
+        bench.ground_m = 18.0 if bench.truth.pos_enu_m[0] > 8 else 0.0
+        heights.append(float(bench.truth.pos_enu_m[2]))
+        bench.tick()
+    assert max(np.diff(heights)) < 0.1
+    collision = bench.vehicle.collision
+    assert collision is not None
+    assert collision["e"] == pytest.approx(8.0, abs=0.1)
+    assert collision["u"] == pytest.approx(10.0, abs=0.5)
+    assert bench.truth.pos_enu_m[2] == 0.0
+    assert bench.vehicle.contact is None

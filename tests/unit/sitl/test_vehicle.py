@@ -117,3 +117,31 @@ def test_the_attitude_wanted_gives_the_acceleration_wanted(
     nose = rotate(quat, np.array([1.0, 0.0, 0.0]))
     off = math.remainder(math.atan2(nose[1], nose[0]) - yaw_rad, 2 * math.pi)
     assert abs(off) < math.radians(8.0)
+
+
+def test_a_slope_flown_into_is_a_collision() -> None:
+    body = vehicle(5.0)
+    body._x[3] = 6.0
+    for tick in range(1200):
+        hill = max(0.0, 1.5 * (float(body.truth.pos_enu_m[0]) - 2.0))
+        body.step(DT_S, tick, (STILL, GRAVITY_MS2 + 0.2), hill)
+    assert body.collision is not None
+    assert body.contact is None
+    assert body.truth.pos_enu_m[2] < 6.0
+
+
+def test_a_fall_is_no_touchdown() -> None:
+    body = fly(vehicle(10.0), 3.0, 0.0)
+    assert body.on_ground
+    assert body.contact is None
+    assert body.collision is not None
+    assert body.collision["speed_ms"] > 10.0
+
+
+def test_a_new_flight_forgets_the_last_touchdown() -> None:
+    body = fly(vehicle(1.0), 2.2, GRAVITY_MS2 - 2.0)
+    first = body.contact
+    assert first is not None
+    fly(body, 2.5, GRAVITY_MS2 + 1.0)
+    assert body.truth.pos_enu_m[2] > 2.0
+    assert body.contact is None
