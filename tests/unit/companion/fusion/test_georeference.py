@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
 
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.mount import rotation_frd_from_sensor
 from companion.fusion.pose_history import PoseHistory
 from params import Parameters
-from tests.unit.companion.fusion.flights import MS, Flight, returns_of, sensor_points
+from tests.unit.companion.fusion.flights import (
+    ENU_FROM_NED,
+    HOME,
+    MS,
+    Flight,
+    returns_of,
+    sensor_points,
+)
 
 TILTED = Parameters(
     lidar_x_m=0.3, lidar_y_m=-0.2, lidar_z_m=0.5, lidar_roll_deg=10, lidar_pitch_deg=-35, lidar_yaw_deg=120
@@ -64,6 +73,59 @@ def test_known_points_come_back_within_a_millimetre(parameters: Parameters) -> N
     )
     assert np.abs(scan.points_enu_m - targets[keep]).max() < 1e-3
     np.testing.assert_array_equal(scan.stamp_ns, stamps[keep])
+
+
+def test_an_erratic_flight_is_placed_as_plain_loops_place_it() -> None:
+    """Every sample turns and moves the vehicle elsewhere, so that each return needs its own two samples."""
+    rng = np.random.default_rng(6)
+    times = 30 * MS * np.arange(40)
+    attitudes = Rotation.random(40, random_state=rng)
+    positions = np.array([0.0, 0, 20]) + np.cumsum(rng.uniform(-0.3, 0.3, (40, 3)), axis=0)
+    velocities = rng.uniform(-5, 5, (40, 3))
+    history = PoseHistory(TILTED, HOME)
+    for i, stamp in enumerate(times.tolist()):
+        x, y, z, w = attitudes[i].as_quat()
+        history.add_attitude(stamp + 11 * MS, (w, x, y, z), (0, 0, 0))
+        history.add_position(stamp, *HOME.lla(positions[i]), velocities[i][[1, 0, 2]] * [1, 1, -1])
+    stamps = np.sort(rng.integers(11 * MS, times[-1], 2000))
+    xyz = rng.uniform(2, 20, (2000, 3)).astype(np.float32)
+    scan = Georeferencer(TILTED).georeference(returns_of(xyz, stamps), history)
+
+    track = CubicHermiteSpline(times * 1e-9, positions, velocities)
+    ned_from_frd = Slerp(times + 11 * MS, attitudes)(stamps)
+    frd_from_flu = rotation_frd_from_sensor(10, -35, 120)
+    for i, stamp in enumerate(stamps):
+        body = frd_from_flu @ xyz[i] + [0.3, -0.2, 0.5]
+        expected = track(stamp * 1e-9) + ENU_FROM_NED @ ned_from_frd[i].apply(body)
+        np.testing.assert_allclose(scan.points_enu_m[i], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("lacking", ["attitude", "position"])
+def test_no_return_is_placed_in_a_gap_of_either_stream(lacking: str) -> None:
+    p = Parameters()
+    flight, history, georeferencer = Flight(), PoseHistory(p, HOME), Georeferencer(p)
+    for stamp in range(0, 3000 * MS, 20 * MS):
+        in_gap = 1000 * MS < stamp < 1600 * MS
+        if not (in_gap and lacking == "attitude"):
+            flight.report_attitude(history, stamp)
+        if not (in_gap and lacking == "position"):
+            flight.report_position(history, stamp)
+    stamps = np.array([990, 1001, 1300, 1599, 1601]) * MS
+    scan = georeferencer.georeference(returns_of(np.full((5, 3), 4.0), stamps), history)
+    assert (scan.stamp_ns // MS).tolist() == [990, 1601]
+    assert georeferencer.without_pose == 3
+
+
+def test_no_return_is_placed_across_a_jump_of_the_estimate() -> None:
+    p = Parameters()
+    flight, history = Flight(), PoseHistory(p, HOME)
+    moved = Flight(start_enu_m=(9.0, -4.0, 30.0))
+    for stamp in range(0, 1000 * MS, 20 * MS):
+        flight.report_attitude(history, stamp)
+        (flight if stamp < 500 * MS else moved).report_position(history, stamp)
+    stamps = np.array([470, 490, 510]) * MS
+    scan = Georeferencer(p).georeference(returns_of(np.full((3, 3), 4.0), stamps), history)
+    assert (scan.stamp_ns // MS).tolist() == [470, 510]
 
 
 def test_the_ground_stays_flat_under_a_vehicle_that_spins_and_climbs() -> None:
