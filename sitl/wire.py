@@ -11,8 +11,10 @@ import heapq
 import os
 import socket
 import struct
+import tty
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -47,14 +49,41 @@ class Peer:
 
     def parse(self, data: bytes) -> list[Any]:
         """Return the messages that these bytes complete; garbage is counted."""
+        good: list[Any] = []
+        rest, left = bytearray(data), -1
+        while True:
+            try:
+                message = self.codec.parse_char(rest)
+            except Exception:  # the parser itself fails on some frames; a peer must not stop the simulation
+                self.bad += 1
+                left, before = self.codec.buf_len(), left
+                if left == before:
+                    return good  # it takes no more of this
+            else:
+                if message is None:
+                    return good
+                if message.get_type() == "BAD_DATA":
+                    self.bad += 1
+                else:
+                    good.append(message)
+            rest = bytearray()  # what is left lies in the parser
+
+
+class Outlet:
+    """Writes frames to a stream that may be full: each goes whole or not at all."""
+
+    def __init__(self, send: Callable[[bytes], int]) -> None:
+        self._send = send
+        self._rest = b""
+
+    def __call__(self, data: bytes) -> None:
         try:
-            messages = self.codec.parse_buffer(bytearray(data)) or []
-        except Exception:  # the parser itself fails on some frames; a peer must not stop the simulation
-            self.bad += 1
-            return []
-        good = [m for m in messages if m.get_type() != "BAD_DATA"]
-        self.bad += len(messages) - len(good)
-        return good
+            if self._rest:
+                self._rest = self._rest[self._send(self._rest) :]
+            if not self._rest:
+                self._rest = data[self._send(data) :]
+        except OSError:
+            return  # full or gone; `poll` notices the latter
 
 
 class Wire:
@@ -80,8 +109,11 @@ class UdpWire(Wire):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-        self._to: tuple[str, int] | None = (host, port) if kind == "udpout" else None
-        if kind == "udpin":
+        self._fixed = kind == "udpout"
+        self._to: tuple[str, int] | None = None
+        if self._fixed:
+            self._to = _resolved(self._socket, host, port, kind), port
+        else:
             _bind(self._socket, host, port, kind)
             port = self._socket.getsockname()[1]
         self.name = f"{kind}:{host}:{port}"
@@ -101,9 +133,12 @@ class UdpWire(Wire):
                 data, sender = self._socket.recvfrom(65536)
             except BlockingIOError:
                 return got
-            except OSError:
+            except ConnectionError:
                 continue  # a refused datagram comes back as an error of the next call
-            self._to = sender
+            except OSError:
+                return got
+            if not self._fixed:
+                self._to = sender
             got.append((self.peers[0], data))
 
     def close(self) -> None:
@@ -147,15 +182,9 @@ class TcpWire(Wire):
                 return
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            peer = Peer(lambda data, client=client: self._send(client, data))  # type: ignore[misc]
+            peer = Peer(Outlet(client.send))
             self._clients[peer] = client
             self.peers.append(peer)
-
-    def _send(self, client: socket.socket, data: bytes) -> None:
-        try:
-            client.send(data)
-        except OSError:
-            return  # full or gone; `poll` notices the latter
 
     def _drop(self, peer: Peer) -> None:
         peer.open = False
@@ -177,14 +206,12 @@ class SerialWire(Wire):
             self._file = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         except OSError as error:
             raise WireError(f"{path}: {error.strerror}") from None
+        if not os.isatty(self._file):  # a file must not be overwritten with telemetry
+            os.close(self._file)
+            raise WireError(f"{path}: not a serial device")
+        tty.setraw(self._file)
         self.name = path
-        self.peers.append(Peer(self._write))
-
-    def _write(self, data: bytes) -> None:
-        try:
-            os.write(self._file, data)
-        except OSError:
-            return
+        self.peers.append(Peer(Outlet(lambda data: os.write(self._file, data))))
 
     def poll(self) -> list[tuple[Peer, bytes]]:
         try:
@@ -232,11 +259,24 @@ def open_wire(url: str) -> Wire:
         return SerialWire(url)
     kind, _, address = url.partition(":")
     host, _, port = address.rpartition(":")
-    if kind not in ("udpout", "udpin", "tcpin") or not host or not port.isdigit() or int(port) > 65535:
+    if kind not in ("udpout", "udpin", "tcpin") or not host or not _is_port(port):
         raise WireError(
             f"{url!r} is no MAVLink address: write udpout:HOST:PORT, udpin:HOST:PORT or tcpin:HOST:PORT"
         )
     return TcpWire(host, int(port)) if kind == "tcpin" else UdpWire(kind, host, int(port))
+
+
+def _is_port(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and int(text) < 65536
+
+
+def _resolved(sock: socket.socket, host: str, port: int, kind: str) -> str:
+    """Look a name up once: a look-up for each frame would block."""
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        sock.close()
+        raise WireError(f"{kind}:{host}:{port}: {error.strerror or error}") from None
 
 
 def _bind(sock: socket.socket, host: str, port: int, kind: str) -> None:
@@ -270,8 +310,13 @@ class Router:
         self.unsendable = 0
 
     def number(self, peer: Peer) -> int:
-        """Return the link number of a peer."""
-        return self._numbers.setdefault(peer, len(self._numbers))
+        """Return the link number of a peer; a peer that is gone leaves its number to the next."""
+        if peer not in self._numbers:
+            self._numbers = {known: n for known, n in self._numbers.items() if known.open}
+            self._where = {who: known for who, known in self._where.items() if known.open}
+            taken = set(self._numbers.values())
+            self._numbers[peer] = next(n for n in count() if n not in taken)
+        return self._numbers[peer]
 
     def peers(self) -> list[Peer]:
         return [peer for wire in self.wires for peer in wire.peers]
@@ -283,7 +328,7 @@ class Router:
             heapq.heappop(self._queue)[2]()
         for wire in self.wires:
             for peer, data in wire.poll():
-                for message in peer.parse(data):
+                for message in peer.parse(self._spoilt(data)):
                     self._through(lambda p=peer, m=message: self._route(p, m))  # type: ignore[misc]
 
     def send(self, link: int | None, message: Any) -> None:
@@ -320,7 +365,11 @@ class Router:
 
     def _route(self, source: Peer, message: Any) -> None:
         sender = message.get_srcSystem(), message.get_srcComponent()
-        self._where[sender] = source
+        if sender == (1, 1):
+            return  # our own words, come back by some loop
+        if sender not in self._where or self._where[sender] is not source:
+            self._where[sender] = source
+            self.number(source)
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
         if system in (0, 1) and (system == 0 or component in (0, 1)):
