@@ -26,6 +26,7 @@ Demand = tuple[F64, float]
 
 log = logging.getLogger(__name__)
 
+MAX_TURN_RAD_S = math.radians(60.0)
 OUTER_LOOP_NS = 10_000_000
 LANDED_NS = 1_000_000_000
 RANGEFINDER_NS = 500_000_000
@@ -244,7 +245,7 @@ class Autopilot:
             self._wanted = (_level(estimate), 2.0 if self.armed else 0.0)
             return
         self._settled_since_ns = None
-        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._height_above_ground())
+        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._range_down_m())
         acceleration = self._velocity.acceleration(
             velocity, estimate, dt_s, self.parameters["WPNAV_ACCEL"] / 100
         )
@@ -260,14 +261,15 @@ class Autopilot:
         elif now_ns - self._settled_since_ns > LANDED_NS:
             self.airborne = False
 
-    def _height_above_ground(self) -> float:
+    def _range_down_m(self) -> float | None:
+        """Return the rangefinder's distance, None when it is off, late or out of its range."""
         p = self.parameters
         if p["RNGFND1_TYPE"] == 10 and self.rangefinder is not None:
             stamp, distance = self.rangefinder
             fresh = self._now_ns - stamp < RANGEFINDER_NS
             if fresh and p["RNGFND1_MIN"] <= distance <= p["RNGFND1_MAX"]:
                 return distance
-        return self.height_above_home_m
+        return None
 
     def _slew_yaw(self, estimate: State, dt_s: float) -> float:
         """Turn the wanted heading towards what GUIDED asked for, at 60 degrees per second at most."""
@@ -276,10 +278,12 @@ class Autopilot:
         guided = self.navigator.guided
         if self.mode is Mode.GUIDED:
             if guided.yaw_rate_rad_s is not None:
-                self._yaw_rad += guided.yaw_rate_rad_s * dt_s
+                if self._now_ns - guided.stamp_ns <= self.parameters["GUID_TIMEOUT"] * 1e9:
+                    rate = max(-MAX_TURN_RAD_S, min(MAX_TURN_RAD_S, guided.yaw_rate_rad_s))
+                    self._yaw_rad += rate * dt_s
             elif guided.yaw_rad is not None:
                 error = math.remainder(guided.yaw_rad - self._yaw_rad, 2 * math.pi)
-                step = math.radians(60) * dt_s
+                step = MAX_TURN_RAD_S * dt_s
                 self._yaw_rad += max(-step, min(step, error))
         return self._yaw_rad
 

@@ -32,6 +32,11 @@ _RELATIVE = (
     mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
 )
 _GLOBAL = (*_RELATIVE, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
+_FROM_VEHICLE = (
+    mavlink.MAV_FRAME_LOCAL_OFFSET_NED,
+    mavlink.MAV_FRAME_BODY_NED,
+    mavlink.MAV_FRAME_BODY_OFFSET_NED,
+)
 _IGNORE_POSITION, _IGNORE_VELOCITY, _IGNORE_YAW, _IGNORE_YAW_RATE = 0b111, 0b111000, 1 << 10, 1 << 11
 
 
@@ -240,9 +245,9 @@ class Commands:
         )
         if frame in (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED):
             position, velocity = self._turned(position), self._turned(velocity)
-        if frame in (mavlink.MAV_FRAME_LOCAL_OFFSET_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED):
+        if frame in _FROM_VEHICLE:
             position = position + ap.estimate.pos_enu_m
-        elif frame not in (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_NED):
+        elif frame != mavlink.MAV_FRAME_LOCAL_NED:
             return
         self._set_guided(message, position, velocity)
 
@@ -276,10 +281,11 @@ class Commands:
             return
         use_yaw = not message.type_mask & _IGNORE_YAW and math.isfinite(message.yaw)
         use_rate = not message.type_mask & _IGNORE_YAW_RATE and math.isfinite(message.yaw_rate)
+        before = None if use_rate else self._ap.navigator.guided.yaw_rad
         self._ap.navigator.guided = GuidedTarget(
             position_enu_m=position if use_position else None,
             velocity_enu_ms=velocity if use_velocity else None,
-            yaw_rad=float(message.yaw) if use_yaw else self._ap.navigator.guided.yaw_rad,
+            yaw_rad=float(message.yaw) if use_yaw else before,
             yaw_rate_rad_s=float(message.yaw_rate) if use_rate else None,
             stamp_ns=self._ap.now_ns,
         )

@@ -39,12 +39,25 @@ class GuidedTarget:
 
 
 @dataclass(slots=True)
-class Navigator:
-    """Works out the velocity wanted, by mode.
+class Search:
+    """What a landing knows of its target: where it was last seen from, and the tries to see it again."""
 
-    height_above_ground_m is the rangefinder's where one is healthy, else the height above home, as the
-    autopilot has it.
-    """
+    seen_enu_m: F64 | None = None
+    lost_ns: int | None = None
+    tries: int = 0
+    returning: bool = False
+    hover_enu_m: F64 | None = None
+
+    def found(self, target_enu_m: F64, state: State) -> None:
+        """Remember where the target is in sight."""
+        self.seen_enu_m = np.array([target_enu_m[0], target_enu_m[1], state.pos_enu_m[2]])
+        self.lost_ns = self.hover_enu_m = None
+        self.returning = False
+
+
+@dataclass(slots=True)
+class Navigator:
+    """Works out the velocity wanted, by mode."""
 
     parameters: dict[str, float]
     precland: PrecisionLanding
@@ -53,6 +66,8 @@ class Navigator:
     guided: GuidedTarget = field(default_factory=GuidedTarget)
     takeoff_up_m: float | None = None
     climbing: bool = False
+    descending: bool = False
+    search: Search = field(default_factory=Search)
 
     def enter(self, mode: Mode, state: State) -> None:
         """Start a mode from where the vehicle is."""
@@ -61,17 +76,19 @@ class Navigator:
         self.guided = GuidedTarget(position_enu_m=self.hold_enu_m.copy())
         self.takeoff_up_m = None
         self.climbing = mode is Mode.RTL
+        self.descending = False
+        self.search = Search()
 
-    def velocity(self, mode: Mode, state: State, now_ns: int, height_above_ground_m: float) -> F64:
-        """Return the velocity wanted (3,) east, north, up."""
+    def velocity(self, mode: Mode, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
+        """Return the velocity wanted (3,) east, north, up; `rangefinder_m` is None without a healthy one."""
         if self.takeoff_up_m is not None:
             return self._take_off(state)
         if mode is Mode.GUIDED:
             return self._guided(state, now_ns)
         if mode is Mode.LAND:
-            return self._land(state, now_ns, height_above_ground_m)
+            return self._land(state, now_ns, rangefinder_m)
         if mode is Mode.RTL:
-            return self._return(state, now_ns, height_above_ground_m)
+            return self._return(state, now_ns, rangefinder_m)
         return self._hold(self.hold_enu_m, state)
 
     def _hold(self, target_enu_m: F64, state: State) -> F64:
@@ -101,22 +118,57 @@ class Navigator:
             wanted = wanted + self._hold(g.position_enu_m, state)
         return wanted
 
-    def _land(self, state: State, now_ns: int, height_above_ground_m: float) -> F64:
+    def _land(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
         """Sink over the precision-landing target while it is believed, else over where it is."""
         p = self.parameters
         target = self.precland.target(now_ns) if p["PLND_ENABLED"] else None
         if target is not None:
+            self.search.found(target, state)
             self.hold_enu_m = np.array([target[0], target[1], state.pos_enu_m[2]])
+        elif p["PLND_ENABLED"] and (elsewhere := self._lost(state, now_ns, rangefinder_m)) is not None:
+            return self._hold(elsewhere, state)
+        height = state.pos_enu_m[2] - self.home_enu_m[2] if rangefinder_m is None else rangefinder_m
         out = self._hold(self.hold_enu_m, state)
-        low = height_above_ground_m < p["LAND_ALT_LOW"] / 100
+        low = height < p["LAND_ALT_LOW"] / 100
         speed = p["LAND_SPEED"] if low else p["LAND_SPEED_HIGH"] or p["WPNAV_SPEED_DN"]
         out[2] = -speed / 100
-        if target is not None and height_above_ground_m < 2.0:
+        if target is not None and height < 2.0:
             error = float(np.hypot(*(target[:2] - state.pos_enu_m[:2])))
             out[2] *= max(0.2, 1.0 - error)  # slower while off the target, near the ground
         return out
 
-    def _return(self, state: State, now_ns: int, height_above_ground_m: float) -> F64:
+    def _lost(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64 | None:
+        """Return where PLND_STRICT sends it without a target, or None to sink.
+
+        ArduPilot acts only while a healthy rangefinder reads between PLND_ALT_MIN and PLND_ALT_MAX; else it
+        sinks. A target once seen is waited for, then sought again where it was last in sight.
+        """
+        p, search = self.parameters, self.search
+        if search.returning and search.seen_enu_m is not None:
+            if float(np.sqrt(np.sum(np.square(search.seen_enu_m - state.pos_enu_m)))) > 0.5:
+                return search.seen_enu_m
+            search.returning, search.lost_ns = False, now_ns
+        in_band = rangefinder_m is not None and p["PLND_ALT_MIN"] <= rangefinder_m <= p["PLND_ALT_MAX"]
+        if not in_band or p["PLND_STRICT"] < 1:
+            return None
+        if search.seen_enu_m is not None:
+            if search.lost_ns is None:
+                search.lost_ns = now_ns
+            if now_ns - search.lost_ns < p["PLND_TIMEOUT"] * 1e9:
+                return None
+            if search.tries < p["PLND_RET_MAX"]:
+                search.tries += 1
+                search.returning = True
+                return search.seen_enu_m
+        if p["PLND_STRICT"] < 2:
+            return None
+        if search.hover_enu_m is None:
+            search.hover_enu_m = state.pos_enu_m.copy()
+        return search.hover_enu_m
+
+    def _return(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
+        if self.descending:  # for good: a landing target may lead away from home
+            return self._land(state, now_ns, rangefinder_m)
         top = max(self.hold_enu_m[2], self.home_enu_m[2] + self.parameters["RTL_ALT"] / 100)
         if self.climbing:
             if state.pos_enu_m[2] > top - 0.5:
@@ -125,5 +177,6 @@ class Navigator:
         home = np.array([*self.home_enu_m[:2], top])
         if float(np.hypot(*(home[:2] - state.pos_enu_m[:2]))) > 0.7:
             return self._hold(home, state)
-        self.hold_enu_m = np.array([*self.home_enu_m[:2], self.hold_enu_m[2]])
-        return self._land(state, now_ns, height_above_ground_m)
+        self.descending = True
+        self.hold_enu_m = home
+        return self._land(state, now_ns, rangefinder_m)

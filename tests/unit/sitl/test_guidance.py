@@ -1,0 +1,111 @@
+"""Guided targets, the way home, and what a landing does without its target."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.modes import Mode
+from sitl.state import to_euler
+from tests.unit.sitl.bench_flight import Bench
+
+ONLY_RATE, ONLY_YAW, ONLY_POSITION = 0b010111000111, 0b100111000111, 0b110111111000
+
+
+def target(
+    bench: Bench, mask: int, *, frame: int = 1, ahead: float = 0.0, yaw: float = 0.0, rate: float = 0.0
+) -> Bench:
+    return bench.tell(
+        mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, frame, mask, ahead, 0, 0, 0, 0, 0, 0, 0, 0, yaw, rate
+        )
+    )
+
+
+def turning(bench: Bench) -> float:
+    return abs(float(bench.truth.rates_frd_rad_s[2]))
+
+
+def test_a_turn_rate_ends_three_seconds_after_the_last_target() -> None:
+    bench = target(Bench().airborne(10), ONLY_RATE, rate=0.5).run(2)
+    assert turning(bench) == pytest.approx(0.5, abs=0.05)
+    assert turning(bench.run(6)) < 0.05
+
+
+@pytest.mark.parametrize(("mask", "yaw", "rate"), [(ONLY_YAW, math.nan, 0), (ONLY_RATE, 0, math.nan)])
+def test_a_heading_that_is_no_number_is_not_followed(mask: int, yaw: float, rate: float) -> None:
+    bench = target(Bench().airborne(10), mask, yaw=yaw, rate=rate)
+    assert turning(bench.run(5)) < 0.05
+
+
+@pytest.mark.parametrize("frame", [mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED])
+def test_a_position_in_a_body_frame_is_an_offset_from_the_vehicle(frame: int) -> None:
+    bench = Bench().airborne(10)
+    bench.run(8, lambda: bench.velocity(4, 0, 0))
+    bench.run(5)
+    start, yaw = bench.truth.pos_enu_m, to_euler(bench.truth.quat_wxyz)[2]
+    target(bench, ONLY_POSITION, frame=frame, ahead=5).run(10)
+    moved = bench.truth.pos_enu_m - start
+    np.testing.assert_allclose(moved, (5 * math.sin(yaw), 5 * math.cos(yaw), 0), atol=0.5)
+
+
+def test_rtl_lands_even_with_a_landing_target_off_home() -> None:
+    bench = Bench().airborne(10)
+    bench.run(6, lambda: bench.velocity(3, 0, 0))
+    assert bench.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    bench.run(120, lambda: bench.landing_target(3, 0))
+    assert not bench.autopilot.armed
+    assert float(np.hypot(*(bench.truth.pos_enu_m[:2] - [3.0, 0.0]))) < 0.3
+
+
+def losing(strict: int, *, rangefinder: bool, seen: bool = True) -> tuple[Bench, list[float]]:
+    """Land on a target that is out of sight below 5 m; return the heights of every 50 ms too."""
+    bench = Bench()
+    bench.autopilot.parameters["PLND_STRICT"] = strict
+    bench.airborne(7)
+    heights: list[float] = []
+
+    def see(from_m: float) -> Callable[[], None]:
+        def each() -> None:
+            up = float(bench.truth.pos_enu_m[2])
+            heights.append(up)
+            if rangefinder:
+                range_cm = max(0, int(up * 100))
+                bench.tell(mavlink.MAVLink_distance_sensor_message(0, 10, 7000, range_cm, 0, 0, 25, 0))
+            if seen and up > from_m:
+                bench.landing_target(1, 1)
+
+        return each
+
+    bench.run(4, see(5.0))
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, Mode.LAND) == 0
+    bench.run(12, see(5.0))
+    del heights[:]
+    bench.run(90, see(100.0))
+    return bench, heights
+
+
+def climbed(heights: list[float]) -> float:
+    return float(max(np.array(heights) - np.minimum.accumulate(heights)))
+
+
+@pytest.mark.parametrize(
+    ("strict", "rangefinder", "seen", "hovers", "climbs"),
+    [
+        (0, True, True, False, False),
+        (1, True, True, False, True),
+        (2, True, True, True, True),
+        (2, True, False, True, False),
+        (1, True, False, False, False),
+        (2, False, True, False, False),
+    ],
+)
+def test_a_lost_target_is_sought_again_and_then_strictness_decides(
+    strict: int, rangefinder: bool, seen: bool, hovers: bool, climbs: bool
+) -> None:
+    bench, heights = losing(strict, rangefinder=rangefinder, seen=seen)
+    assert (bench.truth.pos_enu_m[2] > 0.7) == hovers
+    assert bench.autopilot.armed == hovers
+    assert (climbed(heights) > 1.0) == climbs
