@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import signal
 import sys
 import time
@@ -38,12 +39,14 @@ def main(arguments: list[str] | None = None) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.append(True))
     print(json.dumps(_ready(simulation, server, options)), flush=True)
-    limit_ns = round(options.duration * 1e9) if options.duration else 1 << 62
+    limit_ns = 1 << 62 if options.duration is None else round(options.duration * 1e9)
 
     def ended() -> bool:
         return bool(stop) or simulation.now_ns >= limit_ns
 
-    step = _paced(simulation.advance, options.speedup)
+    # A lock-step client sets the pace itself, unless a speed is asked for.
+    speedup = options.speedup if options.speedup is not None else (1.0 if server is None else 0.0)
+    step = _paced(simulation.advance, speedup)
     try:
         if server is not None:
             server.serve(step, ended)
@@ -54,7 +57,11 @@ def main(arguments: list[str] | None = None) -> int:
     finally:
         simulation.close()
     if options.truth is not None:
-        _write_truth(simulation, options)
+        try:
+            _write_truth(simulation, options)
+        except OSError as error:
+            print(f"slz sim: --truth {options.truth}: {error.strerror or error}", file=sys.stderr)
+            return 1
     return 0
 
 
@@ -84,7 +91,25 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--footprint", type=float, default=2.0, help="vehicle footprint of the truth, m")
     parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
     parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    _check(options)
+    return options
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse numbers that mean nothing, before anything is opened."""
+    if options.scene not in scenes.NAMES:
+        raise _UsageError(f"--scene {options.scene!r}: there are {', '.join(scenes.NAMES)}")
+    if options.seed < 0:
+        raise _UsageError(f"--seed {options.seed}: must not be negative")
+    if options.lockstep is not None and not 0 <= options.lockstep < 65536:
+        raise _UsageError(f"--lockstep {options.lockstep}: a port is at most 65535")
+    lowest = {"duration": 0.0, "wind": 0.0, "speedup": 0.0, "takeoff_alt": 0.5, "point_rate": 1.0}
+    lowest |= {"footprint": 0.1, "slope_limit": 0.0, "relief_limit": 0.0}
+    for name, low in lowest.items():
+        value = getattr(options, name)
+        if value is not None and not (math.isfinite(value) and value >= low):
+            raise _UsageError(f"--{name.replace('_', '-')} {value:g}: must be at least {low:g}")
 
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
@@ -101,7 +126,11 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
     )
     simulation.intruder = intruder
-    return simulation, None if options.lockstep is None else LockstepServer(options.lockstep)
+    try:
+        return simulation, None if options.lockstep is None else LockstepServer(options.lockstep)
+    except WireError:
+        simulation.close()
+        raise
 
 
 def _origin(text: str | None) -> tuple[float, float, float]:
@@ -111,14 +140,14 @@ def _origin(text: str | None) -> tuple[float, float, float]:
         lat, lon, alt = (float(part) for part in text.split(","))
     except ValueError:
         raise ValueError(f"--origin {text!r}: write LAT,LON,ALT in degrees and metres") from None
-    if not (abs(lat) <= 90 and abs(lon) <= 180):
+    if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 < alt < 10_000):
         raise ValueError(f"--origin {text!r} is not on the Earth")
     return lat, lon, alt
 
 
 def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
-    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+    if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise ValueError(f"--lidar-to {text!r}: write HOST:PORT")
     return host, int(port)
 
@@ -128,7 +157,7 @@ def _intruder(text: str) -> Intruder | None:
         return None
     kind, _, height = text.partition("@")
     try:
-        if kind == "car" and float(height) > 0:
+        if kind == "car" and 0 < float(height) < math.inf:
             return Intruder(float(height))
     except ValueError:
         pass
@@ -147,11 +176,10 @@ def _ready(
     }
 
 
-def _paced(step: Callable[[], int], speedup: float | None) -> Callable[[], int]:
-    """Slow a step down to a multiple of real time; under a lock-step clock None means unpaced."""
-    if speedup == 0:
+def _paced(step: Callable[[], int], pace: float) -> Callable[[], int]:
+    """Slow a step down to a multiple of real time; 0 leaves it as fast as it can."""
+    if pace == 0:
         return step
-    pace = 1.0 if speedup is None else speedup
     start: list[float] = []
 
     def paced() -> int:
@@ -169,6 +197,7 @@ def _paced(step: Callable[[], int], speedup: float | None) -> Callable[[], int]:
 
 
 def _write_truth(simulation: Simulation, options: argparse.Namespace) -> None:
+    simulation.log.write(options.truth)
     truth.write(
         options.truth,
         simulation.scene,
@@ -177,7 +206,6 @@ def _write_truth(simulation: Simulation, options: argparse.Namespace) -> None:
         slope_limit_deg=options.slope_limit,
         relief_limit_m=options.relief_limit,
     )
-    simulation.log.write(options.truth)
 
 
 if __name__ == "__main__":
