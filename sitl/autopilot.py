@@ -18,6 +18,7 @@ from sitl.control import VelocityLoop, attitude_for, rate_command
 from sitl.modes import Mode, Navigator
 from sitl.parameters import DEFAULTS
 from sitl.precland import PrecisionLanding
+from sitl.proximity import Proximity
 from sitl.state import State, to_euler
 from sitl.telemetry import Telemetry
 
@@ -28,6 +29,7 @@ log = logging.getLogger(__name__)
 
 MAX_TURN_RAD_S = math.radians(60.0)
 OUTER_LOOP_NS = 10_000_000
+AVOID_PROXIMITY = 2
 LANDED_NS = 1_000_000_000
 RANGEFINDER_NS = 500_000_000
 
@@ -67,6 +69,7 @@ class Autopilot:
         self.battery_pct = 100.0
         self.truth_source: Callable[[], State] | None = None
         self.precland = PrecisionLanding()
+        self.proximity = Proximity()
         self.navigator = Navigator(self.parameters, self.precland)
         self.commands = Commands(self)
         self.telemetry = Telemetry(self)
@@ -77,6 +80,7 @@ class Autopilot:
         self.rangefinder: tuple[int, float] | None = None
         self._ready_ns = round(ready_after_s * 1e9)
         self._now_ns = 0
+        self._estimate_ns = 0
         self._outgoing: deque[tuple[int | None, Any]] = deque()
         self._velocity = VelocityLoop()
         self._yaw_rad: float | None = None
@@ -101,8 +105,13 @@ class Autopilot:
 
     @property
     def boot_ns(self) -> int:
-        """Time since boot, as every message stamps it."""
+        """Time since boot."""
         return self._now_ns + self.boot_offset_ns
+
+    @property
+    def estimate_boot_ns(self) -> int:
+        """Time since boot of the present estimate, which is a tick older than what is sent of it."""
+        return self._estimate_ns + self.boot_offset_ns
 
     @property
     def position_ok(self) -> bool:
@@ -177,11 +186,14 @@ class Autopilot:
             return "Arm: Need Position Estimate"
         if self.mode in (Mode.LAND, Mode.RTL, Mode.BRAKE):
             return f"Arm: {self.mode.name} mode not armable"
+        if self.parameters["PRX1_TYPE"] == 2 and not self.proximity.fresh(self._now_ns):
+            return "Arm: PRX1: No Data"
         if self.estimate is not None:
             self.navigator.home_enu_m = self.estimate.pos_enu_m.copy()
             self._velocity.reset(np.zeros(3))
         self.armed = True
         self._yaw_rad = None
+        self._settled_since_ns = None
         self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
         self.say("Arming motors")
@@ -220,7 +232,7 @@ class Autopilot:
         """Return the body rates (rad/s) and thrust (m/s2) wanted of the motors."""
         self._now_ns = now_ns
         first = self.estimate is None
-        self.estimate = estimate
+        self.estimate, self._estimate_ns = estimate, now_ns
         if first:
             self.navigator.home_enu_m = estimate.pos_enu_m.copy()
             self.navigator.enter(self.mode, estimate)
@@ -246,20 +258,37 @@ class Autopilot:
             return
         self._settled_since_ns = None
         velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._range_down_m())
+        velocity = self._avoid(velocity, estimate)
         acceleration = self._velocity.acceleration(
             velocity, estimate, dt_s, self.parameters["WPNAV_ACCEL"] / 100
         )
         self._wanted = attitude_for(acceleration, self._slew_yaw(estimate, dt_s))
 
     def _on_ground(self, now_ns: int) -> None:
-        """Disarm after a second on the ground in a landing mode, as the land detector does."""
+        """Disarm after a second on the ground in a landing mode, else after DISARM_DELAY."""
         if self._settled_since_ns is None:
             self._settled_since_ns = now_ns
-        elif now_ns - self._settled_since_ns > LANDED_NS and self.mode in (Mode.LAND, Mode.RTL):
-            self.airborne = False
+        settled_ns = now_ns - self._settled_since_ns
+        if settled_ns <= LANDED_NS:
+            return
+        self.airborne = False
+        delay_ns = self.parameters["DISARM_DELAY"] * 1e9
+        if self.mode in (Mode.LAND, Mode.RTL) or 0 < delay_ns < settled_ns:
             self.disarm()
-        elif now_ns - self._settled_since_ns > LANDED_NS:
-            self.airborne = False
+
+    def _avoid(self, velocity: F64, estimate: State) -> F64:
+        """Hold a GUIDED velocity back from obstacles; a GUIDED position is flown through them."""
+        p, guided = self.parameters, self.navigator.guided
+        if (
+            self.mode is not Mode.GUIDED
+            or guided.velocity_enu_ms is None
+            or guided.position_enu_m is not None
+        ):
+            return velocity
+        if p["PRX1_TYPE"] != 2 or not int(p["AVOID_ENABLE"]) & AVOID_PROXIMITY:
+            return velocity
+        yaw_rad = to_euler(estimate.quat_wxyz)[2]
+        return self.proximity.limited(velocity, yaw_rad, p["AVOID_MARGIN"], self._now_ns)
 
     def _range_down_m(self) -> float | None:
         """Return the rangefinder's distance, None when it is off, late or out of its range."""

@@ -95,6 +95,7 @@ class Commands:
             "SET_POSITION_TARGET_GLOBAL_INT": self._global_target,
             "LANDING_TARGET": self._landing_target,
             "DISTANCE_SENSOR": self._distance_sensor,
+            "OBSTACLE_DISTANCE": self._obstacle_distance,
             "TIMESYNC": self._timesync,
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
@@ -302,6 +303,9 @@ class Commands:
     def _distance_sensor(self, message: Any, _link: int) -> None:
         if message.orientation == self._ap.parameters["RNGFND1_ORIENT"]:
             self._ap.rangefinder = (self._ap.now_ns, message.current_distance / 100)
+
+    def _obstacle_distance(self, message: Any, _link: int) -> None:
+        self._ap.proximity.receive(message, self._ap.now_ns)
 
     def _timesync(self, message: Any, link: int) -> None:
         if message.tc1 == 0:

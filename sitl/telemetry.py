@@ -6,10 +6,12 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.modes import Mode
-from sitl.state import to_euler
+from sitl.state import ned, rotate, to_euler
+from sitl.vehicle import GRAVITY_MS2
 
 if TYPE_CHECKING:
     from sitl.autopilot import Autopilot
@@ -141,7 +143,8 @@ class Telemetry:
 
     @property
     def _boot_ms(self) -> int:
-        return self._ap.boot_ns // 1_000_000
+        """Time since boot of the estimate that is sent."""
+        return self._ap.estimate_boot_ns // 1_000_000
 
     def _heartbeat(self) -> Any:
         ap = self._ap
@@ -234,11 +237,14 @@ class Telemetry:
         fix = mavlink.GPS_FIX_TYPE_RTK_FLOAT if self._ap.position_ok else mavlink.GPS_FIX_TYPE_2D_FIX
         speed = round(math.hypot(float(v[0]), float(v[1])) * 100)
         return mavlink.MAVLink_gps_raw_int_message(
-            self._ap.boot_ns // 1000, fix, lat, lon, alt, 70, 110, speed, course, 17
+            self._ap.estimate_boot_ns // 1000, fix, lat, lon, alt, 70, 110, speed, course, 17
         )
 
     def _system_time(self) -> Any:
-        return mavlink.MAVLink_system_time_message(UTC_AT_ZERO_US + self._ap.now_ns // 1000, self._boot_ms)
+        ap = self._ap
+        return mavlink.MAVLink_system_time_message(
+            UTC_AT_ZERO_US + ap.now_ns // 1000, ap.boot_ns // 1_000_000
+        )
 
     def _extended_state(self) -> Any:
         ap = self._ap
@@ -291,14 +297,20 @@ class Telemetry:
         )
 
     def _sim_state(self) -> Any:
-        """Ground truth, which only a simulator knows; lat_int and lon_int are the precise fields."""
+        """Ground truth, which only a simulator knows.
+
+        As ArduPilot fills it: accelerations are the specific force in the body frame, and the floats lat and
+        lon are degrees times 1e7 although the message's definition says degrees.
+        """
         truth = self._ap.truth_source() if self._ap.truth_source else self._estimate()
         lat, lon, alt = self._ap.lla(truth.pos_enu_m)
         roll, pitch, yaw = to_euler(truth.quat_wxyz)
-        a, v = truth.acc_enu_ms2, truth.vel_enu_ms
+        felt = truth.acc_enu_ms2 + np.array([0.0, 0.0, GRAVITY_MS2])
+        body = rotate(truth.quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0]), ned(felt))
+        v = truth.vel_enu_ms
         return mavlink.MAVLink_sim_state_message(
             *(float(x) for x in truth.quat_wxyz), roll, pitch, yaw,
-            float(a[1]), float(a[0]), -float(a[2]), *(float(x) for x in truth.rates_frd_rad_s),
-            lat, lon, alt, 0.0, 0.0, float(v[1]), float(v[0]), -float(v[2]),
+            *(float(x) for x in body), *(float(x) for x in truth.rates_frd_rad_s),
+            lat * 1e7, lon * 1e7, alt, 0.0, 0.0, float(v[1]), float(v[0]), -float(v[2]),
             round(lat * 1e7), round(lon * 1e7),
         )  # fmt: skip

@@ -63,11 +63,16 @@ class Bench:
         return int(acks[-1].result)
 
     def airborne(self, height_m: float = 20.0) -> Bench:
-        self.run(6)
+        return self.run(6).airborne_with(None, height_m)
+
+    def airborne_with(self, each: Callable[[], None] | None, height_m: float = 10.0) -> Bench:
+        """Take off, telling it something all the while."""
+        if each is not None:
+            each()
         assert self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == 0
         assert self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
         assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
-        return self.run(height_m / 2.5 + 8)
+        return self.run(height_m / 2.5 + 8, each)
 
     def velocity(self, east: float, north: float, up: float) -> None:
         self.tell(

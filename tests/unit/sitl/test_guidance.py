@@ -109,3 +109,22 @@ def test_a_lost_target_is_sought_again_and_then_strictness_decides(
     assert (bench.truth.pos_enu_m[2] > 0.7) == hovers
     assert bench.autopilot.armed == hovers
     assert (climbed(heights) > 1.0) == climbs
+
+
+def test_it_disarms_by_itself_on_the_ground_ten_seconds_after_touching_it() -> None:
+    bench = Bench().airborne(5)
+    bench.run(14, lambda: bench.velocity(0, 0, -0.5))
+    assert bench.vehicle.on_ground
+    assert bench.autopilot.armed
+    bench.run(8, lambda: bench.velocity(0, 0, 1.0))
+    assert bench.vehicle.on_ground
+    assert not bench.autopilot.armed
+
+
+def test_arming_again_starts_the_ten_seconds_again() -> None:
+    bench = Bench().run(6)
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED) == 0
+    for _ in range(2):
+        assert bench.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1) == 0
+        assert bench.run(9).autopilot.armed
+        assert not bench.run(2).autopilot.armed
