@@ -12,6 +12,7 @@ from sitl.state import State, multiply
 from sitl.vehicle import GRAVITY_MS2
 
 F64 = NDArray[np.float64]
+Axis = tuple[float, float, float]
 
 MAX_TILT_RAD = math.radians(28.0)
 MAX_RATE_RAD_S = 3.5
@@ -37,29 +38,31 @@ def rate_command(quat: F64, wanted: F64) -> F64:
 def attitude_for(acc_enu_ms2: F64, yaw_rad: float) -> tuple[F64, float]:
     """Return the attitude and thrust (m/s2) that accelerate so, within the tilt limit."""
     up = max(2.0, GRAVITY_MS2 + float(acc_enu_ms2[2]))
-    side = np.array([acc_enu_ms2[1], acc_enu_ms2[0]])  # north, east
-    length = float(np.hypot(*side))
+    north, east = float(acc_enu_ms2[1]), float(acc_enu_ms2[0])
+    length = math.hypot(north, east)
     longest = up * math.tan(MAX_TILT_RAD)
     if length > longest:
-        side = side * (longest / length)
-    down = np.array([-side[0], -side[1], up])  # body z axis (down) in NED is minus the thrust
-    thrust = float(np.sqrt(down @ down))
-    z = down / thrust
-    ahead = np.array([math.cos(yaw_rad), math.sin(yaw_rad), 0.0])
-    y = np.cross(z, ahead)
-    y /= np.sqrt(float(y @ y))
-    x = np.cross(y, z)
+        north, east = north * longest / length, east * longest / length
+    # The body's z axis (down) in north, east, down is minus the thrust. Plain floats: this runs 100 times a
+    # second, and NumPy's functions on three numbers cost more than the rest of the autopilot.
+    thrust = math.sqrt(north * north + east * east + up * up)
+    z = (-north / thrust, -east / thrust, up / thrust)
+    ahead, right = math.cos(yaw_rad), math.sin(yaw_rad)
+    y = (-z[2] * right, z[2] * ahead, z[0] * right - z[1] * ahead)
+    long = math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+    y = (y[0] / long, y[1] / long, y[2] / long)
+    x = (y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0])
     return _quaternion(x, y, z), thrust
 
 
-def _quaternion(x: F64, y: F64, z: F64) -> F64:
+def _quaternion(x: Axis, y: Axis, z: Axis) -> F64:
     """Return the quaternion whose rotation has these columns; tilts are small, so w is never near zero."""
-    trace = float(x[0] + y[1] + z[2])
+    trace = x[0] + y[1] + z[2]
     if trace > -0.9:
         w = math.sqrt(1 + trace) / 2
         return np.array([w, (y[2] - z[1]) / (4 * w), (z[0] - x[2]) / (4 * w), (x[1] - y[0]) / (4 * w)])
     # Heading near south: the z component is the large one.
-    k = math.sqrt(max(1e-9, 1 - float(x[0]) - float(y[1]) + float(z[2]))) / 2
+    k = math.sqrt(max(1e-9, 1 - x[0] - y[1] + z[2])) / 2
     return np.array([(x[1] - y[0]) / (4 * k), (z[0] + x[2]) / (4 * k), (y[2] + z[1]) / (4 * k), k])
 
 
@@ -87,12 +90,24 @@ class VelocityLoop:
 
     def acceleration(self, wanted_enu_ms: F64, state: State, dt_s: float, acc_ms2: float) -> F64:
         """Return the acceleration (3,) east, north, up for a velocity wanted, itself shaped by `acc_ms2`."""
-        change = wanted_enu_ms - self._wanted
-        longest = acc_ms2 * dt_s
-        length = float(np.sqrt(change @ change))
-        self._wanted = self._wanted + (change if length <= longest else change * (longest / length))
-        error = self._wanted - state.vel_enu_ms
-        self._integral += INTEGRAL_GAIN_PER_S2 * error * dt_s
-        np.clip(self._integral, -3.0, 3.0, out=self._integral)
-        gain = np.array([VELOCITY_GAIN_PER_S, VELOCITY_GAIN_PER_S, VERTICAL_GAIN_PER_S])
-        return np.asarray(np.clip(gain * error + self._integral, -6.0, 6.0))
+        gains = np.array([VELOCITY_GAIN_PER_S, VELOCITY_GAIN_PER_S, VERTICAL_GAIN_PER_S])
+        return _accelerate(
+            self._wanted, self._integral, wanted_enu_ms, state.vel_enu_ms, gains, acc_ms2 * dt_s, dt_s
+        )
+
+
+@kernel()
+def _accelerate(
+    wanted: F64, integral: F64, goal: F64, velocity: F64, gains: F64, longest: float, dt: float
+) -> F64:
+    """Move the shaped velocity towards its goal, integrate the error, return the acceleration."""
+    change = goal - wanted
+    length = np.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
+    share = 1.0 if length <= longest else longest / length
+    out = np.empty(3)
+    for i in range(3):
+        wanted[i] += share * change[i]
+        error = wanted[i] - velocity[i]
+        integral[i] = min(max(integral[i] + INTEGRAL_GAIN_PER_S2 * error * dt, -3.0), 3.0)
+        out[i] = min(max(gains[i] * error + integral[i], -6.0), 6.0)
+    return out

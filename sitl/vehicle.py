@@ -69,6 +69,17 @@ def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64
     return standing, lifted
 
 
+@kernel()
+def _blow(gust: F64, mean: F64, sigma: float, draw: F64, dt: float) -> F64:
+    """Advance the gust (Gauss-Markov); return the wind."""
+    share = dt / GUST_TAU_S
+    out = np.empty(3)
+    for i in range(3):
+        gust[i] += -gust[i] * share + sigma * np.sqrt(2 * share) * draw[i]
+        out[i] = mean[i] + gust[i] * (0.3 if i == 2 else 1.0)
+    return out
+
+
 class Vehicle:
     """The true vehicle.
 
@@ -170,6 +181,4 @@ class Vehicle:
             self._draws, self._next_draw = self._rng.standard_normal((4096, 3)), 0
         draw = self._draws[self._next_draw]
         self._next_draw += 1
-        share = dt_s / GUST_TAU_S
-        self._gust += -self._gust * share + self._gust_sigma * np.sqrt(2 * share) * draw
-        return np.asarray(self._mean_wind + self._gust * (1.0, 1.0, 0.3))
+        return _blow(self._gust, self._mean_wind, self._gust_sigma, draw, dt_s)
