@@ -36,7 +36,7 @@ class FlightLog:
         e, n, u = (round(float(v), 3) for v in s.vehicle.truth.pos_enu_m)
         self.trajectory.append(
             {
-                "t": round(s.now_ns * 1e-9, 3),
+                "t": round(s.now_ns * 1e-9, 4),
                 "e": e,
                 "n": n,
                 "u": u,

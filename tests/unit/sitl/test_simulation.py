@@ -1,0 +1,329 @@
+"""Everything together under one clock, in this process, and the program around it."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl import __main__ as program
+from sitl import scenes
+from sitl.estimator import EstimateErrors
+from sitl.intruder import Intruder
+from sitl.modes import Mode
+from sitl.simulation import TICK_NS, PoseTrack, Simulation
+from sitl.state import from_euler
+from sitl.wire import MemoryWire
+from tests.unit.sitl.test_wire import COMPANION, STATION, Station, command
+
+CLOUD_HEADER_BYTES = 36
+
+
+@contextmanager
+def simulation(*ends: Station, seed: int = 1, **more: Any) -> Iterator[Simulation]:
+    with closing(Simulation(scenes.build("plain", seed), [e.wire for e in ends], seed=seed, **more)) as made:
+        yield made
+
+
+def raw(wire: MemoryWire) -> bytes:
+    return b"".join(wire.received)
+
+
+# ---- the clock -----------------------------------------------------------------------------------------
+
+
+def test_a_tick_is_two_and_a_half_milliseconds_and_hooks_run_after_each() -> None:
+    with simulation() as s:
+        seen: list[int] = []
+        s.every_tick.append(lambda s: seen.append(s.now_ns))
+        assert [s.advance() for _ in range(4)] == [TICK_NS * k for k in (1, 2, 3, 4)]
+        assert seen == [2_500_000, 5_000_000, 7_500_000, 10_000_000]
+
+
+def test_the_same_seed_flies_and_tells_the_same_to_the_last_byte() -> None:
+    def flight(seed: int) -> tuple[bytes, bytes]:
+        end = Station(*STATION)
+        with simulation(end, seed=seed, pilot_height_m=10.0) as s:
+            s.run(10)
+            return raw(end.wire), s.vehicle.truth.pos_enu_m.tobytes()
+
+    assert flight(1) == flight(1)
+    assert flight(1)[1] != flight(2)[1]
+
+
+def test_a_question_is_answered_in_the_tick_it_has_arrived_before() -> None:
+    end = Station(*STATION)
+    with simulation(end) as s:
+        s.run(1)
+        end.heard()
+        asked_ns = s.autopilot.boot_offset_ns + s.now_ns
+        end.send(mavlink.MAVLink_timesync_message(0, 12345))
+        s.advance()
+        (answer,) = [m for m in end.heard() if m.get_type() == "TIMESYNC"]
+        assert answer.ts1 == 12345
+        assert asked_ns <= answer.tc1 <= asked_ns + TICK_NS
+
+
+# ---- flights -------------------------------------------------------------------------------------------
+
+
+def test_the_pilot_takes_off_and_holds_its_height_by_messages_alone() -> None:
+    end = Station(*STATION)
+    with simulation(end, pilot_height_m=12.0) as s:
+        s.run(30)
+        assert s.pilot is not None
+        assert s.pilot.done
+        assert s.autopilot.mode is Mode.GUIDED
+        assert s.autopilot.height_above_home_m == pytest.approx(12, abs=0.5)
+        assert s.vehicle.truth.pos_enu_m[2] == pytest.approx(12, abs=1.5)
+        assert s.log.takeoff is not None
+        assert s.touchdown is None
+        assert {"HEARTBEAT", "GLOBAL_POSITION_INT", "ATTITUDE"} <= set(end.kinds())
+
+
+def test_a_station_commands_the_companion_through_the_autopilot() -> None:
+    station, companion = Station(*STATION), Station(1, COMPANION)
+    with simulation(station, companion) as s:
+        beat = mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
+        companion.send(beat)
+        station.send(beat)
+        s.advance()
+        companion.heard()
+        station.send(command(1, COMPANION))
+        s.advance()
+        asked = [m for m in companion.heard() if m.get_type() == "COMMAND_LONG"]
+        companion.send(mavlink.MAVLink_command_ack_message(asked[0].command, 0, 0, 0, *STATION))
+        s.advance()
+        (ack,) = [m for m in station.heard() if m.get_type() == "COMMAND_ACK"]
+        assert (ack.get_srcComponent(), len(asked)) == (COMPANION, 1)
+
+
+def landing(s: Simulation, companion: Station, spot_enu_m: tuple[float, float, float]) -> None:
+    """Stream a BODY_FRD landing target at 20 Hz from a companion that knows the truth."""
+    truth = s.vehicle.truth
+    w, x, y, z = truth.quat_wxyz
+    turn = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    east, north, up = np.array(spot_enu_m) - truth.pos_enu_m
+    body = turn.T @ [north, east, -up]
+    companion.send(
+        mavlink.MAVLink_landing_target_message(
+            s.now_ns // 1000, 0, mavlink.MAV_FRAME_BODY_FRD, 0, 0, float(np.linalg.norm(body)), 0, 0,
+            *(float(v) for v in body), [1, 0, 0, 0], 0, 1,
+        )
+    )  # fmt: skip
+
+
+def flown_onto(spot: tuple[float, float, float], intruder: Intruder | None = None) -> Simulation:
+    companion = Station(1, COMPANION)
+    with simulation(companion, pilot_height_m=20.0, errors=EstimateErrors.none(), wind_ms=0.0) as s:
+        s.intruder = intruder
+        s.run(22)
+        s.every_tick.append(lambda s: landing(s, companion, spot) if s.now_ns % 50_000_000 == 0 else None)
+        s.run(3)
+        assert s.pilot is not None
+        s.pilot.set_mode(Mode.LAND)
+        s.run(45)
+        return s
+
+
+def test_a_landing_is_written_down_as_it_truly_was() -> None:
+    s = flown_onto((3.0, 2.0, 0.0))
+    document = json.loads(json.dumps(s.log.document()))
+    touch = document["touchdown"]
+    assert np.hypot(touch["e"] - 3, touch["n"] - 2) < 0.3
+    assert 0.2 < touch["sink_ms"] < 1.0
+    assert touch["tilt_deg"] < 5
+    # A tenth of an arc second is 3 m.
+    assert touch["lat"] == pytest.approx(s.origin_lla[0] + touch["n"] / 111_177, abs=1e-7)
+    assert document["takeoff"]["t"] < touch["t"]
+    assert [m["mode"] for m in document["modes"]] == ["GUIDED", "LAND"]
+    assert document["armed_at_end"] is False
+    steps = np.diff(np.array([p["t"] for p in document["trajectory"]], np.float64))
+    np.testing.assert_allclose(steps, 0.2, atol=1e-6)
+    assert {p["mode"] for p in document["trajectory"]} >= {"STABILIZE", "GUIDED", "LAND"}
+
+
+def test_the_intruder_drives_onto_the_landing_point_while_the_vehicle_is_low() -> None:
+    s = flown_onto((3.0, 2.0, 0.0), Intruder(15.0))
+    starts, stands = s.log.events
+    assert np.hypot(starts["e"] - 3, starts["n"] - 2) == pytest.approx(25, abs=0.5)
+    assert np.hypot(stands["e"] - 3, stands["n"] - 2) < 0.5
+    assert stands["t"] - starts["t"] == pytest.approx(25 / 6, abs=0.1)
+    at_start = min(s.log.trajectory, key=lambda p: abs(p["t"] - starts["t"]))
+    assert at_start["u"] == pytest.approx(15, abs=1.0)
+    ground = s.scene.world.height_m(stands["e"], stands["n"])
+    assert ground > 1.0, "no car stands there"
+
+
+# ---- the LiDAR -----------------------------------------------------------------------------------------
+
+
+@contextmanager
+def ear() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
+        made.bind(("127.0.0.1", 0))
+        made.setblocking(False)
+        yield made
+
+
+def drained(made: socket.socket) -> list[bytes]:
+    got: list[bytes] = []
+    while True:
+        try:
+            got.append(made.recv(2000))
+        except BlockingIOError:
+            return got
+
+
+def test_lidar_points_arrive_at_their_rate_and_can_be_turned_off_and_on() -> None:
+    with ear() as far, simulation(lidar_to=far.getsockname(), point_rate_hz=10_000) as s:
+
+        def points(seconds: float) -> int:
+            s.run(seconds)
+            return sum((len(data) - CLOUD_HEADER_BYTES) // 14 for data in drained(far))
+
+        assert points(0.5) == pytest.approx(5_000, abs=192)
+        s.lidar_on = False
+        assert points(0.5) == 0
+        s.lidar_on = True
+        assert points(0.5) == pytest.approx(5_000, abs=192)
+
+
+def test_a_lidar_nobody_listens_to_does_no_harm() -> None:
+    with ear() as far:
+        address = far.getsockname()
+    with simulation(lidar_to=address, point_rate_hz=10_000) as s:
+        s.run(0.2)
+        assert s.now_ns == 200_000_000
+
+
+def test_poses_between_ticks_are_interpolated_along_the_shorter_turn() -> None:
+    track = PoseTrack()
+    track.add(0, np.array([0.0, 0, 10]), from_euler(0, 0, 0.1))
+    track.add(10, np.array([1.0, 2, 12]), -from_euler(0, 0, 0.3))
+    position, quat = track.at(np.array([0, 5, 10], np.int64))
+    np.testing.assert_allclose(position, np.array([[0.0, 0, 10], [0.5, 1, 11], [1, 2, 12]]))
+    np.testing.assert_allclose(np.linalg.norm(quat, axis=1), 1)
+    for row, yaw in zip(quat, (0.1, 0.2, 0.3), strict=True):
+        assert abs(row @ from_euler(0, 0, yaw)) == pytest.approx(1, abs=1e-9)
+    track.keep_last()
+    assert track.stamps == [10]
+
+
+# ---- the program ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def signals() -> Iterator[None]:
+    before = [(number, signal.getsignal(number)) for number in (signal.SIGTERM, signal.SIGINT)]
+    yield
+    for number, handler in before:
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize(("arguments", "word"), [
+    ("--scene moon", "moon"), ("--origin 91,0,0", "91,0,0"), ("--origin here", "here"),
+    ("--mavlink tcp:1", "tcp:1"), ("--lidar-to nowhere", "nowhere"), ("--speedup nan", "--speedup"),
+    ("--speedup -1", "--speedup"), ("--duration -1", "--duration"), ("--seed -1", "--seed"),
+    ("--lockstep 70000", "70000"), ("--intruder cow@15", "cow@15"), ("--intruder car@0", "car@0"),
+    ("--point-rate 0", "--point-rate"), ("--takeoff-alt nan", "--takeoff-alt"), ("--lidar radar", "radar"),
+    ("--what", "--what"),
+])  # fmt: skip
+def test_bad_usage_is_one_line_and_exit_code_2(
+    arguments: str, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert program.main(arguments.split()) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert word in err
+
+
+def test_a_mavlink_port_in_use_is_exit_code_2(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen(1)
+        port = taken.getsockname()[1]
+        assert program.main(["--scene", "plain", "--mavlink", f"tcpin:127.0.0.1:{port}"]) == 2
+    assert f"tcpin:127.0.0.1:{port}: the port is in use" in capsys.readouterr().err
+
+
+QUIET = ["--scene", "plain", "--lidar", "none", "--mavlink", "tcpin:127.0.0.1:0"]
+RUN = [*QUIET, "--speedup", "0", "--duration", "0.5"]
+
+
+def test_it_says_once_that_it_is_ready_and_ends_after_its_duration(
+    capsys: pytest.CaptureFixture[str], signals: None
+) -> None:
+    assert program.main(RUN) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    ready = json.loads(line)
+    assert (ready["ready"], ready["lidar"], ready["lockstep"]) == (True, None, None)
+    (url,) = ready["mavlink"]
+    assert url.startswith("tcpin:127.0.0.1:")
+    assert not url.endswith(":0")
+
+
+def test_a_truth_folder_that_cannot_be_made_is_one_line_and_exit_code_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], signals: None
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    folder = tmp_path / "file" / "truth"
+    assert program.main([*RUN, "--truth", str(folder)]) == 1
+    err = capsys.readouterr().err
+    assert str(folder) in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("lockstep", "asked", "pace"), [
+    (False, [], 1.0), (True, [], 0.0), (False, ["--speedup", "3"], 3.0), (True, ["--speedup", "3"], 3.0),
+])  # fmt: skip
+def test_a_lockstep_client_sets_the_pace_unless_a_speed_is_asked_for(
+    lockstep: bool, asked: list[str], pace: float, monkeypatch: pytest.MonkeyPatch, signals: None
+) -> None:
+    paces: list[float] = []
+
+    def paced(step: Any, wanted: float) -> Any:
+        paces.append(wanted)
+        return step
+
+    monkeypatch.setattr(program, "_paced", paced)
+    assert program.main([*QUIET, "--duration", "0", *asked, *(["--lockstep", "0"] if lockstep else [])]) == 0
+    assert paces == [pace]
+
+
+def test_pacing_sleeps_off_what_the_clock_is_ahead_and_does_not_race_after_a_stall(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wall, now, slept = [100.0], [0], [0.0]
+
+    def sleep(seconds: float) -> None:
+        slept[0] += seconds
+        wall[0] += seconds
+
+    def step() -> int:
+        now[0] += TICK_NS
+        return now[0]
+
+    monkeypatch.setattr(time, "monotonic", lambda: wall[0])
+    monkeypatch.setattr(time, "sleep", sleep)
+    paced = program._paced(step, 2.0)
+    for _ in range(4000):
+        paced()
+    assert slept[0] == pytest.approx(5.0, abs=0.01)  # ten simulated seconds at twice real time
+    wall[0] += 60.0
+    for _ in range(400):
+        paced()
+    assert slept[0] == pytest.approx(5.5, abs=0.02)
