@@ -77,22 +77,25 @@ def sine_versine(angle: float) -> tuple[float, float]:
     """Return sin and 1 - cos of an angle; below half a radian by their series, which errs by 1e-11."""
     if angle > 0.5:
         return math.sin(angle), 1 - math.cos(angle)
-    s = angle * angle
-    sine = angle * (1 - s / 6 * (1 - s / 20 * (1 - s / 42 * (1 - s / 72))))
-    versine = s / 2 * (1 - s / 12 * (1 - s / 30 * (1 - s / 56 * (1 - s / 90))))
+    s = angle * angle  # times reciprocals: a chain of divisions takes longer than all the rest of a return
+    sine = angle * (1 - s * (1 / 6) * (1 - s * (1 / 20) * (1 - s * (1 / 42) * (1 - s * (1 / 72)))))
+    versine = 0.5 * s * (1 - s * (1 / 12) * (1 - s * (1 / 30) * (1 - s * (1 / 56) * (1 - s * (1 / 90)))))
     return sine, versine
 
 
-@kernel("void(float64[:, ::1], int64, float64, float64, float64[::1])")
-def hermite(samples: Floats, i: int, u: float, span_s: float, out: Floats) -> None:
-    """Write the position at the share `u` of the way from sample i to i + 1, `span_s` seconds apart."""
-    v = 1 - u
-    h0, h1 = v * v * (1 + 2 * u), u * u * (3 - 2 * u)
-    g0, g1 = span_s * u * v * v, -span_s * u * u * v
+@kernel("void(float64[:, ::1], int64, float64, float64[:, ::1])")
+def hermite_cubic(samples: Floats, i: int, span_s: float, out: Floats) -> None:
+    """Write the coefficients (4, 3), constant first, of the cubic from sample i to i + 1.
+
+    It is a function of the share of the way, 0 to 1, between samples `span_s` seconds apart.
+    """
     for k in range(3):
-        out[k] = (
-            h0 * samples[i, k] + h1 * samples[i + 1, k] + g0 * samples[i, 3 + k] + g1 * samples[i + 1, 3 + k]
-        )
+        start, way = samples[i, k], samples[i + 1, k] - samples[i, k]
+        leave, arrive = span_s * samples[i, 3 + k], span_s * samples[i + 1, 3 + k]
+        out[0, k] = start
+        out[1, k] = leave
+        out[2, k] = 3 * way - 2 * leave - arrive
+        out[3, k] = leave + arrive - 2 * way
 
 
 @kernel(
@@ -115,6 +118,7 @@ def interpolate(
     A segment longer than `gap_ns`, or one over which the estimate jumped, holds nothing.
     """
     before = np.empty((3, 3))
+    cubic = np.empty((4, 3))
     a = p = 0
     for j in range(len(stamp_ns)):
         t = stamp_ns[j]
@@ -132,7 +136,10 @@ def interpolate(
             continue
         a, p = ja, jp
         span_ns = position_ns[p + 1] - position_ns[p]
-        hermite(positions, p, (t - position_ns[p]) / span_ns, span_ns * 1e-9, position_enu_m[j])
+        hermite_cubic(positions, p, span_ns * 1e-9, cubic)
+        u = (t - position_ns[p]) / span_ns
+        for k in range(3):
+            position_enu_m[j, k] = cubic[0, k] + u * (cubic[1, k] + u * (cubic[2, k] + u * cubic[3, k]))
         x, y, z, angle = turn_between(attitudes[a], attitudes[a + 1])
         share = (t - attitude_ns[a]) / (attitude_ns[a + 1] - attitude_ns[a])
         s, c = sine_versine(angle * share)

@@ -9,7 +9,7 @@ from companion.fusion.motion import (
     EPOCH,
     Floats,
     Stamps,
-    hermite,
+    hermite_cubic,
     rotation_enu,
     segment,
     sine_versine,
@@ -62,10 +62,10 @@ def place(
     near, far = least_m * least_m, most_m * most_m
     m, lever = rotation_frd_from_sensor, lever_frd_m
     r = np.empty((3, 3))
-    at = np.empty(3)
+    cubic = np.empty((4, 3))
     a = p = -1
     a_from = a_to = p_from = p_to = np.int64(0)  # the segments under way, empty at first
-    ax, ay, az, angle, a_share, p_share, span_s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ax, ay, az, angle, a_share, p_share = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(len(stamp_ns)):
         x, y, z = (
             np.float64(xyz_sensor_m[j, 0]),
@@ -94,7 +94,8 @@ def place(
                 if p_to - p_from > gap_ns or positions[p, EPOCH] != positions[p + 1, EPOCH]:
                     p = -1
                 else:
-                    p_share, span_s = 1.0 / (p_to - p_from), (p_to - p_from) * 1e-9
+                    p_share = 1.0 / (p_to - p_from)
+                    hermite_cubic(positions, p, (p_to - p_from) * 1e-9, cubic)
         if a < 0 or p < 0:
             without_pose += 1
             continue
@@ -108,10 +109,13 @@ def place(
         tx = bx * (1 - c) + s * (ay * bz - az * by) + along * ax
         ty = by * (1 - c) + s * (az * bx - ax * bz) + along * ay
         tz = bz * (1 - c) + s * (ax * by - ay * bx) + along * az
-        hermite(positions, p, (t - p_from) * p_share, span_s, at)
-        points_enu_m[n, 0] = at[0] + r[0, 0] * tx + r[0, 1] * ty + r[0, 2] * tz
-        points_enu_m[n, 1] = at[1] + r[1, 0] * tx + r[1, 1] * ty + r[1, 2] * tz
-        points_enu_m[n, 2] = at[2] + r[2, 0] * tx + r[2, 1] * ty + r[2, 2] * tz
+        u = (t - p_from) * p_share
+        at_x = cubic[0, 0] + u * (cubic[1, 0] + u * (cubic[2, 0] + u * cubic[3, 0]))
+        points_enu_m[n, 0] = at_x + r[0, 0] * tx + r[0, 1] * ty + r[0, 2] * tz
+        at_y = cubic[0, 1] + u * (cubic[1, 1] + u * (cubic[2, 1] + u * cubic[3, 1]))
+        points_enu_m[n, 1] = at_y + r[1, 0] * tx + r[1, 1] * ty + r[1, 2] * tz
+        at_z = cubic[0, 2] + u * (cubic[1, 2] + u * (cubic[2, 2] + u * cubic[3, 2]))
+        points_enu_m[n, 2] = at_z + r[2, 0] * tx + r[2, 1] * ty + r[2, 2] * tz
         point_ns[n] = t
         n += 1
     return n, out_of_range, without_pose
