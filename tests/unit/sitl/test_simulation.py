@@ -240,7 +240,7 @@ def signals() -> Iterator[None]:
     ("--speedup -1", "--speedup"), ("--duration -1", "--duration"), ("--seed -1", "--seed"),
     ("--lockstep 70000", "70000"), ("--intruder cow@15", "cow@15"), ("--intruder car@0", "car@0"),
     ("--point-rate 0", "--point-rate"), ("--takeoff-alt nan", "--takeoff-alt"), ("--lidar radar", "radar"),
-    ("--what", "--what"),
+    ("--what", "--what"), ("--duration inf", "--duration"), ("--point-rate 9600", "9600"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(
     arguments: str, word: str, capsys: pytest.CaptureFixture[str]

@@ -96,6 +96,18 @@ def test_a_command_to_a_component_goes_to_its_link_alone_and_unchanged() -> None
     assert net.other.kinds() == []
 
 
+def test_two_components_of_one_system_are_told_apart() -> None:
+    net = Net()
+    net.other.codec.srcSystem, net.other.codec.srcComponent = 1, COMPANION + 1
+    net.other.send(heartbeat())
+    net.read()
+    net.companion.heard()
+    net.station.send(command(1, COMPANION + 1))
+    net.read()
+    assert net.other.kinds() == ["COMMAND_LONG"]
+    assert net.companion.kinds() == []
+
+
 def test_the_answer_finds_its_way_back_to_the_station_that_asked() -> None:
     net = Net()
     net.companion.send(mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_USER_1, 0, 0, 0, *STATION))
