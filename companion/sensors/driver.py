@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import logging
 import socket
 from collections.abc import Callable
 from dataclasses import asdict
@@ -16,6 +17,8 @@ from companion.sensors.clock import SensorClock
 from companion.sensors.livox import LivoxDecoder
 from companion.sensors.returns import Returns
 from params import Parameters
+
+log = logging.getLogger(__name__)
 
 BATCH_S = 0.01
 BATCH_PACKETS = 64
@@ -46,7 +49,11 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> Livox
 
 
 class LivoxDriver(asyncio.DatagramProtocol):
-    """Receives point packets on a UDP port and hands on their returns in batches of 10 ms."""
+    """Receives point packets on a UDP port and hands on their returns in batches of 10 ms.
+
+    It listens to one sensor: another host's packets are counted as foreign until the first has been silent
+    for `lidar_timeout_s`, for two sensors' clocks and counts would mix.
+    """
 
     def __init__(self, host: str, port: int, parameters: Parameters, on_returns: OnReturns) -> None:
         self._address = (host, port)
@@ -55,6 +62,9 @@ class LivoxDriver(asyncio.DatagramProtocol):
         self._clock = SensorClock(round(parameters.lidar_delay_ms * 1e6))
         self._timer: asyncio.TimerHandle | None = None
         self._failure: asyncio.Future[None] | None = None
+        self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
+        self._host: str | None = None
+        self._foreign = 0
         self._rate = _Rate()
         self.last_arrival_ns: int | None = None
 
@@ -100,6 +110,9 @@ class LivoxDriver(asyncio.DatagramProtocol):
         if stamp_ns is None:
             return
         arrival_ns = now_ns()
+        if not self._is_ours(addr[0], arrival_ns):
+            self._foreign += 1
+            return
         if self._clock.is_jump(stamp_ns, arrival_ns):
             self._flush()  # the packets before have the clock of before
         self._clock.observe(stamp_ns, arrival_ns)
@@ -117,6 +130,13 @@ class LivoxDriver(asyncio.DatagramProtocol):
         """End `run` when the socket failed."""
         if exc is not None:
             self._fail(CompanionError(f"LiDAR socket {self._address[0]}:{self._address[1]} failed: {exc}"))
+
+    def _is_ours(self, host: str, arrival_ns: int) -> bool:
+        silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns
+        if host != self._host and silent:
+            log.info("LiDAR at %s", host)
+            self._host = host
+        return host == self._host
 
     def _flush(self) -> None:
         if self._timer is not None:
@@ -138,6 +158,7 @@ class LivoxDriver(asyncio.DatagramProtocol):
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of packets and returns, and of what was dropped and why."""
         return asdict(self._decoder.counters) | {
+            "foreign": self._foreign,
             "clock_resets": self._clock.resets,
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate.hz,

@@ -158,6 +158,25 @@ def test_packets_before_a_restart_of_the_sensor_keep_the_old_offset(play: Callab
     play(scenario)
 
 
+def test_a_second_sensor_is_heard_only_when_the_first_is_silent(play: Callable[[Scenario], None]) -> None:
+    async def scenario(driver: LivoxDriver, sender: socket.socket, batches: list[Returns]) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as second:
+            second.bind(("127.0.0.2", 0))
+            second.connect(sender.getpeername())
+            sender.send(points_packet(ONE, stamp_ns=50_000 * MS))
+            await asyncio.sleep(0.02)
+            second.send(points_packet(ONE * 2, stamp_ns=900 * MS))
+            await asyncio.sleep(0.02)
+            assert [len(batch) for batch in batches] == [1]
+            assert driver.statistics()["foreign"] == 1
+            await asyncio.sleep(1.1)
+            second.send(points_packet(ONE * 2, stamp_ns=2000 * MS))
+            await asyncio.sleep(0.02)
+            assert [len(batch) for batch in batches] == [1, 2]
+
+    play(scenario)
+
+
 def test_the_rate_is_that_of_the_last_second(play: Callable[[Scenario], None]) -> None:
     async def scenario(driver: LivoxDriver, sender: socket.socket, batches: list[Returns]) -> None:
         for i in range(60):
@@ -177,7 +196,9 @@ def test_a_failing_receiver_ends_the_run_with_its_error(port: int) -> None:
         running = asyncio.ensure_future(driver.run())
         await asyncio.sleep(0)
         for i in range(64):
-            driver.datagram_received(points_packet(ONE, stamp_ns=10**9 + i * 1000, count=i), None)
+            driver.datagram_received(
+                points_packet(ONE, stamp_ns=10**9 + i * 1000, count=i), ("127.0.0.1", 56300)
+            )
         await running
 
     with pytest.raises(RuntimeError, match="pipeline is broken"):
