@@ -110,7 +110,16 @@ class Simulation:
         cls, scene: str = "stadium", *, mavlink: list[str] | None = None, seed: int = 1, **more: Any
     ) -> Self:
         """Open the wires and build a scene; see the constructor for the rest."""
-        return cls(scenes.build(scene, seed), [open_wire(url) for url in mavlink or []], seed=seed, **more)
+        built = scenes.build(scene, seed)
+        wires: list[Wire] = []
+        try:
+            for url in mavlink or []:
+                wires.append(open_wire(url))
+            return cls(built, wires, seed=seed, **more)
+        except ValueError:
+            for wire in wires:
+                wire.close()
+            raise
 
     @property
     def touchdown(self) -> dict[str, Any] | None:

@@ -260,6 +260,22 @@ def test_a_mavlink_port_in_use_is_exit_code_2(capsys: pytest.CaptureFixture[str]
     assert f"tcpin:127.0.0.1:{port}: the port is in use" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "more", [["--mavlink", "nonsense"], ["--point-rate", "9600"], ["--lockstep", "TAKEN"]]
+)
+def test_what_was_opened_is_closed_when_the_rest_is_refused(more: list[str]) -> None:
+    with socket.socket() as taken, socket.socket() as again:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen(1)
+        again.bind(("127.0.0.1", 0))
+        port = again.getsockname()[1]
+        again.close()
+        more = [str(taken.getsockname()[1]) if word == "TAKEN" else word for word in more]
+        assert program.main(["--scene", "plain", "--mavlink", f"tcpin:127.0.0.1:{port}", *more]) == 2
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", port))
+
+
 QUIET = ["--scene", "plain", "--lidar", "none", "--mavlink", "tcpin:127.0.0.1:0"]
 RUN = [*QUIET, "--speedup", "0", "--duration", "0.5"]
 
