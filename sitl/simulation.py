@@ -114,7 +114,7 @@ class Simulation:
         wires: list[Wire] = []
         try:
             for url in mavlink or []:
-                wires.append(open_wire(url))
+                wires.append(open_wire(url))  # noqa: PERF401 - what is open must be known if the next is refused
             return cls(built, wires, seed=seed, **more)
         except ValueError:
             for wire in wires:
