@@ -72,6 +72,7 @@ class Companion:
         self._mode_wanted = ""
         self._stop = asyncio.Event()
         self._was_lost = False
+        self._epoch = self.history.epoch
 
     # ---- life -----------------------------------------------------------------------------------
 
@@ -127,6 +128,12 @@ class Companion:
     # ---- data -----------------------------------------------------------------------------------
 
     def _on_scan(self, scan: Scan) -> None:
+        if self.history.epoch != self._epoch:
+            self._epoch = self.history.epoch
+            log.warning("the position estimate jumped: mapping anew")
+            self.worker.restart()
+            self.report = self._last_report_ns = None
+            return
         self._last_scan_ns = now_ns()
         self.obstacles.add(scan)
         self.worker.offer(scan)
@@ -272,6 +279,7 @@ class Companion:
             "latency_ms": _quantiles(list(self.worker.latencies_ms)),
             "link": asdict(self.link.statistics()),
             "lidar": self.lidar.statistics(),
+            "fusion": self.assembler.statistics(),
         }
 
     def _touchdown(self) -> dict[str, float] | None:

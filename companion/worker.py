@@ -35,6 +35,7 @@ class PipelineWorker:
         self._waiting: tuple[Window, float] | None = None
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
+        self._forget = False
         self.invalid = False
         self.dropped_windows = 0
         self.reports = 0
@@ -53,6 +54,12 @@ class PipelineWorker:
             self.dropped_windows += 1
         self._waiting = (window, time.perf_counter())
         self._wake.set()
+
+    def restart(self) -> None:
+        """Forget the map: the position estimate was moved, and what was mapped lies elsewhere now."""
+        self._forget = True
+        self._waiting = None
+        self._windower = Windower(self._parameters.window_s)
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Put a landing point under watch from the next window on."""
@@ -80,6 +87,9 @@ class PipelineWorker:
             self._on_report(report)
 
     def _process(self, window: Window, selects: list[NDArray[np.float64] | None]) -> Report:
+        if self._forget:
+            self._forget = False
+            self._pipeline = Pipeline(self._parameters)
         for point in selects:
             self._pipeline.select(point)
         return self._pipeline.process(window)

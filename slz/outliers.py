@@ -12,6 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.histogram import bins_of, gaps_of
+from slz.kernels.voxels import has_company
+
+COMPANY = 3
+MOST_VOXELS = 50_000_000
 
 
 def histogram_interval(height_m: NDArray[np.float64], bins: int, threshold: float) -> tuple[float, float]:
@@ -70,3 +74,18 @@ def gap_interval(
     if not len(height_m):
         return -np.inf, np.inf
     return gaps_of(height_m, gap_m, max_share)
+
+
+def in_company(points_enu_m: NDArray[np.float64], cell_m: float) -> NDArray[np.bool_]:
+    """Tell of every return of a window whether it is not alone.
+
+    Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit several times within
+    a metre. A return counts as alone with fewer than two others in the 3 x 3 x 3 voxels of 1.5 cells (0.3 m at
+    least) around it. Ground sampled so sparsely is dropped too, and stays unknown.
+
+    Parameters
+    ----------
+    points_enu_m
+        (n, 3) returns of one window, finite.
+    """
+    return has_company(points_enu_m, max(0.3, 1.5 * cell_m), COMPANY, MOST_VOXELS)

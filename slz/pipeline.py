@@ -17,7 +17,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point import SelectedPoint, Terrain, judge
 from slz.maps import TerrainMaps
-from slz.outliers import gap_interval, histogram_interval
+from slz.outliers import gap_interval, histogram_interval, in_company
 from slz.repeat import RepeatFilter, ZoneTracker
 from slz.report import Report
 from slz.search import Candidate, search_components, search_source, side_in_cells
@@ -52,8 +52,8 @@ class Pipeline:
     def process(self, window: Window) -> Report:
         """Run every stage on one window and report the zones of the total map.
 
-        Non-finite points and points beyond `reach_m` of the sensor are dropped and show as the difference of
-        n_points and n_used.
+        Non-finite points, points beyond `reach_m` of the sensor and lone points are dropped and show as the
+        difference of n_points and n_used.
         """
         clock = _Stages()
         points = self._usable(window)
@@ -115,7 +115,10 @@ class Pipeline:
         offset = points[:, :2] - window.sensor_enu_m[:2]
         near = np.einsum("ij,ij->i", offset, offset) <= self._reach_m**2
         keep = near & np.isfinite(points[:, 2])  # a NaN in x or y fails the comparison
-        return np.ascontiguousarray(points[keep])
+        points = np.ascontiguousarray(points[keep])
+        if not self._source:
+            points = np.ascontiguousarray(points[in_company(points, self._parameters.cell_m)])
+        return points
 
     def _interval(self, height_m: NDArray[np.float64]) -> tuple[float, float]:
         p = self._parameters
@@ -206,14 +209,14 @@ def reach_m(parameters: Parameters) -> float:
     """Return the horizontal distance from the sensor up to which returns are mapped (m).
 
     An error of a ray's direction moves its return up or down by that angle times the horizontal distance.
-    Beyond the distance where this exceeds `height_noise_m`, noise alone would fill the footprint's relief; such
+    Beyond the distance where this exceeds `height_noise_m`, noise alone would fill the relief limit; such
     ground stays unknown until the vehicle comes nearer. The sources know no such rule.
     """
     p = parameters
     if p.mode == "source" or p.angle_noise_deg == 0:
         return p.max_range_m
     allowed = max(0.0, p.height_noise_m**2 - p.range_noise_m**2) ** 0.5
-    return min(p.max_range_m, allowed / math.radians(p.angle_noise_deg))
+    return float(min(p.max_range_m, allowed / math.radians(p.angle_noise_deg)))
 
 
 class _Stages:
