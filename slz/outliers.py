@@ -79,9 +79,9 @@ def gap_interval(
 def in_company(points_enu_m: NDArray[np.float64], cell_m: float) -> NDArray[np.bool_]:
     """Tell of every return of a window whether it is not alone.
 
-    Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit several times within
-    a metre. A return counts as alone with fewer than two others in the 3 x 3 x 3 voxels of 1.5 cells (0.3 m at
-    least) around it. Ground sampled so sparsely is dropped too, and stays unknown.
+    Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit several times
+    within a metre. A return counts as alone with fewer than two others in the 3 x 3 x 3 voxels of 1.5 cells
+    (0.3 m at least) around it. Ground sampled so sparsely is dropped too, and stays unknown.
 
     Parameters
     ----------

@@ -1,0 +1,131 @@
+"""Simulator and companion in one process, joined by real sockets and one simulated clock."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+
+import params
+from companion.app import Companion
+from companion.landing.executive import Phase
+from companion.simulated import LockstepLoop
+from sitl.simulation import Simulation
+
+POINT_RATE_HZ = 50_000
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+class Mission:
+    """A simulated vehicle with a pilot, and the companion on board."""
+
+    def __init__(
+        self,
+        scene: str = "plain",
+        *,
+        seed: int = 1,
+        auto: bool = True,
+        height_m: float = 25.0,
+        **settings: Any,
+    ) -> None:
+        self.mavlink_port, self.lidar_port = free_port(), free_port()
+        self.sim = Simulation.build(
+            scene,
+            mavlink=[f"udpout:127.0.0.1:{self.mavlink_port}"],
+            lidar_to=("127.0.0.1", self.lidar_port),
+            point_rate_hz=POINT_RATE_HZ,
+            seed=seed,
+            pilot_height_m=height_m,
+        )
+        self.parameters = params.build({"survey_s": 15.0, "zone_m": 200.0, **settings})
+        self.loop = LockstepLoop(self.sim.advance)
+        self.auto = auto
+        self.companion = self.new_companion()
+        self.task: asyncio.Task[None] | None = None
+
+    def new_companion(self) -> Companion:
+        return Companion(
+            f"udpin:127.0.0.1:{self.mavlink_port}",
+            f"livox:127.0.0.1:{self.lidar_port}",
+            self.parameters,
+            auto=self.auto,
+        )
+
+    def fly(self, script: Callable[[Mission], Awaitable[None]]) -> Mission:
+        """Run a script beside the companion, then stop it and see that nothing is left."""
+        try:
+            self.loop.run_until_complete(self._fly(script))
+        finally:
+            self.sim.close()
+            self.loop.close()
+        return self
+
+    async def _fly(self, script: Callable[[Mission], Awaitable[None]]) -> None:
+        self.start()
+        await script(self)
+        await self.stop()
+        left = {task.get_name() for task in asyncio.all_tasks()} - {asyncio.current_task().get_name()}  # type: ignore[union-attr]
+        assert not left, f"tasks left: {left}"
+
+    def start(self) -> None:
+        self.task = asyncio.get_running_loop().create_task(self.companion.run(), name="companion")
+
+    async def stop(self) -> None:
+        assert self.task is not None
+        self.companion.stop()
+        await self.task
+
+    async def until(self, done: Callable[[], bool], limit_s: float = 240.0) -> None:
+        """Wait in simulated time; fail when the companion ends or the time is up."""
+        assert self.task is not None
+        end = self.loop.time() + limit_s
+        while not done():
+            if self.task.done():
+                self.task.result()
+            assert self.loop.time() < end, f"{self.phase} {self.companion.executive.tally} {self.heard[-8:]}"
+            await asyncio.sleep(0.05)
+
+    async def until_phase(self, phase: Phase, limit_s: float = 240.0) -> None:
+        await self.until(lambda: self.phase is phase, limit_s)
+
+    @property
+    def phase(self) -> Phase:
+        return self.companion.executive.phase
+
+    @property
+    def heard(self) -> list[str]:
+        """Texts on the pilot's screen."""
+        assert self.sim.pilot is not None
+        return self.sim.pilot.heard
+
+    @property
+    def height_m(self) -> float:
+        e, n, u = (float(v) for v in self.sim.vehicle.truth.pos_enu_m)
+        return u - self.sim.scene.world.height_m(e, n)
+
+    def touchdown_error_m(self) -> float:
+        contact, chosen = self.sim.touchdown, self.companion.executive.tally.chosen_enu_m
+        frame = self.companion.history.frame
+        assert contact is not None
+        assert chosen is not None
+        assert frame is not None
+        there = self.sim.autopilot.enu_m(*frame.lla(chosen))
+        return float(np.hypot(there[0] - contact["e"], there[1] - contact["n"]))
+
+    def touchdown_safe(self) -> bool:
+        """Judge the ground under the touchdown by the exact world, cars where they stand now."""
+        from sitl import truth
+
+        contact = self.sim.touchdown
+        assert contact is not None
+        e, n = contact["e"], contact["n"]
+        found = truth.safe_map(self.sim.scene.world, (e - 0.1, n - 0.1, e + 0.1, n + 0.1))
+        return bool(found.safe[0, 0])

@@ -1,0 +1,130 @@
+"""The main job, flown."""
+
+import asyncio
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.landing.executive import Phase
+from sitl.intruder import Intruder
+from sitl.modes import Mode
+from tests.e2e.harness import Mission
+
+
+@pytest.mark.parametrize(("scene", "seed"), [("stadium", 1), ("stadium", 2), ("plain", 3)])
+def test_surveys_chooses_and_lands_on_safe_ground(scene: str, seed: int) -> None:
+    mission = Mission(scene, seed=seed)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.LANDED)
+        await m.until(lambda: not m.sim.autopilot.armed, 10)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+    assert mission.touchdown_error_m() <= 0.5
+
+
+def test_a_car_on_the_point_makes_it_land_elsewhere() -> None:
+    mission = Mission(seed=4)
+    mission.sim.intruder = Intruder(9.0)
+
+    async def script(m: Mission) -> None:
+        await m.until(lambda: m.sim.intruder is not None and m.sim.intruder.arrived)
+        await m.until_phase(Phase.CLIMB, 5)
+        await m.until_phase(Phase.LANDED)
+
+    mission.fly(script)
+    assert mission.companion.executive.tally.aborts >= 1
+    assert mission.touchdown_safe()
+    assert any("abort" in text for text in mission.heard)
+
+
+def test_lidar_silence_in_the_descent_breaks_off_and_tells_the_pilot() -> None:
+    mission = Mission(seed=5)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.FINAL)
+        await m.until(lambda: m.height_m < 8)
+        m.sim.lidar_on = False
+        await m.until_phase(Phase.CLIMB, 5)
+        await m.until(lambda: any("take over" in text for text in m.heard), 60)
+        assert m.height_m > 10
+        assert m.sim.autopilot.mode is Mode.GUIDED
+        m.sim.lidar_on = True
+        await m.until(lambda: m.companion.situation().lidar_ok, 10)
+
+    mission.fly(script)
+    assert mission.sim.touchdown is None
+
+
+def test_the_pilot_s_mode_ends_every_command() -> None:
+    mission = Mission(seed=6)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.DESCEND)
+        assert m.sim.pilot is not None
+        m.sim.pilot.set_mode(Mode.LOITER)
+        await m.until_phase(Phase.IDLE, 3)
+        height = m.height_m
+        await asyncio.sleep(20)
+        assert m.sim.autopilot.mode is Mode.LOITER
+        assert abs(m.height_m - height) < 2
+        assert m.phase is Phase.IDLE
+
+    mission.fly(script)
+    assert any("hands off" in text for text in mission.heard)
+
+
+def test_a_cut_link_is_noticed_and_healed() -> None:
+    mission = Mission(seed=7)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.SURVEY)
+        m.sim.router.model.cut = True
+        await m.until(lambda: not m.companion.link.connected, 10)
+        await asyncio.sleep(5)
+        m.sim.router.model.cut = False
+        await m.until(lambda: m.companion.link.connected, 10)
+        await m.until_phase(Phase.LANDED)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+
+
+def test_a_companion_restarted_in_flight_takes_up_the_job() -> None:
+    mission = Mission(seed=8)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.APPROACH)
+        await m.stop()
+        await asyncio.sleep(6)
+        assert m.sim.autopilot.mode is Mode.GUIDED
+        assert abs(float(m.sim.vehicle.truth.vel_enu_ms[0])) < 0.5
+        m.companion = m.new_companion()
+        m.start()
+        await m.until_phase(Phase.LANDED)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+    assert any("companion stops, take over" in text for text in mission.heard)
+
+
+def test_the_operator_orders_by_mav_cmd_user_1() -> None:
+    mission = Mission(seed=9, auto=False)
+
+    async def script(m: Mission) -> None:
+        assert m.sim.pilot is not None
+        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: m.height_m > 23)
+        await asyncio.sleep(10)
+        assert m.phase is Phase.IDLE
+        m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
+        await m.until_phase(Phase.APPROACH, 20)
+        m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 0, component=191)
+        await m.until_phase(Phase.HOLD, 5)
+        m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
+        await m.until_phase(Phase.LANDED)
+        assert (mavlink.MAV_CMD_USER_1, 0) in m.sim.pilot.acks
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
