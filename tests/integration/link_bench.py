@@ -44,7 +44,7 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
 async def until(condition: Callable[[], object], seconds: float = 20.0) -> None:
     """Wait until something is so."""
     async with asyncio.timeout(seconds):
-        while not condition():  # noqa: ASYNC110 - the condition is anything a test can say
+        while not condition():
             await asyncio.sleep(0.01)
 
 
