@@ -1,0 +1,216 @@
+"""The pipeline on ground whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import params
+from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, PointState, Report, TerrainMaps, Window
+
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+HALF_M = 12.0
+
+
+def ground(
+    seed: int = 0, slope_deg: float = 0.0, density: float = 30.0, noise_m: float = 0.02
+) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    n = round(density * (2 * HALF_M) ** 2)
+    xy = rng.uniform(-HALF_M, HALF_M, (n, 2))
+    z = np.tan(np.radians(slope_deg)) * xy[:, 0] + rng.normal(0, noise_m, n)
+    return np.column_stack([xy, z])
+
+
+def block(
+    east: float, north: float, side: float, height: float, n: int = 40, seed: int = 1
+) -> NDArray[np.float64]:
+    """Returns from the top of something."""
+    rng = np.random.default_rng(seed)
+    xy = (*rng.uniform(-side / 2, side / 2, (n, 2)), east, north)
+    return np.column_stack([xy, np.full(n, height)])
+
+
+def window(points: NDArray[np.float64], second: float = 0.0) -> Window:
+    stamps = (second * 1e9 + np.linspace(0, 0.9e9, len(points))).astype(np.int64)
+    start, end = round(second * 1e9), round((second + 0.9) * 1e9)
+    return Window(np.ascontiguousarray(points), stamps, np.array([0.0, 0.0, 30.0]), FRAME, start, end)
+
+
+def pipeline(*settings: str) -> Pipeline:
+    own = ["zone_m=40", "angle_noise_deg=0", "min_boundary_points=10", *settings]
+    return Pipeline(params.load("quadcopter", own), (0.0, 0.0))
+
+
+def run(pipe: Pipeline, *clouds: NDArray[np.float64]) -> Report:
+    report = None
+    for second, cloud in enumerate(clouds):
+        report = pipe.process(window(cloud, second))
+    assert report is not None
+    return report
+
+
+def maps(pipe: Pipeline) -> TerrainMaps:
+    found = pipe.maps()
+    assert found is not None
+    return found
+
+
+def state_at(pipe: Pipeline, east: float, north: float) -> int:
+    m = maps(pipe)
+    row, col = m.grid.index(east, north)
+    return int(m.state[row - m.box.row0, col - m.box.col0])
+
+
+def test_flat_noisy_ground_is_one_zone_with_room() -> None:
+    report = run(pipeline(), ground())
+    assert len(report.zones) == 1
+    zone = report.zones[0]
+    assert zone.area_m2 > 0.75 * (2 * HALF_M) ** 2
+    assert zone.best.clearance_m > 8
+    assert np.hypot(*zone.best.enu_m[:2]) < 3
+    assert zone.best.certainty > 0.99
+
+
+@pytest.mark.parametrize(("slope", "safe"), [(5.0, True), (8.0, True), (12.0, False), (30.0, False)])
+def test_slope_decides_at_footprint_scale(slope: float, safe: bool) -> None:
+    pipe = pipeline()
+    report = run(pipe, ground(slope_deg=slope))
+    assert bool(report.zones) is safe
+    m = maps(pipe)
+    inner = m.slope_deg[np.isfinite(m.slope_deg)]
+    assert np.sqrt(np.mean((inner - slope) ** 2)) < 0.35
+
+
+def test_a_pole_among_many_ground_returns_is_seen() -> None:
+    pipe = pipeline()
+    pole = np.column_stack([np.full(8, 2.05), np.full(8, 1.05), np.linspace(0.2, 3.0, 8)])
+    run(pipe, np.vstack([ground(density=100), pole]))
+    assert state_at(pipe, 2.05, 1.05) == UNSAFE
+    assert state_at(pipe, 2.9, 1.05) == UNSAFE
+    assert state_at(pipe, 4.0, 1.05) == SAFE
+
+
+@pytest.mark.parametrize("height", [12.0, 3.0, -6.0])
+def test_a_lone_ghost_condemns_nothing(height: float) -> None:
+    pipe = pipeline()
+    run(pipe, np.vstack([ground(), [[2.05, 1.05, height]]]))
+    assert state_at(pipe, 2.05, 1.05) == SAFE
+
+
+def test_a_car_that_arrives_is_unsafe_at_once_and_shrinks_the_zone() -> None:
+    pipe = pipeline()
+    before = run(pipe, ground(), ground(1))
+    after = pipe.process(window(np.vstack([ground(2), block(1, 1, 3, 1.5)]), 2))
+    assert state_at(pipe, 1, 1) == UNSAFE
+    assert after.zones[0].id == before.zones[0].id
+    assert after.zones[0].area_m2 < before.zones[0].area_m2 - 9
+    assert any(abs(o.height_m - 1.5) < 0.2 for o in after.zones[0].obstacles)
+
+
+def test_a_car_that_left_is_forgotten_only_after_the_hold_time() -> None:
+    pipe = pipeline("hold_s=5")
+    pipe.process(window(np.vstack([ground(), block(1, 1, 3, 1.5)]), 0))
+    for second in range(1, 5):
+        pipe.process(window(ground(second), second))
+    assert state_at(pipe, 1, 1) == UNSAFE
+    for second in range(5, 16):
+        pipe.process(window(ground(second), second))
+    assert state_at(pipe, 1, 1) == SAFE
+
+
+def test_ground_not_seen_is_never_safe() -> None:
+    cloud = ground(density=60)
+    pond = np.hypot(cloud[:, 0] - 3, cloud[:, 1]) < 2.5
+    pipe = pipeline()
+    run(pipe, cloud[~pond])
+    for east in (3.0, 1.5, 5.2):
+        assert state_at(pipe, east, 0.0) == UNKNOWN
+    assert state_at(pipe, -4.0, 0.0) == SAFE
+
+
+def test_evidence_ages() -> None:
+    pipe = pipeline("max_age_s=10")
+    run(pipe, ground())
+    pipe.process(window(ground()[:200] * [0.1, 0.1, 1] + [-9, -9, 0], 30))
+    assert state_at(pipe, 5, 5) == UNKNOWN
+
+
+def test_the_order_of_points_changes_nothing() -> None:
+    cloud = np.vstack([ground(), block(1, 1, 2, 1.0)])
+    first, second = pipeline(), pipeline()
+    run(first, cloud)
+    run(second, np.random.default_rng(5).permutation(cloud))
+    np.testing.assert_array_equal(maps(first).state, maps(second).state)
+
+
+def test_shifting_the_world_by_whole_cells_shifts_the_answer() -> None:
+    cloud = np.vstack([ground(), block(1, 1, 2, 1.0)])
+    first, second = pipeline(), pipeline()
+    one, two = run(first, cloud), run(second, [*cloud, 1.0, -0.6, 7.0])
+    assert one.zones[0].area_m2 == pytest.approx(two.zones[0].area_m2, rel=0.01)
+    np.testing.assert_allclose(two.zones[0].best.enu_m - one.zones[0].best.enu_m, [1.0, -0.6, 7.0], atol=0.45)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_adding_an_obstacle_never_makes_a_cell_safer(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cloud = ground(seed)
+    without, with_it = pipeline(), pipeline()
+    run(without, cloud)
+    east, north, side, height = rng.uniform([-8, -8, 0.4, 0.4], [8, 8, 4, 3])
+    run(with_it, np.vstack([cloud, block(east, north, side, height, seed=seed)]))
+    worse = (maps(without).state != SAFE) & (maps(with_it).state == SAFE)
+    assert not worse.any()
+
+
+def test_every_cell_of_a_zone_is_safe_and_zones_are_apart() -> None:
+    pipe = pipeline()
+    report = run(
+        pipe,
+        np.vstack([ground(), *(block(0, y, 0.6, 1, seed=i) for i, y in enumerate(np.arange(-12, 12, 0.5)))]),
+    )
+    m = maps(pipe)
+    owner = np.zeros((m.grid.rows, m.grid.cols), int)
+    assert len(report.zones) == 2
+    full = np.full(owner.shape, UNKNOWN)
+    full[m.box.slices] = m.state
+    for zone in report.zones:
+        area = owner[zone.box.slices]
+        assert not area[zone.cells == 1].any()
+        area[zone.cells == 1] = zone.id
+        assert (full[zone.box.slices][zone.cells == 1] == SAFE).all()
+        assert zone.holds(*m.grid.index(*zone.best.enu_m[:2]))
+
+
+def test_a_watched_point_is_judged_with_every_window() -> None:
+    pipe = pipeline()
+    run(pipe, ground())
+    pipe.select(np.array([1.0, 1.0, 0.0]))
+    report = pipe.process(window(ground(1), 1))
+    assert report.selected is not None
+    assert report.selected.state is PointState.SAFE
+    report = pipe.process(window(np.vstack([ground(2), block(1, 1, 2, 1)]), 2))
+    assert report.selected is not None
+    assert report.selected.state is PointState.UNSAFE
+
+
+@pytest.mark.parametrize("cloud", [np.zeros((0, 3)), np.full((10, 3), np.nan), np.zeros((1, 3))])
+@pytest.mark.parametrize("mode", ["default", "source"])
+def test_windows_with_nothing_in_them_find_nothing(cloud: NDArray[np.float64], mode: str) -> None:
+    report = pipeline(f"mode={mode}").process(window(cloud))
+    assert report.zones == ()
+
+
+def test_source_mode_keeps_a_zone_that_shrank_and_default_mode_does_not() -> None:
+    """The source's RR = 1 rule, which is why it must be asked for."""
+    before, wall = ground(density=200, noise_m=0.0), block(6, 0, 10, 2, n=3000)
+    areas = {}
+    for mode in ("source", "default"):
+        pipe = pipeline(f"mode={mode}", "cell_m=0.5", "min_square_m=3", "safe_slope_deg=10")
+        first = run(pipe, before)
+        second = pipe.process(window(np.vstack([before, wall]), 1))
+        areas[mode] = first.zones[0].area_m2, second.zones[0].area_m2
+    assert areas["default"][1] < areas["default"][0] - 50
+    assert areas["source"][1] >= areas["source"][0] - 50
