@@ -81,11 +81,15 @@ def in_company(points_enu_m: NDArray[np.float64], cell_m: float) -> NDArray[np.b
 
     Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit several times
     within a metre. A return counts as alone with fewer than two others in the 3 x 3 x 3 voxels of 1.5 cells
-    (0.3 m at least) around it. Ground sampled so sparsely is dropped too, and stays unknown.
+    (0.3 m at least) around it. Ground sampled so sparsely is dropped too, and stays unknown. Where most
+    returns are alone, being alone says nothing, and all are kept.
 
     Parameters
     ----------
     points_enu_m
         (n, 3) returns of one window, finite.
     """
-    return has_company(points_enu_m, max(0.3, 1.5 * cell_m), COMPANY, MOST_VOXELS)
+    if not len(points_enu_m):
+        return np.ones(0, bool)
+    keep = has_company(points_enu_m, max(0.3, 1.5 * cell_m), COMPANY, MOST_VOXELS)
+    return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)

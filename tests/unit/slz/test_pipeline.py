@@ -28,7 +28,7 @@ def block(
 ) -> NDArray[np.float64]:
     """Returns from the top of something."""
     rng = np.random.default_rng(seed)
-    xy = (*rng.uniform(-side / 2, side / 2, (n, 2)), east, north)
+    xy = rng.uniform(-side / 2, side / 2, (n, 2)) + np.array([east, north])
     return np.column_stack([xy, np.full(n, height)])
 
 
@@ -148,7 +148,7 @@ def test_the_order_of_points_changes_nothing() -> None:
 def test_shifting_the_world_by_whole_cells_shifts_the_answer() -> None:
     cloud = np.vstack([ground(), block(1, 1, 2, 1.0)])
     first, second = pipeline(), pipeline()
-    one, two = run(first, cloud), run(second, [*cloud, 1.0, -0.6, 7.0])
+    one, two = run(first, cloud), run(second, cloud + np.array([1.0, -0.6, 7.0]))
     assert one.zones[0].area_m2 == pytest.approx(two.zones[0].area_m2, rel=0.01)
     np.testing.assert_allclose(two.zones[0].best.enu_m - one.zones[0].best.enu_m, [1.0, -0.6, 7.0], atol=0.45)
 
