@@ -21,8 +21,8 @@ class Framer:
     Attributes
     ----------
     bad_bytes, bad_frames, unknown
-        Bytes that belong to no frame; candidates whose checksum is wrong; frames of messages that the dialect
-        does not know, whose checksum nobody can check.
+        Bytes that belong to no frame; candidates whose checksum or length is wrong; frames of messages that
+        the dialect does not know, whose checksum nobody can check.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Framer:
     def _take(self, length: int) -> Iterator[bytearray]:
         frame = self._buffer[:length]
         message = mavlink.mavlink_map.get(_message_id(frame)) if length > 1 else None
-        if message is not None and _checksum_ok(frame, message.crc_extra):
+        if message is not None and _fits(frame, message) and _checksum_ok(frame, message.crc_extra):
             del self._buffer[:length]
             self._excused = max(0, self._excused - length)
             yield frame
@@ -89,6 +89,11 @@ _BOUNDARY = (b"", bytes([V1_MAGIC]), bytes([V2_MAGIC]))
 
 def _message_id(frame: bytearray) -> int:
     return frame[5] if frame[0] == V1_MAGIC else int.from_bytes(frame[7:10], "little")
+
+
+def _fits(frame: bytearray, message: type[mavlink.MAVLink_message]) -> bool:
+    """Tell whether the payload is not longer than the message; a newer MAVLink 2 sender may extend it."""
+    return frame[0] == V2_MAGIC or frame[1] <= message.unpacker.size
 
 
 def _checksum_ok(frame: bytearray, crc_extra: int) -> bool:
