@@ -1,9 +1,9 @@
 """Terrain from per-cell evidence: the default, safer terrain model.
 
 Where the sources are unsafe this differs: steep ground is written as evidence; a cell keeps count, mean,
-variance and its two lowest and highest returns, so a pole inside a cell does not vanish in a mean; slope and
-relief come from a plane fitted over the vehicle's footprint; whatever was seen is kept for at least
-`hold_s` of newer observations; ground not seen for `max_age_s` and ground never seen are unknown, and
+expected noise and its two lowest and highest returns, so a pole inside a cell does not vanish in a mean;
+slope and relief come from a plane fitted over the vehicle's footprint; whatever was seen is kept for at
+least `hold_s` of newer observations; ground not seen for `max_age_s` and ground never seen are unknown, and
 unknown is not safe.
 
 A cell is *safe* when a vehicle whose footprint is centred on it stands on seen ground whose plane slopes
@@ -47,7 +47,14 @@ class EvidenceTerrain:
         self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
         self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
 
-    def add(self, points_enu_m: NDArray[np.float64], low_m: float, high_m: float, stamp_s: float) -> Box:
+    def add(
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        low_m: float,
+        high_m: float,
+        stamp_s: float,
+    ) -> Box:
         """Add one window of points whose height lies in the interval; return the box that changed."""
         grid, p = self.grid, self._parameters
         if self._epoch_s is None:
@@ -60,6 +67,9 @@ class EvidenceTerrain:
         if inside:
             gather_evidence(
                 points_enu_m,
+                sensor_enu_m,
+                p.range_noise_m,
+                math.radians(p.angle_noise_deg),
                 grid.west_m,
                 grid.south_m,
                 grid.cell_m,

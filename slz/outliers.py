@@ -15,6 +15,7 @@ from slz.kernels.histogram import bins_of, gaps_of
 from slz.kernels.voxels import has_company
 
 COMPANY = 3
+OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
 MOST_VOXELS = 50_000_000
 
 
@@ -76,20 +77,26 @@ def gap_interval(
     return gaps_of(height_m, gap_m, max_share)
 
 
-def in_company(points_enu_m: NDArray[np.float64], cell_m: float) -> NDArray[np.bool_]:
+def in_company(
+    points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], cell_m: float
+) -> NDArray[np.bool_]:
     """Tell of every return of a window whether it is not alone.
 
-    Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit several times
-    within a metre. A return counts as alone with fewer than two others in the 3 x 3 x 3 voxels of 1.5 cells
-    (0.3 m at least) around it. Ground sampled so sparsely is dropped too, and stays unknown. Where most
-    returns are alone, being alone says nothing, and all are kept.
+    Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit again and again,
+    the more the nearer it is. A return counts as alone when fewer others lie around it than an object of
+    `OBJECT_M2` would send back at that range, had the sensor spread its pulses over the whole sphere: they
+    are sought in a slab of 3 x 3 voxels of 1.5 cells (0.3 m at least), 1.5 voxels high. Where that number is
+    below `COMPANY`, so many must lie within 3.5 voxels of height. Ground sampled so sparsely is dropped too,
+    and stays unknown. Where most returns are alone, being alone says nothing, and all are kept.
 
     Parameters
     ----------
     points_enu_m
         (n, 3) returns of one window, finite.
+    sensor_enu_m
+        (3,) where the sensor was; NaN where that is not known.
     """
     if not len(points_enu_m):
         return np.ones(0, bool)
-    keep = has_company(points_enu_m, max(0.3, 1.5 * cell_m), COMPANY, MOST_VOXELS)
+    keep = has_company(points_enu_m, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2, MOST_VOXELS)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)

@@ -56,13 +56,14 @@ class Pipeline:
         difference of n_points and n_used.
         """
         clock = _Stages()
-        points = self._usable(window)
+        sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
+        points = self._usable(window, sensor)
         low, high = self._interval(points[:, 2])
         points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
         clock.lap("outliers")
         terrain, new_map = self._zone_for(points, window)
         clock.lap("zone")
-        terrain.add(points, low, high, window.end_ns * 1e-9)
+        terrain.add(points, sensor, low, high, window.end_ns * 1e-9)
         clock.lap("terrain")
         zones = self._names.update(self._search(terrain), terrain.grid, self._describe)
         clock.lap("zones")
@@ -110,14 +111,14 @@ class Pipeline:
 
     # ---- stages ---------------------------------------------------------------------------------
 
-    def _usable(self, window: Window) -> NDArray[np.float64]:
+    def _usable(self, window: Window, sensor_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         points = window.points_enu_m
-        offset = points[:, :2] - window.sensor_enu_m[:2]
-        near = np.einsum("ij,ij->i", offset, offset) <= self._reach_m**2
-        keep = near & np.isfinite(points[:, 2])  # a NaN in x or y fails the comparison
+        offset = points[:, :2] - sensor_enu_m[:2]
+        far = np.einsum("ij,ij->i", offset, offset) > self._reach_m**2  # never so where the sensor is unknown
+        keep = ~far & np.isfinite(points).all(axis=1)
         points = np.ascontiguousarray(points[keep])
         if not self._source:
-            points = np.ascontiguousarray(points[in_company(points, self._parameters.cell_m)])
+            points = np.ascontiguousarray(points[in_company(points, sensor_enu_m, self._parameters.cell_m)])
         return points
 
     def _interval(self, height_m: NDArray[np.float64]) -> tuple[float, float]:

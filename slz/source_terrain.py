@@ -30,8 +30,18 @@ class SourceTerrain:
         self.safe = np.zeros(shape, np.uint8)
         self.seen = Box(0, 0, 0, 0)
 
-    def add(self, points_enu_m: NDArray[np.float64], low_m: float, high_m: float, stamp_s: float) -> Box:
-        """Fuse one window of points whose height lies in the interval; return the box that changed."""
+    def add(
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        low_m: float,
+        high_m: float,
+        stamp_s: float,
+    ) -> Box:
+        """Fuse one window of points whose height lies in the interval; return the box that changed.
+
+        The sources ask neither where the sensor was nor how old a map is.
+        """
         grid, p = self.grid, self._parameters
         r0, r1, c0, c1, inside = box_of(
             points_enu_m, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, low_m, high_m

@@ -16,7 +16,8 @@ class Scan:
     """Georeferenced returns of one sensor frame.
 
     points_enu_m : (n, 3) float64, in `frame`. stamp_ns : (n,) int64, the clock of the vehicle computer,
-    not decreasing. sensor_enu_m : (3,) float64, where the sensor was at the last stamp.
+    not decreasing. sensor_enu_m : (3,) float64, where the sensor was at the last stamp,
+    NaN where that is not known.
     """
 
     points_enu_m: NDArray[np.float64]

@@ -60,14 +60,12 @@ def survey(cloud: Cloud, parameters: Parameters) -> Survey:
 
 
 def _fitted(parameters: Parameters, density: float, extent_m: float) -> Parameters:
-    """Return parameters whose map, range and ages hold the whole cloud, beyond the table's limits."""
+    """Return parameters whose map and ages hold the whole cloud, beyond the table's limits."""
     p = parameters
     halves = math.ceil(extent_m / 2 / p.cell_m) + 3  # the origin is half a cloud from either edge, to a cell
     own: dict[str, Any] = {
         "zone_m": 2 * halves * p.cell_m,
-        "max_range_m": 2 * halves * p.cell_m,
         "max_age_s": 1e12,
-        "angle_noise_deg": 0.0,  # where the sensor was is not known, and no reach follows from it
     }
     if "coverage_m" not in p.model_fields_set:
         own["coverage_m"] = coverage_for(density, p.cell_m, p.coverage_m, p.min_square_m)
@@ -93,7 +91,7 @@ def _window(
     return Window(
         points_enu_m=points_m,
         stamp_ns=stamp_ns,
-        sensor_enu_m=np.zeros(3),
+        sensor_enu_m=np.full(3, np.nan),
         frame=metric.frame,
         start_ns=int(stamp_ns[0]),
         end_ns=int(stamp_ns[-1]),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 # Fields of one cell's epoch, see `slz.evidence`.
-COUNT, MEAN, M2, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
+COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
 
 
 @kernel("int64[:](float64[:, :], float64, float64, float64, int64, int64, float64, float64)")
@@ -68,10 +68,14 @@ def sum_and_count(
 
 
 @kernel(
-    "int64(float64[:, :], float64, float64, float64, float64, float64, float32, float32, float32[:, :, :, :])"
+    "int64(float64[:, :], float64[:], float64, float64, float64, float64, float64, float64, float64,"
+    " float32, float32, float32[:, :, :, :])"
 )
 def gather_evidence(
     points: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    range_noise_m: float,
+    angle_noise_rad: float,
     west: float,
     south: float,
     cell: float,
@@ -85,7 +89,8 @@ def gather_evidence(
 
     A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
     arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
-    until two epochs of newer observations have replaced it.
+    until two epochs of newer observations have replaced it. NOISE is the mean variance of the heights that
+    the sensor's noise explains: of the range along the ray, of the angle across it.
     """
     rows, cols = evidence.shape[0], evidence.shape[1]
     used = 0
@@ -98,6 +103,12 @@ def gather_evidence(
         if c < 0 or r < 0 or c >= cols or r >= rows:
             continue
         used += 1
+        dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], z - sensor[2]
+        across = dx * dx + dy * dy
+        noise = range_noise_m**2 * dz * dz / max(across + dz * dz, 1e-6) + angle_noise_rad**2 * across
+        if np.isnan(noise):  # the sensor's place is not known
+            noise = range_noise_m**2
+        variance = np.float32(noise)
         now = evidence[r, c, 0]
         if now[COUNT] > 0 and now_s - now[TIME] > hold_s:
             for f in range(8):
@@ -105,14 +116,13 @@ def gather_evidence(
             now[COUNT] = 0
         h = np.float32(z)
         if now[COUNT] == 0:
-            now[COUNT], now[MEAN], now[M2], now[TIME] = 1, h, 0, now_s
+            now[COUNT], now[MEAN], now[NOISE], now[TIME] = 1, h, variance, now_s
             now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
         else:
             n = now[COUNT] + 1
-            step = h - now[MEAN]
             now[COUNT] = n
-            now[MEAN] += step / n
-            now[M2] += step * (h - now[MEAN])
+            now[MEAN] += (h - now[MEAN]) / n
+            now[NOISE] += (variance - now[NOISE]) / n
             if n == 2:  # of two points the lower is second highest, the higher second lowest
                 now[LOW2], now[HIGH2] = max(now[LOW], h), min(now[HIGH], h)
                 now[LOW], now[HIGH] = min(now[LOW], h), max(now[HIGH], h)

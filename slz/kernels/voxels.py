@@ -8,41 +8,55 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 
-@kernel("boolean[:](float64[:, :], float64, int64, int64)")
-def has_company(points: NDArray[np.float64], voxel: float, least: int, most_voxels: int) -> NDArray[np.bool_]:
-    """Tell of every point whether the 3 x 3 x 3 voxels around it hold `least` points, itself included.
+@kernel("boolean[:](float64[:, :], float64[:], float64, int64, float64, int64)")
+def has_company(
+    points: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    voxel: float,
+    least: int,
+    object_m2: float,
+    most_voxels: int,
+) -> NDArray[np.bool_]:
+    """Tell of every point whether enough others are near it, see `slz.outliers.in_company`.
 
-    Everything has company where the points span more than `most_voxels`.
+    Voxels are half as high as wide. Everything has company where the points span more than `most_voxels`.
     """
     n = len(points)
     keep = np.ones(n, np.bool_)
     if n == 0:
         return keep
     low, size = np.empty(3), np.empty(3, np.int64)
+    edge = np.array([voxel, voxel, voxel / 2])
     volume = 1.0
     for axis in range(3):
         low[axis] = points[:, axis].min()
-        size[axis] = int((points[:, axis].max() - low[axis]) / voxel) + 3
+        size[axis] = int((points[:, axis].max() - low[axis]) / edge[axis]) + 7
         volume *= size[axis]
     if volume > most_voxels:
         return keep
-    count = np.zeros((size[0], size[1], size[2]), np.uint8)
+    count = np.zeros((size[0], size[1], size[2]), np.uint16)
     for i in range(n):
-        x = int((points[i, 0] - low[0]) / voxel) + 1
-        y = int((points[i, 1] - low[1]) / voxel) + 1
-        z = int((points[i, 2] - low[2]) / voxel) + 1
-        if count[x, y, z] < 255:
+        x = int((points[i, 0] - low[0]) / edge[0]) + 3
+        y = int((points[i, 1] - low[1]) / edge[1]) + 3
+        z = int((points[i, 2] - low[2]) / edge[2]) + 3
+        if count[x, y, z] < 65535:
             count[x, y, z] += 1
+    share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        x = int((points[i, 0] - low[0]) / voxel) + 1
-        y = int((points[i, 1] - low[1]) / voxel) + 1
-        z = int((points[i, 2] - low[2]) / voxel) + 1
+        x = int((points[i, 0] - low[0]) / edge[0]) + 3
+        y = int((points[i, 1] - low[1]) / edge[1]) + 3
+        z = int((points[i, 2] - low[2]) / edge[2]) + 3
+        dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], points[i, 2] - sensor[2]
+        need, around = least, 3
+        near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
+        if near > least:  # never so where the sensor is unknown, NaN
+            need, around = min(int(near), 10_000), 1
         company = int(count[x, y, z])
-        if company < least:
+        if company < need:
             company = 0
             for a in range(x - 1, x + 2):
                 for b in range(y - 1, y + 2):
-                    for c in range(z - 1, z + 2):
+                    for c in range(z - around, z + around + 1):
                         company += count[a, b, c]
-        keep[i] = company >= least
+        keep[i] = company >= need
     return keep

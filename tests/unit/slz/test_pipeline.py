@@ -32,10 +32,36 @@ def block(
     return np.column_stack([xy, np.full(n, height)])
 
 
-def window(points: NDArray[np.float64], second: float = 0.0) -> Window:
+def hover(
+    height_m: float,
+    post_m: float = 0.0,
+    seed: int = 0,
+    noise_m: float = 0.02,
+    angle_deg: float = 0.0,
+    n: int = 150_000,
+) -> NDArray[np.float64]:
+    """Returns of one second below a sensor over flat ground; a post of 5 x 10 cm may stand at (1, 0.5)."""
+    rng = np.random.default_rng(seed)
+    down = rng.uniform(np.sin(np.radians(15)), 1, n)
+    azimuth = rng.uniform(0, 2 * np.pi, n)
+    across = np.sqrt(1 - down**2)
+    ray = np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), -down])
+    reach = height_m / down
+    at_top = ray * ((height_m - post_m) / down)[:, None]
+    hit = (np.abs(at_top[:, 0] - 1.0) < 0.025) & (np.abs(at_top[:, 1] - 0.5) < 0.05) & (post_m > 0)
+    reach[hit] = (height_m - post_m) / down[hit]
+    turn = np.radians(angle_deg) * rng.standard_normal((n, 3))  # of every axis
+    points = (ray + np.cross(turn, ray)) * (reach + rng.normal(0, noise_m, n))[:, None]
+    return points + np.array([0.0, 0.0, height_m])
+
+
+def window(points: NDArray[np.float64], second: float = 0.0, sensor_m: float = 30.0) -> Window:
     stamps = (second * 1e9 + np.linspace(0, 0.9e9, len(points))).astype(np.int64)
     start, end = round(second * 1e9), round((second + 0.9) * 1e9)
-    return Window(np.ascontiguousarray(points), stamps, np.array([0.0, 0.0, 30.0]), FRAME, start, end)
+    points, sensor = np.ascontiguousarray(points), np.array([0.0, 0.0, sensor_m])
+    for array in (points, stamps, sensor):
+        array.setflags(write=False)  # as the fusion hands them over
+    return Window(points, stamps, sensor, FRAME, start, end)
 
 
 def pipeline(*settings: str) -> Pipeline:
@@ -97,6 +123,36 @@ def test_a_lone_ghost_condemns_nothing(height: float) -> None:
     pipe = pipeline()
     run(pipe, np.vstack([ground(), [[2.05, 1.05, height]]]))
     assert state_at(pipe, 2.05, 1.05) == SAFE
+
+
+@pytest.mark.parametrize("place", [(0.4, 0.2, 2.2), (1.0, 0.5, 0.5), (1.0, 0.5, -0.4), (-1.0, 0.3, -1.5)])
+def test_dust_at_the_sensor_and_echoes_below_the_ground_condemn_nothing(
+    place: tuple[float, float, float],
+) -> None:
+    pipe = pipeline("angle_noise_deg=0.15")
+    rng = np.random.default_rng(3)
+    for second in range(4):
+        specks = np.array(place) + rng.uniform(-0.1, 0.1, (2, 3))
+        pipe.process(window(np.vstack([hover(3.0, seed=second), specks]), second, 3.0))
+        assert state_at(pipe, *place[:2]) == SAFE
+
+
+@pytest.mark.parametrize("sensor_m", [2.0, 5.0, 12.0])
+def test_a_post_of_5_by_10_cm_and_a_hand_s_height_more_than_the_limit_is_unsafe(sensor_m: float) -> None:
+    pipe = pipeline("angle_noise_deg=0.15")
+    for second in range(5):
+        pipe.process(window(hover(sensor_m, 0.4, second, angle_deg=0.15), second, sensor_m))
+    assert state_at(pipe, 1.0, 0.5) == UNSAFE
+
+
+@pytest.mark.parametrize("sensor_m", [3.0, 10.0, 30.0])
+def test_noise_alone_does_not_fill_the_relief_limit(sensor_m: float) -> None:
+    pipe = pipeline("angle_noise_deg=0.15")
+    for second in range(12):
+        pipe.process(window(hover(sensor_m, seed=second, angle_deg=0.15), second, sensor_m))
+    m = maps(pipe)
+    assert not (m.state == UNSAFE).any()
+    assert np.nanmax(m.relief_m) < 0.25
 
 
 def test_a_car_that_arrives_is_unsafe_at_once_and_shrinks_the_zone() -> None:
