@@ -1,0 +1,216 @@
+"""`slz run` as a program beside the simulator as a program, in real time."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+
+pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
+
+FAST = ["--set", "survey_s=3", "--set", "zone_m=100"]
+Program = subprocess.Popen[str]
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+@contextmanager
+def program(*arguments: str) -> Iterator[Program]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def says(process: Program, text: str) -> None:
+    """Wait until a program says something on stderr; the test's time limit ends the wait."""
+    assert process.stderr is not None
+    said = ""
+    for line in process.stderr:
+        said += line
+        if text in line:
+            return
+    raise AssertionError(f"ended without saying {text!r}: {said}")
+
+
+def started(process: Program) -> None:
+    assert process.stdout is not None
+    if not process.stdout.readline():
+        raise AssertionError(process.communicate()[1])
+
+
+def simulator(mavlink_url: str, watch_port: int, lidar_port: int) -> list[str]:
+    return [
+        *("sitl", "--scene", "plain", "--pilot", "takeoff", "--takeoff-alt", "15", "--speedup", "1"),
+        *("--point-rate", "20000", "--lidar-to", f"127.0.0.1:{lidar_port}"),
+        *("--mavlink", mavlink_url, "--mavlink", f"tcpin:127.0.0.1:{watch_port}"),
+    ]
+
+
+def companion(mavlink_url: str, lidar_port: int) -> list[str]:
+    return [
+        *("companion.cli", "run", "--mavlink", mavlink_url, "--lidar", f"livox:127.0.0.1:{lidar_port}"),
+        *("--land", "auto", "--json", *FAST),
+    ]
+
+
+class GroundStation:
+    """A pilot's screen on the simulator's TCP port, by pymavlink's own connection."""
+
+    def __init__(self, port: int) -> None:
+        self._link: Any = mavutil.mavlink_connection(f"tcp:127.0.0.1:{port}", source_system=254, retries=30)
+        self.texts: list[str] = []
+        self.mode = -1
+        self.speed_ms = float("nan")
+
+    def until(self, done: Callable[[], bool], limit_s: float = 90.0) -> None:
+        """Read until something holds."""
+        end = time.monotonic() + limit_s
+        while not done():
+            assert time.monotonic() < end, self.texts
+            message = self._link.recv_match(blocking=True, timeout=1.0)
+            kind = None if message is None else message.get_type()
+            if kind == "STATUSTEXT":
+                self.texts.append(message.text)
+            elif kind == "HEARTBEAT" and message.get_srcComponent() == 1:
+                self.mode = message.custom_mode
+            elif kind == "GLOBAL_POSITION_INT":
+                self.speed_ms = (message.vx**2 + message.vy**2 + message.vz**2) ** 0.5 / 100
+
+    def told(self, text: str) -> bool:
+        return any(text in heard for heard in self.texts)
+
+    def close(self) -> None:
+        self._link.close()
+
+
+@contextmanager
+def serial_cable() -> Iterator[tuple[str, str]]:
+    """Two serial devices joined by a cable."""
+    near, far = pty.openpty(), pty.openpty()
+    for _, slave in (near, far):
+        tty.setraw(slave)
+    stop_read, stop_write = os.pipe()
+
+    def carry() -> None:
+        while True:
+            ready, _, _ = select.select([near[0], far[0], stop_read], [], [])
+            if stop_read in ready:
+                return
+            for source, sink in ((near[0], far[0]), (far[0], near[0])):
+                if source in ready:
+                    os.write(sink, os.read(source, 4096))
+
+    cable = threading.Thread(target=carry, name="cable")
+    cable.start()
+    try:
+        yield os.ttyname(near[1]), os.ttyname(far[1])
+    finally:
+        os.write(stop_write, b"x")
+        cable.join()
+        for descriptor in (*near, *far, stop_read, stop_write):
+            os.close(descriptor)
+
+
+def test_sigterm_in_flight_over_a_serial_line_tells_the_pilot_and_ends_in_order() -> None:
+    watch, lidar = free_port(socket.SOCK_STREAM), free_port()
+    with ExitStack() as stack:
+        near, far = stack.enter_context(serial_cable())
+        run = stack.enter_context(program(*companion(f"{near},921600", lidar)))
+        sim = stack.enter_context(program(*simulator(far, watch, lidar)))
+        started(sim)
+        pilot = GroundStation(watch)
+        stack.callback(pilot.close)
+        pilot.until(lambda: pilot.told("SLZ: descending"))
+        run.send_signal(signal.SIGTERM)
+        out, said = run.communicate(timeout=20)
+        pilot.until(lambda: pilot.told("SLZ: companion stops, take over"), 5)
+        pilot.until(lambda: pilot.speed_ms < 0.2, 15)
+        assert pilot.mode == 4
+    assert run.returncode == 0, said
+    summary = json.loads(out.splitlines()[-1])
+    assert summary["phase"] == "descend"
+    assert not summary["landed"]
+    assert summary["chosen"] is not None
+    assert "Traceback" not in said
+
+
+def test_an_autopilot_that_dies_is_waited_for_and_taken_up_again() -> None:
+    watch, lidar, port = free_port(socket.SOCK_STREAM), free_port(), free_port()
+    arguments = simulator(f"udpout:127.0.0.1:{port}", watch, lidar)
+    with program(*companion(f"udpin:127.0.0.1:{port}", lidar)) as run:
+        for _ in range(2):
+            with program(*arguments) as sim:
+                started(sim)
+                says(run, "SLZ: approaching")
+                sim.kill()
+                says(run, "autopilot lost")
+        run.send_signal(signal.SIGINT)
+        out, said = run.communicate(timeout=20)
+    assert run.returncode == 0, said
+    assert json.loads(out.splitlines()[-1])["landed"] is False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--mavlink", "carrier:pigeon", "--lidar", "livox:127.0.0.1:{free}"], "carrier"),
+        (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "radar:127.0.0.1:1"], "radar"),
+        (["--mavlink", "udpin:127.0.0.1:{taken}", "--lidar", "livox:127.0.0.1:{free}"], "in use"),
+        (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "livox:127.0.0.1:{taken}"], "in use"),
+        (
+            ["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "livox:127.0.0.1:{free}", "--set", "celm=1"],
+            "celm",
+        ),
+        (
+            [
+                "--mavlink",
+                "udpin:127.0.0.1:{free}",
+                "--lidar",
+                "livox:127.0.0.1:{free}",
+                "--set",
+                "cell_m=-1",
+            ],
+            "cell_m",
+        ),
+        (
+            ["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "livox:127.0.0.1:{free}", "--land", "now"],
+            "--land",
+        ),
+        (["--lidar", "livox:127.0.0.1:{free}"], "--mavlink"),
+    ],
+)
+def test_bad_usage_ends_in_one_line_and_exit_code_2(arguments: list[str], complaint: str) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        taken, free = other.getsockname()[1], free_port()
+        given = [part.format(taken=taken, free=free) for part in arguments]
+        done = subprocess.run(
+            [sys.executable, "-m", "companion.cli", "run", *given], capture_output=True, text=True, timeout=60
+        )
+    assert done.returncode == 2, done.stderr
+    assert complaint in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
