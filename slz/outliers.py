@@ -85,9 +85,10 @@ def in_company(
     Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit again and again,
     the more the nearer it is. A return counts as alone when fewer others lie around it than an object of
     `OBJECT_M2` would send back at that range, had the sensor spread its pulses over the whole sphere: they
-    are sought in a slab of 3 x 3 voxels of 1.5 cells (0.3 m at least), 1.5 voxels high. Where that number is
-    below `COMPANY`, so many must lie within 3.5 voxels of height. Ground sampled so sparsely is dropped too,
-    and stays unknown. Where most returns are alone, being alone says nothing, and all are kept.
+    are sought in a slab of 3 x 3 voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that the ground
+    is no company of an echo 0.15 m below it. Where that number is below `COMPANY`, so many must lie in a
+    block 3.75 voxels high. Ground sampled so sparsely is dropped too, and stays unknown. Where most returns
+    are alone, being alone says nothing, and all are kept.
 
     Parameters
     ----------

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
+CROWD = 64  # returns of a cell from which on its hazards show in more than one of them
+
 # Layers of `summarise`.
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS = range(5)
 
@@ -23,10 +25,12 @@ def expected_maximum(n: float) -> float:
 def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
     """Return height, bottom, top, number of returns and excess of every cell; NaN and 0 where unknown.
 
-    Top is the highest return of the cell, but only as far up as a second return of the 3 x 3 cells around
-    reaches; bottom likewise. So one ghost cannot condemn the ground, two returns of a pole do. The height
-    is the mean without an extreme that found no such support. The excess is how far beyond one standard
-    deviation the sensor's noise alone is expected to carry the highest and the lowest return of so many.
+    Top is the highest return of the cell, but only as far up as a second return reaches; bottom likewise. So
+    one ghost cannot condemn the ground, two returns of a pole do. The second is one of the cell, or while
+    the cell has few returns, one of the cells around: of many, two ghosts in neighbours are mere chance. The
+    height is the mean without an extreme that found no such support. The excess is how far beyond one
+    standard deviation the sensor's noise alone is expected to carry the highest and the lowest return of so
+    many.
     """
     rows, cols = evidence.shape[0], evidence.shape[1]
     out = np.full((5, rows, cols), np.float32(np.nan))
@@ -59,10 +63,13 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 continue
             hi, lo = extreme[0, r, c], extreme[2, r, c]
             high2, low2 = extreme[1, r, c], extreme[3, r, c]
-            for i in range(max(0, r - 1), min(rows, r + 2)):
-                for j in range(max(0, c - 1), min(cols, c + 2)):
+            around = 1 if n < CROWD else 0
+            for i in range(max(0, r - around), min(rows, r + around + 1)):
+                for j in range(max(0, c - around), min(cols, c + around + 1)):
                     if (i != r or j != c) and out[WEIGHT, i, j] > 0:
-                        high2, low2 = max(high2, extreme[0, i, j]), min(low2, extreme[2, i, j])
+                        second = 0 if out[WEIGHT, i, j] < CROWD else 1
+                        high2 = max(high2, extreme[second, i, j])
+                        low2 = min(low2, extreme[2 + second, i, j])
             top, bottom = min(hi, high2), max(lo, low2)
             if np.isinf(high2):  # a lone return without neighbours stands for itself
                 top, bottom = hi, lo

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
+FINE, COARSE = 1, 7  # layers of voxels above and below
+
 
 @kernel("boolean[:](float64[:, :], float64[:], float64, int64, float64, int64)")
 def has_company(
@@ -19,43 +21,47 @@ def has_company(
 ) -> NDArray[np.bool_]:
     """Tell of every point whether enough others are near it, see `slz.outliers.in_company`.
 
-    Voxels are half as high as wide. Everything has company where the points span more than `most_voxels`.
+    Voxels are a quarter as high as wide. Everything has company where there would be more than
+    `most_voxels`.
     """
     n = len(points)
     keep = np.ones(n, np.bool_)
     if n == 0:
         return keep
     low, size = np.empty(3), np.empty(3, np.int64)
-    edge = np.array([voxel, voxel, voxel / 2])
+    edge = np.array([voxel, voxel, voxel / 4])
     volume = 1.0
     for axis in range(3):
         low[axis] = points[:, axis].min()
-        size[axis] = int((points[:, axis].max() - low[axis]) / edge[axis]) + 7
+        size[axis] = int((points[:, axis].max() - low[axis]) / edge[axis]) + 2 * COARSE + 1
         volume *= size[axis]
     if volume > most_voxels:
         return keep
     count = np.zeros((size[0], size[1], size[2]), np.uint16)
     for i in range(n):
-        x = int((points[i, 0] - low[0]) / edge[0]) + 3
-        y = int((points[i, 1] - low[1]) / edge[1]) + 3
-        z = int((points[i, 2] - low[2]) / edge[2]) + 3
+        x = int((points[i, 0] - low[0]) / edge[0]) + COARSE
+        y = int((points[i, 1] - low[1]) / edge[1]) + COARSE
+        z = int((points[i, 2] - low[2]) / edge[2]) + COARSE
         if count[x, y, z] < 65535:
             count[x, y, z] += 1
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        x = int((points[i, 0] - low[0]) / edge[0]) + 3
-        y = int((points[i, 1] - low[1]) / edge[1]) + 3
-        z = int((points[i, 2] - low[2]) / edge[2]) + 3
+        x = int((points[i, 0] - low[0]) / edge[0]) + COARSE
+        y = int((points[i, 1] - low[1]) / edge[1]) + COARSE
+        z = int((points[i, 2] - low[2]) / edge[2]) + COARSE
         dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], points[i, 2] - sensor[2]
-        need, around = least, 3
+        need, reach = least, COARSE
         near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
         if near > least:  # never so where the sensor is unknown, NaN
-            need, around = min(int(near), 10_000), 1
-        company = int(count[x, y, z])
-        if company < need:
+            need, reach = min(int(near), 10_000), FINE
+        company = 0
+        for around in (0, FINE, reach):
+            if company >= need:
+                break
             company = 0
-            for a in range(x - 1, x + 2):
-                for b in range(y - 1, y + 2):
+            wide = min(around, 1)
+            for a in range(x - wide, x + wide + 1):
+                for b in range(y - wide, y + wide + 1):
                     for c in range(z - around, z + around + 1):
                         company += count[a, b, c]
         keep[i] = company >= need
