@@ -192,13 +192,18 @@ def params_(
 
 
 class _progress:  # noqa: N801 - a context manager used as a function
-    """Progress bar on stderr, silent with --json."""
+    """Progress bar on a terminal, gone at the end; none with --json."""
 
     def __init__(self, quiet: bool) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
         self._bar = Progress(
-            TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), console=err, disable=quiet
+            TextColumn("{task.description:<28}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            console=err,
+            transient=True,
+            disable=quiet or not err.is_terminal,
         )
         self._task = self._bar.add_task("starting", total=1.0)
 
