@@ -1,0 +1,232 @@
+"""Contours, squares and components against a slow tracer, brute force and scipy.ndimage on random maps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from slz.grid import Box
+from slz.kernels.contour import components, flood, inside, squares, trace
+from slz.search import Candidate, search_components, search_source
+
+Map = NDArray[np.uint8]
+EIGHT = np.ones((3, 3))
+MANY = 1_000_000
+
+
+@st.composite
+def maps(draw: st.DrawFn) -> Map:
+    """Random map with an unsafe margin: noise, or blobs with holes and islands in them."""
+    rng = np.random.default_rng(draw(st.integers(0, 10_000)))
+    rows, cols = draw(st.integers(3, 26)), draw(st.integers(3, 26))
+    noise = rng.random((rows, cols))
+    if draw(st.booleans()):
+        noise = ndimage.gaussian_filter(noise, 1.2)
+    safe = noise > np.quantile(noise, draw(st.sampled_from([0.15, 0.4, 0.6, 0.85])))
+    return np.pad(safe, 1).astype(np.uint8)
+
+
+def ring_with_islands() -> Map:
+    """A closed ring, a block within it, a ring within that, and a block outside."""
+    safe = np.zeros((30, 44), np.uint8)
+    safe[2:28, 2:28] = 1
+    safe[5:25, 5:25] = 0
+    safe[8:22, 8:22] = 1
+    safe[11:19, 11:19] = 0
+    safe[13:17, 13:17] = 1
+    safe[5:12, 33:41] = 1
+    return safe
+
+
+def slow_trace(safe: Map, row: int, col: int) -> list[tuple[int, int]]:
+    """Moore tracing from the place come from, until a step of the first cell is taken a second time."""
+    ring = [(0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1)]  # clockwise from west
+    here, back = (row, col), (row, col - 1)
+    path: list[tuple[int, int]] = []
+    first = None
+    while True:
+        start = ring.index((back[0] - here[0], back[1] - here[1]))
+        for k in range(1, 9):
+            down, right = ring[(start + k) % 8]
+            there = here[0] + down, here[1] + right
+            if safe[there]:
+                break
+            back = there
+        else:
+            return [here]
+        if here == (row, col):
+            if first == there:
+                return path
+            first = first or there
+        path.append(here)
+        here = there
+
+
+def first_cells(label: NDArray[np.int32], count: int) -> list[tuple[int, int]]:
+    found = []
+    for number in range(1, count + 1):
+        row, col = np.argwhere(label == number)[0]
+        found.append((int(row), int(col)))
+    return found
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps())
+def test_the_tracing_is_moore_s_and_what_it_encloses_is_the_component_with_its_holes(safe: Map) -> None:
+    label, count = ndimage.label(safe, EIGHT)
+    for number, (row, col) in enumerate(first_cells(label, count), start=1):
+        boundary = trace(safe, row, col, MANY)
+        assert [tuple(cell) for cell in boundary.tolist()] == slow_trace(safe, row, col)
+        content = inside(boundary, 1, safe.shape[0] + 2, safe.shape[1] + 2)[1:-1, 1:-1]
+        np.testing.assert_array_equal(content == 1, ndimage.binary_fill_holes(label == number))
+
+
+def test_the_tracing_stops_at_the_timeout() -> None:
+    safe = ring_with_islands()
+    np.testing.assert_array_equal(trace(safe, 2, 2, 17), trace(safe, 2, 2, MANY)[:17])
+
+
+def test_the_tracing_of_a_long_contour_is_complete() -> None:
+    """A comb, whose contour is many times longer than the tracer's first buffer."""
+    safe = np.zeros((40, 203), np.uint8)
+    safe[1:3, 1:-1] = 1
+    safe[3:39, 1:-1:2] = 1
+    boundary = trace(safe, 1, 1, MANY)
+    assert len(boundary) > 5000
+    assert [tuple(cell) for cell in boundary.tolist()] == slow_trace(safe, 1, 1)
+
+
+def slow_squares(safe: Map) -> NDArray[np.int32]:
+    side = np.zeros(safe.shape, np.int32)
+    for row, col in np.argwhere(safe):
+        n = 1
+        while n <= min(row, col) and safe[row - n : row + 1, col - n : col + 1].all():
+            n += 1
+        side[row, col] = n
+    return side
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps(), st.booleans())
+def test_squares_are_those_of_brute_force(safe: Map, cut: bool) -> None:
+    safe = np.ascontiguousarray(safe[1:-1, 1:-1]) if cut else safe
+    np.testing.assert_array_equal(squares(safe), slow_squares(safe))
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps(), st.integers(1, 6))
+def test_components_are_those_of_scipy_that_hold_the_square(safe: Map, least: int) -> None:
+    side = slow_squares(safe)
+    label, count = ndimage.label(safe, EIGHT)
+    large = [n for n in range(1, count + 1) if side[label == n].max() >= least]
+    found = components(safe, side, least)
+    assert set(np.unique(found)) - {0} == set(range(1, len(large) + 1))
+    groups = {tuple(np.flatnonzero(found == n)) for n in range(1, len(large) + 1)}
+    assert groups == {tuple(np.flatnonzero(label == n)) for n in large}
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps())
+def test_flooding_reaches_the_component_and_counts_it(safe: Map) -> None:
+    label, count = ndimage.label(safe, EIGHT)
+    mine = np.zeros(safe.shape, np.int32)
+    for number in range(1, count + 1):
+        cells = np.argwhere(label == number)
+        row, col = cells[len(cells) // 2]
+        assert flood(safe, mine, row, col, number) == len(cells)
+    np.testing.assert_array_equal(mine, label)
+
+
+# ---- search -------------------------------------------------------------------------------------
+
+
+def whole(part: Map, box: Box, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    out = np.zeros(shape, bool)
+    out[box.row0 : box.row1, box.col0 : box.col1] = part == 1
+    return out
+
+
+def box_round(safe: Map) -> Box:
+    """The smallest box that leaves an unsafe margin around everything safe."""
+    rows, cols = np.nonzero(safe)
+    if not len(rows):
+        return Box(0, 0, 0, 0)
+    return Box(int(rows.min()) - 1, int(rows.max()) + 2, int(cols.min()) - 1, int(cols.max()) + 2)
+
+
+def check(candidate: Candidate, safe: Map, component: NDArray[np.bool_]) -> None:
+    box = candidate.box
+    rows, cols = np.nonzero(component)
+    assert (box.row0, box.row1) == (rows.min(), rows.max() + 1)
+    assert (box.col0, box.col1) == (cols.min(), cols.max() + 1)
+    np.testing.assert_array_equal(whole(candidate.component, box, safe.shape), component)
+    np.testing.assert_array_equal(
+        whole(candidate.content, box, safe.shape), ndimage.binary_fill_holes(component)
+    )
+    assert candidate.square_side == slow_squares(component.astype(np.uint8)).max()
+    path = slow_trace(component.astype(np.uint8), *(int(i) for i in np.argwhere(component)[0]))
+    assert [tuple(cell) for cell in candidate.boundary_cells.tolist()] == path
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps(), st.integers(1, 5), st.integers(1, 20), st.booleans())
+def test_every_component_with_room_is_found_once(
+    safe: Map, least_side: int, least_boundary: int, tight: bool
+) -> None:
+    seen = box_round(safe) if tight else Box(0, safe.shape[0], 0, safe.shape[1])
+    label, count = ndimage.label(safe, EIGHT)
+    expected = []
+    for number in range(1, count + 1):
+        component = label == number
+        row, col = np.argwhere(component)[0]
+        if slow_squares(component.astype(np.uint8)).max() < least_side:
+            continue
+        if len(slow_trace(safe, int(row), int(col))) >= least_boundary:
+            expected.append(number)
+    found = list(search_components(safe, seen, least_side, least_boundary))
+    numbers = [int(label[tuple(candidate.boundary_cells[0])]) for candidate in found]
+    assert sorted(numbers) == expected
+    for number, candidate in zip(numbers, found, strict=True):
+        check(candidate, safe, label == number)
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps(), st.integers(1, 5), st.integers(1, 20), st.booleans())
+def test_the_source_s_search_finds_in_raster_order_what_is_in_no_contour_found_before(
+    safe: Map, least_side: int, least_boundary: int, tight: bool
+) -> None:
+    assume(safe.any())
+    seen = box_round(safe) if tight else Box(0, safe.shape[0], 0, safe.shape[1])
+    label, count = ndimage.label(safe, EIGHT)
+    taken = np.zeros(safe.shape, bool)
+    expected = []
+    for number, (row, col) in enumerate(first_cells(label, count), start=1):
+        component = label == number
+        if taken[row, col] or len(slow_trace(safe, row, col)) < least_boundary:
+            continue
+        if slow_squares(component.astype(np.uint8)).max() < least_side:
+            continue
+        taken |= ndimage.binary_fill_holes(component)
+        expected.append(number)
+    found = list(search_source(safe, seen, least_side, least_boundary))
+    assert [int(label[tuple(candidate.boundary_cells[0])]) for candidate in found] == expected
+    covered = np.zeros(safe.shape, bool)
+    for number, candidate in zip(expected, found, strict=True):
+        check(candidate, safe, label == number)
+        content = whole(candidate.content, candidate.box, safe.shape)
+        assert not (covered & content).any()
+        covered |= content
+
+
+@pytest.mark.parametrize(("least_side", "source", "all_of_them"), [(3, 2, 4), (4, 2, 2), (5, 1, 1)])
+def test_a_court_is_hidden_only_from_the_source_s_search_and_only_by_a_ring_with_room(
+    least_side: int, source: int, all_of_them: int
+) -> None:
+    safe = ring_with_islands()
+    seen = Box(0, safe.shape[0], 0, safe.shape[1])
+    assert len(list(search_source(safe, seen, least_side, 1))) == source
+    assert len(list(search_components(safe, seen, least_side, 1))) == all_of_them
