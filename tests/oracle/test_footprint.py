@@ -1,0 +1,341 @@
+"""Evidence of cells and planes under the footprint against plain Python, numpy.linalg and scipy.ndimage."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from slz.kernels.footprint import closed, planes, summarise
+from slz.kernels.scatter import gather_evidence
+
+Floats = NDArray[np.float64]
+HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS = range(5)
+COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
+seeds = st.integers(0, 10_000)
+
+
+# ---- planes -------------------------------------------------------------------------------------
+
+NOISE_M, SLOPE_LIMIT, RELIEF_LIMIT = 0.02, 10.0, 0.3
+
+
+@dataclass
+class Plane:
+    slope_deg: float
+    sigma_deg: float
+    relief_m: float
+    rms_m: float
+    height_m: float
+
+
+def fitted(cells: Floats, row: int, col: int, k: int, cell_m: float) -> Plane | None:
+    """Least squares over the cells of the footprint that hold a height."""
+    rows, cols = np.mgrid[row - k : row + k + 1, col - k : col + k + 1]
+    part = cells[:, row - k : row + k + 1, col - k : col + k + 1]
+    has = part[WEIGHT] > 0
+    if has.sum() < 6:
+        return None
+    x, y = (cols[has] - col) * cell_m, (rows[has] - row) * cell_m
+    design = np.column_stack([np.ones(len(x)), x, y])
+    z = part[HEIGHT][has]
+    (at, a, b), _, rank, _ = np.linalg.lstsq(design, z, rcond=None)
+    if rank < 3:
+        return None
+    rms = math.sqrt(np.mean((z - design @ (at, a, b)) ** 2))
+    noise = max(NOISE_M * math.sqrt(np.mean(1 / part[WEIGHT][has])), rms)
+    of_gradient = noise**2 * np.linalg.inv(design.T @ design)[1:, 1:]
+    sigma = math.sqrt(np.trace(of_gradient) / 2) / (1 + a * a + b * b)
+    level = design @ (at, a, b)
+    high = (part[TOP][has] - part[EXCESS][has] - level).max()
+    low = (part[BOTTOM][has] + part[EXCESS][has] - level).min()
+    slope = math.degrees(math.atan(math.hypot(a, b)))
+    return Plane(slope, math.degrees(sigma), max(0.0, high - low), rms, at)
+
+
+def random_cells(seed: int, bumpy_m: float) -> NDArray[np.float32]:
+    rng = np.random.default_rng(seed)
+    rows, cols = rng.integers(9, 17, 2)
+    y, x = np.mgrid[:rows, :cols] * 0.25
+    tilt = rng.uniform(-0.2, 0.2, 2)
+    cells = np.zeros((5, rows, cols))
+    cells[HEIGHT] = 300 + tilt[0] * x + tilt[1] * y + rng.normal(0, bumpy_m, (rows, cols))
+    cells[TOP] = cells[HEIGHT] + rng.exponential(bumpy_m, (rows, cols))
+    cells[BOTTOM] = cells[HEIGHT] - rng.exponential(bumpy_m, (rows, cols))
+    cells[WEIGHT] = rng.integers(0, 30, (rows, cols))
+    cells[EXCESS] = np.where(cells[WEIGHT] > 8, rng.uniform(0, bumpy_m, (rows, cols)), 0)
+    unknown = (cells[WEIGHT] == 0) | (rng.random((rows, cols)) < rng.choice([0, 0.3, 0.85]))
+    cells[:, unknown] = np.nan
+    cells[WEIGHT][unknown] = 0
+    return cells.astype(np.float32)
+
+
+@settings(max_examples=50, deadline=None)
+@given(seeds, st.integers(1, 4), st.sampled_from([0.003, 0.02, 0.08, 0.2]))
+def test_planes_are_those_of_least_squares(seed: int, k: int, bumpy_m: float) -> None:
+    cells, cell_m = random_cells(seed, bumpy_m), 0.25
+    rows, cols = cells.shape[1:]
+    covered = np.random.default_rng(seed).random((rows, cols)) > 0.002
+    out = planes(cells, covered.astype(np.uint8), k, cell_m, NOISE_M, SLOPE_LIMIT, RELIEF_LIMIT)
+    for row in range(rows):
+        for col in range(cols):
+            got = out[:, row, col]
+            fits = k <= row < rows - k and k <= col < cols - k
+            expected = None
+            if fits and covered[row - k : row + k + 1, col - k : col + k + 1].all():
+                expected = fitted(cells.astype(np.float64), row, col, k, cell_m)
+            if expected is None:
+                assert np.isnan(got).all()
+                continue
+            assert got[0] == pytest.approx(expected.slope_deg, abs=2e-3)
+            assert got[1] == pytest.approx(expected.sigma_deg, rel=2e-3, abs=1e-4)
+            assert got[3] == pytest.approx(expected.rms_m, rel=1e-3, abs=1e-5)
+            assert got[4] == pytest.approx(expected.height_m, abs=1e-3)
+            check_relief(float(got[2]), expected)
+
+
+def check_relief(got: float, expected: Plane) -> None:
+    """A bound above where it is below half of the limit, exact up to the limit, a bound below over it."""
+    exact = expected.relief_m
+    if abs(expected.slope_deg - SLOPE_LIMIT) < 1e-3:
+        return
+    if expected.slope_deg > SLOPE_LIMIT:
+        assert np.isnan(got)
+    elif got < RELIEF_LIMIT / 2:
+        assert got >= exact - 1e-4
+    elif got <= RELIEF_LIMIT:
+        assert got == pytest.approx(exact, abs=1e-4)
+    else:
+        assert got <= exact + 1e-4
+
+
+def test_the_random_cells_meet_every_case_of_the_relief() -> None:
+    reliefs = []
+    steep = 0
+    for seed in range(20):
+        for bumpy_m in (0.003, 0.02, 0.08):
+            cells = random_cells(seed, bumpy_m)
+            known = np.ones(cells.shape[1:], np.uint8)
+            slope, _, relief, _, _ = planes(cells, known, 2, 0.25, NOISE_M, SLOPE_LIMIT, RELIEF_LIMIT)
+            reliefs.append(relief[np.isfinite(relief)])
+            steep += int((slope > SLOPE_LIMIT).sum())
+    all_of_them = np.concatenate(reliefs)
+    assert steep > 100
+    for low, high in ((0, 0.15), (0.15, 0.3), (0.3, 9)):
+        assert ((all_of_them > low) & (all_of_them < high)).sum() > 100
+
+
+def test_the_excess_is_taken_off_the_relief_at_both_ends() -> None:
+    cells = np.zeros((5, 5, 5), np.float32)
+    cells[WEIGHT] = 10
+    cells[TOP, 2, 2], cells[EXCESS, 2, 2] = 0.25, 0.03
+    cells[BOTTOM, 1, 3], cells[EXCESS, 1, 3] = -0.04, 0.01
+    out = planes(cells, np.ones((5, 5), np.uint8), 2, 0.25, NOISE_M, SLOPE_LIMIT, RELIEF_LIMIT)
+    assert out[2, 2, 2] == pytest.approx((0.25 - 0.03) - (-0.04 + 0.01), abs=1e-6)
+
+
+# ---- closing ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, st.integers(0, 4), st.sampled_from([0.05, 0.2, 0.5, 0.9]))
+def test_closing_is_that_of_scipy(seed: int, radius: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    known = rng.random(rng.integers(1, 30, 2)) < share
+    square = np.ones((2 * radius + 1, 2 * radius + 1))
+    expected = ndimage.binary_closing(known, square) | known  # scipy, too, takes the outside for unknown
+    np.testing.assert_array_equal(closed(known.astype(np.uint8), radius) == 1, expected)
+
+
+# ---- evidence -----------------------------------------------------------------------------------
+
+ROWS, COLS, CELL_M, HOLD_S, MAX_AGE_S, CROWD = 4, 5, 0.5, 5.0, 60.0, 64
+RANGE_NOISE_M, ANGLE_NOISE_RAD = 0.02, 0.003
+
+
+@dataclass
+class Epoch:
+    heights: list[float] = field(default_factory=list)
+    variances: list[float] = field(default_factory=list)
+    start_s: float = 0.0
+
+
+@dataclass
+class Cell:
+    now: Epoch = field(default_factory=Epoch)
+    before: Epoch = field(default_factory=Epoch)
+    last_s: float = 0.0
+
+
+Windows = list[tuple[float, Floats, Floats]]
+Cells = dict[tuple[int, int], Cell]
+
+
+def random_windows(seed: int) -> Windows:
+    """Returns in some of the cells of some windows: single ones and many, with hazards and ghosts."""
+    rng = np.random.default_rng(seed)
+    windows = []
+    stamp = 0.0
+    for _ in range(rng.integers(1, 5)):
+        sensor = np.array([*rng.uniform(-4, 6, 2), rng.uniform(2, 20)])
+        if rng.random() < 0.15:
+            sensor[:] = np.nan
+        clouds = []
+        for row in range(-1, ROWS + 1):
+            for col in range(-1, COLS + 1):
+                n = rng.choice([0, 1, 2, 5, 12, 40, 80], p=[0.2, 0.25, 0.15, 0.15, 0.1, 0.1, 0.05])
+                xy = (rng.random((n, 2)) + np.array([col, row])) * CELL_M
+                z = rng.normal(0, 0.05, n) + rng.choice([0.0, 2.0, -2.0, 50.0], n, p=[0.9, 0.05, 0.04, 0.01])
+                clouds.append(np.column_stack([xy, z]))
+        windows.append((stamp, rng.permutation(np.vstack(clouds)), sensor))
+        stamp += rng.choice([1.0, 3.0, 6.0])
+    return windows
+
+
+def gathered(windows: Windows) -> NDArray[np.float32]:
+    evidence = np.zeros((ROWS, COLS, 2, 8), np.float32)
+    for stamp, points, sensor in windows:
+        gather_evidence(
+            np.ascontiguousarray(points),
+            sensor,
+            RANGE_NOISE_M,
+            ANGLE_NOISE_RAD,
+            0.0,
+            0.0,
+            CELL_M,
+            -np.inf,
+            10.0,
+            stamp,
+            HOLD_S,
+            evidence,
+        )
+    return evidence
+
+
+def plain(windows: Windows) -> Cells:
+    cells: Cells = defaultdict(Cell)
+    for stamp, points, sensor in windows:
+        for east, north, up in points:
+            row, col = math.floor(north / CELL_M), math.floor(east / CELL_M)
+            if not (0 <= row < ROWS and 0 <= col < COLS) or up > 10:
+                continue
+            cell = cells[row, col]
+            if cell.now.heights and stamp - cell.now.start_s > HOLD_S:
+                cell.before, cell.now = cell.now, Epoch()
+            if not cell.now.heights:
+                cell.now.start_s = stamp
+            across = math.hypot(east - sensor[0], north - sensor[1])
+            down = up - sensor[2]
+            along = RANGE_NOISE_M * down / math.hypot(across, down)
+            variance = along**2 + (ANGLE_NOISE_RAD * across) ** 2
+            cell.now.heights.append(up)
+            cell.now.variances.append(RANGE_NOISE_M**2 if math.isnan(variance) else variance)
+            cell.last_s = stamp
+    return cells
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_epochs_hold_count_mean_noise_and_the_two_lowest_and_highest(seed: int) -> None:
+    windows = random_windows(seed)
+    evidence, expected = gathered(windows), plain(windows)
+    for row in range(ROWS):
+        for col in range(COLS):
+            cell = expected.get((row, col), Cell())
+            for got, epoch in zip(evidence[row, col], (cell.now, cell.before), strict=True):
+                heights = sorted(epoch.heights)
+                assert got[COUNT] == len(heights)
+                if not heights:
+                    continue
+                assert got[MEAN] == pytest.approx(np.mean(heights), abs=1e-4)
+                assert got[NOISE] == pytest.approx(np.mean(epoch.variances), rel=1e-3)
+                assert got[[LOW, HIGH]] == pytest.approx([heights[0], heights[-1]], abs=1e-5)
+                if len(heights) > 1:
+                    assert got[[LOW2, HIGH2]] == pytest.approx([heights[1], heights[-2]], abs=1e-5)
+            if cell.now.heights:
+                assert evidence[row, col, 0, TIME] == cell.now.start_s
+                assert evidence[row, col, 1, TIME] == cell.last_s
+
+
+def supported(cells: dict[tuple[int, int], list[float]], row: int, col: int) -> tuple[float, float, float]:
+    """Height, bottom and top of one cell by the rule that a second return must reach as far."""
+
+    def upper(sign: int) -> tuple[float, float]:
+        """Return the highest return and how high the next one reaches, of heights times the sign."""
+        own = sorted((sign * z for z in cells[row, col]), reverse=True)
+        others = own[1:2]
+        if len(own) < CROWD:
+            for i in range(row - 1, row + 2):
+                for j in range(col - 1, col + 2):
+                    around = sorted((sign * z for z in cells.get((i, j), [])), reverse=True)
+                    if around and (i, j) != (row, col):
+                        others.append(around[1] if len(around) >= CROWD else around[0])
+        return own[0], max(others, default=math.inf)
+
+    own = cells[row, col]
+    (high, next_high), (low, next_low) = upper(1), upper(-1)
+    low, next_low = -low, -next_low
+    if math.isinf(next_high):
+        return float(np.mean(own)), low, high
+    top, bottom = min(high, next_high), max(low, next_low)
+    if top < bottom:
+        top = bottom = next_high if high > next_high else next_low
+    if len(own) == 1:
+        return min(max(own[0], bottom), top), bottom, top
+    kept = sorted(own)
+    if high - top > 0.5:
+        kept = kept[:-1]
+    if bottom - low > 0.5 and len(kept) > 1:
+        kept = kept[1:]
+    return float(np.mean(kept)), bottom, top
+
+
+@settings(max_examples=40, deadline=None)
+@given(seeds)
+def test_the_summary_joins_the_epochs_and_drops_what_stands_alone(seed: int) -> None:
+    windows = random_windows(seed)
+    cells = {place: c.now.heights + c.before.heights for place, c in plain(windows).items()}
+    noise = {place: c.now.variances + c.before.variances for place, c in plain(windows).items()}
+    out = summarise(gathered(windows), windows[-1][0], MAX_AGE_S)
+    for row in range(ROWS):
+        for col in range(COLS):
+            got = out[:, row, col]
+            if (row, col) not in cells:
+                assert got[WEIGHT] == 0
+                assert np.isnan(got[HEIGHT])
+                continue
+            n = len(cells[row, col])
+            assert got[WEIGHT] == n
+            expected = supported(cells, row, col)
+            assert got[[HEIGHT, BOTTOM, TOP]] == pytest.approx(expected, abs=1e-3)
+            check_excess(float(got[EXCESS]), n, float(np.mean(noise[row, col])))
+
+
+def check_excess(got: float, n: int, variance: float) -> None:
+    """Compare with the expected maximum of n normal numbers, from its integral."""
+    if n <= 8:
+        assert got == 0
+        return
+    z = np.linspace(-8, 8, 4001)
+    below = np.array([0.5 * math.erfc(-value / math.sqrt(2)) for value in z])
+    maximum = 8 - np.trapezoid(below**n, z)
+    assert got == pytest.approx((maximum - 1) * math.sqrt(variance), rel=0.25)
+    assert got / math.sqrt(variance) + 1 == pytest.approx(maximum, rel=0.08)
+
+
+def test_a_cell_not_seen_for_too_long_is_unknown() -> None:
+    windows = random_windows(3)
+    evidence = gathered(windows)
+    last = {place: cell.last_s for place, cell in plain(windows).items()}
+    assert len(set(last.values())) > 1
+    for now in (MAX_AGE_S, MAX_AGE_S + min(last.values()) + 0.5, MAX_AGE_S + windows[-1][0] + 1):
+        known = summarise(evidence, now, MAX_AGE_S)[WEIGHT] > 0
+        expected = {place for place, stamp in last.items() if now - stamp <= MAX_AGE_S}
+        assert {(int(row), int(col)) for row, col in np.argwhere(known)} == expected
