@@ -169,6 +169,15 @@ class Mid360:
             waiting.tag = np.concatenate([waiting.tag, tag])
         return self._full_packets()
 
+    def look(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> tuple[F64, U8, I64]:
+        """Fire every pulse due in [t0_ns, t1_ns); return points (n, 3) in the sensor frame, tags and times.
+
+        What `step` sends, before it is put into packets; a point at the origin is no return.
+        """
+        index = np.arange(self._points_before(t0_ns), self._points_before(t1_ns), dtype=np.int64)
+        points, _, tag = self._fire(index, pose_at, world)
+        return points, tag, self.clock.simulated_ns(index * self.period_ns)
+
     def _points_before(self, time_ns: int) -> int:
         """Return how many pulses are fired before a simulated time (pulse k at elapsed k * period)."""
         elapsed = time_ns + time_ns * self.clock.drift_ppb // 1_000_000_000

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from params import Parameters
 from slz.grid import Box, Grid, overlap
@@ -23,6 +24,7 @@ from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, planes, summarise
 from slz.kernels.scatter import box_of, gather_evidence
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 
+SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness")
 _UNTOUCHED, _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in range(4))  # zero, so that pages stay unmapped
 _STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
@@ -93,7 +95,10 @@ class EvidenceTerrain:
         wide = box.grown(self.radius + 2 * self._gap + 1, grid)
         cells = summarise(self._evidence[wide.slices], now_s, p.max_age_s)
         known = (cells[WEIGHT] > 0).astype(np.uint8)
-        covered = closed(known, self._gap)
+        # The outermost seen cells may be part water, part shore.
+        covered = ndimage.binary_erosion(
+            closed(known, self._gap), np.ones((3, 3), bool), border_value=1
+        ).astype(np.uint8)
         fits = planes(cells, covered, self.radius, grid.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
         inner = (
             slice(box.row0 - wide.row0, box.row1 - wide.row0),
@@ -103,7 +108,7 @@ class EvidenceTerrain:
         values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms)
         for name, value in zip(LAYERS, values, strict=True):
             self._layers[name][box.slices] = value
-        safe = (slope + sigma < np.float32(p.safe_slope_deg)) & (relief < np.float32(p.relief_m))
+        safe = (slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)) & (relief < np.float32(p.relief_m))
         self._verdict[box.slices] = np.where(safe, _SAFE, np.where(np.isnan(slope), _UNKNOWN, _UNSAFE))
         self.safe[box.slices] = safe
         self._close_edges()

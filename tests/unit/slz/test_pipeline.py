@@ -194,6 +194,39 @@ def test_ground_not_seen_is_never_safe() -> None:
     assert state_at(pipe, -4.0, 0.0) == SAFE
 
 
+def test_the_shore_of_water_that_returns_nothing_keeps_its_distance() -> None:
+    cloud = ground(density=200)
+    pipe = pipeline()
+    run(pipe, cloud[cloud[:, 0] < 3.05])  # in the middle of a cell
+    assert state_at(pipe, 2.15, 0.0) != SAFE  # its footprint of 2 m reaches 3.1
+    assert state_at(pipe, 1.65, 0.0) == SAFE
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_of_a_slope_at_the_limit_one_cell_in_a_hundred_is_called_safe_at_most(seed: int) -> None:
+    pipe = pipeline()
+    run(pipe, ground(seed, slope_deg=10.0, density=60))
+    m = maps(pipe)
+    assert (m.state == SAFE).sum() < 0.01 * (m.state != UNKNOWN).sum()
+
+
+@pytest.mark.parametrize("slope", [0.0, 5.0, 10.0, 15.0, 20.0])
+def test_the_standard_error_of_the_slope_is_honest(slope: float) -> None:
+    errors, squares = [], []
+    for seed in range(3):
+        pipe = pipeline("safe_slope_deg=30")
+        run(pipe, ground(seed, slope_deg=slope, density=20))
+        m = maps(pipe)
+        sigma = pipe._terrain.layer("slope_sigma_deg", m.box)  # type: ignore[union-attr]
+        known = np.isfinite(m.slope_deg)
+        error = m.slope_deg[known] - slope
+        squares.append(error**2)
+        errors.append(error / sigma[known])
+    assert np.sqrt(np.mean(np.concatenate(squares))) < 0.35
+    if slope:  # on flat ground the gradient's length has a mean of its own
+        assert 0.85 < np.std(np.concatenate(errors)) < 1.2
+
+
 def test_evidence_ages() -> None:
     pipe = pipeline("max_age_s=10")
     run(pipe, ground())
