@@ -10,7 +10,7 @@ def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     """Drop points between two neighbours in the same row or the same column (SLZ paper Algorithm 2).
 
     The algorithm as printed also loses corners where a run in x meets a diagonal; here a point is dropped
-    only when both its neighbours share its row, or both share its column, so the polygon stays the same.
+    only when it lies between two neighbours of its row, or of its column, so the polygon stays the same.
 
     Parameters
     ----------
@@ -19,4 +19,5 @@ def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     """
     before, after = np.roll(boundary_cells, 1, axis=0), np.roll(boundary_cells, -1, axis=0)
     flat = (before == boundary_cells) & (after == boundary_cells)
-    return np.asarray(boundary_cells[~flat.any(axis=1)])
+    turns = ((boundary_cells - before) * (after - boundary_cells)).sum(axis=1) < 0  # the tip of a spur
+    return np.asarray(boundary_cells[~flat.any(axis=1) | turns])

@@ -20,7 +20,7 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.grid import Box, Grid, overlap
-from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, planes, summarise
+from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, highest_around, planes, summarise
 from slz.kernels.scatter import box_of, gather_evidence
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 
@@ -48,6 +48,7 @@ class EvidenceTerrain:
         half = parameters.footprint_m / 2 / grid.cell_m
         self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
         self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
+        self._margin = self.radius + 4 * self._gap + 2  # how far one cell's evidence can matter
 
     def add(
         self,
@@ -82,9 +83,9 @@ class EvidenceTerrain:
                 self._evidence,
             )
             self.seen = self.seen.union(touched)
-        changed = touched.grown(self.radius + 2 * self._gap + 1, grid) if inside else touched
+        changed = touched.grown(self._margin, grid) if inside else touched
         if now_s - self._aged_s > p.max_age_s / 10:
-            self._aged_s, changed = now_s, self.seen.grown(self.radius + 2 * self._gap + 1, grid)
+            self._aged_s, changed = now_s, self.seen.grown(self._margin, grid)
         if not changed.empty:
             self._redraw(changed, now_s)
         return changed
@@ -92,14 +93,12 @@ class EvidenceTerrain:
     def _redraw(self, box: Box, now_s: float) -> None:
         """Draw the maps of a box anew from the evidence of the box and its surroundings."""
         p, grid = self._parameters, self.grid
-        wide = box.grown(self.radius + 2 * self._gap + 1, grid)
+        wide = box.grown(self._margin, grid)
         cells = summarise(self._evidence[wide.slices], now_s, p.max_age_s)
-        known = (cells[WEIGHT] > 0).astype(np.uint8)
-        # The outermost seen cells may be part water, part shore.
-        covered = ndimage.binary_erosion(
-            closed(known, self._gap), np.ones((3, 3), bool), border_value=1
-        ).astype(np.uint8)
+        known = cells[WEIGHT] > 0
+        covered = closed(known.astype(np.uint8), self._gap)
         fits = planes(cells, covered, self.radius, grid.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
+        unseen = self._unseen(known, cells[HEIGHT])
         inner = (
             slice(box.row0 - wide.row0, box.row1 - wide.row0),
             slice(box.col0 - wide.col0, box.col1 - wide.col0),
@@ -108,10 +107,25 @@ class EvidenceTerrain:
         values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms)
         for name, value in zip(LAYERS, values, strict=True):
             self._layers[name][box.slices] = value
-        safe = (slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)) & (relief < np.float32(p.relief_m))
-        self._verdict[box.slices] = np.where(safe, _SAFE, np.where(np.isnan(slope), _UNKNOWN, _UNSAFE))
+        gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
+        even = gentle & (relief < np.float32(p.relief_m))
+        safe = even & ~unseen[inner]
+        self._verdict[box.slices] = np.where(safe, _SAFE, np.where(np.isnan(slope) | even, _UNKNOWN, _UNSAFE))
         self.safe[box.slices] = safe
         self._close_edges()
+
+    def _unseen(self, known: NDArray[np.bool_], height_m: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Tell which footprints hold unseen ground.
+
+        What stands in the middle of unseen ground must not make that ground seen: cells above ground near
+        enough for a gap between to count as seen close no gap. And the outermost seen cells may be part
+        water, part shore.
+        """
+        lowest = -highest_around(-height_m, 2 * self._gap)
+        raised = height_m - lowest > np.float32(self._parameters.relief_m)
+        seen = known | (closed((known & ~raised).astype(np.uint8), self._gap) == 1)
+        whole = ndimage.binary_erosion(seen, np.ones((3, 3), bool), border_value=1)
+        return np.asarray(highest_around((~whole).astype(np.float32), self.radius) > 0)
 
     def _close_edges(self) -> None:
         """Keep the unsafe margin around the map that tracing needs (SLZ paper §3.3.1)."""

@@ -1,40 +1,29 @@
-"""Zones as polygons along the edges of their cells."""
+"""Zones as polygons in metres and in degrees."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from rasterio.features import shapes
-from rasterio.transform import Affine
-from shapely.geometry import MultiPolygon, Polygon, shape
+from shapely.geometry import MultiPolygon, Polygon
 
 from companion.survey.metric import Metric
 from slz import Grid, Zone
+from slz.outline import outline
 
 DECIMALS = 9  # of a degree: a tenth of a millimetre
 
 
 def zone_polygon(zone: Zone, grid: Grid) -> MultiPolygon:
-    """Return the exact outline of a zone's cells, holes included, in metres of the map.
+    """Return the outline of a zone's cells, holes included, in metres of the map, see `slz.outline`."""
+    corner = np.array([grid.west_m + zone.box.col0 * grid.cell_m, grid.south_m + zone.box.row0 * grid.cell_m])
 
-    Cells that touch at a corner only belong to separate polygons, so that the geometry is always valid.
-    """
-    corner = Affine(
-        grid.cell_m,
-        0,
-        grid.west_m + zone.box.col0 * grid.cell_m,
-        0,
-        grid.cell_m,
-        grid.south_m + zone.box.row0 * grid.cell_m,
+    def metres(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+        return corner + ring * grid.cell_m
+
+    return MultiPolygon(
+        [Polygon(metres(part.outer), [metres(hole) for hole in part.holes]) for part in outline(zone.cells)]
     )
-    cells = np.ascontiguousarray(zone.cells)
-    parts = [shape(ring) for ring, value in shapes(cells, cells == 1, 4, corner) if value == 1]
-    polygons: list[Polygon] = []
-    for part in parts:
-        whole = part if part.is_valid else shapely.make_valid(part)
-        polygons += [piece for piece in shapely.get_parts(whole) if isinstance(piece, Polygon)]
-    return MultiPolygon(polygons)
 
 
 def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:

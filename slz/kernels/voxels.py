@@ -32,7 +32,7 @@ def has_company(
     edge = np.array([voxel, voxel, voxel / 4])
     volume = 1.0
     for axis in range(3):
-        low[axis] = points[:, axis].min()
+        low[axis] = edge[axis] * np.floor(points[:, axis].min() / edge[axis])  # of the map, not of the points
         size[axis] = int((points[:, axis].max() - low[axis]) / edge[axis]) + 2 * COARSE + 1
         volume *= size[axis]
     if volume > most_voxels:

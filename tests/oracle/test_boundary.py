@@ -90,3 +90,10 @@ def test_corners_between_a_run_and_a_diagonal_stay() -> None:
     corners = {tuple(corner) for corner in without_collinear(boundary).tolist()}
     assert {(1, 4), (1, 6), (4, 1), (6, 1), (9, 4), (9, 6), (4, 9), (6, 9)} <= corners
     assert polygon(boundary).area == pytest.approx(polygon(without_collinear(boundary)).area)
+
+
+def test_the_tip_of_a_spur_stays() -> None:
+    cells = [(1, 1), (1, 2), (1, 3), (2, 4), (2, 5), (2, 6), (2, 5), (2, 4), (3, 3), (3, 2), (3, 1), (2, 1)]
+    kept = without_collinear(np.array(cells, np.int32))
+    assert [2, 6] in kept.tolist()
+    assert [2, 5] not in kept.tolist()

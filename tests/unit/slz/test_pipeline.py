@@ -311,3 +311,14 @@ def test_source_mode_keeps_a_zone_that_shrank_and_default_mode_does_not() -> Non
         areas[mode] = first.zones[0].area_m2, second.zones[0].area_m2
     assert areas["default"][1] < areas["default"][0] - 50
     assert areas["source"][1] >= areas["source"][0] - 50
+
+
+def test_what_stands_in_unseen_ground_does_not_make_it_seen() -> None:
+    side = np.arange(-11.95, 12, 0.1)
+    cloud = np.array([(x, y, 0.01 * np.sin(37 * x + 91 * y)) for x in side for y in side])
+    cloud = cloud[(np.abs(cloud[:, 0] - 0.1) > 0.5) | (np.abs(cloud[:, 1] - 0.1) > 0.5)]
+    post = np.column_stack([np.full(6, 0.07), np.linspace(0.03, 0.17, 6), np.full(6, 1.5)])
+    bare, posted = pipeline(), pipeline()
+    run(bare, cloud)
+    run(posted, np.vstack([cloud, post]))
+    assert not ((maps(bare).state != SAFE) & (maps(posted).state == SAFE)).any()
