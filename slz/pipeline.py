@@ -117,7 +117,7 @@ class Pipeline:
         far = np.einsum("ij,ij->i", offset, offset) > self._reach_m**2  # never so where the sensor is unknown
         keep = ~far & np.isfinite(points).all(axis=1)
         points = np.ascontiguousarray(points[keep])
-        if not self._source:
+        if not self._source and np.isfinite(sensor_enu_m).all():  # a stored cloud was cleaned by who made it
             points = np.ascontiguousarray(points[in_company(points, sensor_enu_m, self._parameters.cell_m)])
         return points
 

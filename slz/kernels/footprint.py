@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
+FEW = 20  # returns of 3 x 3 cells up to which each stands for itself
 CROWD = 64  # returns of a cell from which on its hazards show in more than one of them
 
 # Layers of `summarise`.
@@ -26,7 +27,8 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
     """Return height, bottom, top, number of returns and excess of every cell; NaN and 0 where unknown.
 
     Top is the highest return of the cell, but only as far up as a second return reaches; bottom likewise. So
-    one ghost cannot condemn the ground, two returns of a pole do. The second is one of the cell, or while
+    one ghost cannot condemn the ground, two returns of a pole do. Where returns are few, a wire or fence may
+    have sent back one only, and each stands for itself. The second is one of the cell, or while
     the cell has few returns, one of the cells around: of many, two ghosts in neighbours are mere chance. The
     height is the mean without an extreme that found no such support. The excess is how far beyond one
     standard deviation the sensor's noise alone is expected to carry the highest and the lowest return of so
@@ -63,6 +65,13 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 continue
             hi, lo = extreme[0, r, c], extreme[2, r, c]
             high2, low2 = extreme[1, r, c], extreme[3, r, c]
+            nearby = np.float32(0)
+            for i in range(max(0, r - 1), min(rows, r + 2)):
+                for j in range(max(0, c - 1), min(cols, c + 2)):
+                    nearby += out[WEIGHT, i, j]
+            if nearby <= FEW:
+                out[TOP, r, c], out[BOTTOM, r, c] = hi, lo
+                continue
             around = 1 if n < CROWD else 0
             for i in range(max(0, r - around), min(rows, r + around + 1)):
                 for j in range(max(0, c - around), min(cols, c + around + 1)):

@@ -156,7 +156,7 @@ def test_closing_is_that_of_scipy(seed: int, radius: int, share: float) -> None:
 
 # ---- evidence -----------------------------------------------------------------------------------
 
-ROWS, COLS, CELL_M, HOLD_S, MAX_AGE_S, CROWD = 4, 5, 0.5, 5.0, 60.0, 64
+ROWS, COLS, CELL_M, HOLD_S, MAX_AGE_S, CROWD, FEW = 4, 5, 0.5, 5.0, 60.0, 64, 20
 RANGE_NOISE_M, ANGLE_NOISE_RAD = 0.02, 0.003
 
 
@@ -280,6 +280,9 @@ def supported(cells: dict[tuple[int, int], list[float]], row: int, col: int) -> 
         return own[0], max(others, default=math.inf)
 
     own = cells[row, col]
+    nearby = sum(len(cells.get((i, j), [])) for i in range(row - 1, row + 2) for j in range(col - 1, col + 2))
+    if nearby <= FEW:
+        return float(np.mean(own)), min(own), max(own)
     (high, next_high), (low, next_low) = upper(1), upper(-1)
     low, next_low = -low, -next_low
     if math.isinf(next_high):

@@ -137,6 +137,15 @@ def test_dust_at_the_sensor_and_echoes_below_the_ground_condemn_nothing(
         assert state_at(pipe, *place[:2]) == SAFE
 
 
+def test_a_lone_return_of_a_wire_in_a_sparse_stored_cloud_is_unsafe() -> None:
+    cloud = np.vstack([ground(density=3), [[2.05, 1.05, 2.5]]])
+    stamps = np.zeros(len(cloud), np.int64)
+    pipe = pipeline("cell_m=0.5", "coverage_m=2.5")
+    pipe.process(Window(cloud, stamps, np.full(3, np.nan), FRAME, 0, 0))
+    assert state_at(pipe, 2.05, 1.05) == UNSAFE
+    assert state_at(pipe, -6, -6) == SAFE
+
+
 def test_two_echoes_in_neighbouring_cells_of_many_returns_are_chance() -> None:
     pipe = pipeline("angle_noise_deg=0.15")
     for second, east in enumerate((0.9, 1.1)):
