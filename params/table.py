@@ -114,6 +114,16 @@ class Parameters(BaseModel):
         _in(0.01, 5),
         Spec("SLZ_HEIGHT_NOISE", "m", OURS, "Returns whose height is less certain than this are not mapped."),
     ] = 0.045
+    register_m: Annotated[
+        float,
+        _in(0, 5),
+        Spec(
+            "SLZ_REGISTER",
+            "m",
+            OURS,
+            "Greatest drift in height from one window to the next that the map follows; 0 follows none.",
+        ),
+    ] = 0.5
     hold_s: Annotated[
         float,
         _in(0.5, 600),

@@ -24,6 +24,7 @@ from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, highest_around, p
 from slz.kernels.scatter import box_of, gather_evidence
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 
+HEIGHTS = ("height_m", "top_m")
 SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness")
 _UNTOUCHED, _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in range(4))  # zero, so that pages stay unmapped
@@ -38,11 +39,13 @@ class EvidenceTerrain:
         self._parameters = parameters
         shape = grid.rows, grid.cols
         # One cache line a cell: current and previous epoch of 8 float32 (slz.kernels.scatter).
-        self._evidence = np.zeros((*shape, 2, 8), np.float32)
+        self.evidence = np.zeros((*shape, 2, 8), np.float32)
         self._layers = {name: np.zeros(shape, np.float32) for name in LAYERS}
         self._verdict = np.zeros(shape, np.uint8)
         self.safe = np.zeros(shape, np.uint8)
         self.seen = Box(0, 0, 0, 0)
+        self.datum_m = 0.0
+        """Height of the map's zero: heights are kept without it and given out with it."""
         self._epoch_s: float | None = None
         self._aged_s = 0.0
         half = parameters.footprint_m / 2 / grid.cell_m
@@ -80,7 +83,7 @@ class EvidenceTerrain:
                 high_m,
                 now_s,
                 p.hold_s,
-                self._evidence,
+                self.evidence,
             )
             self.seen = self.seen.union(touched)
         changed = touched.grown(self._margin, grid) if inside else touched
@@ -94,7 +97,7 @@ class EvidenceTerrain:
         """Draw the maps of a box anew from the evidence of the box and its surroundings."""
         p, grid = self._parameters, self.grid
         wide = box.grown(self._margin, grid)
-        cells = summarise(self._evidence[wide.slices], now_s, p.max_age_s)
+        cells = summarise(self.evidence[wide.slices], now_s, p.max_age_s)
         known = cells[WEIGHT] > 0
         covered = closed(known.astype(np.uint8), self._gap)
         fits = planes(cells, covered, self.radius, grid.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
@@ -136,9 +139,9 @@ class EvidenceTerrain:
         """Return the terrain of a new zone with the evidence of the common part (SLZ paper §3.2.5)."""
         new = EvidenceTerrain(grid, self._parameters)
         mine, theirs = overlap(self.grid, grid)
-        new._epoch_s, new._aged_s = self._epoch_s, self._aged_s
+        new._epoch_s, new._aged_s, new.datum_m = self._epoch_s, self._aged_s, self.datum_m
         if not mine.empty:
-            new._evidence[theirs.slices] = self._evidence[mine.slices]
+            new.evidence[theirs.slices] = self.evidence[mine.slices]
             new._verdict[theirs.slices] = self._verdict[mine.slices]
             new.safe[theirs.slices] = self.safe[mine.slices]
             for name, layer in self._layers.items():
@@ -157,4 +160,5 @@ class EvidenceTerrain:
         The relief is NaN also where the slope alone makes the cell unsafe.
         """
         drawn = self._verdict[box.slices] != _UNTOUCHED
-        return np.where(drawn, self._layers[name][box.slices], np.float32(np.nan))
+        datum = np.float32(self.datum_m if name in HEIGHTS else 0.0)
+        return np.where(drawn, self._layers[name][box.slices] + datum, np.float32(np.nan))

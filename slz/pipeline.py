@@ -18,6 +18,7 @@ from slz.grid import Box, Grid
 from slz.landing_point import SelectedPoint, Terrain, judge
 from slz.maps import TerrainMaps
 from slz.outliers import gap_interval, histogram_interval, in_company
+from slz.registration import offset
 from slz.repeat import RepeatFilter, ZoneTracker
 from slz.report import Report
 from slz.search import Candidate, search_components, search_source, side_in_cells
@@ -63,6 +64,10 @@ class Pipeline:
         clock.lap("outliers")
         terrain, new_map = self._zone_for(points, window)
         clock.lap("zone")
+        if isinstance(terrain, EvidenceTerrain):
+            points = self._registered(points, sensor, terrain)
+            low, high = -np.inf, np.inf  # those outside are gone
+            clock.lap("registration")
         terrain.add(points, sensor, low, high, window.end_ns * 1e-9)
         clock.lap("terrain")
         zones = self._names.update(self._search(terrain), terrain.grid, self._describe)
@@ -127,6 +132,18 @@ class Pipeline:
         if self._source:
             return histogram_interval(height_m, p.histogram_bins, p.histogram_threshold)
         return gap_interval(height_m, p.outlier_gap_m)
+
+    def _registered(
+        self, points: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], terrain: EvidenceTerrain
+    ) -> NDArray[np.float64]:
+        """Return the points in the map's heights, after following the drift of the window's."""
+        points[:, 2] -= terrain.datum_m
+        most_m = self._parameters.register_m
+        if most_m > 0 and np.isfinite(sensor_enu_m).all():
+            found = offset(points, sensor_enu_m, terrain, most_m)
+            points[:, 2] -= found.at(points, sensor_enu_m)
+            terrain.datum_m += found.up_m
+        return points
 
     def _zone_for(self, points: NDArray[np.float64], window: Window) -> tuple[Terrain, bool]:
         """Zone separation: keep the zone, or create a new one when points lie outside (SLZ paper §3.1.2)."""

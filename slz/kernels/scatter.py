@@ -137,3 +137,23 @@ def gather_evidence(
                     now[HIGH2] = h
         evidence[r, c, 1, TIME] = now_s
     return used
+
+
+@kernel("float64[:, :](float64[:, :], float64, float64, float64, float32[:, :, :, :])")
+def differences(
+    points: NDArray[np.float64], west: float, south: float, cell: float, evidence: NDArray[np.float32]
+) -> NDArray[np.float64]:
+    """Return (m, 3) east, north and height above the mean of the cell, of the points over known cells."""
+    rows, cols = evidence.shape[0], evidence.shape[1]
+    out = np.empty((len(points), 3))
+    m = 0
+    for i in range(len(points)):
+        c = int(np.floor((points[i, 0] - west) / cell))
+        r = int(np.floor((points[i, 1] - south) / cell))
+        if c < 0 or r < 0 or c >= cols or r >= rows or evidence[r, c, 0, COUNT] == 0:
+            continue
+        now, before = evidence[r, c, 0], evidence[r, c, 1]
+        mean = (now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT])
+        out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean
+        m += 1
+    return out[:m].copy()

@@ -1,0 +1,88 @@
+"""Registration of a window to the map: the errors of height and level that the navigation makes.
+
+A barometer drifts by decimetres in a minute and an attitude is off by tenths of a degree. Flat ground seen
+twice would become a step. What most returns agree on, a shift in height and a tilt about the sensor, is taken
+out; what stands or moves on the ground is no part of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.evidence import EvidenceTerrain
+from slz.kernels.scatter import differences
+
+MOST_RETURNS = 20_000
+FEWEST_RETURNS = 300
+FEWEST_SPREAD_M = 2.0  # standard deviation of the places, below which no tilt is fitted
+MOST_TILT_RAD = np.radians(2.0)
+ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """How much a window lies above the map: at the sensor (m), and per metre to the east and to the north."""
+
+    up_m: float = 0.0
+    east: float = 0.0
+    north: float = 0.0
+
+    def at(self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the offset (n,) at points."""
+        return np.asarray(
+            self.up_m
+            + self.east * (points_enu_m[:, 0] - sensor_enu_m[0])
+            + self.north * (points_enu_m[:, 1] - sensor_enu_m[1])
+        )
+
+
+def offset(
+    points_enu_m: NDArray[np.float64],
+    sensor_enu_m: NDArray[np.float64],
+    terrain: EvidenceTerrain,
+    most_m: float,
+) -> Offset:
+    """Return how a window lies above the map, by Tukey's robust regression; none where too little overlaps.
+
+    Parameters
+    ----------
+    points_enu_m
+        (n, 3) returns in the map's heights.
+    most_m
+        A greater shift is not believed.
+    """
+    step = max(1, len(points_enu_m) // MOST_RETURNS)
+    found = differences(
+        np.ascontiguousarray(points_enu_m[::step]),
+        terrain.grid.west_m,
+        terrain.grid.south_m,
+        terrain.grid.cell_m,
+        terrain.evidence,
+    )
+    if len(found) < FEWEST_RETURNS:
+        return Offset()
+    places = found[:, :2] - sensor_enu_m[:2]
+    level = bool((places.std(axis=0) < FEWEST_SPREAD_M).any())
+    design = np.column_stack([np.ones(len(found)), *(() if level else places.T)])
+    fit, share = _robust(design, found[:, 2])
+    up, east, north = (float(v) for v in (*fit, 0.0, 0.0)[:3])
+    if share < 0.5 or abs(up) > most_m or np.hypot(east, north) > MOST_TILT_RAD:
+        return Offset()
+    return Offset(up, east, north)
+
+
+def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return coefficients, and the share of values that agree with them."""
+    fit: NDArray[np.float64] = np.zeros(design.shape[1])
+    fit[0] = np.median(values)
+    weight = np.ones(len(values))
+    for _ in range(ROUNDS):
+        error = values - design @ fit
+        scale = max(0.02, 1.4826 * float(np.median(np.abs(error))))
+        weight = np.clip(1 - (error / (4.7 * scale)) ** 2, 0, None) ** 2
+        left = design.T * weight
+        fit = np.asarray(np.linalg.solve(left @ design + 1e-9 * np.eye(len(fit)), left @ values))
+    return fit, float((weight > 0).mean())
