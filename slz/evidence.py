@@ -107,13 +107,16 @@ class EvidenceTerrain:
             slice(box.col0 - wide.col0, box.col1 - wide.col0),
         )
         slope, sigma, relief, rms = (fits[i][inner] for i in range(4))
-        values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms)
-        for name, value in zip(LAYERS, values, strict=True):
-            self._layers[name][box.slices] = value
         gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
         even = gentle & (relief < np.float32(p.relief_m))
         safe = even & ~unseen[inner]
-        self._verdict[box.slices] = np.where(safe, _SAFE, np.where(np.isnan(slope) | even, _UNKNOWN, _UNSAFE))
+        unknown = np.isnan(slope) | (even & ~safe)
+        for fit in (slope, sigma, relief, rms):
+            fit[unknown] = np.nan
+        values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms)
+        for name, value in zip(LAYERS, values, strict=True):
+            self._layers[name][box.slices] = value
+        self._verdict[box.slices] = np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))
         self.safe[box.slices] = safe
         self._close_edges()
 
