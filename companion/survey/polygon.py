@@ -11,7 +11,7 @@ from companion.survey.metric import Metric
 from slz import Grid, Zone
 from slz.outline import outline
 
-LEAST_PART_M2 = 4.0
+LEAST_PART_M2 = 0.3
 DECIMALS = 9  # of a degree: a tenth of a millimetre
 
 

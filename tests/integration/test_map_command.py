@@ -84,7 +84,8 @@ def check_agreement(out: Path, summary: dict[str, Any], crs: str | CRS) -> None:
         assert polygon.contains(shapely.Point(row["square_centre"]))
         every |= cells_of(polygon, file)
     assert (safe[every] == 1).all()
-    assert every.sum() == round(sum(z["area_m2"] for z in summary["zones"]) / area_of_cell(file, geod))
+    cells = sum(zone["area_m2"] for zone in summary["zones"]) / area_of_cell(file, geod)
+    assert every.sum() == pytest.approx(cells, rel=0.021)  # the polygons lose 2 % at most
 
 
 def cells_of(polygon: shapely.Geometry, file: Any) -> np.ndarray:
@@ -126,8 +127,8 @@ def test_the_same_ground_has_the_same_zone_in_any_crs(
     summary = mapped([path], tmp_path / "out")
     check_agreement(tmp_path / "out", summary, crs)
     (zone,) = summary["zones"]
-    # The footprint of 2 m keeps 1 m off the edges and off the block, a cell more or less.
-    assert zone["area_m2"] == pytest.approx(57.5 * 37.5 - 6.5 * 6.5, rel=0.03)
+    # The footprint of 2 m and the outermost cell of 0.5 m keep off the edges, the footprint off the block.
+    assert zone["area_m2"] == pytest.approx(57 * 37 - 6.5 * 6.5, rel=0.03)
     assert zone["slope_deg"] < 1.0
     assert zone["square_side_m"] == pytest.approx(square_m, abs=1.5)
     assert zone["elevation_m"] == pytest.approx(100, abs=0.05)
