@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.status import Status
 from rich.table import Table
 
+from companion import folder
 from companion.app import Companion
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import area_error, read_truth, touchdown
@@ -62,10 +63,7 @@ def fly(plan: Plan, parameters: Parameters, console: Console, *, live: bool) -> 
     """
     if plan.scene not in SCENES:
         raise UsageError(f"scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
-    try:
-        plan.out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"--out {plan.out} cannot be made: {error.strerror}") from None
+    folder.prepare(plan.out)
     started = time.perf_counter()
     truth = Path(tempfile.mkdtemp(prefix="slz-truth-"))
     mavlink_port, lidar_port = _free_udp_ports(2)
@@ -225,8 +223,8 @@ def _wait(process: subprocess.Popen[str]) -> None:
         raise CompanionError("the simulator did not end") from None
 
 
-def _evaluate(companion: Companion, folder: Path, parameters: Parameters) -> dict[str, Any]:
-    truth = read_truth(folder)
+def _evaluate(companion: Companion, truth_folder: Path, parameters: Parameters) -> dict[str, Any]:
+    truth = read_truth(truth_folder)
     chosen = companion.executive.tally.chosen_enu_m
     frame = companion.history.frame
     where = frame.lla(np.asarray(chosen)) if chosen is not None and frame is not None else None

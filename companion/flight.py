@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from companion import folder
 from companion.app import Companion
 from companion.landing.executive import Phase
 from params import Parameters
+
+log = logging.getLogger(__name__)
 
 
 def run(
@@ -19,8 +23,16 @@ def run(
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
-    With `out`, the maps, the flown path and the chosen point are drawn there at the end.
+    With `out`, the maps, the flown path and the chosen point are drawn there at the end; what cannot be drawn
+    is one warning, for the flight's summary is worth more than its pictures.
+
+    Raises
+    ------
+    UsageError
+        A URL is wrong, its port is in use, or the folder cannot be made or written.
     """
+    if out is not None:
+        folder.prepare(out)
     return asyncio.run(_run(mavlink_url, lidar_url, auto, parameters, out))
 
 
@@ -33,8 +45,15 @@ async def _run(
         loop.add_signal_handler(number, companion.stop)
     await companion.run()
     if out is not None:
-        draw(companion, out)
+        _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it all
     return companion.summary
+
+
+def _try_to_draw(companion: Companion, out: Path) -> None:
+    try:
+        draw(companion, out)
+    except Exception as error:  # a full disk, or anything in the drawing library
+        log.warning("the maps could not be drawn into %s: %s", out, " ".join(str(error).split()))
 
 
 def draw(companion: Companion, out: Path) -> dict[str, str]:

@@ -1,0 +1,93 @@
+"""The command line: what it refuses, in which words and with which exit code."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from companion import cli, flight
+from params import Parameters
+
+RUN = ["run", "--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0"]
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the test run's own arguments and logging as they are."""
+    monkeypatch.setattr(sys, "argv", ["slz"])
+    monkeypatch.setattr(logging, "basicConfig", lambda **_: None)
+
+
+def ended(*words: str) -> int:
+    """Run the command line and return its exit code."""
+    sys.argv[1:] = words
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    return int(left.value.code or 0)
+
+
+def refusal(capfd: Capture, *words: str) -> str:
+    """Run the command line, which must end with exit code 2 and one line on stderr; return the line."""
+    assert ended(*words) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert err.startswith("slz: ")
+    assert err.count("\n") == 1
+    return err
+
+
+# ---- slz run -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("below", ["", "deeper/maps"])
+def test_run_refuses_a_folder_that_is_a_file_before_it_starts(
+    tmp_path: Path, capfd: Capture, below: str
+) -> None:
+    file = tmp_path / "maps"
+    file.write_text("in the way")
+    assert f"--out {file / below}" in refusal(capfd, *RUN, "--out", str(file / below))
+
+
+def test_run_refuses_a_folder_that_cannot_be_written(capfd: Capture) -> None:
+    assert "--out /proc/self/maps-of-the-flight" in refusal(
+        capfd, *RUN, "--out", "/proc/self/maps-of-the-flight"
+    )
+    assert "--out /proc cannot be written" in refusal(capfd, *RUN, "--out", "/proc")
+
+
+class Flown:
+    """A companion whose flight is over at once."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        self.summary = {"landed": True}
+
+    async def run(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+def test_a_picture_that_cannot_be_drawn_loses_no_summary(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(flight, "Companion", Flown)
+    monkeypatch.setattr(flight, "draw", fail)
+    assert ended(*RUN, "--out", str(tmp_path / "maps"), "--json") == 0
+    assert json.loads(capfd.readouterr().out) == {"landed": True}
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert "No space left" in record.getMessage()
+
+
+def test_a_flight_without_maps_draws_nothing(tmp_path: Path) -> None:
+    unmapped: Any = SimpleNamespace(maps=None, parameters=Parameters())
+    assert flight.draw(unmapped, tmp_path) == {}
