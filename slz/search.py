@@ -14,6 +14,7 @@ from slz.grid import Box, Grid
 from slz.kernels.contour import components, flood, inside, squares, trace
 
 TRACE_TIMEOUT = 10_000_000
+CRUMB = 9  # cells, below which a part of a zone that hangs on a corner is left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +79,9 @@ def search_components(
     safe = np.ascontiguousarray(safe)
     for number, where in enumerate(ndimage.find_objects(label), start=1):
         rows, cols = where
-        component = (label[where] == number).astype(np.uint8)
-        first = rows.start, cols.start + int(np.argmax(component[0]))
+        whole = label[where] == number
+        first = rows.start, cols.start + int(np.argmax(whole[0]))
+        component = _without_crumbs(whole)
         boundary = trace(safe, first[0] + seen.row0, first[1] + seen.col0, TRACE_TIMEOUT)
         if len(boundary) < least_boundary:
             continue
@@ -93,6 +95,14 @@ def search_components(
             component=component,
             square_side=int((side[where] * component).max()),
         )
+
+
+def _without_crumbs(component: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return a component without the few cells that touch it at a corner only."""
+    parts, _ = ndimage.label(component)
+    size = np.bincount(parts.ravel())
+    size[0] = 0
+    return np.asarray((size >= min(CRUMB, size.max()))[parts], np.uint8)
 
 
 def _candidate(safe: NDArray[np.uint8], boundary: NDArray[np.int32]) -> Candidate:

@@ -11,25 +11,19 @@ from companion.survey.metric import Metric
 from slz import Grid, Zone
 from slz.outline import outline
 
-LEAST_PART_M2 = 0.3
 DECIMALS = 9  # of a degree: a tenth of a millimetre
 
 
 def zone_polygon(zone: Zone, grid: Grid) -> MultiPolygon:
-    """Return the outline of a zone's cells, holes included, in metres of the map, see `slz.outline`.
-
-    Cells that touch the zone at a corner only and cover less than `LEAST_PART_M2` are left out.
-    """
+    """Return the outline of a zone's cells, holes included, in metres of the map, see `slz.outline`."""
     corner = np.array([grid.west_m + zone.box.col0 * grid.cell_m, grid.south_m + zone.box.row0 * grid.cell_m])
 
     def metres(ring: NDArray[np.float64]) -> NDArray[np.float64]:
         return corner + ring * grid.cell_m
 
-    parts = [
-        Polygon(metres(part.outer), [metres(hole) for hole in part.holes]) for part in outline(zone.cells)
-    ]
-    largest = max((part.area for part in parts), default=0.0)
-    return MultiPolygon([part for part in parts if part.area >= min(LEAST_PART_M2, largest)])
+    return MultiPolygon(
+        [Polygon(metres(part.outer), [metres(hole) for hole in part.holes]) for part in outline(zone.cells)]
+    )
 
 
 def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:

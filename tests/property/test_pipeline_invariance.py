@@ -22,7 +22,8 @@ Floats = NDArray[np.float64]
 States = NDArray[np.uint8]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 CELL_M, ZONE_M, HALF_M = 0.25, 24.0, 8.0
-SETTINGS = [f"cell_m={CELL_M}", f"zone_m={ZONE_M}", "min_boundary_points=10"]
+SETTINGS = [f"cell_m={CELL_M}", f"zone_m={ZONE_M}", "min_boundary_points=10", "register_m=0"]
+# Registration moves a whole window by what most returns say, by parts of a millimetre too.
 PARAMETERS = params.load("quadcopter", SETTINGS)
 SENSOR = np.array([0.0, 0.0, 20.0])
 FOOTPRINT_CELLS = int(PARAMETERS.footprint_m / 2 / CELL_M)
