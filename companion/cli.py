@@ -17,6 +17,7 @@ from rich.table import Table
 
 import params
 from companion.errors import CompanionError, UsageError
+from companion.interrupt import Interrupted, Interrupts
 
 app = typer.Typer(
     add_completion=False,
@@ -33,15 +34,21 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to std
 
 
 def main() -> None:
-    """Run the command line; every expected error ends in one line and exit code 1 or 2."""
-    try:
-        app()
-    except (UsageError, params.ParameterError) as error:
-        _fail(error, 2)
-    except CompanionError as error:
-        _fail(error, 1)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    """Run the command line; every expected error ends in one line and exit code 1 or 2.
+
+    SIGINT and SIGTERM end every command in one line and exit code 130 or 143, but for a flight of `slz run`.
+    """
+    interrupts = Interrupts()
+    with interrupts.installed():
+        try:
+            app(obj=interrupts)
+        except Interrupted as signal:
+            interrupts.say()
+            sys.exit(signal.exit_code)
+        except (UsageError, params.ParameterError) as error:
+            _fail(error, 2)
+        except CompanionError as error:
+            _fail(error, 1)
 
 
 def _fail(error: Exception, code: int) -> None:
@@ -62,6 +69,7 @@ def _log(verbose: bool) -> None:
 
 @app.command()
 def demo(
+    context: typer.Context,
     scene: Annotated[
         str, typer.Option(help="stadium, plain, hill, streets, mountains or dense.")
     ] = "stadium",
@@ -90,7 +98,7 @@ def demo(
         raise UsageError(f"--sensor {sensor!r} is not there yet: use lidar")
     parameters = params.load(profile, setting)
     plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s)
-    summary = flight.fly(plan, parameters, err, live=not headless)
+    summary = flight.fly(plan, parameters, err, context.obj, live=not headless)
     if as_json:
         print(json.dumps(summary))
     else:

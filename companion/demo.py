@@ -27,6 +27,7 @@ from companion.app import Companion
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import area_error, read_truth, touchdown
 from companion.flight import draw
+from companion.interrupt import Interrupts
 from companion.landing.executive import Phase
 from companion.simulated import LockstepClient, LockstepLoop
 from params import Parameters
@@ -51,8 +52,12 @@ class Plan:
     limit_s: float = 900.0
 
 
-def fly(plan: Plan, parameters: Parameters, console: Console, *, live: bool) -> dict[str, Any]:
+def fly(
+    plan: Plan, parameters: Parameters, console: Console, interrupts: Interrupts, *, live: bool
+) -> dict[str, Any]:
     """Fly one simulated mission and return its summary, measured against the simulator's truth.
+
+    A signal ends the companion in order and the simulator at once; nothing is judged or drawn then.
 
     Raises
     ------
@@ -60,29 +65,26 @@ def fly(plan: Plan, parameters: Parameters, console: Console, *, live: bool) -> 
         The scene is unknown or the folder cannot be written.
     CompanionError
         The simulator does not start or dies.
+    Interrupted
+        A signal came.
     """
     if plan.scene not in SCENES:
         raise UsageError(f"scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
     folder.prepare(plan.out)
     started = time.perf_counter()
-    truth = Path(tempfile.mkdtemp(prefix="slz-truth-"))
-    mavlink_port, lidar_port = _free_udp_ports(2)
-    try:
+    interrupts.leftovers.append(lambda: console.show_cursor(True))
+    with _truth_folder(interrupts) as truth:
         with (
             console.status("starting the simulator (the first start compiles for a minute)") as status,
-            _simulator(plan, parameters, truth, mavlink_port, lidar_port) as (process, lockstep),
+            _simulator(plan, parameters, truth, interrupts) as simulator,
         ):
-            client = LockstepClient(lockstep)
-            companion, elapsed_s = _run(plan, parameters, client, mavlink_port, lidar_port, status, live)
-            client.close()
+            companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts)
             status.update("judging against the truth")
-            _wait(process)
+            _wait(simulator.process)
         evaluated = _evaluate(companion, truth, parameters)
         files = draw(companion, plan.out)
         for file in ("truth.tif", "scene.json", "flight.json"):
             shutil.copy(truth / file, plan.out / file)
-    finally:
-        shutil.rmtree(truth, ignore_errors=True)
     summary = companion.summary | evaluated
     wall_s = time.perf_counter() - started
     summary |= {
@@ -118,34 +120,51 @@ def table(summary: dict[str, Any]) -> Table:
     return shown
 
 
+@dataclass(frozen=True, slots=True)
+class _Simulator:
+    """The simulator's process, the port of its clock, and where it sends to."""
+
+    process: subprocess.Popen[str]
+    clock_port: int
+    mavlink_port: int
+    lidar_port: int
+
+
 def _run(
-    plan: Plan,
-    parameters: Parameters,
-    client: LockstepClient,
-    mavlink_port: int,
-    lidar_port: int,
-    status: Status,
-    live: bool,
+    plan: Plan, parameters: Parameters, simulator: _Simulator, status: Status, interrupts: Interrupts
 ) -> tuple[Companion, float]:
     """Fly on simulated time; return the companion after it stopped and the simulated seconds."""
-    loop = LockstepLoop(client.advance)
-    try:
-        started = loop.time()
-        companion = loop.run_until_complete(
-            _mission(plan, parameters, mavlink_port, lidar_port, status, live)
-        )
-        return companion, loop.time() - started
-    finally:
-        loop.close()
+    with interrupts.held():
+        client = LockstepClient(simulator.clock_port)
+        loop = LockstepLoop(client.advance)
+
+    def break_off() -> None:
+        loop.let_go()
+        simulator.process.kill()
+
+    started = loop.time()
+    with (
+        interrupts.handled_by(break_off),
+        contextlib.closing(client),
+        asyncio.Runner(loop_factory=lambda: loop) as runner,
+    ):
+        try:
+            companion = runner.run(_mission(plan, parameters, simulator, status, interrupts))
+            return companion, loop.time() - started
+        finally:
+            loop.let_go()
 
 
 async def _mission(
-    plan: Plan, parameters: Parameters, mavlink_port: int, lidar_port: int, status: Status, live: bool
+    plan: Plan, parameters: Parameters, simulator: _Simulator, status: Status, interrupts: Interrupts
 ) -> Companion:
     companion = Companion(
-        f"udpin:127.0.0.1:{mavlink_port}", f"livox:127.0.0.1:{lidar_port}", parameters, auto=True
+        f"udpin:127.0.0.1:{simulator.mavlink_port}",
+        f"livox:127.0.0.1:{simulator.lidar_port}",
+        parameters,
+        auto=True,
     )
-    watch = asyncio.create_task(_watch(companion, plan, status, live))
+    watch = asyncio.create_task(_watch(companion, plan, status, interrupts))
     try:
         await companion.run()
     finally:
@@ -153,11 +172,14 @@ async def _mission(
     return companion
 
 
-async def _watch(companion: Companion, plan: Plan, status: Status, live: bool) -> None:
-    """Show how far it is, and stop the companion when it has landed or the time is up."""
+async def _watch(companion: Companion, plan: Plan, status: Status, interrupts: Interrupts) -> None:
+    """Show how far it is; stop the companion when it has landed, the time is up or a signal came."""
     loop = asyncio.get_running_loop()
     start, wall = loop.time(), time.perf_counter()
     while companion.executive.phase is not Phase.LANDED and loop.time() - start < plan.limit_s:
+        if interrupts.number is not None:
+            companion.stop()
+            return
         s = companion.situation()
         elapsed = loop.time() - start
         pace = elapsed / max(1e-3, time.perf_counter() - wall)
@@ -172,10 +194,29 @@ async def _watch(companion: Companion, plan: Plan, status: Status, live: bool) -
 
 
 @contextlib.contextmanager
+def _truth_folder(interrupts: Interrupts) -> Iterator[Path]:
+    """Make a folder for the simulator's truth; it is gone afterwards."""
+    folders: list[Path] = []
+
+    def remove() -> None:
+        for made in folders:
+            shutil.rmtree(made, ignore_errors=True)
+
+    interrupts.leftovers.append(remove)
+    try:
+        with interrupts.held():
+            folders.append(Path(tempfile.mkdtemp(prefix="slz-truth-")))
+        yield folders[0]
+    finally:
+        remove()
+
+
+@contextlib.contextmanager
 def _simulator(
-    plan: Plan, parameters: Parameters, truth: Path, mavlink_port: int, lidar_port: int
-) -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """Start the simulator in a process of its own; yield it and the port of its clock."""
+    plan: Plan, parameters: Parameters, truth: Path, interrupts: Interrupts
+) -> Iterator[_Simulator]:
+    """Start the simulator in a process of its own; it does not outlive the block."""
+    mavlink_port, lidar_port = _free_udp_ports(2)
     command = [
         sys.executable, "-m", "sitl",
         "--scene", plan.scene,
@@ -193,15 +234,29 @@ def _simulator(
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
     ]  # fmt: skip
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    processes: list[subprocess.Popen[str]] = []
+
+    def kill() -> None:
+        for started in processes:
+            started.kill()
+            started.wait()
+
+    interrupts.leftovers.append(kill)
     try:
-        yield process, _ready(process)
+        with interrupts.held():
+            # In a process group of its own a Ctrl-C of the terminal does not reach it: it is ended from here.
+            processes.append(
+                subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, process_group=0
+                )
+            )
+        process = processes[0]
+        yield _Simulator(process, _ready(process), mavlink_port, lidar_port)
     finally:
-        if process.poll() is None:
-            process.terminate()
-            _wait(process)
-        if process.stdout is not None:
-            process.stdout.close()
+        kill()
+        for ended in processes:
+            if ended.stdout is not None:
+                ended.stdout.close()
 
 
 def _ready(process: subprocess.Popen[str]) -> int:

@@ -21,6 +21,7 @@ Result = TypeVar("Result")
 
 # Half an hour of a companion's clock before the simulator's zero: clocks of two machines never agree.
 CLOCK_OFFSET_NS = 1_800_000_000_000
+ALONE_STEP_NS = 2_500_000
 
 
 class LockstepLoop(asyncio.SelectorEventLoop):
@@ -36,8 +37,16 @@ class LockstepLoop(asyncio.SelectorEventLoop):
     def __init__(self, advance: Callable[[], int]) -> None:
         self._simulated_ns = CLOCK_OFFSET_NS
         self._computing = 0
+        self._alone = False
         self._advance = advance
         super().__init__(_IdleSelector(self._on_idle))
+
+    def let_go(self) -> None:
+        """Ask the simulator no more: from now on time passes by itself, so that everything comes to its end.
+
+        Safe in a signal handler, also while the simulator is being asked.
+        """
+        self._alone = True
 
     def time(self) -> float:
         return self._simulated_ns * 1e-9
@@ -55,10 +64,19 @@ class LockstepLoop(asyncio.SelectorEventLoop):
 
     def _on_idle(self) -> bool:
         """Advance the simulator; tell whether time moved, which it does not during a computation."""
-        if self._computing:
+        if self._computing and not self._alone:
             return False
-        self._simulated_ns = CLOCK_OFFSET_NS + self._advance()
+        self._simulated_ns = self._next_ns()
         return True
+
+    def _next_ns(self) -> int:
+        if not self._alone:
+            try:
+                return CLOCK_OFFSET_NS + self._advance()
+            except CompanionError:
+                if not self._alone:
+                    raise
+        return self._simulated_ns + ALONE_STEP_NS
 
 
 class _IdleSelector(selectors.DefaultSelector):

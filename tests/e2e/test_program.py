@@ -15,6 +15,7 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -53,6 +54,16 @@ def says(process: Program, text: str) -> None:
         if text in line:
             return
     raise AssertionError(f"ended without saying {text!r}: {said}")
+
+
+def until(done: Callable[[], bool]) -> None:
+    """Ask until something holds; the test's time limit ends the wait."""
+    while not done():
+        select.select([], [], [], 0.01)
+
+
+def children(process: Program) -> list[str]:
+    return Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
 
 
 def started(process: Program) -> None:
@@ -171,6 +182,32 @@ def test_an_autopilot_that_dies_is_waited_for_and_taken_up_again() -> None:
         out, said = run.communicate(timeout=20)
     assert run.returncode == 0, said
     assert json.loads(out.splitlines()[-1])["landed"] is False
+
+
+@pytest.mark.parametrize(("word", "number"), [("", signal.SIGINT), ("approaching", signal.SIGTERM)])
+def test_a_signal_ends_a_demo_at_once_and_leaves_nothing_behind(
+    tmp_path: Path, word: str, number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    arguments = ["--scene", "plain", "--point-rate", "20000", "--out", str(tmp_path / "maps")]
+    with program("companion.cli", "demo", *arguments, "--json") as demo:
+        if word:
+            says(demo, word)
+        else:
+            until(lambda: any(tmp_path.glob("slz-truth-*")) and bool(children(demo)))
+        (child,) = children(demo)
+        asked = time.monotonic()
+        demo.send_signal(number)
+        out, said = demo.communicate(timeout=30)
+        took_s = time.monotonic() - asked
+    assert demo.returncode == 128 + number, said
+    assert (out, said.splitlines()[-1]) == ("", f"slz: {'terminated' if word else 'interrupted'}")
+    assert "Traceback" not in said
+    assert "Task was destroyed" not in said
+    assert "Event loop is closed" not in said
+    assert not any(tmp_path.glob("slz-truth-*"))
+    assert not Path(f"/proc/{child}").exists()
+    assert took_s < 5  # 2 s, on a machine that does nothing else
 
 
 @pytest.mark.parametrize(

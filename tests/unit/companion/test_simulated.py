@@ -93,6 +93,28 @@ def test_what_the_simulator_sends_arrives_in_the_same_tick(loop: LockstepLoop, t
     assert all(sent == received for sent, received in seen)
 
 
+def test_a_loop_let_go_runs_on_by_itself_though_the_simulator_dies_and_a_thread_computes(
+    loop: LockstepLoop, ticker: Ticker
+) -> None:
+    release = threading.Event()
+
+    def die() -> None:
+        loop.let_go()
+        raise CompanionError("the simulator ended")
+
+    async def end() -> float:
+        before = asyncio.get_running_loop().time()
+        ticker.each = die
+        await asyncio.sleep(1)
+        work = asyncio.get_running_loop().run_in_executor(None, release.wait, 10)
+        await asyncio.sleep(1)
+        release.set()
+        await work
+        return asyncio.get_running_loop().time() - before
+
+    assert loop.run_until_complete(end()) >= 2
+
+
 def test_client_asks_and_hears_the_time_until_the_simulator_ends() -> None:
     server = socket.create_server(("127.0.0.1", 0))
     client = LockstepClient(server.getsockname()[1])

@@ -1,0 +1,90 @@
+"""SIGINT and SIGTERM: whatever is under way ends, leaves nothing behind, and says so in one line."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from types import FrameType
+
+GRACE_S = 1.5  # a thread that compiles or draws cannot be broken off; it is left behind after this
+_NAMES = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+
+class Interrupted(BaseException):
+    """A signal asked the program to end; no error, so no `except Exception` holds it up."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(_NAMES[signal.Signals(number)])
+        self.exit_code = 128 + number
+
+
+class Interrupts:
+    """What the first signal does: raise `Interrupted` in the main thread, or what `handled_by` names.
+
+    Further signals change nothing. `leftovers` are removed when the program does not end in `GRACE_S`.
+    """
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self.leftovers: list[Callable[[], object]] = []
+        self._action: Callable[[], None] | None = None
+        self._said = threading.Lock()
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Take the signals over, in the main thread; give them back at the end."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = {number: signal.signal(number, self._take) for number in _NAMES}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    @contextlib.contextmanager
+    def handled_by(self, action: Callable[[], None]) -> Iterator[None]:
+        """Call `action` in place of raising; `Interrupted` is raised at the end of the block."""
+        self._action = action
+        try:
+            yield
+        finally:
+            self._action = None
+            self.check()
+
+    def held(self) -> contextlib.AbstractContextManager[None]:
+        """Put `Interrupted` off to the end of the block."""
+        return self.handled_by(lambda: None)
+
+    def check(self) -> None:
+        """Raise `Interrupted` where a signal has come."""
+        if self.number is not None:
+            raise Interrupted(self.number)
+
+    def say(self) -> None:
+        """Say once, on stderr, what ended the program."""
+        if self.number is not None and self._said.acquire(blocking=False):
+            print(f"slz: {_NAMES[signal.Signals(self.number)]}", file=sys.stderr, flush=True)
+
+    def _take(self, number: int, _frame: FrameType | None) -> None:
+        if self.number is not None:
+            return
+        self.number = number
+        last = threading.Timer(GRACE_S, self._leave)
+        last.daemon = True
+        last.start()
+        if self._action is None:
+            raise Interrupted(number)
+        self._action()
+
+    def _leave(self) -> None:
+        for remove in reversed(self.leftovers):
+            with contextlib.suppress(Exception):
+                remove()
+        self.say()
+        os._exit(128 + (self.number or 0))
