@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.errors import UsageError
+from companion.interrupt import Interrupted
 from companion.survey import memory
 from companion.survey.reference import Reference, from_option, of_header
 from companion.survey.signature import look
@@ -159,7 +160,7 @@ def _translated(path: Path) -> Iterator[None]:
     """Turn whatever the decoders raise, Rust's panics included, into one line."""
     try:
         yield
-    except (UsageError, KeyboardInterrupt, SystemExit, GeneratorExit):
+    except (UsageError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]

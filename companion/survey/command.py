@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from companion import figures
 from companion.errors import UsageError
+from companion.interrupt import Interrupted
 from companion.survey import raster, zones
 from companion.survey.cloud import read
 from companion.survey.summary import summary
@@ -25,6 +28,8 @@ def run(
     files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, crs: str | None = None
 ) -> dict[str, Any]:
     """Survey clouds, write zones.geojson, the GeoTIFF and the pictures, and return the summary for JSON.
+
+    The folder gets all results at the end, or none.
 
     Parameters
     ----------
@@ -53,12 +58,13 @@ def run(
     progress("writing", 0.65)
     described = zones.rows(found.report.zones, found.maps, found.metric)
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        outputs = raster.write(out, found.maps, found.metric, found.parameters.mode == "source")
-        outputs.append(out / "zones.geojson")
-        zones.write_geojson(outputs[-1], found.report.zones, described, found.maps, found.metric)
-        progress("drawing", 0.8)
-        outputs += figures.save_maps(out, found.maps, found.report.zones, found.parameters)
+        with _unfinished(out) as folder:
+            outputs = raster.write(folder, found.maps, found.metric, found.parameters.mode == "source")
+            outputs.append(folder / "zones.geojson")
+            zones.write_geojson(outputs[-1], found.report.zones, described, found.maps, found.metric)
+            progress("drawing", 0.8)
+            outputs += figures.save_maps(folder, found.maps, found.report.zones, found.parameters)
+            outputs = _finish(outputs, out)
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)
@@ -66,6 +72,33 @@ def run(
     for warning in told["warnings"]:
         log.warning(warning)
     return told | {"seconds": round(time.perf_counter() - started, 3)}
+
+
+@contextmanager
+def _unfinished(out: Path) -> Iterator[Path]:
+    """Make a folder within `out` for results that are not yet whole; nothing of it is left behind."""
+    made = [part for part in (out, *out.parents) if not part.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".slz-map-", dir=out, ignore_cleanup_errors=True) as folder:
+            yield Path(folder)
+    finally:
+        for part in made:
+            with suppress(OSError):  # results lie in it
+                part.rmdir()
+
+
+def _finish(written: list[Path], out: Path) -> list[Path]:
+    """Move whole results to where they belong, all of them, whatever signal comes; return where they are."""
+    try:
+        for path in written:
+            path.replace(out / path.name)
+    except Interrupted:
+        for path in written:
+            if path.exists():
+                path.replace(out / path.name)
+        raise
+    return [out / path.name for path in written]
 
 
 def _look(out: Path) -> None:

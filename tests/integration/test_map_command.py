@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -193,6 +194,35 @@ def test_a_folder_that_is_a_file_is_refused_before_anything_is_read(tmp_path: Pa
     path = write(tmp_path / "field.las", placed(field(2.0), "EPSG:32610"))
     with pytest.raises(UsageError, match=f"{path} is a file"):
         mapped([tmp_path / "absent.las"], path / "out")
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_a_signal_while_results_are_written_leaves_none_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], before: bool
+) -> None:
+    path = write(tmp_path / "field.las", placed(field(2.0), "EPSG:32610"))
+    out = tmp_path / "maps" / "of the field"
+    if before:
+        out.mkdir(parents=True)
+        (out / "zones.geojson").write_text("of an earlier run")
+
+    def terminated(*_: Any) -> list[Path]:
+        os.kill(os.getpid(), signal.SIGTERM)
+        return []
+
+    monkeypatch.setattr("companion.figures.save_maps", terminated)
+    monkeypatch.setattr("companion.interrupt.Interrupts._leave", lambda _: None)
+    monkeypatch.setattr(sys, "argv", ["slz", "map", str(path), "--out", str(out), "--json"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 143
+    assert capfd.readouterr().out == ""
+    if before:
+        assert [(file.name, file.read_text()) for file in out.iterdir()] == [
+            ("zones.geojson", "of an earlier run")
+        ]
+    else:
+        assert not (tmp_path / "maps").exists()
 
 
 def test_the_command_prints_one_object_and_errors_take_one_line(
