@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import signal
+import socket
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from sitl import scenes, truth
-from sitl.intruder import Intruder
+from sitl.intruder import HIGHEST_M, Intruder
 from sitl.lockstep import LockstepServer
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
+
+RANGES = {
+    "duration": (0.0, 1e6),
+    "speedup": (0.0, 1000.0),
+    "point_rate": (1000.0, 2_000_000.0),
+    "takeoff_alt": (0.5, 1000.0),
+    "wind": (0.0, 50.0),
+    "footprint": (0.1, 50.0),
+    "slope_limit": (0.0, 90.0),
+    "relief_limit": (0.0, 50.0),
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -31,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run until SIGTERM, SIGINT, the clock's client hanging up, or the duration; return the exit code."""
     try:
         options = _parse(sys.argv[1:] if arguments is None else arguments)
+        _try_folder(options.truth)
         simulation, server = _build(options)
     except (ValueError, WireError) as error:
         print(f"slz sim: {error}", file=sys.stderr)
@@ -104,12 +117,15 @@ def _check(options: argparse.Namespace) -> None:
         raise _UsageError(f"--seed {options.seed}: must not be negative")
     if options.lockstep is not None and not 0 <= options.lockstep < 65536:
         raise _UsageError(f"--lockstep {options.lockstep}: a port is at most 65535")
-    lowest = {"duration": 0.0, "wind": 0.0, "speedup": 0.0, "takeoff_alt": 0.5, "point_rate": 1.0}
-    lowest |= {"footprint": 0.1, "slope_limit": 0.0, "relief_limit": 0.0}
-    for name, low in lowest.items():
+    for name, (low, high) in RANGES.items():
         value = getattr(options, name)
-        if value is not None and not (math.isfinite(value) and value >= low):
-            raise _UsageError(f"--{name.replace('_', '-')} {value:g}: must be at least {low:g}")
+        if value is not None and not low <= value <= high:
+            raise _UsageError(
+                f"--{name.replace('_', '-')} {value:g}: must be a number from {low:g} to {high:.10g}"
+            )
+    rate = options.point_rate
+    if not rate.is_integer() or 10**9 % int(rate):
+        raise _UsageError(f"--point-rate {rate:.10g}: must be a whole number that divides 10^9")
 
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
@@ -149,7 +165,11 @@ def _address(text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
         raise ValueError(f"--lidar-to {text!r}: write HOST:PORT")
-    return host, int(port)
+    try:
+        found = socket.getaddrinfo(host, int(port), socket.AF_INET, socket.SOCK_DGRAM)
+    except (OSError, UnicodeError):
+        raise ValueError(f"--lidar-to {text!r}: the host is unknown") from None
+    return str(found[0][4][0]), int(port)
 
 
 def _intruder(text: str) -> Intruder | None:
@@ -157,11 +177,23 @@ def _intruder(text: str) -> Intruder | None:
         return None
     kind, _, height = text.partition("@")
     try:
-        if kind == "car" and 0 < float(height) < math.inf:
+        if kind == "car" and 0 < float(height) <= HIGHEST_M:
             return Intruder(float(height))
     except ValueError:
         pass
-    raise ValueError(f"--intruder {text!r}: write car@HEIGHT, such as car@15")
+    raise ValueError(f"--intruder {text!r}: write car@HEIGHT, such as car@15, up to {HIGHEST_M:g} m")
+
+
+def _try_folder(folder: Path | None) -> None:
+    """Refuse a folder for the truth that cannot be made or written, before anything is flown."""
+    if folder is None:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _UsageError(f"--truth {folder}: {error.strerror or error}") from None
 
 
 def _ready(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 SPEED_MS = 6.0
 FROM_M = 25.0
+HIGHEST_M = 200.0  # a car that starts below a vehicle higher than this is of no use to anyone
 
 
 class Intruder:

@@ -241,6 +241,11 @@ def signals() -> Iterator[None]:
     ("--lockstep 70000", "70000"), ("--intruder cow@15", "cow@15"), ("--intruder car@0", "car@0"),
     ("--point-rate 0", "--point-rate"), ("--takeoff-alt nan", "--takeoff-alt"), ("--lidar radar", "radar"),
     ("--what", "--what"), ("--duration inf", "--duration"), ("--point-rate 9600", "9600"),
+    ("--speedup inf", "--speedup inf: must be a number from 0 to 1000"), ("--intruder car@nan", "car@nan"),
+    ("--intruder car@1e9", "up to 200 m"), ("--intruder car@201", "car@201"), ("--takeoff-alt 1001", "1000"),
+    ("--wind 51", "from 0 to 50"), ("--wind nan", "--wind nan"), ("--footprint inf", "--footprint inf"),
+    ("--point-rate 1e12", "from 1000 to 2000000"), ("--point-rate inf", "from 1000"),
+    ("--point-rate 20000.5", "20000.5"), ("--lidar-to nowhere.invalid:1", "nowhere.invalid"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(
     arguments: str, word: str, capsys: pytest.CaptureFixture[str]
@@ -292,13 +297,14 @@ def test_it_says_once_that_it_is_ready_and_ends_after_its_duration(
     assert not url.endswith(":0")
 
 
-def test_a_truth_folder_that_cannot_be_made_is_one_line_and_exit_code_1(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], signals: None
+def test_a_truth_folder_that_cannot_be_made_is_refused_at_the_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("in the way")
     folder = tmp_path / "file" / "truth"
-    assert program.main([*RUN, "--truth", str(folder)]) == 1
-    err = capsys.readouterr().err
+    assert program.main([*RUN, "--truth", str(folder)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
     assert str(folder) in err
     assert err.count("\n") == 1
 
