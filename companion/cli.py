@@ -76,7 +76,7 @@ def demo(
     sensor: Annotated[str, typer.Option(help="lidar.")] = "lidar",
     seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
     speedup: Annotated[
-        float, typer.Option(min=0, help="Simulated seconds per second; 0 is as fast as possible.")
+        float, typer.Option(help="Simulated seconds per second; 0 is as fast as possible.")
     ] = 0.0,
     headless: Annotated[bool, typer.Option("--headless", help="No live display.")] = False,
     out: Annotated[Path, typer.Option(help="Folder for maps and figures.")] = Path("out/demo"),

@@ -37,6 +37,7 @@ log = logging.getLogger(__name__)
 SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense")
 START_LIMIT_S = 180.0
 SETTLE_S = 3.0
+CAR_BELOW_M = 200.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +69,7 @@ def fly(
     Interrupted
         A signal came.
     """
-    if plan.scene not in SCENES:
-        raise UsageError(f"scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
+    _check(plan)
     folder.prepare(plan.out)
     started = time.perf_counter()
     interrupts.leftovers.append(lambda: console.show_cursor(True))
@@ -96,6 +96,34 @@ def fly(
     }
     (plan.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
     return summary
+
+
+def _check(plan: Plan) -> None:
+    """Refuse what the simulator would, before it is started."""
+    if plan.scene not in SCENES:
+        raise UsageError(f"--scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
+    for option, value, low, high in (
+        ("speedup", plan.speedup, 0.0, 1000.0),
+        ("point-rate", plan.point_rate_hz, 1000.0, 2_000_000.0),
+        ("limit-s", plan.limit_s, 1.0, 86_400.0),
+    ):
+        if not low <= value <= high:
+            raise UsageError(f"--{option} {value:g}: must be a number from {low:g} to {high:.10g}")
+    rate = plan.point_rate_hz
+    if not rate.is_integer() or 10**9 % int(rate):
+        raise UsageError(f"--point-rate {rate:.10g}: must be a whole number that divides 10^9")
+    if plan.intruder != "none" and not _is_car(plan.intruder):
+        raise UsageError(
+            f"--intruder {plan.intruder!r}: write car@HEIGHT, such as car@15, up to {CAR_BELOW_M:g} m"
+        )
+
+
+def _is_car(intruder: str) -> bool:
+    kind, _, height = intruder.partition("@")
+    try:
+        return kind == "car" and 0 < float(height) <= CAR_BELOW_M
+    except ValueError:
+        return False
 
 
 def table(summary: dict[str, Any]) -> Table:

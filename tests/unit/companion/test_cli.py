@@ -91,3 +91,38 @@ def test_a_picture_that_cannot_be_drawn_loses_no_summary(
 def test_a_flight_without_maps_draws_nothing(tmp_path: Path) -> None:
     unmapped: Any = SimpleNamespace(maps=None, parameters=Parameters())
     assert flight.draw(unmapped, tmp_path) == {}
+
+
+# ---- slz demo ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--scene", "moon", "stadium"),
+        ("--sensor", "camera", "use lidar"),
+        ("--speedup", "inf", "a number from 0 to 1000"),
+        ("--speedup", "nan", "a number from 0 to 1000"),
+        ("--speedup", "-1", "a number from 0 to 1000"),
+        ("--intruder", "tank@5", "car@15"),
+        ("--intruder", "car@nan", "up to 200 m"),
+        ("--intruder", "car@1e9", "up to 200 m"),
+        ("--intruder", "car@high", "up to 200 m"),
+        ("--point-rate", "0", "from 1000 to 2000000"),
+        ("--point-rate", "nan", "from 1000 to 2000000"),
+        ("--point-rate", "inf", "from 1000 to 2000000"),
+        ("--point-rate", "1e12", "from 1000 to 2000000"),
+        ("--point-rate", "9600", "divides 10^9"),
+        ("--limit-s", "nan", "from 1 to 86400"),
+        ("--limit-s", "0", "from 1 to 86400"),
+        ("--limit-s", "inf", "from 1 to 86400"),
+    ],
+)
+def test_demo_refuses_what_means_nothing_before_anything_starts(
+    tmp_path: Path, capfd: Capture, option: str, value: str, words: str
+) -> None:
+    out = tmp_path / "maps"
+    line = refusal(capfd, "demo", "--out", str(out), option, value)
+    assert option in line
+    assert words in line
+    assert not out.exists()
