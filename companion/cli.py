@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn, cast
 
 import typer
 from rich.console import Console
@@ -21,11 +21,11 @@ from companion.interrupt import Interrupted, Interrupts
 
 app = typer.Typer(
     add_completion=False,
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Safe landing zones from LiDAR: map the ground, choose where to land, land there.",
 )
 err = Console(stderr=True)
+_BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, whichever click typer carries
 
 Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
@@ -41,17 +41,28 @@ def main() -> None:
     interrupts = Interrupts()
     with interrupts.installed():
         try:
-            app(obj=interrupts)
+            asked = sys.argv[1:]
+            code = app(asked or ["--help"], prog_name="slz", standalone_mode=False, obj=interrupts)
+            sys.exit(code if asked else 2)
         except Interrupted as signal:
             interrupts.say()
             sys.exit(signal.exit_code)
+        except _BadArguments as error:
+            _fail(_in_words(error), 2)
         except (UsageError, params.ParameterError) as error:
             _fail(error, 2)
         except CompanionError as error:
             _fail(error, 1)
 
 
-def _fail(error: Exception, code: int) -> None:
+def _in_words(error: Exception) -> str:
+    """Return what typer says of bad arguments as one line, with the command whose help says more."""
+    said = " ".join(str(getattr(error, "format_message", error.__str__)()).split()).rstrip(".")
+    command = getattr(getattr(error, "ctx", None), "command_path", "slz")
+    return f"{said[:1].lower()}{said[1:]} ('{command} --help' shows what there is)"
+
+
+def _fail(error: Exception | str, code: int) -> NoReturn:
     print(f"slz: {error}", file=sys.stderr)
     sys.exit(code)
 

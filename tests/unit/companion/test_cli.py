@@ -43,6 +43,37 @@ def refusal(capfd: Capture, *words: str) -> str:
     return err
 
 
+# ---- any command ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["fly"], "'fly'"),
+        (["--fast"], "--fast"),
+        (["demo", "--fast"], "no such option: --fast"),
+        (["demo", "--seed", "-1"], "invalid value for '--seed'"),
+        (["demo", "--seed", "one"], "invalid value for '--seed'"),
+        (["run", "--lidar", "livox:127.0.0.1:0"], "missing option '--mavlink' ('slz run --help' shows"),
+        (["map", "--out", "maps"], "missing argument"),
+        (["params", "surplus"], "surplus"),
+    ],
+)
+def test_bad_arguments_are_one_line_and_exit_code_2(capfd: Capture, words: list[str], complaint: str) -> None:
+    assert complaint in refusal(capfd, *words)
+
+
+def test_help_is_shown_when_asked_for_and_when_nothing_is(capfd: Capture) -> None:
+    assert ended("--help") == 0
+    asked = capfd.readouterr()
+    assert ended() == 2
+    assert asked == capfd.readouterr()
+    assert "demo" in asked.out
+    assert asked.err == ""
+    assert ended("map", "--help") == 0
+    assert "--min-square-m" in capfd.readouterr().out
+
+
 # ---- slz run -------------------------------------------------------------------------------------------
 
 
