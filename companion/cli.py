@@ -118,9 +118,11 @@ def demo(
         sys.exit(1)
 
 
-@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+@app.command(
+    add_help_option=False, context_settings={"allow_extra_args": True, "ignore_unknown_options": True}
+)
 def sim(context: typer.Context) -> None:
-    """Run the simulated vehicle alone: `slz sim -- --help` shows its options."""
+    """Run the simulated vehicle alone: `slz sim --help` shows its options."""
     os.execv(sys.executable, [sys.executable, "-m", "sitl", *context.args])
 
 

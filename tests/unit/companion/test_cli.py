@@ -157,3 +157,14 @@ def test_demo_refuses_what_means_nothing_before_anything_starts(
     assert option in line
     assert words in line
     assert not out.exists()
+
+
+# ---- slz sim -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("given", [["--help"], ["--", "--help"], ["--seed", "2", "--wind=3"]])
+def test_sim_hands_its_arguments_on(monkeypatch: pytest.MonkeyPatch, given: list[str]) -> None:
+    calls: list[list[str]] = []
+    monkeypatch.setattr("os.execv", lambda _, words: calls.append(words[1:]))
+    assert ended("sim", *given) == 0
+    assert calls == [["-m", "sitl", *(word for word in given if word != "--")]]
