@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 PAPER = "SLZ paper Table 4"
 THESIS = "SLZ thesis Table 3"
@@ -266,6 +266,13 @@ class Parameters(BaseModel):
         _in(0, 1),
         Spec("SLZ_UNCERTAIN", "", OURS, "Certainty below which a zone is drawn as uncertain."),
     ] = 0.5
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_value(cls, value: Any) -> Any:
+        if isinstance(value, bool):  # would count as 0 or 1
+            raise ValueError("true and false are no values of a parameter")
+        return value
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

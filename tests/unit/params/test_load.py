@@ -54,6 +54,7 @@ def test_later_settings_win_and_mavlink_names_work() -> None:
     [
         ("cell_m=0", ["cell_m", "'0'", "0.05 to 50 m"]),
         ("cell_m=nan", ["cell_m", "nan"]),
+        ("cell_m=true", ["cell_m", "'true'", "0.05 to 50 m"]),
         ("cell_m=wide", ["cell_m", "'wide'", "a number"]),
         ("histogram_bins=2.5", ["histogram_bins", "whole number"]),
         ("fusing=median", ["fusing", "mean or max"]),
@@ -85,6 +86,9 @@ def test_file_starts_from_the_profile_it_names(tmp_path: Path) -> None:
         ("cel_m = 1.0", "did you mean"),
         ('profile = "plane"', "plane"),
         ("cell_m = 99", "99"),
+        ("cell_m = true", "cell_m = True is refused: it must be a number from 0.05 to 50 m"),
+        ("histogram_bins = true", "histogram_bins = True is refused: it must be a whole number from 10"),
+        ("fusing = false", "fusing = False is refused: it must be mean or max"),
     ],
 )
 def test_bad_files_are_refused_in_one_line(tmp_path: Path, content: str, word: str) -> None:
