@@ -74,6 +74,7 @@ def _log(verbose: bool) -> None:
         handlers=[RichHandler(console=err, show_path=False, rich_tracebacks=False)],
     )
     logging.getLogger("asyncio").setLevel(logging.WARNING)
+    logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it cannot read is our one line
     for noisy in ("numba", "matplotlib", "rasterio", "PIL"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 

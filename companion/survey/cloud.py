@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -70,6 +71,7 @@ def read(
     """
     if not files:
         raise UsageError("no files: name one or more .las or .laz files")
+    _refuse_twice(files)
     given = from_option(crs) if crs else None
     headers = [_header(path, given) for path in files]
     for header in headers[1:]:
@@ -104,6 +106,16 @@ def read(
     )
 
 
+def _refuse_twice(files: Sequence[Path]) -> None:
+    """Refuse a file that is named twice: its points would count twice."""
+    seen: set[Path] = set()
+    for path in files:
+        real = path.resolve()
+        if real in seen:
+            raise UsageError(f"{path}: it is given twice: name every file once")
+        seen.add(real)
+
+
 def _header(path: Path, given: Reference | None) -> _Header:
     look(path)
     with _translated(path), laspy.open(path, encoding_errors="replace") as reader:
@@ -113,6 +125,10 @@ def _header(path: Path, given: Reference | None) -> _Header:
         standard = bool(header.global_encoding.gps_time_type)
         if not n_points:
             raise UsageError(f"{path}: it holds no points")
+        scales = [float(scale) for scale in header.scales]
+        if not all(math.isfinite(scale) and scale != 0 for scale in scales):
+            told = ", ".join(f"{scale:g}" for scale in scales)
+            raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
         size, least = path.stat().st_size, int(header.offset_to_point_data)
         if not header.are_points_compressed:
             least += n_points * int(header.point_format.size)

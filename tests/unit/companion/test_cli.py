@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,7 @@ import pytest
 
 from companion import cli, flight
 from params import Parameters
+from tests.unit.companion.survey.clouds import field, placed, write
 
 RUN = ["run", "--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0"]
 Capture = pytest.CaptureFixture[str]
@@ -122,6 +124,22 @@ def test_a_picture_that_cannot_be_drawn_loses_no_summary(
 def test_a_flight_without_maps_draws_nothing(tmp_path: Path) -> None:
     unmapped: Any = SimpleNamespace(maps=None, parameters=Parameters())
     assert flight.draw(unmapped, tmp_path) == {}
+
+
+# ---- slz map -------------------------------------------------------------------------------------------
+
+
+def test_a_truncated_cloud_is_one_line(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.laz", placed(field(2.0), "EPSG:32610"))
+    path.write_bytes(path.read_bytes()[:-300])
+    done = subprocess.run(
+        [sys.executable, "-m", "companion.cli", "map", str(path), "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1), done.stderr
+    assert done.stderr.startswith(f"slz: {path}: it is truncated")
 
 
 # ---- slz demo ------------------------------------------------------------------------------------------

@@ -56,6 +56,13 @@ def test_several_files_make_one_cloud(tmp_path: Path) -> None:
     assert shares[-1] == 1.0
 
 
+def test_a_file_given_twice_is_refused_by_name(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.las", POINTS)
+    (tmp_path / "link.las").symlink_to(path)
+    assert refusal([path, path]).startswith(f"{path}: it is given twice")
+    assert refusal([path, tmp_path / "link.las"]).startswith(f"{tmp_path / 'link.las'}: it is given twice")
+
+
 def test_files_of_two_crs_are_refused_by_name(tmp_path: Path) -> None:
     a = write(tmp_path / "a.las", POINTS)
     b = write(tmp_path / "b.las", POINTS, "EPSG:32611")
@@ -114,6 +121,8 @@ def damaged(tmp_path: Path, kind: str) -> Path:
             write(las, np.zeros((0, 3)))
         case "NaN scale":
             las.write_bytes(data[:131] + struct.pack("<d", np.nan) + data[139:])
+        case "zero scale":
+            las.write_bytes(data[:139] + struct.pack("<d", 0.0) + data[147:])
         case "missing":
             las.unlink()
         case "folder":
@@ -135,7 +144,8 @@ def damaged(tmp_path: Path, kind: str) -> Path:
         ("endless records", "header is corrupt"),
         ("future version", "LAS 1.9"),
         ("no points", "no points"),
-        ("NaN scale", "not finite"),
+        ("NaN scale", "its scales are nan, 0.001, 0.001"),
+        ("zero scale", "its scales are 0.001, 0, 0.001"),
     ],
 )
 def test_an_unusable_file_is_refused_in_one_line_that_names_it(tmp_path: Path, kind: str, word: str) -> None:
