@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slz.kernels.histogram import bins_of, gaps_of
 from slz.kernels.voxels import has_company
 
-COMPANY = 3
+COMPANY = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
 MOST_VOXELS = 50_000_000
 
@@ -87,8 +87,8 @@ def in_company(
     `OBJECT_M2` would send back at that range, had the sensor spread its pulses over the whole sphere: they
     are sought in a slab of 3 x 3 voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that the ground
     is no company of an echo 0.15 m below it. Where that number is below `COMPANY`, so many must lie in a
-    block 3.75 voxels high. Ground sampled so sparsely is dropped too, and stays unknown. Where most returns
-    are alone, being alone says nothing, and all are kept.
+    block 3.75 voxels high, and not one only close below a surface of many. Ground sampled so sparsely is
+    dropped too, and stays unknown. Where most returns are alone, being alone says nothing, and all are kept.
 
     Parameters
     ----------

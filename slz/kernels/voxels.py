@@ -8,6 +8,17 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 FINE, COARSE = 1, 7  # layers of voxels above and below
+SURFACE = 100  # returns that make a surface
+
+
+@kernel("int64(uint16[:, :, :], int64, int64, int64, int64)")
+def _within(count: NDArray[np.uint16], x: int, y: int, low: int, high: int) -> int:
+    total = 0
+    for a in range(x - 1, x + 2):
+        for b in range(y - 1, y + 2):
+            for c in range(low, high + 1):
+                total += count[a, b, c]
+    return total
 
 
 @kernel("boolean[:](float64[:, :], float64[:], float64, int64, float64, int64)")
@@ -54,15 +65,12 @@ def has_company(
         near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
         if near > least:  # never so where the sensor is unknown, NaN
             need, reach = min(int(near), 10_000), FINE
-        company = 0
-        for around in (0, FINE, reach):
-            if company >= need:
-                break
-            company = 0
-            wide = min(around, 1)
-            for a in range(x - wide, x + wide + 1):
-                for b in range(y - wide, y + wide + 1):
-                    for c in range(z - around, z + around + 1):
-                        company += count[a, b, c]
+        company = int(count[x, y, z])
+        if company < need:
+            company = level = _within(count, x, y, z - FINE, z + FINE)
+            if company < need and reach > FINE:
+                company = _within(count, x, y, z - reach, z + reach)
+            if level < least and _within(count, x, y, z + FINE + 1, z + COARSE) >= SURFACE:
+                company = 0  # alone on its level, close below a surface
         keep[i] = company >= need
     return keep

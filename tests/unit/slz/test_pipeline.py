@@ -125,14 +125,17 @@ def test_a_lone_ghost_condemns_nothing(height: float) -> None:
     assert state_at(pipe, 2.05, 1.05) == SAFE
 
 
-@pytest.mark.parametrize("place", [(0.4, 0.2, 2.2), (1.0, 0.5, 0.4), (1.0, 0.5, -0.3), (-1.0, 0.3, -1.5)])
+@pytest.mark.parametrize(
+    ("place", "count"),
+    [((0.4, 0.2, 2.2), 8), ((1.0, 0.5, 0.4), 2), ((1.0, 0.5, -0.3), 2), ((-1.0, 0.3, -1.5), 1)],
+)
 def test_dust_at_the_sensor_and_echoes_below_the_ground_condemn_nothing(
-    place: tuple[float, float, float],
+    place: tuple[float, float, float], count: int
 ) -> None:
     pipe = pipeline("angle_noise_deg=0.15")
     rng = np.random.default_rng(3)
     for second in range(4):
-        specks = np.array(place) + rng.uniform(-0.1, 0.1, (2, 3))
+        specks = np.array(place) + rng.uniform(-0.1, 0.1, (count, 3))
         pipe.process(window(np.vstack([hover(3.0, seed=second), specks]), second, 3.0))
         assert state_at(pipe, *place[:2]) == SAFE
 
@@ -149,9 +152,26 @@ def test_a_lone_return_of_a_wire_in_a_sparse_stored_cloud_is_unsafe() -> None:
 def test_two_echoes_in_neighbouring_cells_of_many_returns_are_chance() -> None:
     pipe = pipeline("angle_noise_deg=0.15")
     for second, east in enumerate((0.9, 1.1)):
-        cloud = np.vstack([hover(6.0, seed=second, n=200_000), [[east, 0.5, -0.5]]])
+        cloud = np.vstack([hover(6.0, seed=second, n=200_000), [[east, 0.5, 0.5]]])
         pipe.process(window(cloud, second, 6.0))
     assert state_at(pipe, 1.0, 0.5) == SAFE
+
+
+def test_two_echoes_in_one_cell_close_below_the_ground_at_different_times_are_chance() -> None:
+    pipe = pipeline("angle_noise_deg=0.15")
+    for second, depth in enumerate((0.34, 0.46, 0.5)):
+        cloud = np.vstack([hover(8.0, seed=second), [[1.0, 0.5, -depth]]])
+        pipe.process(window(cloud, second, 8.0))
+    assert state_at(pipe, 1.0, 0.5) == SAFE
+
+
+def test_a_hole_of_0_3_by_0_3_m_is_unsafe() -> None:
+    pipe = pipeline("angle_noise_deg=0.15")
+    for second in range(3):
+        cloud = hover(8.0, seed=second)
+        cloud[(np.abs(cloud[:, 0] - 1) < 0.15) & (np.abs(cloud[:, 1] - 0.5) < 0.15), 2] -= 0.4
+        pipe.process(window(cloud, second, 8.0))
+    assert state_at(pipe, 1.0, 0.5) == UNSAFE
 
 
 @pytest.mark.parametrize("sensor_m", [2.0, 5.0, 12.0])
