@@ -35,8 +35,13 @@ class Reference:
     @property
     def name(self) -> str:
         parts = self.crs.sub_crs_list if self.crs.is_compound else [self.crs]
-        codes = [self.crs.to_epsg()] if self.crs.to_epsg() else [part.to_epsg() for part in parts]
+        codes = [self.epsg] if self.epsg else [part.to_epsg() for part in parts]
         return f"EPSG:{'+'.join(map(str, codes))}" if all(codes) else str(self.crs.name)
+
+    @property
+    def epsg(self) -> int | None:
+        """The one code of the EPSG registry that names the CRS; None where there is none."""
+        return self.crs.to_epsg()
 
     def same_as(self, other: Reference) -> bool:
         """Tell whether coordinates of both mean the same place."""

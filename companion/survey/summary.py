@@ -25,6 +25,7 @@ def summary(
     return {
         "files": [str(path) for path in files],
         "crs": reference.name,
+        "epsg": reference.epsg,
         "unit_m": reference.unit_m,
         "vertical_unit_m": reference.vertical_m,
         "vertical_unit_from": reference.vertical_from,

@@ -127,6 +127,8 @@ def test_the_same_ground_has_the_same_zone_in_any_crs(
     path = write(tmp_path / "field.laz", placed(field(), crs, height_m), crs)
     summary = mapped([path], tmp_path / "out")
     check_agreement(tmp_path / "out", summary, crs)
+    assert summary["crs"] == crs
+    assert summary["epsg"] == (None if "+" in crs else int(crs.removeprefix("EPSG:")))
     (zone,) = summary["zones"]
     # The footprint of 2 m and the outermost cell of 0.5 m keep off the edges, the footprint off the block.
     assert zone["area_m2"] == pytest.approx(57 * 37 - 6.5 * 6.5, rel=0.03)
