@@ -24,6 +24,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Safe landing zones from LiDAR: map the ground, choose where to land, land there.",
 )
+PLAIN = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+WIDE = 1000  # columns of a table that a program reads
 err = Console(stderr=True)
 _BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, whichever click typer carries
 
@@ -43,7 +45,7 @@ def main() -> None:
         try:
             asked = sys.argv[1:]
             code = app(asked or ["--help"], prog_name="slz", standalone_mode=False, obj=interrupts)
-            sys.exit(code if asked else 2)
+            sys.exit(code or 0 if asked else 2)
         except Interrupted as signal:
             interrupts.say()
             sys.exit(signal.exit_code)
@@ -67,12 +69,18 @@ def _fail(error: Exception | str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def _out() -> Console:
+    """Return the console of stdout; to a pipe or a file it is so wide that nothing is cut off."""
+    return Console() if sys.stdout.isatty() else Console(width=WIDE)
+
+
 def _log(verbose: bool) -> None:
-    logging.basicConfig(
-        level=logging.DEBUG if verbose else logging.INFO,
-        format="%(name)s: %(message)s",
-        handlers=[RichHandler(console=err, show_path=False, rich_tracebacks=False)],
-    )
+    level = logging.DEBUG if verbose else logging.INFO
+    if err.is_terminal:
+        rich = RichHandler(console=err, show_path=False, rich_tracebacks=False)
+        logging.basicConfig(level=level, format="%(name)s: %(message)s", handlers=[rich])
+    else:
+        logging.basicConfig(level=level, format=PLAIN, stream=sys.stderr)
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it cannot read is our one line
     for noisy in ("numba", "matplotlib", "rasterio", "PIL"):
@@ -114,7 +122,7 @@ def demo(
     if as_json:
         print(json.dumps(summary))
     else:
-        Console().print(flight.table(summary))
+        _out().print(flight.table(summary))
     if not (summary["landed"] and summary["touchdown_safe"]):
         sys.exit(1)
 
@@ -179,7 +187,7 @@ def map_(
     if as_json:
         print(json.dumps(summary))
     else:
-        Console().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+        _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
 
 
 @app.command("params")
@@ -210,7 +218,7 @@ def params_(
         shown.add_row(
             row.name, row.mavlink, str(values[row.name]), params.allowed(row), row.source, row.sentence
         )
-    Console().print(shown)
+    _out().print(shown)
 
 
 class _progress:  # noqa: N801 - a context manager used as a function

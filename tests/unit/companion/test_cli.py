@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 
+import params
 from companion import cli, flight
 from params import Parameters
 from tests.unit.companion.survey.clouds import field, placed, write
@@ -142,6 +144,21 @@ def test_a_truncated_cloud_is_one_line(tmp_path: Path) -> None:
     assert done.stderr.startswith(f"slz: {path}: it is truncated")
 
 
+def test_a_log_that_no_terminal_shows_is_plain_lines(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.las", placed(field(5.0), "EPSG:32610"))
+    done = subprocess.run(
+        [sys.executable, "-m", "companion.cli", "map", str(path), "--out", str(tmp_path / "out"), "--json"],
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    (line, *_) = done.stderr.splitlines()
+    assert re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} WARNING companion\.survey\.command: ", line)
+    assert [logged.split("command: ")[1] for logged in done.stderr.splitlines()] == json.loads(done.stdout)[
+        "warnings"
+    ]
+
+
 # ---- slz demo ------------------------------------------------------------------------------------------
 
 
@@ -186,3 +203,15 @@ def test_sim_hands_its_arguments_on(monkeypatch: pytest.MonkeyPatch, given: list
     monkeypatch.setattr("os.execv", lambda _, words: calls.append(words[1:]))
     assert ended("sim", *given) == 0
     assert calls == [["-m", "sitl", *(word for word in given if word != "--")]]
+
+
+# ---- slz params ----------------------------------------------------------------------------------------
+
+
+def test_params_are_listed_whole_in_a_pipe(capfd: Capture) -> None:
+    assert ended("params") == 0
+    listed = capfd.readouterr().out
+    for row in params.rows():
+        (line,) = (line for line in listed.splitlines() if line.startswith(f"│ {row.name} "))
+        assert row.mavlink in line
+        assert row.sentence in line
