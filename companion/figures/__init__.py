@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.figures.furniture import NO_MARKS, Marks, draw_frame, draw_marks
-from companion.figures.layers import draw_safe, draw_slope, draw_surface
+from companion.figures.layers import draw_numbers, draw_safe, draw_slope, draw_surface
 from companion.figures.picture import Picture
 from params import Parameters
 from slz import TerrainMaps, Zone
@@ -92,6 +92,8 @@ def _save(path: Path, picture: Picture, layer: Layer, title: str, marks: Marks) 
     figure = Figure(figsize=(10.0, tall), dpi=130, layout="constrained")
     axes = figure.add_subplot()
     {"dsm": draw_surface, "slope": draw_slope, "safe": draw_safe}[layer](axes, picture)
+    if layer != "slope":
+        draw_numbers(axes, picture, marks)
     draw_marks(axes, marks)
     draw_frame(axes, picture, title)
     figure.savefig(path, bbox_inches="tight", pad_inches=0.15)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.figures.furniture import Marks
 from companion.figures.picture import Picture
 from params import Parameters
 from slz import SAFE, UNKNOWN, Zone
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 CERTAIN, LESS_CERTAIN, UNCERTAIN = "#1b7837", "#a6d96a", "#d7301f"
 SAFE_ELSEWHERE, NO_DATA = "#d9e8d3", "#ffffff"
 MOST_LABELS = 40
+COVERED = 0.02  # of the map's length: a mark this near to a number hides it
+BESIDE_PT = (9, 7)  # right of a mark and above it
 SLOPE_TOP_DEG = 40.0
 
 
@@ -36,7 +39,6 @@ def draw_surface(axes: Axes, picture: Picture) -> None:
     _show(axes, picture, colour, np.isnan(altitude_m))
     _outline(axes, picture, "white")
     _colour_bar(axes, colormaps["viridis"], norm, "altitude, m")
-    _number(axes, picture)
 
 
 def draw_slope(axes: Axes, picture: Picture) -> None:
@@ -72,7 +74,6 @@ def draw_safe(axes: Axes, picture: Picture) -> None:
         colour[where][cells, :3] = to_rgb(_certainty_colour(zone, picture.parameters))
     colour[..., :3] *= (0.75 + 0.25 * picture.shade)[..., None]
     _show(axes, picture, colour, picture.state == UNKNOWN)
-    _number(axes, picture)
     own = picture.parameters
     patches = [
         (CERTAIN, f"certain zone (≥ {own.confidence_factor:g})"),
@@ -118,24 +119,32 @@ def _outline(axes: Axes, picture: Picture, colour: str) -> None:
     axes.contour(x, y, mask.astype(np.float32), [0.5], colors=colour, linewidths=0.9)
 
 
-def _number(axes: Axes, picture: Picture) -> None:
-    """Write the number of every zone at its landing point, the largest zones first."""
+def draw_numbers(axes: Axes, picture: Picture, marks: Marks) -> None:
+    """Write the number of every zone at its landing point, or beside a mark that stands there.
+
+    Where there are many zones, the largest get their numbers.
+    """
     from matplotlib.patheffects import withStroke
 
+    points = (marks.take_off_enu_m, marks.chosen_enu_m, marks.touchdown_enu_m)
+    covering = [point for point in points if point is not None]
     halo = [withStroke(linewidth=2.5, foreground="black")]
     for zone in sorted(picture.zones, key=lambda zone: -zone.area_m2)[:MOST_LABELS]:
         share = math.sqrt(zone.area_m2 / (picture.extent_m[0] * picture.extent_m[1]))
-        axes.text(
-            float(zone.best.enu_m[0]),
-            float(zone.best.enu_m[1]),
+        point = zone.best.enu_m[:2].astype(float)
+        beside = any(np.hypot(*(mark[:2] - point)) < COVERED * max(picture.extent_m) for mark in covering)
+        axes.annotate(
             str(zone.id),
+            (point[0], point[1]),
+            xytext=BESIDE_PT if beside else (0, 0),
+            textcoords="offset points",
             color="white",
             fontsize=min(15.0, max(7.5, 40 * share)),
             fontweight="bold",
-            ha="center",
-            va="center",
+            ha="left" if beside else "center",
+            va="bottom" if beside else "center",
             path_effects=halo,
-            zorder=6,
+            zorder=8,
         )
 
 

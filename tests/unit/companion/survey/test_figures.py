@@ -9,11 +9,12 @@ import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from companion import figures
-from companion.figures.furniture import CHOSEN
-from companion.figures.layers import CERTAIN, LESS_CERTAIN, UNCERTAIN
+from companion.figures.furniture import CHOSEN, Marks
+from companion.figures.layers import CERTAIN, LESS_CERTAIN, UNCERTAIN, draw_numbers
 from companion.figures.picture import Picture
 from companion.survey.cloud import Cloud
 from companion.survey.reference import from_option
@@ -53,6 +54,20 @@ def test_zones_have_the_colour_of_their_certainty(
     shares = {c: share_of(tmp_path / "a.png", c) for c in (CERTAIN, LESS_CERTAIN, UNCERTAIN)}
     assert max(shares, key=shares.__getitem__) == colour
     assert shares[colour] > 0.3
+
+
+@pytest.mark.parametrize(("away_m", "beside"), [(0.0, True), (0.3, True), (10.0, False)])
+def test_the_star_of_the_chosen_point_does_not_hide_the_zone_s_number(
+    found: Survey, away_m: float, beside: bool
+) -> None:
+    (zone,) = found.report.zones
+    chosen = zone.best.enu_m + np.array([away_m, 0.0, 0.0])
+    axes = Figure().add_subplot()
+    picture = Picture(found.maps, (zone,), found.parameters)
+    draw_numbers(axes, picture, Marks(chosen_enu_m=chosen, take_off_enu_m=zone.best.enu_m + 15.0))
+    (number,) = axes.texts
+    assert number.get_text() == str(zone.id)
+    assert (number.get_position() != (0, 0)) == beside
 
 
 def test_a_flight_is_drawn_over_every_map(found: Survey, tmp_path: Path) -> None:
