@@ -58,7 +58,8 @@ def fly(
 ) -> dict[str, Any]:
     """Fly one simulated mission and return its summary, measured against the simulator's truth.
 
-    A signal ends the companion in order and the simulator at once; nothing is judged or drawn then.
+    live: show how far it is. A signal ends the companion in order and the simulator at once; nothing is
+    judged or drawn then.
 
     Raises
     ------
@@ -73,9 +74,10 @@ def fly(
     folder.prepare(plan.out)
     started = time.perf_counter()
     interrupts.leftovers.append(lambda: console.show_cursor(True))
+    shown = console if live else Console(quiet=True)
     with _truth_folder(interrupts) as truth:
         with (
-            console.status("starting the simulator (the first start compiles for a minute)") as status,
+            shown.status("starting the simulator (the first start compiles for a minute)") as status,
             _simulator(plan, parameters, truth, interrupts) as simulator,
         ):
             companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts)
