@@ -190,6 +190,25 @@ def map_(
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
 
 
+@app.command()
+def reproduce(
+    out: Annotated[Path, typer.Option(help="Folder for the page, pictures and flown surveys.")],
+    only: Annotated[str, typer.Option(help="Only scenes whose name holds this.")] = "",
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run the sources' scenes and write one page with their figures and ours."""
+    _log(verbose)
+    from companion import reproduce as reproduction
+
+    with _progress(as_json) as step:
+        summary = reproduction.run(out, step, only)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        Console().print(f"see {summary['files'][1]}")
+
+
 @app.command("params")
 def params_(
     profile: Profile = "quadcopter",

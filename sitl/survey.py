@@ -6,14 +6,20 @@ the highest thing within its swath, as a terrain follower does.
 
 from __future__ import annotations
 
+import argparse
+import json
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl import scenes
 from sitl.mid360 import Mid360
 from sitl.scenes import Scene
+from sitl.truth import safe_map
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -101,3 +107,69 @@ def fly(
         sensor = position + lidar.mount.lever_enu_m(attitude)
         last = sensor[-1] if len(sensor) else track.at(np.array([start]))[0][0]
         yield sensor + lidar.mount.to_enu(points, attitude), stamps, last
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fly lines over a scene and write the cloud and the truth below it into one file."""
+    parser = argparse.ArgumentParser(prog="python -m sitl.survey", description=str(__doc__).splitlines()[0])
+    parser.add_argument("--scene", default="stadium", help=", ".join(scenes.NAMES))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--extent", metavar="X0,Y0,X1,Y1", help="metres; default: the scene's own")
+    parser.add_argument("--height", type=float, default=20.0, help="m above the highest thing below")
+    parser.add_argument("--spacing", type=float, default=15.0, help="m between lines")
+    parser.add_argument("--speed", type=float, default=5.0, help="m/s")
+    parser.add_argument("--point-rate", type=int, default=200_000)
+    parser.add_argument("--cell", type=float, default=0.2, help="cell of the truth, m")
+    parser.add_argument("--footprint", type=float, default=2.0, help="footprint of the truth, m")
+    parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
+    parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.npz")
+    options = parser.parse_args(arguments)
+    try:
+        scene = scenes.build(options.scene, options.seed)
+        extent = _extent(options.extent, scene)
+        lines = Lines(extent, options.height, options.spacing, options.speed)
+        returns = list(fly(scene, lines, options.seed, options.point_rate))
+    except ValueError as error:
+        parser.error(str(error))
+    truth = safe_map(
+        scene.world,
+        extent,
+        options.cell,
+        options.footprint,
+        options.slope_limit,
+        options.relief_limit,
+    )
+    np.savez(
+        options.out,
+        points_enu_m=np.concatenate([part[0] for part in returns]).astype(np.float32),
+        stamp_ns=np.concatenate([part[1] for part in returns]),
+        sensor_enu_m=np.array([part[2] for part in returns]),
+        count=np.array([len(part[1]) for part in returns]),
+        extent_m=np.array(extent),
+        cell_m=options.cell,
+        safe=truth.safe,
+        height_m=truth.height_m,
+        slope_deg=truth.slope_deg,
+        relief_m=truth.relief_m,
+        regions=json.dumps({name: list(corners) for name, corners in scene.regions.items()}),
+        description=scene.description,
+    )
+    return 0
+
+
+def _extent(text: str | None, scene: Scene) -> tuple[float, float, float, float]:
+    if text is None:
+        return scene.extent_m
+    try:
+        x0, y0, x1, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--extent {text!r}: write X0,Y0,X1,Y1") from None
+    low = scene.extent_m
+    if not (low[0] <= x0 < x1 <= low[2] and low[1] <= y0 < y1 <= low[3]):
+        raise ValueError(f"--extent {text!r} must lie within {low}")
+    return x0, y0, x1, y1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
