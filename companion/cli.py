@@ -206,7 +206,7 @@ def reproduce(
     if as_json:
         print(json.dumps(summary))
     else:
-        Console().print(f"see {summary['files'][1]}")
+        _out().print(f"see {summary['files'][1]}")
 
 
 @app.command("params")
