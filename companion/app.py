@@ -72,6 +72,7 @@ class Companion:
         self._mode_wanted = ""
         self._stop = asyncio.Event()
         self._was_lost = False
+        self._flown = False
         self._epoch = self.history.epoch
 
     # ---- life -----------------------------------------------------------------------------------
@@ -136,7 +137,14 @@ class Companion:
             return
         self._last_scan_ns = now_ns()
         self.obstacles.add(scan)
-        self.worker.offer(scan)
+        if not self._stands_after_flight():
+            self.worker.offer(scan)
+
+    def _stands_after_flight(self) -> bool:
+        """Tell whether it has landed: from its skids the ground is seen at grazing angles and adds nothing."""
+        landed = self.link.vehicle.landed
+        self._flown = self._flown or landed == "in_air"
+        return self._flown and landed == "on_ground"
 
     def _on_report(self, report: Report) -> None:
         self.report = report
