@@ -141,7 +141,7 @@ class Companion:
             self.worker.offer(scan)
 
     def _stands_after_flight(self) -> bool:
-        """Tell whether it has landed: from its skids the ground is seen at grazing angles and adds nothing."""
+        """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""
         landed = self.link.vehicle.landed
         self._flown = self._flown or landed == "in_air"
         return self._flown and landed == "on_ground"
