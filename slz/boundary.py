@@ -17,6 +17,8 @@ def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     boundary_cells
         (n, 2) rows and columns of a closed contour.
     """
+    if len(boundary_cells) == 1:
+        return boundary_cells
     before, after = np.roll(boundary_cells, 1, axis=0), np.roll(boundary_cells, -1, axis=0)
     flat = (before == boundary_cells) & (after == boundary_cells)
     turns = ((boundary_cells - before) * (after - boundary_cells)).sum(axis=1) < 0  # the tip of a spur

@@ -97,3 +97,7 @@ def test_the_tip_of_a_spur_stays() -> None:
     kept = without_collinear(np.array(cells, np.int32))
     assert [2, 6] in kept.tolist()
     assert [2, 5] not in kept.tolist()
+
+
+def test_a_single_cell_is_its_own_boundary() -> None:
+    assert without_collinear(np.array([[4, 7]], np.int32)).tolist() == [[4, 7]]
