@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from companion.errors import CompanionError
 from params import Parameters
-from slz import SAFE, UNKNOWN, Box, LocalFrame, TerrainMaps, Zone
+from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps, Zone
 from slz.search import search_components, side_in_cells
 
 
@@ -93,25 +93,41 @@ def area_error(
     there = truth.frame.enu_m(*np.moveaxis(maps.frame.lla(np.stack([east, north, 0 * east], -1)), -1, 0))
     safe = truth.at(there[..., 0], there[..., 1])
     seen = maps.state != UNKNOWN
-    computed = np.zeros(box.shape, bool)
-    for zone in zones:
-        b = zone.box
-        computed[b.row0 - box.row0 : b.row1 - box.row0, b.col0 - box.col0 : b.col1 - box.col0] |= (
-            zone.cells == 1
-        )
-    real = np.zeros(box.shape, bool)
-    padded = np.pad((safe == 1) & seen, 1).astype(np.uint8)
-    least = side_in_cells(parameters.min_square_m, maps.grid)
-    for patch in search_components(padded, Box(0, padded.shape[0], 0, padded.shape[1]), least, 1):
-        b = patch.box
-        real[b.row0 - 1 : b.row1 - 1, b.col0 - 1 : b.col1 - 1] |= patch.component == 1
-    both = float((computed & real).sum())
-    found, exists = float(computed.sum()), float(real.sum())
-    error = (found - both) / found + (exists - both) / exists if found and exists else None
+    computed = zone_mask(zones, box)
+    real = room_to_land((safe == 1) & seen, maps.grid, parameters)
     called = maps.state == SAFE
     n_seen = max(1.0, float(seen.sum()))
     return {
-        "area_error": error,
+        "area_error": relative_area_error(
+            float(computed.sum()), float(real.sum()), float((computed & real).sum())
+        ),
         "unsafe_as_safe": float((called & (safe == 0)).sum()) / n_seen,
         "recall": float((called & (safe == 1)).sum()) / max(1.0, float((seen & (safe == 1)).sum())),
     }
+
+
+def relative_area_error(computed: float, truth: float, common: float) -> float | None:
+    """Return Eq. (20) of the SLZ paper from three areas; None where one of the first two is nothing."""
+    if not (computed and truth):
+        return None
+    return (computed - common) / computed + (truth - common) / truth
+
+
+def zone_mask(zones: tuple[Zone, ...], box: Box) -> NDArray[np.bool_]:
+    """Return the cells of a box that belong to a zone."""
+    out = np.zeros(box.shape, bool)
+    for zone in zones:
+        b = zone.box
+        part = out[b.row0 - box.row0 : b.row1 - box.row0, b.col0 - box.col0 : b.col1 - box.col0]
+        part |= zone.cells == 1
+    return out
+
+
+def room_to_land(safe: NDArray[np.bool_], grid: Grid, parameters: Parameters) -> NDArray[np.bool_]:
+    """Return the safe cells of patches that hold the safe square, as zones must."""
+    padded = np.pad(safe, 1).astype(np.uint8)
+    out = np.zeros(padded.shape, bool)
+    least = side_in_cells(parameters.min_square_m, grid)
+    for patch in search_components(padded, Box(0, padded.shape[0], 0, padded.shape[1]), least, 1):
+        out[patch.box.slices] |= patch.component == 1
+    return out[1:-1, 1:-1]

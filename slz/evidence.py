@@ -7,7 +7,7 @@ least `hold_s` of newer observations; ground not seen for `max_age_s` and ground
 unknown is not safe.
 
 A cell is *safe* when a vehicle whose footprint is centred on it stands on seen ground whose plane slopes
-less than the limit, its standard error included, and on which nothing rises or falls by the relief limit.
+less than the limit, three standard errors included, and on which nothing rises or falls by the relief limit.
 """
 
 from __future__ import annotations

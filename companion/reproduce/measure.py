@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.evaluation import relative_area_error, room_to_land, zone_mask
 from companion.reproduce.recording import Recording
 from params import Parameters
 from slz import SAFE, UNKNOWN, Box, Grid, TerrainMaps, Zone
-from slz.search import search_components, side_in_cells
 
 MARGIN_M = 3.0
 
@@ -36,11 +36,8 @@ class Scores:
 
     @property
     def area_error(self) -> float:
-        if not (self.computed_m2 and self.truth_m2):
-            return float("nan")
-        return (self.computed_m2 - self.common_m2) / self.computed_m2 + (
-            self.truth_m2 - self.common_m2
-        ) / self.truth_m2
+        error = relative_area_error(self.computed_m2, self.truth_m2, self.common_m2)
+        return float("nan") if error is None else error
 
 
 def compare(
@@ -92,23 +89,3 @@ class _Truth:
         held &= (self._row < raster.shape[0]) & (self._col < raster.shape[1])
         row, col = self._row.clip(0, raster.shape[0] - 1), self._col.clip(0, raster.shape[1] - 1)
         return np.where(held, raster[row, col], outside)
-
-
-def zone_mask(zones: tuple[Zone, ...], box: Box) -> Mask:
-    """Return the cells of a box that belong to a zone."""
-    out = np.zeros(box.shape, bool)
-    for zone in zones:
-        b = zone.box
-        part = out[b.row0 - box.row0 : b.row1 - box.row0, b.col0 - box.col0 : b.col1 - box.col0]
-        part |= zone.cells == 1
-    return out
-
-
-def room_to_land(safe: Mask, grid: Grid, parameters: Parameters) -> Mask:
-    """Return the safe cells of patches that hold the safe square, as zones must."""
-    padded = np.pad(safe, 1).astype(np.uint8)
-    out = np.zeros(padded.shape, bool)
-    least = side_in_cells(parameters.min_square_m, grid)
-    for patch in search_components(padded, Box(0, padded.shape[0], 0, padded.shape[1]), least, 1):
-        out[patch.box.slices] |= patch.component == 1
-    return out[1:-1, 1:-1]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.reproduce.measure import zone_mask
+from companion.evaluation import zone_mask
 from companion.reproduce.scenes import PAPER_AREA_ERROR, STADIUM_AT_1_M, Case, Outcome, run
 from slz import SAFE, Zone
 

@@ -9,8 +9,9 @@ import pytest
 
 import params
 from companion.errors import CompanionError, UsageError
+from companion.evaluation import room_to_land
 from companion.reproduce import page, run
-from companion.reproduce.measure import compare, room_to_land
+from companion.reproduce.measure import compare
 from companion.reproduce.planes import SlopeError, slope_errors
 from companion.reproduce.recording import Recording, Survey, fly
 from slz import Grid, Pipeline
