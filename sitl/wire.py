@@ -12,6 +12,7 @@ import os
 import socket
 import struct
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
@@ -86,7 +87,7 @@ class Outlet:
             return  # full or gone; `poll` notices the latter
 
 
-class Wire:
+class Wire(ABC):
     """Base of all wires: `poll` yields (peer, bytes) of what has arrived."""
 
     name = ""
@@ -94,11 +95,11 @@ class Wire:
     def __init__(self) -> None:
         self.peers: list[Peer] = []
 
-    def poll(self) -> list[tuple[Peer, bytes]]:
-        raise NotImplementedError
+    @abstractmethod
+    def poll(self) -> list[tuple[Peer, bytes]]: ...
 
-    def close(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def close(self) -> None: ...
 
 
 class UdpWire(Wire):
