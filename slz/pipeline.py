@@ -137,7 +137,7 @@ class Pipeline:
         self, points: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], terrain: EvidenceTerrain
     ) -> NDArray[np.float64]:
         """Return the points in the map's heights, after following the drift of the window's."""
-        points[:, 2] -= terrain.datum_m
+        points = points - np.array([0.0, 0.0, terrain.datum_m])
         most_m = self._parameters.register_m
         if most_m > 0 and np.isfinite(sensor_enu_m).all():
             found = offset(points, sensor_enu_m, terrain, most_m)
