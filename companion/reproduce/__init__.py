@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from companion import folder
 from companion.errors import UsageError
 from companion.figures import save_maps
 from companion.reproduce import page
@@ -36,15 +37,19 @@ def run(out: Path, progress: Callable[[str, float], None], only: str = "") -> di
         raise UsageError(f"--only {only!r}: there are {', '.join(case.name for case in CASES)}")
     outcomes: list[Outcome] = []
     pictures: list[tuple[str, list[Path]]] = []
+    folder.prepare(out)
     try:
-        out.mkdir(parents=True, exist_ok=True)
         progress("planes", 0.0)
         errors = slope_errors()
         for number, case in enumerate(cases):
             progress(case.name, number / len(cases))
             outcome, _ = run_case(case, out / "surveys")
-            folder = out / case.name.replace(" ", "_").replace(",", "")
-            drawn = save_maps(folder, outcome.maps, outcome.report.zones, outcome.parameters)
+            drawn = save_maps(
+                out / case.name.replace(" ", "_").replace(",", ""),
+                outcome.maps,
+                outcome.report.zones,
+                outcome.parameters,
+            )
             outcomes.append(outcome)
             pictures.append((case.name, list(drawn)))
         tables = [page.scene_table(outcomes), page.slope_table(errors)]
