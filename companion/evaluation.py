@@ -125,9 +125,8 @@ def zone_mask(zones: tuple[Zone, ...], box: Box) -> NDArray[np.bool_]:
 
 def room_to_land(safe: NDArray[np.bool_], grid: Grid, parameters: Parameters) -> NDArray[np.bool_]:
     """Return the safe cells of patches that hold the safe square, as zones must."""
-    padded = np.pad(safe, 1).astype(np.uint8)
-    out = np.zeros(padded.shape, bool)
+    out = np.zeros(safe.shape, bool)
     least = side_in_cells(parameters.min_square_m, grid)
-    for patch in search_components(padded, Box(0, padded.shape[0], 0, padded.shape[1]), least, 1):
+    for patch in search_components(safe.astype(np.uint8), Box(0, safe.shape[0], 0, safe.shape[1]), least, 1):
         out[patch.box.slices] |= patch.component == 1
-    return out[1:-1, 1:-1]
+    return out

@@ -83,6 +83,7 @@ class PipelineWorker:
                 continue
             self.invalid = False
             self.reports += 1
+            self._windower.window_s = report.choice.window_s
             self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
             self._on_report(report)
 

@@ -60,6 +60,28 @@ class Parameters(BaseModel):
     far_cell_m: Annotated[
         float, _in(0.5, 100), Spec("SLZ_FAR_CELL_M", "m", THESIS, "Side of a cell of the far map.")
     ] = 2.0
+    far_height_m: Annotated[
+        float,
+        _in(1, 10000),
+        Spec("SLZ_FAR_H_M", "m", OURS, "Height over ground above which far mode is active."),
+    ] = 40.0
+    far_speed_ms: Annotated[
+        float, _in(1, 500), Spec("SLZ_FAR_SPD", "m/s", OURS, "Ground speed above which far mode is active.")
+    ] = 12.0
+    adaptive: Annotated[
+        Literal["on", "off"],
+        Spec(
+            "SLZ_ADAPTIVE",
+            "",
+            OURS,
+            "Whether window and cells follow density, height and speed (default mode).",
+        ),
+    ] = "on"
+    memory_mb: Annotated[
+        float,
+        _in(16, 1_000_000),
+        Spec("SLZ_MEMORY_MB", "MiB", OURS, "Most memory for evidence of the ground (default mode)."),
+    ] = 512.0
     histogram_bins: Annotated[
         int, _in(10, 10000), Spec("SLZ_HIST_BINS", "", THESIS, "Bins of the vertical outlier histogram.")
     ] = 300
@@ -165,6 +187,11 @@ class Parameters(BaseModel):
         _in(0, 50),
         Spec("SLZ_TD_ERR_M", "m", OURS, "A landing point is safe when all cells this near to it are."),
     ] = 0.5
+    surround_m: Annotated[
+        float,
+        _in(1, 1000),
+        Spec("SLZ_SURR_M", "m", OURS, "How far around a landing point obstacles are listed."),
+    ] = 30.0
     max_zones: Annotated[
         int, _in(1, 10000), Spec("SLZ_MAX_ZONES", "", OURS, "Zones reported at most, best first.")
     ] = 64

@@ -1,28 +1,33 @@
 """Safe landing zones from LiDAR: windows of returns in, zones and landing points out."""
 
+from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point import PointState, SelectedPoint
 from slz.maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
 from slz.pipeline import Pipeline
-from slz.report import Report
+from slz.report import MapReport, Report
+from slz.surroundings import Obstacle, Surroundings
 from slz.window import Scan, Window, Windower, join
-from slz.zone import LandingPoint, Obstacle, Zone
+from slz.zone import LandingPoint, Zone
 
 __all__ = [
     "SAFE",
     "UNKNOWN",
     "UNSAFE",
     "Box",
+    "Choice",
     "Grid",
     "LandingPoint",
     "LocalFrame",
+    "MapReport",
     "Obstacle",
     "Pipeline",
     "PointState",
     "Report",
     "Scan",
     "SelectedPoint",
+    "Surroundings",
     "TerrainMaps",
     "Window",
     "Windower",

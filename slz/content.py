@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from params import Parameters
 from slz.boundary import without_collinear
@@ -12,12 +11,20 @@ from slz.grid import Box
 from slz.landing_point import Terrain, best_point
 from slz.maps import SAFE, UNKNOWN
 from slz.search import Candidate
-from slz.zone import Obstacle, Zone
+from slz.source_terrain import SourceTerrain
+from slz.surroundings import Obstacle, grouped
+from slz.zone import Zone
 
 MOST_OBSTACLES = 200
 
 
-def describe(candidate: Candidate, terrain: Terrain, parameters: Parameters, zone_id: int) -> Zone:
+def describe(
+    candidate: Candidate,
+    terrain: Terrain,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+    zone_id: int,
+) -> Zone:
     """Work out everything that is reported of a candidate.
 
     In source mode the zone is everything inside the contour, as in the paper; in default mode its safe cells.
@@ -29,7 +36,10 @@ def describe(candidate: Candidate, terrain: Terrain, parameters: Parameters, zon
     n_total = int(content.sum())
     n_safe = int((content & (state == SAFE)).sum())
     n_uncertain = int((content & (state == UNKNOWN)).sum())
-    certain = n_safe if parameters.certainty_rule == "safe" else n_total - n_uncertain
+    if isinstance(terrain, SourceTerrain):
+        certainty = (n_safe if parameters.certainty_rule == "safe" else n_total - n_uncertain) / n_total
+    else:
+        certainty = float(terrain.layer("certainty", box)[content].mean())
     cells = candidate.content if parameters.mode == "source" else candidate.component
     own = candidate.component == 1
     corners = without_collinear(candidate.boundary_cells)
@@ -38,7 +48,7 @@ def describe(candidate: Candidate, terrain: Terrain, parameters: Parameters, zon
         box=box,
         cells=cells,
         area_m2=float(cells.sum()) * grid.cell_m**2,
-        certainty=certain / n_total,
+        certainty=certainty,
         n_safe=n_safe,
         n_unsafe=n_total - n_safe - n_uncertain,
         n_uncertain=n_uncertain,
@@ -47,7 +57,7 @@ def describe(candidate: Candidate, terrain: Terrain, parameters: Parameters, zon
         boundary_cells=candidate.boundary_cells,
         corners_enu_m=_with_heights(corners, terrain),
         obstacles=_obstacles(content & ~own, own, terrain, box),
-        best=best_point(candidate, terrain, parameters),
+        best=best_point(candidate, terrain, sensor_enu_m, parameters),
     )
 
 
@@ -68,24 +78,14 @@ def _with_heights(cells: NDArray[np.int32], terrain: Terrain) -> NDArray[np.floa
 def _obstacles(
     holes: NDArray[np.bool_], own: NDArray[np.bool_], terrain: Terrain, box: Box
 ) -> tuple[Obstacle, ...]:
-    """Group the measured unsafe cells inside a contour; each group is an obstacle with its highest return."""
-    height = terrain.layer("height_m", box)
-    top = terrain.layer("top_m", box)
+    """Group the measured unsafe cells inside a contour; their height is over the zone around them."""
+    height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
     top = np.where(np.isnan(top), height, top)
-    label, count = ndimage.label(holes & np.isfinite(height), np.ones((3, 3)))
-    found = []
-    for number, where in enumerate(ndimage.find_objects(label)[:MOST_OBSTACLES], start=1):
-        group = label[where] == number
-        around = tuple(slice(max(0, s.start - 3), s.stop + 3) for s in where)
-        level = height[around][own[around] & np.isfinite(height[around])]
-        highest = np.where(group, top[where], -np.inf)
-        row, col = np.unravel_index(int(np.argmax(highest)), highest.shape)
-        east, north = terrain.grid.centre(
-            int(row) + where[0].start + box.row0, int(col) + where[1].start + box.col0
-        )
-        top_m = float(highest[row, col])
-        base = float(np.median(level)) if len(level) else float("nan")
-        width = float(np.sqrt(group.sum())) * terrain.grid.cell_m
-        found.append(Obstacle(east, north, top_m, top_m - base, width))
-    del count
-    return tuple(found)
+    ground = own & np.isfinite(height)
+
+    def level(place: Box, row: int, col: int) -> float:
+        around = tuple(slice(max(0, s.start - 3), s.stop + 3) for s in place.slices)
+        heights = height[around][ground[around]]
+        return float(np.median(heights)) if len(heights) else float("nan")
+
+    return grouped(holes & np.isfinite(height), top, level, terrain.grid, box, MOST_OBSTACLES)

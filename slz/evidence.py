@@ -8,117 +8,175 @@ unknown is not safe.
 
 A cell is *safe* when a vehicle whose footprint is centred on it stands on seen ground whose plane slopes
 less than the limit, three standard errors included, and on which nothing rises or falls by the relief limit.
+
+Evidence is kept at the finest cells. The maps may be drawn at any level of a pyramid: cells of level k are
+2^k times as wide, and their evidence is that of all their returns.
 """
 
 from __future__ import annotations
 
+import copy
+import functools
 import math
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from params import Parameters
-from slz.grid import Box, Grid, overlap
+from slz.certainty import certainty
+from slz.grid import Box, Grid
 from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, highest_around, planes, summarise
-from slz.kernels.scatter import box_of, gather_evidence
+from slz.kernels.pyramid import coarser
 from slz.maps import SAFE, UNKNOWN, UNSAFE
+from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
 SIGMAS = 3.0  # standard errors that the slope keeps from its limit
-LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness")
-_UNTOUCHED, _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in range(4))  # zero, so that pages stay unmapped
+LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
+BLOCK = 256  # cells along the side of what is drawn at a time
+MIB = 2.0**20
+_UNTOUCHED, _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in range(4))
 _STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
 
 
 class EvidenceTerrain:
-    """Evidence and the maps drawn from it over one zone; pages of untouched ground take no memory."""
+    """A window of the evidence, and the maps drawn from it at one level of the pyramid.
 
-    def __init__(self, grid: Grid, parameters: Parameters) -> None:
+    Parameters
+    ----------
+    grid
+        The window, in cells of the level.
+    tiles
+        Evidence to draw from; by default new, with the south-west corner of the grid as its origin.
+    level
+        Level of the pyramid.
+    """
+
+    def __init__(
+        self, grid: Grid, parameters: Parameters, tiles: Tiles | None = None, level: int = 0
+    ) -> None:
+        if tiles is None:
+            tiles = Tiles(grid.west_m, grid.south_m, grid.cell_m, parameters.memory_mb * MIB)
+        self.tiles = tiles
+        self.level = level
         self.grid = grid
+        self.pinned: frozenset[Key] = frozenset()
         self._parameters = parameters
-        shape = grid.rows, grid.cols
-        # One cache line a cell: current and previous epoch of 8 float32 (slz.kernels.scatter).
-        self.evidence = np.zeros((*shape, 2, 8), np.float32)
-        self._layers = {name: np.zeros(shape, np.float32) for name in LAYERS}
-        self._verdict = np.zeros(shape, np.uint8)
-        self.safe = np.zeros(shape, np.uint8)
-        self.seen = Box(0, 0, 0, 0)
-        self.datum_m = 0.0
-        """Height of the map's zero: heights are kept without it and given out with it."""
-        self._epoch_s: float | None = None
+        self._maps = TiledLayers(len(LAYERS), np.float32)
+        self._verdict = TiledLayers(1, np.uint8)
+        self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
         half = parameters.footprint_m / 2 / grid.cell_m
         self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
         self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
         self._margin = self.radius + 4 * self._gap + 2  # how far one cell's evidence can matter
 
-    def add(
-        self,
-        points_enu_m: NDArray[np.float64],
-        sensor_enu_m: NDArray[np.float64],
-        low_m: float,
-        high_m: float,
-        stamp_s: float,
-    ) -> Box:
-        """Add one window of points whose height lies in the interval; return the box that changed."""
-        grid, p = self.grid, self._parameters
-        if self._epoch_s is None:
-            self._epoch_s = stamp_s
-        now_s = stamp_s - self._epoch_s
-        r0, r1, c0, c1, inside = box_of(
-            points_enu_m, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, low_m, high_m
-        )
-        touched = Box(int(r0), int(r1), int(c0), int(c1)) if inside else Box(0, 0, 0, 0)
-        if inside:
-            gather_evidence(
-                points_enu_m,
-                sensor_enu_m,
-                p.range_noise_m,
-                math.radians(p.angle_noise_deg),
-                grid.west_m,
-                grid.south_m,
-                grid.cell_m,
-                low_m,
-                high_m,
-                now_s,
-                p.hold_s,
-                self.evidence,
-            )
-            self.seen = self.seen.union(touched)
-        changed = touched.grown(self._margin, grid) if inside else touched
-        if now_s - self._aged_s > p.max_age_s / 10:
-            self._aged_s, changed = now_s, self.seen.grown(self._margin, grid)
-        if not changed.empty:
-            self._redraw(changed, now_s)
-        return changed
+    # ---- boxes: of the window, and of all ground (counted from the tiles' corner) ---------------
 
-    def _redraw(self, box: Box, now_s: float) -> None:
-        """Draw the maps of a box anew from the evidence of the box and its surroundings."""
-        p, grid = self._parameters, self.grid
-        wide = box.grown(self._margin, grid)
-        cells = summarise(self.evidence[wide.slices], now_s, p.max_age_s)
+    @property
+    def _corner(self) -> tuple[int, int]:
+        west, south, cell = self.tiles.west_m, self.tiles.south_m, self.grid.cell_m
+        return round((self.grid.south_m - south) / cell), round((self.grid.west_m - west) / cell)
+
+    def _everywhere(self, box: Box) -> Box:
+        row, col = self._corner
+        return Box(box.row0 + row, box.row1 + row, box.col0 + col, box.col1 + col)
+
+    @property
+    def seen(self) -> Box:
+        """Box of the window that holds all ground drawn in it."""
+        row, col = self._corner
+        s = self._seen
+        box = Box(
+            max(0, s.row0 - row),
+            min(self.grid.rows, s.row1 - row),
+            max(0, s.col0 - col),
+            min(self.grid.cols, s.col1 - col),
+        )
+        return Box(0, 0, 0, 0) if box.empty else box
+
+    # ---- evidence in ----------------------------------------------------------------------------
+
+    def add(
+        self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], stamp_s: float
+    ) -> Change:
+        """Add one window of points, in the map's heights (`tiles.datum_m`), and draw what it changed.
+
+        Points beyond the window's edges are passed over. When the budget of tiles is used, the ground not
+        seen for longest is given up; where none can be, points are dropped and counted.
+        """
+        p, now_s = self._parameters, self.tiles.now_s(stamp_s)
+        change = self.tiles.add(
+            points_enu_m,
+            sensor_enu_m,
+            Noise(p.range_noise_m, math.radians(p.angle_noise_deg)),
+            _scaled(self._everywhere(self.grid.everything), self.level),
+            now_s,
+            p.hold_s,
+            self.pinned,
+        )
+        for box in change.boxes:
+            self._seen = self._seen.union(_widened(box, self.level, 0))
+        changed = list(change.boxes) + [box_of_tile(key) for key in change.evicted]
+        if now_s - self._aged_s > p.max_age_s / 10:
+            self._aged_s = now_s
+            changed += self.tiles.boxes
+        self._draw_all(changed, now_s)
+        if self.level == 0:
+            for key in change.evicted:
+                self._maps.drop(key)
+                self._verdict.drop(key)
+        return change
+
+    def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
+        """Keep the tiles around a point whatever the budget, those that decide on it included."""
+        if enu_m is None:
+            self.pinned = frozenset()
+            return
+        fine_m = self.tiles.cell_m
+        reach = self._margin * 2**self.level + math.ceil(around_m / fine_m) + 1
+        row = math.floor((enu_m[1] - self.tiles.south_m) / fine_m)
+        col = math.floor((enu_m[0] - self.tiles.west_m) / fine_m)
+        near = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
+        self.pinned = frozenset(self.tiles.keys_over(near))
+
+    # ---- maps out -------------------------------------------------------------------------------
+
+    def _draw_all(self, fine: Iterable[Box], now_s: float) -> None:
+        """Draw anew all that evidence of these boxes of finest cells can change."""
+        for box in _regions(_widened(box, self.level, self._margin) for box in fine):
+            self._draw(box, now_s)
+
+    def _cells(self, box: Box, now_s: float) -> NDArray[np.float32]:
+        evidence = self.tiles.read(_scaled(box, self.level))
+        max_age_s = self._parameters.max_age_s
+        for _ in range(self.level):
+            evidence = coarser(evidence, now_s, max_age_s)
+        return summarise(evidence, now_s, max_age_s)
+
+    def _draw(self, box: Box, now_s: float) -> None:
+        """Draw the maps of a box from the evidence of the box and its surroundings."""
+        p, m = self._parameters, self._margin
+        cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m), now_s)
         known = cells[WEIGHT] > 0
         covered = closed(known.astype(np.uint8), self._gap)
-        fits = planes(cells, covered, self.radius, grid.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
+        cell_m = self.grid.cell_m
+        fits = planes(cells, covered, self.radius, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
         unseen = self._unseen(known, cells[HEIGHT])
-        inner = (
-            slice(box.row0 - wide.row0, box.row1 - wide.row0),
-            slice(box.col0 - wide.col0, box.col1 - wide.col0),
-        )
-        slope, sigma, relief, rms = (fits[i][inner] for i in range(4))
+        inner = slice(m, m + box.shape[0]), slice(m, m + box.shape[1])
+        slope, sigma, relief, rms, noise = (fit[inner] for fit in fits)
         gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
         even = gentle & (relief < np.float32(p.relief_m))
         safe = even & ~unseen[inner]
         unknown = np.isnan(slope) | (even & ~safe)
-        for fit in (slope, sigma, relief, rms):
+        for fit in (slope, sigma, relief, rms, noise):
             fit[unknown] = np.nan
-        values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms)
-        for name, value in zip(LAYERS, values, strict=True):
-            self._layers[name][box.slices] = value
-        self._verdict[box.slices] = np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))
-        self.safe[box.slices] = safe
-        self._close_edges()
+        sure = certainty(slope, sigma, relief, noise, unseen[inner], p)
+        values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure)
+        self._maps.write(box, np.stack(values))
+        self._verdict.write(box, np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))[None])
 
     def _unseen(self, known: NDArray[np.bool_], height_m: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Tell which footprints hold unseen ground.
@@ -133,35 +191,80 @@ class EvidenceTerrain:
         whole = ndimage.binary_erosion(seen, np.ones((3, 3), bool), border_value=1)
         return np.asarray(highest_around((~whole).astype(np.float32), self.radius) > 0)
 
-    def _close_edges(self) -> None:
-        """Keep the unsafe margin around the map that tracing needs (SLZ paper §3.3.1)."""
-        for edge in (self.safe[0], self.safe[-1], self.safe[:, 0], self.safe[:, -1]):
-            edge[:] = 0
-
     def moved(self, grid: Grid) -> EvidenceTerrain:
-        """Return the terrain of a new zone with the evidence of the common part (SLZ paper §3.2.5)."""
-        new = EvidenceTerrain(grid, self._parameters)
-        mine, theirs = overlap(self.grid, grid)
-        new._epoch_s, new._aged_s, new.datum_m = self._epoch_s, self._aged_s, self.datum_m
-        if not mine.empty:
-            new.evidence[theirs.slices] = self.evidence[mine.slices]
-            new._verdict[theirs.slices] = self._verdict[mine.slices]
-            new.safe[theirs.slices] = self.safe[mine.slices]
-            for name, layer in self._layers.items():
-                new._layers[name][theirs.slices] = layer[mine.slices]
-            new._close_edges()
-            new.seen = theirs
+        """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""
+        new = copy.copy(self)
+        new.grid = grid
         return new
+
+    def at_level(self, level: int) -> EvidenceTerrain:
+        """Return a window onto the same evidence that covers this one, drawn at another level."""
+        whole = _scaled(self._everywhere(self.grid.everything), self.level)
+        cell_m = self.tiles.cell_m * 2**level
+        row0, col0 = whole.row0 >> level, whole.col0 >> level
+        rows, cols = -(-whole.row1 >> level) - row0, -(-whole.col1 >> level) - col0
+        west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
+        new = EvidenceTerrain(Grid(west_m, south_m, cell_m, rows, cols), self._parameters, self.tiles, level)
+        new.pinned, new._aged_s = self.pinned, self._aged_s
+        new._seen = _widened(_scaled(self._seen, self.level), level, 0)
+        new._draw_all(self.tiles.boxes, self.tiles.latest_s)
+        return new
+
+    def safe(self, box: Box) -> NDArray[np.uint8]:
+        """Return 1 for the safe cells of a box, else 0."""
+        return np.asarray(self._verdict.read(self._everywhere(box)) == _SAFE, np.uint8)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
-        return np.asarray(_STATE[self._verdict[box.slices]])
+        return np.asarray(_STATE[self._verdict.read(self._everywhere(box))])
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.
 
-        The relief is NaN also where the slope alone makes the cell unsafe.
+        The relief is NaN also where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
-        drawn = self._verdict[box.slices] != _UNTOUCHED
-        datum = np.float32(self.datum_m if name in HEIGHTS else 0.0)
-        return np.where(drawn, self._layers[name][box.slices] + datum, np.float32(np.nan))
+        box = self._everywhere(box)
+        values = self._maps.read(box, LAYERS.index(name))
+        if name == "certainty":
+            return values
+        drawn = self._verdict.read(box) != _UNTOUCHED
+        datum = np.float32(self.tiles.datum_m if name in HEIGHTS else 0.0)
+        return np.where(drawn, values + datum, np.float32(np.nan))
+
+
+def _scaled(box: Box, level: int) -> Box:
+    """Return a box of cells of a level in finest cells."""
+    return Box(box.row0 << level, box.row1 << level, box.col0 << level, box.col1 << level)
+
+
+def _widened(fine: Box, level: int, margin: int) -> Box:
+    """Return the cells of a level that a box of finest cells touches, with a margin."""
+    if fine.empty:
+        return fine
+    return Box(
+        (fine.row0 >> level) - margin,
+        ((fine.row1 - 1) >> level) + 1 + margin,
+        (fine.col0 >> level) - margin,
+        ((fine.col1 - 1) >> level) + 1 + margin,
+    )
+
+
+def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
+    """Cover boxes with few that do not overlap, none longer than `BLOCK`."""
+    boxes = [box for box in boxes if not box.empty]
+    whole = functools.reduce(Box.union, boxes, Box(0, 0, 0, 0))
+    if max(whole.shape) <= BLOCK:
+        yield from [] if whole.empty else [whole]
+        return
+    parts: dict[Key, Box] = {}
+    for box in boxes:
+        for row in range(box.row0 // BLOCK, (box.row1 - 1) // BLOCK + 1):
+            for col in range(box.col0 // BLOCK, (box.col1 - 1) // BLOCK + 1):
+                part = Box(
+                    max(box.row0, row * BLOCK),
+                    min(box.row1, (row + 1) * BLOCK),
+                    max(box.col0, col * BLOCK),
+                    min(box.col1, (col + 1) * BLOCK),
+                )
+                parts[row, col] = part.union(parts.get((row, col), Box(0, 0, 0, 0)))
+    yield from parts.values()

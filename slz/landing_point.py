@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, special
+from scipy import ndimage
 
 from params import Parameters
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box
+from slz.maps import SAFE, UNSAFE
 from slz.search import Candidate
 from slz.source_terrain import SourceTerrain
+from slz.surroundings import Surroundings, grouped, horizon_at
 from slz.zone import LandingPoint
 
 Terrain = EvidenceTerrain | SourceTerrain
+Judge = Literal["near", "far", "none"]
+MOST_OBSTACLES = 64
+BULGE = 0.02  # how much ground rises over its plane, per metre of distance
 
 
 class PointState(Enum):
@@ -31,98 +38,201 @@ class PointState(Enum):
 class SelectedPoint:
     """State of the selected landing point after a window.
 
-    in_map is False when the vehicle's map has left the point behind; the state is then the last one known
-    (SLZ thesis §4.3.2.2). height_m is the ground's height at the point, NaN where unknown.
+    judged_by: which map decided; "none" when neither has it, and the state is then the last one known (SLZ
+    thesis §4.3.2.2), unknown if there was none. height_m is the ground's height at the point. slope_deg,
+    relief_m, certainty are those of the footprint at it; NaN where unknown. surroundings: None where nothing
+    is known.
     """
 
     enu_m: NDArray[np.float64]
     state: PointState
-    in_map: bool
+    judged_by: Judge
     height_m: float
     slope_deg: float
     relief_m: float
+    certainty: float
     zone_id: int | None
+    surroundings: Surroundings | None
+
+    @property
+    def in_map(self) -> bool:
+        """Whether a map still covers the point."""
+        return self.judged_by != "none"
 
 
-def best_point(candidate: Candidate, terrain: Terrain, parameters: Parameters) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone; of equals the least steep."""
-    grid, box = terrain.grid, candidate.box
-    padded = np.pad(candidate.component, 1)
-    distance = ndimage.distance_transform_edt(padded)[1:-1, 1:-1]
-    slope = terrain.layer("slope_deg", box)
-    widest = float(distance.max())
-    score = np.where(distance >= widest - 0.5, -np.nan_to_num(slope, nan=90.0), -np.inf)
-    row, col = np.unravel_index(int(np.argmax(score)), score.shape)
-    east, north = grid.centre(int(row) + box.row0, int(col) + box.col0)
-    cell = Box(int(row) + box.row0, int(row) + box.row0 + 1, int(col) + box.col0, int(col) + box.col0 + 1)
-    return LandingPoint(
-        enu_m=np.array([east, north, ground_m(terrain, cell)]),
-        clearance_m=(float(distance[row, col]) - 0.5) * grid.cell_m,
-        square_side_m=candidate.square_side * grid.cell_m,
-        slope_deg=float(slope[row, col]),
-        certainty=certainty_at(terrain, cell, parameters),
-    )
+def best_point(
+    candidate: Candidate, terrain: Terrain, sensor_enu_m: NDArray[np.float64], parameters: Parameters
+) -> LandingPoint:
+    """Return the point of a zone farthest from everything that is not the zone.
 
-
-def certainty_at(terrain: Terrain, cell: Box, parameters: Parameters) -> float:
-    """Return the probability that slope and relief of the footprint at a cell are within their limits.
-
-    Both are taken as normally distributed: the slope about the fitted one with its standard error, the
-    relief with the noise of the two returns that span it. In source mode the sources know no such thing
-    and the cell's own safety is returned.
+    Of points whose clearance differs by less than half a cell the most certain, then the least steep, then
+    the nearest to the vehicle is taken.
     """
-    if isinstance(terrain, SourceTerrain):
-        return float(terrain.safe[cell.row0, cell.col0])
-    slope, sigma, relief = (
-        float(terrain.layer(name, cell)[0, 0]) for name in ("slope_deg", "slope_sigma_deg", "relief_m")
+    grid, box = terrain.grid, candidate.box
+    distance = ndimage.distance_transform_edt(np.pad(candidate.component, 1))[1:-1, 1:-1]
+    widest = np.argwhere(distance >= float(distance.max()) - 0.5)
+    rows, cols = widest[:, 0], widest[:, 1]
+    slope = np.nan_to_num(terrain.layer("slope_deg", box)[rows, cols], nan=90.0)
+    sure = terrain.layer("certainty", box)[rows, cols]
+    centres = grid.centres(widest + np.array([box.row0, box.col0]))
+    way = np.nan_to_num(np.hypot(*(centres - sensor_enu_m[:2]).T))
+    first = np.lexsort((way // grid.cell_m, np.round(slope, 1), -np.round(sure, 3)))[0]
+    row, col = int(rows[first]) + box.row0, int(cols[first]) + box.col0
+    cell = Box(row, row + 1, col, col + 1)
+    enu_m = np.array([*centres[first], ground_m(terrain, cell)])
+    return LandingPoint(
+        enu_m=enu_m,
+        clearance_m=(float(distance[rows[first], cols[first]]) - 0.5) * grid.cell_m,
+        square_side_m=candidate.square_side * grid.cell_m,
+        slope_deg=float(slope[first]),
+        certainty=float(sure[first]),
+        horizon_deg=_horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        distance_m=float(np.hypot(*(enu_m[:2] - sensor_enu_m[:2]))),
     )
-    if not np.isfinite([slope, sigma, relief]).all():
-        return 0.0
-    spread_m = max(parameters.range_noise_m, 1e-3) * np.sqrt(2)
-    within_slope = special.ndtr((parameters.safe_slope_deg - slope) / max(sigma, 1e-3))
-    within_relief = special.ndtr((parameters.relief_m - relief) / spread_m)
-    return float(within_slope * within_relief)
 
 
 def ground_m(terrain: Terrain, cell: Box) -> float:
     """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
     for radius in range(4):
-        heights = terrain.layer("height_m", cell.grown(radius, terrain.grid))
+        heights = terrain.layer("height_m", _around(cell, radius, terrain))
         if np.isfinite(heights).any():
             return float(np.nanmedian(heights))
     return float("nan")
 
 
 def judge(
-    enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters, before: SelectedPoint | None
+    enu_m: NDArray[np.float64],
+    near: Terrain,
+    far: Terrain | None,
+    parameters: Parameters,
+    before: SelectedPoint | None,
 ) -> SelectedPoint:
     """Judge a selected point anew: it is safe only when every cell within the touchdown error is safe.
 
-    A point that the map has left behind keeps its last state; one never mapped is unknown.
+    Where the near map has it, that one decides, else the far map (SLZ thesis §4.3.2.3). A source-mode map has
+    what lies in its window, and a point that both windows left behind keeps its last state (§4.3.2.2). Else a
+    map has what was measured there and has not aged; the tiles of the point are kept, so its state survives
+    too, but not for ever.
     """
-    grid = terrain.grid
-    row, col = grid.index(float(enu_m[0]), float(enu_m[1]))
-    if not grid.holds(row, col):
-        kept = before.state if before is not None else PointState.UNKNOWN
-        nan = float("nan")
-        height = before.height_m if before is not None else nan
-        return SelectedPoint(enu_m, kept, False, height, nan, nan, None)
-    reach = 0
-    if isinstance(terrain, EvidenceTerrain):
-        reach = round(parameters.touchdown_error_m / grid.cell_m)
-    cell = Box(row, row + 1, col, col + 1)
-    state = terrain.state(cell.grown(reach, grid))
-    verdict = PointState.UNKNOWN
-    if (state == 1).all():
-        verdict = PointState.SAFE
-    elif (state == 0).any():
-        verdict = PointState.UNSAFE
-    return SelectedPoint(
-        enu_m=enu_m,
-        state=verdict,
-        in_map=True,
-        height_m=ground_m(terrain, cell),
-        slope_deg=float(terrain.layer("slope_deg", cell)[0, 0]),
-        relief_m=float(terrain.layer("relief_m", cell)[0, 0]),
-        zone_id=None,
-    )
+    maps: tuple[tuple[Judge, Terrain | None], ...] = (("near", near), ("far", far))
+    for name, terrain in maps:
+        if terrain is None:
+            continue
+        cell = _cell(enu_m, terrain)
+        state = _state(cell, terrain, parameters)
+        if state is not None:
+            return SelectedPoint(
+                enu_m=enu_m,
+                state=state,
+                judged_by=name,
+                height_m=ground_m(terrain, cell),
+                slope_deg=float(terrain.layer("slope_deg", cell)[0, 0]),
+                relief_m=float(terrain.layer("relief_m", cell)[0, 0]),
+                certainty=float(terrain.layer("certainty", cell)[0, 0]),
+                zone_id=None,
+                surroundings=surroundings(enu_m, terrain, parameters),
+            )
+    if before is None or isinstance(near, EvidenceTerrain):
+        nan, height_m = float("nan"), float("nan") if before is None else before.height_m
+        return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
+    return replace(before, judged_by="none", zone_id=None)
+
+
+def _cell(enu_m: NDArray[np.float64], terrain: Terrain) -> Box:
+    row, col = terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
+    return Box(row, row + 1, col, col + 1)
+
+
+def _around(cell: Box, reach: int, terrain: Terrain) -> Box:
+    """Return a box about a cell; evidence lies outside its window too."""
+    if isinstance(terrain, SourceTerrain):
+        return cell.grown(reach, terrain.grid)
+    return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
+
+
+def _state(cell: Box, terrain: Terrain, parameters: Parameters) -> PointState | None:
+    """Return what a map says of a point, None where it does not have it."""
+    if isinstance(terrain, SourceTerrain):
+        if not terrain.grid.holds(cell.row0, cell.col0):
+            return None
+        return PointState.SAFE if terrain.state(cell)[0, 0] == SAFE else PointState.UNSAFE
+    reach = round(parameters.touchdown_error_m / terrain.grid.cell_m)
+    state = terrain.state(_around(cell, reach, terrain))
+    if (state == SAFE).all():
+        return PointState.SAFE
+    if (state == UNSAFE).any():
+        return PointState.UNSAFE
+    return PointState.UNKNOWN if (state == SAFE).any() else None
+
+
+def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> Surroundings:
+    """Return what stands within `surround_m` of a point, over the plane of the ground about it.
+
+    The ground is what is safe and joined to the point's own cell, or all that is safe where that one is not.
+    An obstacle is what rises over the plane by more than the relief limit and 2 % of the distance.
+    """
+    grid, reach = terrain.grid, math.ceil(parameters.surround_m / terrain.grid.cell_m)
+    cell = _cell(enu_m, terrain)
+    box = _around(cell, reach, terrain)
+    top = _tops(terrain, box)
+    rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
+    north, east = (rows - cell.row0) * grid.cell_m, (cols - cell.col0) * grid.cell_m
+    distance = np.hypot(east, north)
+    plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), enu_m[2])
+    raised = (top - plane > parameters.relief_m + BULGE * distance) & (distance <= parameters.surround_m)
+
+    def ground(_: Box, row: int, col: int) -> float:
+        return float(plane[row, col])
+
+    found = grouped(raised, top, ground, grid, box, MOST_OBSTACLES)
+    nearest = sorted(found, key=lambda obstacle: obstacle.distance_m(enu_m))
+    here = np.array([enu_m[0], enu_m[1], plane[cell.row0 - box.row0, cell.col0 - box.col0]])
+    half_m = parameters.footprint_m / 2
+    view = horizon_at(here, top, grid, box, half_m, parameters.surround_m)
+    return Surroundings(parameters.surround_m, tuple(nearest), view)
+
+
+def _tops(terrain: Terrain, box: Box) -> NDArray[np.float32]:
+    height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
+    return np.where(np.isnan(top), height, top)
+
+
+def _own_ground(terrain: Terrain, box: Box, cell: Box) -> NDArray[np.bool_]:
+    safe = terrain.state(box) == SAFE
+    label, _ = ndimage.label(safe, np.ones((3, 3)))
+    own = label[cell.row0 - box.row0, cell.col0 - box.col0]
+    return np.asarray(label == own) if own else safe
+
+
+def _plane(
+    east: NDArray[np.float64],
+    north: NDArray[np.float64],
+    height: NDArray[np.float32],
+    ground: NDArray[np.bool_],
+    level_m: float,
+) -> NDArray[np.float64]:
+    """Return the plane through the ground, or the level where there is too little ground for one."""
+    use = ground & np.isfinite(height)
+    if int(use.sum()) < 30:
+        return np.full(height.shape, level_m)
+    design = np.column_stack([np.ones(int(use.sum())), east[use], north[use]])
+    fit = np.linalg.lstsq(design, height[use].astype(np.float64), rcond=None)[0]
+    return np.asarray(fit[0] + fit[1] * east + fit[2] * north)
+
+
+def _horizon_towards(
+    enu_m: NDArray[np.float64],
+    sensor_enu_m: NDArray[np.float64],
+    terrain: Terrain,
+    parameters: Parameters,
+) -> float:
+    """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
+    if not np.isfinite(enu_m).all() or not np.isfinite(sensor_enu_m).all():
+        return float("nan")
+    box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
+    half_m = parameters.footprint_m / 2
+    view = horizon_at(enu_m, _tops(terrain, box), terrain.grid, box, half_m, parameters.surround_m)
+    east, north = sensor_enu_m[:2] - enu_m[:2]
+    sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
+    ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]
+    return float(np.nanmax(ahead)) if np.isfinite(ahead).any() else float("nan")

@@ -17,9 +17,11 @@ UNSAFE, SAFE, UNKNOWN = np.uint8(0), np.uint8(1), np.uint8(255)
 class TerrainMaps:
     """Copies of the maps over a box of the grid; row 0 is the southernmost. NaN where unknown.
 
-    height_m: DSM, up in the map frame. slope_deg. roughness: in source mode the gradient of the slope map
-    (degrees), in default mode the rms residual about the footprint's plane (m). relief_m: peak to peak about
-    that plane (default mode only, else NaN). state: 0 unsafe, 1 safe, 255 unknown.
+    height_m: DSM, up in the map frame. slope_deg, and slope_sigma_deg, its standard error (default mode
+    only). roughness: in source mode the gradient of the slope map (degrees), in default mode the rms residual
+    about the footprint's plane (m). relief_m: peak to peak about that plane (default mode only). certainty:
+    probability that the whole footprint is safe, 0 where unknown; in source mode 1 or 0. state: 0 unsafe, 1
+    safe, 255 unknown.
     """
 
     frame: LocalFrame
@@ -27,8 +29,10 @@ class TerrainMaps:
     box: Box
     height_m: NDArray[np.float32]
     slope_deg: NDArray[np.float32]
+    slope_sigma_deg: NDArray[np.float32]
     roughness: NDArray[np.float32]
     relief_m: NDArray[np.float32]
+    certainty: NDArray[np.float32]
     state: NDArray[np.uint8]
 
     @property

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
-from collections.abc import Iterator
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.content import describe
+from slz.adaptive import Adapter
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
-from slz.grid import Box, Grid
-from slz.landing_point import SelectedPoint, Terrain, judge
+from slz.grid import Box
+from slz.landing_point import SelectedPoint, judge
 from slz.maps import TerrainMaps
 from slz.outliers import gap_interval, histogram_interval, in_company
 from slz.registration import offset
-from slz.repeat import RepeatFilter, ZoneTracker
-from slz.report import Report
-from slz.search import Candidate, search_components, search_source, side_in_cells
-from slz.source_terrain import SourceTerrain
+from slz.report import MapReport, Report
 from slz.window import Window
-from slz.zone import Zone
+from slz.zone_map import ZoneMap, far_parameters
+
+Points = NDArray[np.float64]
 
 
 class Pipeline:
@@ -42,47 +42,57 @@ class Pipeline:
 
     def __init__(self, parameters: Parameters, centre_enu_m: tuple[float, float] | None = None) -> None:
         self._parameters = parameters
+        self._far_parameters = far_parameters(parameters)
         self._centre = centre_enu_m
-        self._reach_m = reach_m(parameters)
         self._source = parameters.mode == "source"
-        self._terrain: Terrain | None = None
         self._frame: LocalFrame | None = None
-        self._names = self._new_names()
+        self._near: ZoneMap | None = None
+        self._far: ZoneMap | None = None
+        self._adapter = Adapter(parameters)
         self._selected: SelectedPoint | None = None
 
     def process(self, window: Window) -> Report:
-        """Run every stage on one window and report the zones of the total map.
+        """Run every stage on one window and report the zones of the total maps.
 
         Non-finite points, points beyond `reach_m` of the sensor and lone points are dropped and show as the
         difference of n_points and n_used.
         """
         clock = _Stages()
         sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
-        points = self._usable(window, sensor)
-        low, high = self._interval(points[:, 2])
-        points = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
+        points = self._without_outliers(window, sensor)
         clock.lap("outliers")
-        terrain, new_map = self._zone_for(points, window)
-        clock.lap("zone")
-        if isinstance(terrain, EvidenceTerrain):
-            points = self._registered(points, sensor, terrain)
-            low, high = -np.inf, np.inf  # those outside are gone
-            clock.lap("registration")
-        terrain.add(points, sensor, low, high, window.end_ns * 1e-9)
+        near, far = self._maps_for(points, window)
+        used = within(points, sensor, reach_m(self._parameters))
+        choice = self._adapter.look(window, points[used])
+        far.at_level(choice.level)
+        clock.lap("choice")
+        points = self._registered(points, used, sensor, near)
+        clock.lap("registration")
+        stamp_s = window.end_ns * 1e-9
+        moved = False
+        if not (self._source and choice.far):
+            moved = near.add(points[used], sensor, stamp_s)
+        if not self._source or choice.far:
+            far.add(points, sensor, stamp_s, near.tiles)
         clock.lap("terrain")
-        zones = self._names.update(self._search(terrain), terrain.grid, self._describe)
+        near.find(sensor)
+        far.find(sensor)
         clock.lap("zones")
-        self._selected = self._judge_selected(terrain, zones)
+        self._selected = self._judge_selected(near, far)
         clock.lap("landing_point")
         return Report(
             stamp_ns=window.end_ns,
             frame=window.frame,
-            grid=terrain.grid,
-            zones=tuple(self._ranked(zones)),
+            near=MapReport(near.terrain.grid, near.zones),
+            far=MapReport(far.terrain.grid, far.zones),
+            choice=choice,
             selected=self._selected,
             n_points=len(window),
-            n_used=len(points),
-            new_map=new_map,
+            n_used=int(used.sum()),
+            new_map=moved,
+            n_without_tile=near.n_without_tile,
+            n_evicted=near.n_evicted,
+            source=self._source,
             stage_ms=clock.ms,
         )
 
@@ -90,17 +100,32 @@ class Pipeline:
         """Keep a landing point under watch, or none; the next report says whether it is safe."""
         if enu_m is None:
             self._selected = None
+            self._pin(None)
             return
         point = np.asarray(enu_m, np.float64)
         if point.shape != (3,) or not np.isfinite(point[:2]).all():
             raise ValueError(f"a landing point is three numbers, east and north finite, not {enu_m!r}")
-        if self._terrain is not None:
-            self._selected = judge(point, self._terrain, self._parameters, None)
+        if self._near is not None and self._far is not None:
+            self._selected = judge(point, self._near.terrain, self._far.terrain, self._parameters, None)
+            self._pin(point)
 
-    def maps(self, box: Box | None = None) -> TerrainMaps | None:
-        """Return copies of the maps over a box, by default over all ground seen; None before any."""
-        terrain = self._terrain
-        if terrain is None or self._frame is None or (box is None and terrain.seen.empty):
+    def maps(
+        self, box: Box | None = None, which: Literal["near", "far"] = "near", level: int | None = None
+    ) -> TerrainMaps | None:
+        """Return copies of a map over a box of its grid, by default over all ground seen; None before any.
+
+        Parameters
+        ----------
+        level
+            Level of the resolution pyramid to draw it at, by default the one in use; the finest is 0.
+        """
+        zone_map = self._near if which == "near" else self._far
+        if zone_map is None or self._frame is None:
+            return None
+        terrain = zone_map.terrain
+        if level is not None and isinstance(terrain, EvidenceTerrain) and level != terrain.level:
+            terrain = terrain.at_level(level)
+        if box is None and terrain.seen.empty:
             return None
         box = terrain.seen if box is None else box
         return TerrainMaps(
@@ -109,118 +134,74 @@ class Pipeline:
             box=box,
             height_m=terrain.layer("height_m", box),
             slope_deg=terrain.layer("slope_deg", box),
+            slope_sigma_deg=terrain.layer("slope_sigma_deg", box),
             roughness=terrain.layer("roughness", box),
             relief_m=terrain.layer("relief_m", box),
+            certainty=terrain.layer("certainty", box),
             state=terrain.state(box),
         )
 
     # ---- stages ---------------------------------------------------------------------------------
 
-    def _usable(self, window: Window, sensor_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _without_outliers(self, window: Window, sensor_enu_m: Points) -> Points:
+        """Return the finite points within `max_range_m` that no outlier rule drops."""
+        p = self._parameters
         points = window.points_enu_m
-        offset = points[:, :2] - sensor_enu_m[:2]
-        far = np.einsum("ij,ij->i", offset, offset) > self._reach_m**2  # never so where the sensor is unknown
-        keep = ~far & np.isfinite(points).all(axis=1)
-        points = np.ascontiguousarray(points[keep])
-        if not self._source and np.isfinite(sensor_enu_m).all():  # a stored cloud was cleaned by who made it
-            points = np.ascontiguousarray(points[in_company(points, sensor_enu_m, self._parameters.cell_m)])
-        return points
-
-    def _interval(self, height_m: NDArray[np.float64]) -> tuple[float, float]:
-        p = self._parameters
-        height_m = np.ascontiguousarray(height_m)
+        points = points[within(points, sensor_enu_m, p.max_range_m) & np.isfinite(points).all(axis=1)]
+        points = np.ascontiguousarray(points)
         if self._source:
-            return histogram_interval(height_m, p.histogram_bins, p.histogram_threshold)
-        return gap_interval(height_m, p.outlier_gap_m)
+            low, high = histogram_interval(
+                np.ascontiguousarray(points[:, 2]), p.histogram_bins, p.histogram_threshold
+            )
+        else:
+            if np.isfinite(sensor_enu_m).all():  # a stored cloud was cleaned by who made it
+                points = points[in_company(points, sensor_enu_m, p.cell_m)]
+            low, high = gap_interval(np.ascontiguousarray(points[:, 2]), p.outlier_gap_m)
+        return np.ascontiguousarray(points[(points[:, 2] >= low) & (points[:, 2] <= high)])
 
-    def _registered(
-        self, points: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], terrain: EvidenceTerrain
-    ) -> NDArray[np.float64]:
-        """Return the points in the map's heights, after following the drift of the window's."""
-        points = points - np.array([0.0, 0.0, terrain.datum_m])
-        most_m = self._parameters.register_m
-        if most_m > 0 and np.isfinite(sensor_enu_m).all():
-            found = offset(points, sensor_enu_m, terrain, most_m)
-            points[:, 2] -= found.at(points, sensor_enu_m)
-            terrain.datum_m += found.up_m
-        return points
-
-    def _zone_for(self, points: NDArray[np.float64], window: Window) -> tuple[Terrain, bool]:
-        """Zone separation: keep the zone, or create a new one when points lie outside (SLZ paper §3.1.2)."""
-        p = self._parameters
-        if self._terrain is None or window.frame != self._frame:
+    def _maps_for(self, points: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
+        """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
+        if self._near is None or self._far is None or window.frame != self._frame:
             self._frame = window.frame
             first = points[0, :2] if len(points) else window.sensor_enu_m[:2]
-            east, north = self._centre or (float(first[0]), float(first[1]))
-            self._terrain = self._new_terrain(Grid.centred(east, north, p.zone_m, p.cell_m))
-            self._names = self._new_names()
+            centre = self._centre or (float(first[0]), float(first[1]))
+            numbers = itertools.count(1)
+            self._near = ZoneMap(self._parameters, centre, numbers)
+            self._far = ZoneMap(self._far_parameters, centre, numbers)
             self._selected = None
-            return self._terrain, True
-        centre = self._next_centre(points, window, self._terrain.grid)
-        if centre is None:
-            return self._terrain, False
-        old = self._terrain.grid
-        down, right = old.index(*centre)
-        half_rows, half_cols = old.rows // 2, old.cols // 2
-        grid = replace(
-            old,
-            west_m=old.west_m + (right - half_cols) * old.cell_m,
-            south_m=old.south_m + (down - half_rows) * old.cell_m,
-        )
-        self._terrain = self._terrain.moved(grid)
-        self._names.moved(old, grid)
-        return self._terrain, True
+        return self._near, self._far
 
-    def _next_centre(
-        self, points: NDArray[np.float64], window: Window, grid: Grid
-    ) -> tuple[float, float] | None:
-        """Return the centre of the new zone, or None to stay.
+    def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
+        """Return the points in the near map's heights, after following the drift of those to be used."""
+        tiles = near.tiles
+        if tiles is None:
+            return points
+        points = points - np.array([0.0, 0.0, tiles.datum_m])
+        most_m = self._parameters.register_m
+        if most_m > 0 and np.isfinite(sensor).all():
+            found = offset(points[used], sensor, tiles, most_m)
+            points[:, 2] -= found.at(points, sensor)
+            tiles.datum_m += found.up_m
+        return points
 
-        The source moves to the first point outside. The default moves to the vehicle, when it comes nearer to
-        an edge than a quarter of the zone, so that one far return does not throw the map away.
-        """
-        if self._source:
-            x, y = points[:, 0], points[:, 1]
-            outside = (x < grid.west_m) | (y < grid.south_m) | (x >= grid.east_m) | (y >= grid.north_m)
-            if not outside.any():
-                return None
-            first = points[int(np.argmax(outside))]
-            return float(first[0]), float(first[1])
-        east, north = float(window.sensor_enu_m[0]), float(window.sensor_enu_m[1])
-        room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
-        return (east, north) if room < self._parameters.zone_m / 4 else None
-
-    def _search(self, terrain: Terrain) -> Iterator[Candidate]:
-        p = self._parameters
-        search = search_source if self._source else search_components
-        seen = terrain.seen.grown(1, terrain.grid)
-        least = side_in_cells(p.min_square_m, terrain.grid)
-        return search(terrain.safe, seen, least, p.min_boundary_points)
-
-    def _describe(self, candidate: Candidate, zone_id: int) -> Zone:
-        if self._terrain is None:
-            raise RuntimeError("no terrain")
-        return describe(candidate, self._terrain, self._parameters, zone_id)
-
-    def _judge_selected(self, terrain: Terrain, zones: list[Zone]) -> SelectedPoint | None:
+    def _judge_selected(self, near: ZoneMap, far: ZoneMap) -> SelectedPoint | None:
         if self._selected is None:
             return None
-        point = judge(self._selected.enu_m, terrain, self._parameters, self._selected)
-        row, col = terrain.grid.index(float(point.enu_m[0]), float(point.enu_m[1]))
-        return replace(point, zone_id=next((zone.id for zone in zones if zone.holds(row, col)), None))
+        point = judge(self._selected.enu_m, near.terrain, far.terrain, self._parameters, self._selected)
+        zones = {"near": near, "far": far}.get(point.judged_by)
+        return replace(point, zone_id=zones.zone_at(point.enu_m) if zones else None)
 
-    def _ranked(self, zones: list[Zone]) -> list[Zone]:
-        """Best first: the point's certainty to a tenth, then its clearance."""
-        ranked = sorted(zones, key=lambda z: (-round(z.best.certainty, 1), -z.best.clearance_m, z.id))
-        return ranked[: self._parameters.max_zones]
+    def _pin(self, enu_m: NDArray[np.float64] | None) -> None:
+        """Keep the evidence at a point, whatever the memory's budget."""
+        for zone_map in (self._near, self._far):
+            if zone_map is not None and isinstance(zone_map.terrain, EvidenceTerrain):
+                zone_map.terrain.pin(enu_m, self._parameters.touchdown_error_m)
 
-    def _new_terrain(self, grid: Grid) -> Terrain:
-        return (
-            SourceTerrain(grid, self._parameters) if self._source else EvidenceTerrain(grid, self._parameters)
-        )
 
-    def _new_names(self) -> RepeatFilter | ZoneTracker:
-        return RepeatFilter(self._parameters) if self._source else ZoneTracker()
+def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArray[np.bool_]:
+    """Tell which points lie no farther from the sensor over ground; all where its place is unknown."""
+    way = points_enu_m[:, :2] - sensor_enu_m[:2]
+    return np.asarray(~(np.einsum("ij,ij->i", way, way) > reach_m**2))
 
 
 def reach_m(parameters: Parameters) -> float:

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.evidence import EvidenceTerrain
-from slz.kernels.scatter import differences
+from slz.tiles import Tiles
 
 MOST_RETURNS = 20_000
 FEWEST_RETURNS = 300
@@ -42,7 +41,7 @@ class Offset:
 def offset(
     points_enu_m: NDArray[np.float64],
     sensor_enu_m: NDArray[np.float64],
-    terrain: EvidenceTerrain,
+    tiles: Tiles,
     most_m: float,
 ) -> Offset:
     """Return how a window lies above the map, by Tukey's robust regression; none where too little overlaps.
@@ -55,13 +54,7 @@ def offset(
         A greater shift is not believed.
     """
     step = max(1, len(points_enu_m) // MOST_RETURNS)
-    found = differences(
-        np.ascontiguousarray(points_enu_m[::step]),
-        terrain.grid.west_m,
-        terrain.grid.south_m,
-        terrain.grid.cell_m,
-        terrain.evidence,
-    )
+    found = tiles.differences(np.ascontiguousarray(points_enu_m[::step]))
     if len(found) < FEWEST_RETURNS:
         return Offset()
     places = found[:, :2] - sensor_enu_m[:2]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box, Grid
@@ -12,6 +14,7 @@ from slz.search import Candidate
 from slz.zone import Zone
 
 Describe = Callable[[Candidate, int], Zone]
+MOST_GONE = 256
 
 
 class RepeatFilter:
@@ -21,12 +24,12 @@ class RepeatFilter:
     ignored, even one that shrank because something drove in. That is unsafe; `ZoneTracker` is the default.
     """
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: Parameters, numbers: Iterator[int]) -> None:
         self._parameters = parameters
+        self._numbers = numbers
         self._zones: list[Zone] = []
-        self._next_id = 1
 
-    def update(self, candidates: Iterable[Candidate], grid: Grid, describe: Describe) -> list[Zone]:
+    def update(self, candidates: Iterable[Candidate], describe: Describe) -> list[Zone]:
         """Take the zones found in the total map; return those in effect."""
         for candidate in candidates:
             action, position = self._compare(candidate)
@@ -35,8 +38,7 @@ class RepeatFilter:
             if action == "replace":
                 self._zones[position] = describe(candidate, self._zones[position].id)
             else:
-                self._zones.append(describe(candidate, self._next_id))
-                self._next_id += 1
+                self._zones.append(describe(candidate, next(self._numbers)))
         return list(self._zones)
 
     def _compare(self, candidate: Candidate) -> tuple[str, int]:
@@ -54,59 +56,80 @@ class RepeatFilter:
 
     def moved(self, old: Grid, new: Grid) -> None:
         """Follow the map to a new zone; zones that lie outside it stay in effect."""
-        self._zones = [shifted(zone, old, new) for zone in self._zones]
+        self._zones = [regridded(zone, old, new) for zone in self._zones]
 
 
 class ZoneTracker:
     """The default rule: zones are always those of the present map; only their IDs are carried over.
 
     A zone keeps the ID of the old zone it shares most cells with; of two that claim one ID, the larger share
-    wins and the other is new. So a shrunken zone shrinks at once and a vanished one is gone at once.
+    wins and the other is new. So a shrunken zone shrinks at once and a vanished one is gone at once. One that
+    appears where a vanished one was is that one again.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, numbers: Iterator[int]) -> None:
+        self._numbers = numbers
         self._zones: list[Zone] = []
-        self._next_id = 1
+        self._gone: list[Zone] = []
 
-    def update(self, candidates: Iterable[Candidate], grid: Grid, describe: Describe) -> list[Zone]:
+    def update(self, candidates: Iterable[Candidate], describe: Describe) -> list[Zone]:
         """Take the zones found in the total map and name them."""
         found = list(candidates)
-        claims = sorted(
-            (
+        names: dict[int, int] = {}
+        for old_zones in (self._zones, self._gone):
+            claims = [
                 (_common(candidate, old), position, old.id)
                 for position, candidate in enumerate(found)
-                for old in self._zones
-                if _touch(candidate.box, old.box)
-            ),
-            key=lambda claim: (-claim[0], claim[2], claim[1]),
-        )
-        names: dict[int, int] = {}
-        for cells, position, zone_id in claims:
-            if cells and position not in names and zone_id not in names.values():
-                names[position] = zone_id
-        for position in range(len(found)):
-            if position not in names:
-                names[position] = self._next_id
-                self._next_id += 1
-        self._zones = [describe(candidate, names[position]) for position, candidate in enumerate(found)]
-        return list(self._zones)
+                for old in old_zones
+                if position not in names and _touch(candidate.box, old.box)
+            ]
+            for cells, position, zone_id in sorted(claims, key=lambda claim: (-claim[0], claim[2], claim[1])):
+                if cells and position not in names and zone_id not in names.values():
+                    names[position] = zone_id
+        zones = [
+            describe(candidate, names[position] if position in names else next(self._numbers))
+            for position, candidate in enumerate(found)
+        ]
+        present = {zone.id for zone in zones}
+        gone = [zone for zone in (*self._gone, *self._zones) if zone.id not in present]
+        self._zones, self._gone = zones, gone[-MOST_GONE:]
+        return list(zones)
 
     def moved(self, old: Grid, new: Grid) -> None:
-        """Follow the map to a new zone."""
-        self._zones = [shifted(zone, old, new) for zone in self._zones]
+        """Follow the map to a new zone, or to another level of the pyramid."""
+        self._zones = [regridded(zone, old, new) for zone in self._zones]
+        self._gone = [regridded(zone, old, new) for zone in self._gone]
 
 
-def shifted(zone: Zone, old: Grid, new: Grid) -> Zone:
-    """Return a zone with its cells counted in another grid."""
-    from dataclasses import replace
+def regridded(zone: Zone, old: Grid, new: Grid) -> Zone:
+    """Return a zone with its cells counted in another grid; a cell belongs to it where its centre does."""
+    if old.cell_m == new.cell_m:
+        down, right = old.shift_to(new)
+        box = zone.box
+        return replace(
+            zone,
+            box=Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right),
+            boundary_cells=zone.boundary_cells + np.array([down, right], np.int32),
+        )
+    low, high = old.centre(zone.box.row0, zone.box.col0), old.centre(zone.box.row1, zone.box.col1)
+    (row0, col0), (row1, col1) = new.index(*low), new.index(*high)
+    box = Box(row0, row1 + 1, col0, col1 + 1)
+    centres = new.centres(np.argwhere(np.ones(box.shape, bool)) + np.array([row0, col0]))
+    cells = _values(zone, old, centres).reshape(box.shape)
+    boundary = old.centres(zone.boundary_cells)
+    there = np.floor((boundary[:, ::-1] - np.array([new.south_m, new.west_m])) / new.cell_m)
+    return replace(zone, box=box, cells=cells, boundary_cells=there.astype(np.int32))
 
-    down, right = old.shift_to(new)
-    box = zone.box
-    return replace(
-        zone,
-        box=Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right),
-        boundary_cells=zone.boundary_cells + np.array([down, right], np.int32),
-    )
+
+def _values(zone: Zone, grid: Grid, east_north_m: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return 1 for the points that lie in cells of a zone."""
+    corner = np.array([grid.south_m, grid.west_m])
+    at = np.floor((east_north_m[:, ::-1] - corner) / grid.cell_m).astype(np.int64)
+    at -= np.array([zone.box.row0, zone.box.col0])
+    held = ((at >= 0) & (at < np.array(zone.cells.shape))).all(axis=1)
+    out = np.zeros(len(at), np.uint8)
+    out[held] = zone.cells[at[held, 0], at[held, 1]]
+    return out
 
 
 def _touch(a: Box, b: Box) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Grid
 from slz.landing_point import SelectedPoint
@@ -12,23 +13,54 @@ from slz.zone import Zone
 
 
 @dataclass(frozen=True, slots=True)
+class MapReport:
+    """One map: its window, and its zones, the best to land in first."""
+
+    grid: Grid
+    zones: tuple[Zone, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """Result of one window.
 
-    zones are ranked, the best to land in first. stage_ms: processing time by stage. n_points: returns of the
-    window, n_used: those that entered the maps. new_map: the map was moved before this window.
+    near, far: the maps of fine and of coarse cells; both live on whichever is active. choice: what the window
+    was like, and the mode, resolution and window length chosen from that. n_points: returns of the window,
+    n_used: those near enough for the near map. new_map: the window of the near map was moved before.
+    n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up. source: by
+    the sources' rules. stage_ms: processing time by stage.
     """
 
     stamp_ns: int
     frame: LocalFrame
-    grid: Grid
-    zones: tuple[Zone, ...]
+    near: MapReport
+    far: MapReport
+    choice: Choice
     selected: SelectedPoint | None
     n_points: int
     n_used: int
     new_map: bool
+    n_without_tile: int
+    n_evicted: int
+    source: bool
     stage_ms: Mapping[str, float]
 
     @property
+    def active(self) -> MapReport:
+        """The map to land by: the near one, in source mode that of the present mode."""
+        return self.far if self.source and self.choice.far else self.near
+
+    @property
+    def grid(self) -> Grid:
+        """Grid of the active map."""
+        return self.active.grid
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """Zones of the active map."""
+        return self.active.zones
+
+    @property
     def total_ms(self) -> float:
+        """Processing time of the window."""
         return sum(self.stage_ms.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,63 +38,74 @@ def side_in_cells(side_m: float, grid: Grid) -> int:
 
 
 def search_source(
-    safe: NDArray[np.uint8], seen: Box, least_side: int, least_boundary: int
+    safe: NDArray[np.uint8], box: Box, least_side: int, least_boundary: int
 ) -> Iterator[Candidate]:
     """Yield zones by the paper's rule: everything inside a contour belongs to it and is skipped after.
 
     So a court inside a ring of safe ground is never found on its own: use `search_components` for that.
+
+    Parameters
+    ----------
+    safe
+        (rows, cols) of the box, 1 where safe. Beyond it nothing is (Algorithm 1's unsafe margin).
     """
-    safe = np.ascontiguousarray(safe)
-    visited = np.zeros(seen.shape, np.int32)
-    area = safe[seen.slices]
-    rows, cols = np.nonzero(area)
+    safe = np.pad(safe, 1)
+    visited = np.zeros(safe.shape, np.int32)
+    rows, cols = np.nonzero(safe)
     for row, col in zip(rows.tolist(), cols.tolist(), strict=True):
         if visited[row, col]:
             continue
-        boundary = trace(safe, row + seen.row0, col + seen.col0, TRACE_TIMEOUT)
+        boundary = trace(safe, row, col, TRACE_TIMEOUT)
         if len(boundary) < least_boundary:
-            flood(area, visited, row, col, 1)
+            flood(safe, visited, row, col, 1)
             continue
         candidate = _candidate(safe, boundary)
-        own = candidate.box
-        part = visited[
-            own.row0 - seen.row0 : own.row1 - seen.row0, own.col0 - seen.col0 : own.col1 - seen.col0
-        ]
+        part = visited[candidate.box.slices]
         if candidate.square_side < least_side:
             part[candidate.component == 1] = 1
             continue
         part[candidate.content == 1] = 1
-        yield candidate
+        yield _placed(candidate, box.row0 - 1, box.col0 - 1)
 
 
 def search_components(
-    safe: NDArray[np.uint8], seen: Box, least_side: int, least_boundary: int
+    safe: NDArray[np.uint8], box: Box, least_side: int, least_boundary: int
 ) -> Iterator[Candidate]:
-    """Yield every 8-connected component that holds a safe square, islands inside another zone included."""
-    area = np.ascontiguousarray(safe[seen.slices])
-    if not area.any():
+    """Yield every 8-connected component that holds a safe square, islands inside another zone included.
+
+    Parameters are those of `search_source`.
+    """
+    if not safe.any():
         return
-    side = squares(area)
-    label = components(area, side, least_side)
-    safe = np.ascontiguousarray(safe)
+    safe = np.pad(safe, 1)
+    side = squares(safe)
+    label = components(safe, side, least_side)
     for number, where in enumerate(ndimage.find_objects(label), start=1):
         rows, cols = where
         whole = label[where] == number
-        first = rows.start, cols.start + int(np.argmax(whole[0]))
         component = _without_crumbs(whole)
-        boundary = trace(safe, first[0] + seen.row0, first[1] + seen.col0, TRACE_TIMEOUT)
+        boundary = trace(safe, rows.start, cols.start + int(np.argmax(whole[0])), TRACE_TIMEOUT)
         if len(boundary) < least_boundary:
             continue
-        box = Box(
-            rows.start + seen.row0, rows.stop + seen.row0, cols.start + seen.col0, cols.stop + seen.col0
-        )
-        yield Candidate(
+        own = Box(rows.start, rows.stop, cols.start, cols.stop)
+        candidate = Candidate(
             boundary_cells=boundary,
-            box=box,
-            content=_content(boundary, box),
+            box=own,
+            content=_content(boundary, own),
             component=component,
             square_side=int((side[where] * component).max()),
         )
+        yield _placed(candidate, box.row0 - 1, box.col0 - 1)
+
+
+def _placed(candidate: Candidate, row0: int, col0: int) -> Candidate:
+    """Return a candidate with its rows and columns counted from elsewhere."""
+    box = candidate.box
+    return replace(
+        candidate,
+        boundary_cells=candidate.boundary_cells + np.array([row0, col0], np.int32),
+        box=Box(box.row0 + row0, box.row1 + row0, box.col0 + col0, box.col1 + col0),
+    )
 
 
 def _without_crumbs(component: NDArray[np.bool_]) -> NDArray[np.uint8]:

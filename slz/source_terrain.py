@@ -27,29 +27,21 @@ class SourceTerrain:
         self.height_m = np.full(shape, np.nan, np.float32)
         self.slope_deg = np.full(shape, worst)
         self.roughness = np.full(shape, worst)
-        self.safe = np.zeros(shape, np.uint8)
+        self.binary = np.zeros(shape, np.uint8)
         self.seen = Box(0, 0, 0, 0)
 
-    def add(
-        self,
-        points_enu_m: NDArray[np.float64],
-        sensor_enu_m: NDArray[np.float64],
-        low_m: float,
-        high_m: float,
-        stamp_s: float,
-    ) -> Box:
-        """Fuse one window of points whose height lies in the interval; return the box that changed.
+    def add(self, points_enu_m: NDArray[np.float64]) -> Box:
+        """Fuse one window of points; return the box that changed.
 
         The sources ask neither where the sensor was nor how old a map is.
         """
         grid, p = self.grid, self._parameters
-        r0, r1, c0, c1, inside = box_of(
-            points_enu_m, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, low_m, high_m
-        )
+        edges = np.array([0, grid.rows, 0, grid.cols])
+        *hit, inside = box_of(points_enu_m, grid.west_m, grid.south_m, grid.cell_m, edges).tolist()
         if not inside:
             return Box(0, 0, 0, 0)
-        box = Box(int(r0), int(r1), int(c0), int(c1))
-        height = self._window_dsm(points_enu_m, box, low_m, high_m)
+        box = Box(*hit)
+        height = self._window_dsm(points_enu_m, box)
         slope = gradient_slope_deg(height, grid.cell_m)
         roughness = gradient_slope_deg(slope, grid.cell_m)
         self._fuse(box, height, slope, roughness)
@@ -57,13 +49,11 @@ class SourceTerrain:
         self.seen = self.seen.union(box)
         return box
 
-    def _window_dsm(
-        self, points: NDArray[np.float64], box: Box, low_m: float, high_m: float
-    ) -> NDArray[np.float32]:
+    def _window_dsm(self, points: NDArray[np.float64], box: Box) -> NDArray[np.float32]:
         """Mean height of every cell of the box (SLZ paper Eq. 5)."""
         total, count = np.zeros(box.shape), np.zeros(box.shape, np.int32)
         g = self.grid
-        sum_and_count(points, g.west_m, g.south_m, g.cell_m, box.row0, box.col0, low_m, high_m, total, count)
+        sum_and_count(points, g.west_m, g.south_m, g.cell_m, box.row0, box.col0, total, count)
         with np.errstate(invalid="ignore"):
             return (total / count).astype(np.float32)
 
@@ -98,26 +88,35 @@ class SourceTerrain:
 
     def _update_binary(self, box: Box, safe_slope_deg: float) -> None:
         """Mark cells below the threshold, leaving the unsafe margin around the map (SLZ paper §3.2.4)."""
-        self.safe[box.slices] = self.slope_deg[box.slices] < np.float32(safe_slope_deg)
-        self.safe[0], self.safe[-1], self.safe[:, 0], self.safe[:, -1] = 0, 0, 0, 0
+        self.binary[box.slices] = self.slope_deg[box.slices] < np.float32(safe_slope_deg)
+        self.binary[0], self.binary[-1], self.binary[:, 0], self.binary[:, -1] = 0, 0, 0, 0
 
     def moved(self, grid: Grid) -> SourceTerrain:
         """Return the maps of a new zone, the common part copied (SLZ paper §3.2.5)."""
         new = SourceTerrain(grid, self._parameters)
         mine, theirs = overlap(self.grid, grid)
-        for name in ("height_m", "slope_deg", "roughness", "safe"):
+        for name in ("height_m", "slope_deg", "roughness", "binary"):
             getattr(new, name)[theirs.slices] = getattr(self, name)[mine.slices]
         new._update_binary(theirs, self._parameters.safe_slope_deg)
         new.seen = theirs
         return new
 
+    def safe(self, box: Box) -> NDArray[np.uint8]:
+        """Return 1 for the safe cells of a box, else 0."""
+        return self.binary[box.slices].copy()
+
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box."""
         known = ~np.isnan(self.height_m[box.slices])
-        return np.where(self.safe[box.slices] == 1, SAFE, np.where(known, UNSAFE, UNKNOWN)).astype(np.uint8)
+        return np.where(self.binary[box.slices] == 1, SAFE, np.where(known, UNSAFE, UNKNOWN)).astype(np.uint8)
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
-        """Return a copy of a map over a box, NaN where unknown; the sources know no relief."""
+        """Return a copy of a map over a box, NaN where unknown; the sources know no relief.
+
+        Certainty is 1 for a safe cell, else 0: the sources have one of zones only.
+        """
+        if name == "certainty":
+            return self.binary[box.slices].astype(np.float32)
         known = ~np.isnan(self.height_m[box.slices])
         values = getattr(self, name, None)
         if values is None:

@@ -54,7 +54,7 @@ class Windower:
     """
 
     def __init__(self, window_s: float) -> None:
-        self._span_ns = round(window_s * 1e9)
+        self.window_s = window_s
         self._scans: list[Scan] = []
 
     def add(self, scan: Scan) -> Window | None:
@@ -70,7 +70,7 @@ class Windower:
     def _must_close(self, scan: Scan) -> bool:
         first = self._scans[0]
         elapsed = int(scan.stamp_ns[0]) - int(first.stamp_ns[0])
-        return elapsed >= self._span_ns or elapsed < 0 or scan.frame != first.frame
+        return elapsed >= round(self.window_s * 1e9) or elapsed < 0 or scan.frame != first.frame
 
     def flush(self) -> Window | None:
         """Hand on what was gathered, complete or not."""

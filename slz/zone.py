@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
-
-
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """Unsafe measured ground inside a zone: centre and top (m, map frame), height over the zone, extent."""
-
-    east_m: float
-    north_m: float
-    top_m: float
-    height_m: float
-    width_m: float
+from slz.surroundings import Obstacle
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +17,9 @@ class LandingPoint:
     """Best point of a zone.
 
     enu_m : (3,) map frame. clearance_m: distance to the nearest cell outside the zone. square_side_m:
-    side of the largest safe square of the zone centred near the point. certainty: share of the point's
-    own evidence that supports it, 0 to 1.
+    side of the largest safe square of the zone. certainty: probability that the whole footprint is safe, in
+    source mode 1 or 0. horizon_deg: elevation angle of the highest thing on the way from the vehicle, NaN
+    where nothing was seen there. distance_m: from the vehicle over ground.
     """
 
     enu_m: NDArray[np.float64]
@@ -35,6 +27,8 @@ class LandingPoint:
     square_side_m: float
     slope_deg: float
     certainty: float
+    horizon_deg: float = math.nan
+    distance_m: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +38,9 @@ class Zone:
     box: its cells' bounding box in the grid. cells: uint8 over that box, 1 = zone; in source mode everything
     inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and columns
     in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside the
-    contour: safe, unsafe (measured), uncertain (no elevation). roughness: mean over the measured cells.
+    contour: safe, unsafe (measured), uncertain (no elevation). certainty: in source mode Eq. 16 or 17, else
+    the mean probability of the cells inside the contour, 0 where unknown. roughness: mean over the measured
+    cells. why: what places it behind the zone before it in the ranking.
     """
 
     id: int
@@ -61,6 +57,7 @@ class Zone:
     corners_enu_m: NDArray[np.float64]
     obstacles: tuple[Obstacle, ...]
     best: LandingPoint
+    why: str = ""
 
     def holds(self, row: int, col: int) -> bool:
         """Tell whether a cell of the grid belongs to the zone."""

@@ -415,11 +415,14 @@ class Executive:
         return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
 
     def _judgement(self, s: Situation) -> PointState:
-        """State of our point in the newest report; unknown while that report is about another point."""
+        """State of our point in the newest report; unknown while that report is about another point.
+
+        What the far map says is no ground to land on.
+        """
         selected, point = s.selected, self._point
         if selected is None or point is None or float(np.hypot(*(selected.enu_m[:2] - point[:2]))) > 0.01:
             return PointState.UNKNOWN
-        return selected.state
+        return PointState.UNKNOWN if selected.judged_by == "far" else selected.state
 
     def _why_not(self, s: Situation) -> str | None:
         """Return why the descent must not go on, or None."""

@@ -12,7 +12,7 @@ FEW = 20  # returns of 3 x 3 cells up to which each stands for itself
 CROWD = 64  # returns of a cell from which on its hazards show in more than one of them
 
 # Layers of `summarise`.
-HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS = range(5)
+HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
 
 
 @kernel("float64(float64)")
@@ -24,7 +24,7 @@ def expected_maximum(n: float) -> float:
 
 @kernel("float32[:, :, :](float32[:, :, :, :], float32, float32)")
 def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
-    """Return height, bottom, top, number of returns and excess of every cell; NaN and 0 where unknown.
+    """Return height, bottom, top, number of returns, excess and spread of every cell; NaN, 0 where unknown.
 
     Top is the highest return of the cell, but only as far up as a second return reaches; bottom likewise. So
     one ghost cannot condemn the ground, two returns of a pole do. Where returns are few, a wire or fence may
@@ -32,10 +32,10 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
     the cell has few returns, one of the cells around: of many, two ghosts in neighbours are mere chance. The
     height is the mean without an extreme that found no such support. The excess is how far beyond one
     standard deviation the sensor's noise alone is expected to carry the highest and the lowest return of so
-    many.
+    many; the spread is the variance of that noise.
     """
     rows, cols = evidence.shape[0], evidence.shape[1]
-    out = np.full((5, rows, cols), np.float32(np.nan))
+    out = np.full((6, rows, cols), np.float32(np.nan))
     nan = np.float32(np.nan)
     extreme = np.full((4, rows, cols), nan)  # highest, second highest, lowest, second lowest
     for r in range(rows):
@@ -56,7 +56,7 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 noise = (noise * n + before[NOISE] * before[COUNT]) / (n + before[COUNT])
                 n += before[COUNT]
             extreme[0, r, c], extreme[1, r, c], extreme[2, r, c], extreme[3, r, c] = hi, hi2, lo, lo2
-            out[HEIGHT, r, c], out[WEIGHT, r, c] = mean, n
+            out[HEIGHT, r, c], out[WEIGHT, r, c], out[SPREAD, r, c] = mean, n, noise
             out[EXCESS, r, c] = (expected_maximum(n) - 1) * np.sqrt(noise) if n > 8 else np.float32(0)
     for r in range(rows):
         for c in range(cols):
@@ -186,10 +186,11 @@ def planes(
     """Fit a plane to the cells of the footprint around every cell.
 
     Returns (5, rows, cols): slope (deg), its standard deviation (deg), relief (m): the peak-to-peak of
-    tops and bottoms about the plane, less their excess, rms residual of the heights (m), and height of the
-    plane at the cell (m). NaN where any cell of the footprint is not covered or fewer than six have a
-    height. Where the slope exceeds its limit the relief stays NaN; where a cheap upper bound is below half
-    of the limit, that bound is returned; above its limit it is a lower bound. Else it is exact.
+    tops and bottoms about the plane, less their excess, rms residual of the heights (m), and standard
+    deviation of one return (m). NaN where any cell of the footprint is not covered or fewer than six have a
+    height. Where the slope exceeds its limit by three standard deviations the relief stays NaN; where a
+    cheap upper bound is below half of the limit, that bound is returned; above twice the limit it is a lower
+    bound. Else it is exact.
     """
     rows, cols = covered.shape
     k = radius
@@ -204,8 +205,8 @@ def planes(
                 reference, found = np.float64(cells[HEIGHT, r, c]), True
     if not found:
         return out
-    # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n and covered.
-    column = np.zeros((cols, 8))
+    # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
+    column = np.zeros((cols, 9))
     highest, lowest = highest_around(cells[TOP], k), highest_around(-cells[BOTTOM], k)
     for r in range(rows + k):
         for c in range(cols):
@@ -223,10 +224,11 @@ def planes(
                 column[c, 4] += sign * y * z
                 column[c, 5] += sign * z * z
                 column[c, 6] += sign / cells[WEIGHT, row, c]
+                column[c, 8] += sign * cells[SPREAD, row, c]
         row = r - k
         if row < k or row >= rows - k:
             continue
-        w = wx = wxx = wy = wxy = wyy = wz = wxz = wyz = wzz = spread = seen = 0.0
+        w = wx = wxx = wy = wxy = wyy = wz = wxz = wyz = wzz = spread = seen = single = 0.0
         for c in range(cols + k):
             for col, sign in ((c, 1.0), (c - 2 * k - 1, -1.0)):
                 if col < 0 or col >= cols:
@@ -245,6 +247,7 @@ def planes(
                 wzz += sign * s[5]
                 spread += sign * s[6]
                 seen += sign * s[7]
+                single += sign * s[8]
             col = c - k
             if col < k or col >= cols - k or seen < (2 * k + 1) ** 2 - 0.5 or w < 5.5:
                 continue
@@ -263,8 +266,8 @@ def planes(
             out[0, row, col] = np.degrees(np.arctan(gradient))
             out[1, row, col] = np.degrees(sigma)
             out[3, row, col] = rms
-            out[4, row, col] = at + reference
-            if out[0, row, col] > slope_limit:
+            out[4, row, col] = np.sqrt(max(0.0, single / w))
+            if out[0, row, col] > slope_limit + 3 * out[1, row, col]:
                 continue
             bound = highest[row, col] + lowest[row, col] + 2 * k * cell_m * (abs(a) + abs(b))
             if bound < 0.5 * relief_limit:
@@ -279,7 +282,7 @@ def planes(
                     level = tilt + a * (j - col) * cell_m
                     low = min(low, cells[BOTTOM, i, j] + cells[EXCESS, i, j] - level)
                     high = max(high, cells[TOP, i, j] - cells[EXCESS, i, j] - level)
-                if high - low > relief_limit:
+                if high - low > 2 * relief_limit:
                     break
             out[2, row, col] = max(0.0, high - low)
     return out

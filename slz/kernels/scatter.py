@@ -9,38 +9,35 @@ from slz.kernels.jit import kernel
 
 # Fields of one cell's epoch, see `slz.evidence`.
 COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
+FIELDS = 8
+TILE_BITS = 6
+TILE = 1 << TILE_BITS  # cells along the side of a tile
 
 
-@kernel("int64[:](float64[:, :], float64, float64, float64, int64, int64, float64, float64)")
+@kernel("int64[:](float64[:, :], float64, float64, float64, int64[:])")
 def box_of(
     points: NDArray[np.float64],
     west: float,
     south: float,
     cell: float,
-    rows: int,
-    cols: int,
-    low: float,
-    high: float,
+    within: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Return row0, row1, col0, col1 (half open) of the cells hit, and how many points lie in the grid."""
-    r0, r1, c0, c1, inside = rows, -1, cols, -1, 0
+    """Return row0, row1, col0, col1 (half open) of the cells hit, and how many points hit one.
+
+    Cells count from (west, south); only those `within` (row0, row1, col0, col1) count.
+    """
+    r0, r1, c0, c1, inside = within[1], within[0] - 1, within[3], within[2] - 1, 0
     for i in range(points.shape[0]):
-        z = points[i, 2]
-        if not (low <= z <= high):
-            continue
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        if c < 0 or r < 0 or c >= cols or r >= rows:
+        if r < within[0] or r >= within[1] or c < within[2] or c >= within[3]:
             continue
         inside += 1
         r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
     return np.array([r0, r1 + 1, c0, c1 + 1, inside], np.int64)
 
 
-@kernel(
-    "void(float64[:, :], float64, float64, float64, int64, int64, float64, float64,"
-    " float64[:, :], int32[:, :])"
-)
+@kernel("void(float64[:, :], float64, float64, float64, int64, int64, float64[:, :], int32[:, :])")
 def sum_and_count(
     points: NDArray[np.float64],
     west: float,
@@ -48,28 +45,44 @@ def sum_and_count(
     cell: float,
     row0: int,
     col0: int,
-    low: float,
-    high: float,
     total: NDArray[np.float64],
     count: NDArray[np.int32],
 ) -> None:
     """Add up heights and points of every cell of a box (SLZ paper Eq. 3-5)."""
     rows, cols = total.shape
     for i in range(points.shape[0]):
-        z = points[i, 2]
-        if not (low <= z <= high):
-            continue
         c = int(np.floor((points[i, 0] - west) / cell)) - col0
         r = int(np.floor((points[i, 1] - south) / cell)) - row0
         if c < 0 or r < 0 or c >= cols or r >= rows:
             continue
-        total[r, c] += z
+        total[r, c] += points[i, 2]
         count[r, c] += 1
 
 
+@kernel("boolean[:, :](float64[:, :], float64, float64, float64, int64, int64, int64, int64)")
+def hit_tiles(
+    points: NDArray[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    tile_row: int,
+    tile_col: int,
+    rows: int,
+    cols: int,
+) -> NDArray[np.bool_]:
+    """Tell which tiles of a rectangle of rows x cols tiles, from (tile_row, tile_col) on, hold a point."""
+    out = np.zeros((rows, cols), np.bool_)
+    for i in range(points.shape[0]):
+        c = (int(np.floor((points[i, 0] - west) / cell)) >> TILE_BITS) - tile_col
+        r = (int(np.floor((points[i, 1] - south) / cell)) >> TILE_BITS) - tile_row
+        if 0 <= r < rows and 0 <= c < cols:
+            out[r, c] = True
+    return out
+
+
 @kernel(
-    "int64(float64[:, :], float64[:], float64, float64, float64, float64, float64, float64, float64,"
-    " float32, float32, float32[:, :, :, :])"
+    "int64(float64[:, :], float64[:], float64, float64, float64, float64, float64, int64, int64, int64[:],"
+    " float32, float32, float32[:, :, :, :, :], int32[:, :], int64[:, :, :])"
 )
 def gather_evidence(
     points: NDArray[np.float64],
@@ -79,40 +92,58 @@ def gather_evidence(
     west: float,
     south: float,
     cell: float,
-    low: float,
-    high: float,
+    tile_row: int,
+    tile_col: int,
+    within: NDArray[np.int64],
     now_s: float,
     hold_s: float,
-    evidence: NDArray[np.float32],
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+    touched: NDArray[np.int64],
 ) -> int:
     """Add points to the per-cell statistics; return how many were used.
+
+    Cells count from (west, south); those outside `within` (row0, row1, col0, col1) are passed over. `table`
+    holds the slot in the pool of each tile of a rectangle from (tile_row, tile_col) on, -1 where there is
+    none. `touched` receives row0, row1, col0, col1 of the cells hit of each tile, and stays -1 where none is.
 
     A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
     arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
     until two epochs of newer observations have replaced it. NOISE is the mean variance of the heights that
     the sensor's noise explains: of the range along the ray, of the angle across it.
     """
-    rows, cols = evidence.shape[0], evidence.shape[1]
+    rows, cols = table.shape
     used = 0
     for i in range(points.shape[0]):
         z = points[i, 2]
-        if not (low <= z <= high):
-            continue
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        if c < 0 or r < 0 or c >= cols or r >= rows:
+        if r < within[0] or r >= within[1] or c < within[2] or c >= within[3]:
+            continue
+        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
+        if tr < 0 or tc < 0 or tr >= rows or tc >= cols:
+            continue
+        slot = table[tr, tc]
+        if slot < 0:
             continue
         used += 1
+        box = touched[tr, tc]
+        if box[0] < 0:
+            box[0], box[1], box[2], box[3] = r, r + 1, c, c + 1
+        else:
+            box[0], box[1] = min(box[0], r), max(box[1], r + 1)
+            box[2], box[3] = min(box[2], c), max(box[3], c + 1)
         dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], z - sensor[2]
         across = dx * dx + dy * dy
         noise = range_noise_m**2 * dz * dz / max(across + dz * dz, 1e-6) + angle_noise_rad**2 * across
         if np.isnan(noise):  # the sensor's place is not known
             noise = range_noise_m**2
         variance = np.float32(noise)
-        now = evidence[r, c, 0]
+        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
+        now = held[0]
         if now[COUNT] > 0 and now_s - now[TIME] > hold_s:
-            for f in range(8):
-                evidence[r, c, 1, f] = now[f]
+            for f in range(FIELDS):
+                held[1, f] = now[f]
             now[COUNT] = 0
         h = np.float32(z)
         if now[COUNT] == 0:
@@ -135,24 +166,60 @@ def gather_evidence(
                     now[HIGH2], now[HIGH] = now[HIGH], h
                 elif h > now[HIGH2]:
                     now[HIGH2] = h
-        evidence[r, c, 1, TIME] = now_s
+        held[1, TIME] = now_s
     return used
 
 
-@kernel("float64[:, :](float64[:, :], float64, float64, float64, float32[:, :, :, :])")
+@kernel("void(float32[:, :, :, :, :], int32[:, :], int64, int64, int64, int64, float32[:, :, :, :])")
+def copy_evidence(
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+    tile_row: int,
+    tile_col: int,
+    row0: int,
+    col0: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Copy the cells from (row0, col0) on into an array that holds zeros."""
+    for r in range(out.shape[0]):
+        tr, i = ((row0 + r) >> TILE_BITS) - tile_row, (row0 + r) & (TILE - 1)
+        for c in range(out.shape[1]):
+            slot = table[tr, ((col0 + c) >> TILE_BITS) - tile_col]
+            if slot >= 0:
+                cell = pool[slot, i, (col0 + c) & (TILE - 1)]
+                if cell[0, COUNT] > 0:
+                    for f in range(FIELDS):
+                        out[r, c, 0, f], out[r, c, 1, f] = cell[0, f], cell[1, f]
+
+
+@kernel(
+    "float64[:, :](float64[:, :], float64, float64, float64, int64, int64,"
+    " float32[:, :, :, :, :], int32[:, :])"
+)
 def differences(
-    points: NDArray[np.float64], west: float, south: float, cell: float, evidence: NDArray[np.float32]
+    points: NDArray[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    tile_row: int,
+    tile_col: int,
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """Return (m, 3) east, north and height above the mean of the cell, of the points over known cells."""
-    rows, cols = evidence.shape[0], evidence.shape[1]
+    rows, cols = table.shape
     out = np.empty((len(points), 3))
     m = 0
     for i in range(len(points)):
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        if c < 0 or r < 0 or c >= cols or r >= rows or evidence[r, c, 0, COUNT] == 0:
+        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
+        if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
             continue
-        now, before = evidence[r, c, 0], evidence[r, c, 1]
+        held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+        now, before = held[0], held[1]
+        if now[COUNT] == 0:
+            continue
         mean = (now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT])
         out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean
         m += 1

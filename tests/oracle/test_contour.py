@@ -198,7 +198,7 @@ def test_every_component_with_room_is_found_once(
             continue
         if len(slow_trace(safe, int(row), int(col))) >= least_boundary:
             expected.append(number)
-    found = list(search_components(safe, seen, least_side, least_boundary))
+    found = list(search_components(safe[seen.slices], seen, least_side, least_boundary))
     numbers = [int(label[tuple(candidate.boundary_cells[0])]) for candidate in found]
     assert sorted(numbers) == expected
     for number, candidate in zip(numbers, found, strict=True):
@@ -224,7 +224,7 @@ def test_the_source_s_search_finds_in_raster_order_what_is_in_no_contour_found_b
             continue
         taken |= ndimage.binary_fill_holes(component)
         expected.append(number)
-    found = list(search_source(safe, seen, least_side, least_boundary))
+    found = list(search_source(safe[seen.slices], seen, least_side, least_boundary))
     assert [int(label[tuple(candidate.boundary_cells[0])]) for candidate in found] == expected
     covered = np.zeros(safe.shape, bool)
     for number, candidate in zip(expected, found, strict=True):
@@ -240,5 +240,5 @@ def test_a_court_is_hidden_only_from_the_source_s_search_and_only_by_a_ring_with
 ) -> None:
     safe = ring_with_islands()
     seen = Box(0, safe.shape[0], 0, safe.shape[1])
-    assert len(list(search_source(safe, seen, least_side, 1))) == source
-    assert len(list(search_components(safe, seen, least_side, 1))) == all_of_them
+    assert len(list(search_source(safe[seen.slices], seen, least_side, 1))) == source
+    assert len(list(search_components(safe[seen.slices], seen, least_side, 1))) == all_of_them

@@ -39,13 +39,13 @@ def cloud() -> NDArray[np.float64]:
 def source() -> SourceTerrain:
     own = ["mode=source", f"cell_m={CELL_M}", f"max_slope_deg={WORST_DEG}", "safe_slope_deg=4"]
     terrain = SourceTerrain(GRID, params.load("quadcopter", own))
-    terrain.add(cloud(), np.zeros(3), -np.inf, np.inf, 0.0)
+    terrain.add(cloud())
     return terrain
 
 
 def evidence() -> EvidenceTerrain:
     terrain = EvidenceTerrain(GRID, params.load("quadcopter", [f"cell_m={CELL_M}"]))
-    terrain.add(cloud(), np.array([0.0, 105.0, 20.0]), -np.inf, np.inf, 0.0)
+    terrain.add(cloud(), np.array([0.0, 105.0, 20.0]), 0.0)
     return terrain
 
 
@@ -91,11 +91,11 @@ def test_the_source_s_maps_are_carried_over_and_the_rest_is_the_worst_case(move:
     np.testing.assert_array_equal(new.height_m, carried(old.height_m, move, np.nan))
     np.testing.assert_array_equal(new.slope_deg, slope)
     np.testing.assert_array_equal(new.roughness, carried(old.roughness, move, WORST_DEG))
-    np.testing.assert_array_equal(new.safe == 1, without_margin(slope < 4))
+    np.testing.assert_array_equal(new.binary == 1, without_margin(slope < 4))
     known = np.isfinite(new.height_m)
     state = new.state(new.grid.everything)
     np.testing.assert_array_equal(state == UNKNOWN, ~known)
-    np.testing.assert_array_equal(state == SAFE, new.safe == 1)
+    np.testing.assert_array_equal(state == SAFE, new.binary == 1)
 
 
 @pytest.mark.parametrize("move", MOVES + AWAY)
@@ -104,11 +104,11 @@ def test_the_evidence_is_carried_over_and_the_rest_is_unknown(move: tuple[int, i
     new = old.moved(moved_grid(move))
     everything = new.grid.everything
     for name in LAYERS:
-        expected = carried(old.layer(name, everything), move, np.nan)
+        expected = carried(old.layer(name, everything), move, 0.0 if name == "certainty" else np.nan)
         np.testing.assert_array_equal(new.layer(name, everything), expected)
     state = carried(old.state(everything), move, UNKNOWN)
     np.testing.assert_array_equal(new.state(everything), state)
-    np.testing.assert_array_equal(new.safe == 1, without_margin(carried(old.safe, move, 0) == 1))
+    np.testing.assert_array_equal(new.safe(everything), carried(old.safe(everything), move, 0))
 
 
 def test_the_maps_carried_over_hold_every_state() -> None:
@@ -124,7 +124,7 @@ def test_new_returns_join_the_evidence_carried_over(move: tuple[int, int]) -> No
     new = evidence().moved(moved_grid(move))
     again = cloud()[::7] + np.array([0.0, 0.0, 0.05])
     for terrain in (stay, new):
-        terrain.add(again, sensor, -np.inf, np.inf, 1.0)
+        terrain.add(again, sensor, 1.0)
     rows, cols = ROWS - abs(move[0]), COLS - abs(move[1])
     margin = 12  # footprint and closing
     mine = Box(max(0, move[0]), max(0, move[0]) + rows, max(0, move[1]), max(0, move[1]) + cols)

@@ -246,7 +246,7 @@ def test_the_standard_error_of_the_slope_is_honest(slope: float) -> None:
         pipe = pipeline("safe_slope_deg=30")
         run(pipe, ground(seed, slope_deg=slope, density=20))
         m = maps(pipe)
-        sigma = pipe._terrain.layer("slope_sigma_deg", m.box)  # type: ignore[union-attr]
+        sigma = m.slope_sigma_deg
         known = np.isfinite(m.slope_deg)
         error = m.slope_deg[known] - slope
         squares.append(error**2)

@@ -9,7 +9,18 @@ import numpy as np
 
 import params
 from companion.landing.executive import Executive, Orders, Phase, Severity, Situation
-from slz import Box, Grid, LandingPoint, LocalFrame, PointState, Report, SelectedPoint, Zone
+from slz import (
+    Box,
+    Choice,
+    Grid,
+    LandingPoint,
+    LocalFrame,
+    MapReport,
+    PointState,
+    Report,
+    SelectedPoint,
+    Zone,
+)
 
 STEP_S = 0.1
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -67,8 +78,10 @@ class Flight:
         selected = None
         if self.selected is not None:
             state = self.state(float(self.position[2]), self.selected)
-            selected = SelectedPoint(self.selected, state, True, 0.0, 1.0, 0.05, 1)
-        report = Report(0, FRAME, GRID, tuple(self.zones), selected, 1000, 1000, False, {})
+            selected = SelectedPoint(self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None)
+        near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, ())
+        choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
+        report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, False, 0, 0, False, {})
         return Situation(
             now_ns=round(self.time_s * 1e9),
             connected=self.connected,

@@ -89,7 +89,7 @@ def test_maps_of_any_shape_and_without_data_are_drawn(
     blank = np.full(shape, np.nan, np.float32)
     state = np.full(shape, UNKNOWN, np.uint8)
     box = Box(0, shape[0], 0, shape[1])
-    maps = TerrainMaps(found.maps.frame, found.maps.grid, box, blank, blank, blank, blank, state)
+    maps = TerrainMaps(found.maps.frame, found.maps.grid, box, *[blank] * 6, state)
     for path in figures.save_maps(tmp_path, maps):
         assert matplotlib.image.imread(path).shape[0] > 100
 

@@ -64,7 +64,7 @@ def test_the_square_lies_on_safe_cells_only() -> None:
     state[7:17, 4:16][cells == 1] = SAFE
     blank = np.zeros((60, 50), np.float32)
     frame = LocalFrame(44.0, -123.0, 0.0)
-    maps = TerrainMaps(frame, GRID, GRID.everything, blank, blank, blank, blank, state)
+    maps = TerrainMaps(frame, GRID, GRID.everything, *[blank] * 6, state)
     east, north = square_centre(zone(cells), maps)
     assert east == pytest.approx(-10 + (4 + 2 + 3.5) * 0.5)
     assert -20 + (7 + 1 + 3.5) * 0.5 <= north <= -20 + (7 + 2 + 3.5) * 0.5

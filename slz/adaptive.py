@@ -1,0 +1,127 @@
+"""Window and resolution that follow density, height and speed (SLZ paper and thesis, future work)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.kernels.scatter import TILE, hit_tiles
+from slz.window import Window
+
+COARSEST = 2  # level of the far map whose cells are `far_cell_m` wide
+RETURNS_PER_CELL = 1.0  # of one window, below which cells are too fine
+RETURNS_WANTED = 8.0  # of one window and finest cell, to which its length is fitted
+STEADY = 3  # windows in a row that must ask for another level
+TIMING_S = 0.005  # how well poses and returns are matched in time
+HYSTERESIS = 0.9
+MOST_SQUARES = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What a window was like, and what was chosen from that.
+
+    density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return.
+    speed_ms: of the sensor over ground; 0 for the first window. far: the far map is the active one. level: of
+    the resolution pyramid, of whose cells the far map is made. window_s: span of the windows to come.
+    """
+
+    density_per_m2: float
+    height_m: float
+    speed_ms: float
+    far: bool
+    level: int
+    window_s: float
+
+
+class Adapter:
+    """Chooses mode, resolution and window length from what the windows themselves say.
+
+    - far mode above `far_height_m` or faster than `far_speed_ms` (SLZ thesis §4.4.4), near mode again below
+      nine tenths of both;
+    - the far map's cells: the finest that get a return each in a window and are not finer than returns can be
+      placed: two standard deviations of ray direction times height, and of timing times speed. Three
+      windows in a row must agree. The near map keeps its cells: coarser ones hide hazards;
+    - windows that give the near map's cells eight returns each, and in which the vehicle flies no farther than
+      half of what it sees to one side; between half and twice `window_s`.
+
+    With `adaptive=off` and in source mode only near and far change, and far cells are those of `far_cell_m`.
+    """
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._p = parameters
+        self._adaptive = parameters.adaptive == "on" and parameters.mode == "default"
+        self._before: tuple[int, NDArray[np.float64]] | None = None
+        self._far = False
+        self._level = COARSEST
+        self._asked = [COARSEST] * STEADY
+
+    def look(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
+        """Return the choice after a window, of which these returns are used."""
+        height = (
+            float(window.sensor_enu_m[2] - np.median(points_enu_m[:, 2])) if len(points_enu_m) else math.nan
+        )
+        speed = self._speed(window)
+        density, reach = _density(points_enu_m, window.sensor_enu_m)
+        self._far = self._is_far(height, speed)
+        level, window_s = self._level, self._p.window_s
+        if self._adaptive and density > 0 and math.isfinite(height):
+            span_s = max((window.end_ns - window.start_ns) * 1e-9, 1e-3)
+            level = self._steady(self._wanted_level(density, height, speed))
+            window_s = self._wanted_window(density / span_s, reach, speed)
+        return Choice(density, height, speed, self._far, level, window_s)
+
+    def _speed(self, window: Window) -> float:
+        before, now = self._before, (window.end_ns, window.sensor_enu_m)
+        self._before = now
+        if before is None or now[0] <= before[0]:
+            return 0.0
+        way = float(np.hypot(*(now[1] - before[1])[:2]))
+        return way / ((now[0] - before[0]) * 1e-9) if math.isfinite(way) else 0.0
+
+    def _is_far(self, height_m: float, speed_ms: float) -> bool:
+        share = HYSTERESIS if self._far else 1.0
+        return height_m > share * self._p.far_height_m or speed_ms > share * self._p.far_speed_ms
+
+    def _wanted_level(self, density: float, height_m: float, speed_ms: float) -> int:
+        p = self._p
+        placed_m = math.hypot(math.radians(p.angle_noise_deg) * height_m, TIMING_S * speed_ms)
+        finest = max(math.sqrt(RETURNS_PER_CELL / density), 2 * placed_m)
+        level = COARSEST
+        while level > 0 and p.far_cell_m / 2 ** (COARSEST - level + 1) >= finest:
+            level -= 1
+        return level
+
+    def _steady(self, wanted: int) -> int:
+        self._asked = [*self._asked[1:], wanted]
+        if all(asked > self._level for asked in self._asked):
+            self._level = min(self._asked)
+        elif all(asked < self._level for asked in self._asked):
+            self._level = max(self._asked)
+        return self._level
+
+    def _wanted_window(self, per_m2_s: float, reach_m: float, speed_ms: float) -> float:
+        p = self._p
+        wanted = RETURNS_WANTED / (per_m2_s * p.cell_m**2)
+        if speed_ms > 0:
+            wanted = min(wanted, reach_m / 2 / speed_ms)
+        steps = max(1, round(min(max(wanted, p.window_s / 2), 2 * p.window_s) / (p.window_s / 4)))
+        return steps * p.window_s / 4
+
+
+def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[float, float]:
+    """Return returns per square metre of the ground hit, and how far from the sensor half of them lie."""
+    if not len(points):
+        return 0.0, 0.0
+    thin = points[:: max(1, len(points) // 20_000)]
+    reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
+    low, high = np.floor(points[:, :2].min(axis=0)), np.floor(points[:, :2].max(axis=0))
+    cols, rows = (int(v) + 1 for v in high - low)
+    if rows * cols > MOST_SQUARES:
+        return 0.0, reach
+    square = hit_tiles(points, float(low[0]), float(low[1]), 1.0 / TILE, 0, 0, rows, cols)
+    return len(points) / int(square.sum()), reach

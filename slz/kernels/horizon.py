@@ -1,0 +1,45 @@
+"""How high the surroundings of a point reach."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+
+@kernel("float64[:](float32[:, :], float64, float64, float64, float64, float64, float64, int64)")
+def horizon(
+    top: NDArray[np.float32],
+    row: float,
+    col: float,
+    base_m: float,
+    cell_m: float,
+    near_m: float,
+    far_m: float,
+    sectors: int,
+) -> NDArray[np.float64]:
+    """Return by sector the greatest elevation angle (rad) of a top seen from a point; NaN where none is.
+
+    Sectors are of bearings, clockwise from north, the first centred on it. Only cells between `near_m` and
+    `far_m` of the point count, each in all the sectors that it spans.
+    """
+    out = np.full(sectors, np.nan)
+    width = 2 * np.pi / sectors
+    for r in range(top.shape[0]):
+        for c in range(top.shape[1]):
+            z = top[r, c]
+            east, north = (c - col) * cell_m, (r - row) * cell_m
+            distance = np.sqrt(east * east + north * north)
+            if np.isnan(z) or distance < near_m or distance > far_m:
+                continue
+            angle = np.arctan2(z - base_m, distance)
+            bearing = np.arctan2(east, north)
+            half = np.arcsin(min(1.0, 0.5 * cell_m / max(distance, 1e-9)))
+            first = int(np.floor((bearing - half) / width + 0.5))
+            last = int(np.floor((bearing + half) / width + 0.5))
+            for s in range(first, last + 1):
+                i = s % sectors
+                if np.isnan(out[i]) or angle > out[i]:
+                    out[i] = angle
+    return out

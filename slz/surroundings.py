@@ -1,0 +1,132 @@
+"""What stands around a landing point: obstacles with their heights, and how free each way in is.
+
+SLZ thesis §4.4.5 lists the obstacles around the selected landing point and leaves the choice of an approach
+to the pilot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from slz.frame import LocalFrame
+from slz.grid import Box, Grid
+from slz.kernels.horizon import horizon
+
+SECTORS = 36
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Something that stands on the ground, in metres of the map frame.
+
+    east_m, north_m: its highest cell. top_m: height of that one's highest return. height_m: that over the
+    ground. width_m: side of a square of its area. extent_m: its west, south, east and north edges.
+    """
+
+    east_m: float
+    north_m: float
+    top_m: float
+    height_m: float
+    width_m: float
+    extent_m: tuple[float, float, float, float]
+
+    def lla(self, frame: LocalFrame) -> NDArray[np.float64]:
+        """Return latitude, longitude (degrees) and altitude (m) of its highest return."""
+        return frame.lla([self.east_m, self.north_m, self.top_m])
+
+    def distance_m(self, enu_m: NDArray[np.float64]) -> float:
+        """Return the horizontal distance from a point to its extent."""
+        west, south, east, north = self.extent_m
+        return float(
+            np.hypot(max(west - enu_m[0], 0.0, enu_m[0] - east), max(south - enu_m[1], 0.0, enu_m[1] - north))
+        )
+
+
+def grouped(
+    raised: NDArray[np.bool_],
+    top_m: NDArray[np.float32],
+    ground_m: Callable[[Box, int, int], float],
+    grid: Grid,
+    box: Box,
+    most: int,
+) -> tuple[Obstacle, ...]:
+    """Return an obstacle for each group of touching raised cells of a box, the largest groups only.
+
+    Parameters
+    ----------
+    raised, top_m
+        (rows, cols) of the box: what belongs to an obstacle, and the highest return.
+    ground_m
+        Height of the ground of a group, given its box and its highest cell, both within the arrays.
+    """
+    label, count = ndimage.label(raised, np.ones((3, 3)))
+    if count == 0:
+        return ()
+    size = np.bincount(label.ravel(), minlength=count + 1)
+    order = np.argsort(-size[1:], kind="stable")[:most] + 1
+    places = ndimage.find_objects(label)
+    found = []
+    for number in sorted(order.tolist()):
+        rows, cols = places[number - 1]
+        own = label[rows, cols] == number
+        highest = np.where(own, np.nan_to_num(top_m[rows, cols], nan=-np.inf), -np.inf)
+        row, col = np.unravel_index(int(np.argmax(highest)), highest.shape)
+        east, north = grid.centre(int(row) + rows.start + box.row0, int(col) + cols.start + box.col0)
+        top = float(highest[row, col])
+        place = Box(rows.start, rows.stop, cols.start, cols.stop)
+        over = top - ground_m(place, int(row) + rows.start, int(col) + cols.start)
+        west, south = grid.centre(rows.start + box.row0 - 0.5, cols.start + box.col0 - 0.5)
+        east_edge, north_edge = grid.centre(rows.stop + box.row0 - 0.5, cols.stop + box.col0 - 0.5)
+        width = float(np.sqrt(own.sum())) * grid.cell_m
+        found.append(Obstacle(east, north, top, over, width, (west, south, east_edge, north_edge)))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Obstacles within `radius_m` of a point, the nearest first, and the elevation angle of the horizon.
+
+    horizon_deg : (36,) by bearing, clockwise from north; NaN where nothing was seen.
+    """
+
+    radius_m: float
+    obstacles: tuple[Obstacle, ...]
+    horizon_deg: NDArray[np.float64]
+
+    def way_in(self, bearing_rad: float = 0.0) -> tuple[float, float] | None:
+        """Return the bearing (rad) to come from and its horizon (deg): the lowest, of equals the least turn.
+
+        Horizons are compared in steps of 2 degrees, over three neighbouring sectors each. None where no
+        sector was seen.
+        """
+        h = self.horizon_deg
+        wide = np.max([np.roll(h, -1), h, np.roll(h, 1)], axis=0)  # NaN where one of them is
+        bearings = np.arange(SECTORS) * 2 * np.pi / SECTORS
+        turn = np.abs((bearings - bearing_rad + np.pi) % (2 * np.pi) - np.pi)
+        seen = np.flatnonzero(np.isfinite(wide))
+        if not len(seen):
+            return None
+        best = min(seen.tolist(), key=lambda i: (np.floor(max(wide[i], 0.0) / 2), turn[i]))
+        return float(bearings[best]), float(wide[best])
+
+
+def horizon_at(
+    enu_m: NDArray[np.float64],
+    top_m: NDArray[np.float32],
+    grid: Grid,
+    box: Box,
+    near_m: float,
+    far_m: float,
+) -> NDArray[np.float64]:
+    """Return (36,) elevation angles (deg) of the horizon of a point, by bearing clockwise from north."""
+    row = (enu_m[1] - grid.south_m) / grid.cell_m - 0.5 - box.row0
+    col = (enu_m[0] - grid.west_m) / grid.cell_m - 0.5 - box.col0
+    angles = horizon(
+        np.ascontiguousarray(top_m, np.float32), row, col, enu_m[2], grid.cell_m, near_m, far_m, SECTORS
+    )
+    return np.degrees(angles)

@@ -1,0 +1,234 @@
+"""Tiles of cells: memory follows the ground that was seen, within a budget."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from slz.grid import Box
+from slz.kernels.scatter import (
+    FIELDS,
+    TILE,
+    box_of,
+    copy_evidence,
+    differences,
+    gather_evidence,
+    hit_tiles,
+)
+
+Key = tuple[int, int]
+TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
+FEWEST = 16  # tiles, however small the budget
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of one return: along its ray (m) and of the ray's direction (rad)."""
+
+    range_m: float
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a window did: boxes of cells that were hit, tiles given up for them, points without a tile."""
+
+    boxes: tuple[Box, ...]
+    evicted: tuple[Key, ...]
+    n_dropped: int
+
+
+class Tiles:
+    """Evidence of single cells, in tiles that are made on sight and given up when the budget is used.
+
+    Rows and columns count from the corner (west_m, south_m) and may be negative. A cell holds a current
+    and a previous epoch of `FIELDS` numbers, see `slz.kernels.scatter`.
+
+    Parameters
+    ----------
+    budget_bytes
+        Most memory for evidence. The tile not seen for longest goes first, a pinned one never.
+    """
+
+    def __init__(self, west_m: float, south_m: float, cell_m: float, budget_bytes: float) -> None:
+        self.west_m, self.south_m, self.cell_m = west_m, south_m, cell_m
+        capacity = max(FEWEST, int(budget_bytes // TILE_BYTES))
+        self._pool = np.zeros((capacity, TILE, TILE, 2, FIELDS), np.float32)  # pages unused are not backed
+        self._slot: dict[Key, int] = {}
+        self._last_s: dict[Key, float] = {}
+        self._free = list(range(capacity))[::-1]
+        self.datum_m = 0.0
+        """Height of the map's zero: heights are kept without it and given out with it."""
+        self.latest_s = 0.0
+        self._epoch_s: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._slot)
+
+    @property
+    def capacity(self) -> int:
+        return len(self._pool)
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes of all tiles held."""
+        return tuple(box_of_tile(key) for key in self._slot)
+
+    def now_s(self, stamp_s: float) -> float:
+        """Return the time since the first stamp; single precision keeps it to milliseconds for hours."""
+        if self._epoch_s is None:
+            self._epoch_s = stamp_s
+        self.latest_s = stamp_s - self._epoch_s
+        return self.latest_s
+
+    def add(
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        noise: Noise,
+        within: Box,
+        now_s: float,
+        hold_s: float,
+        pinned: Collection[Key] = (),
+    ) -> Change:
+        """Add the points that lie in a box of cells to the evidence of theirs."""
+        edges = np.array([within.row0, within.row1, within.col0, within.col1])
+        place = (self.west_m, self.south_m, self.cell_m)
+        *hit, inside = box_of(points_enu_m, *place, edges).tolist()
+        if not inside:
+            return Change((), (), 0)
+        corner, shape = _tiles_over(Box(*hit))
+        wanted = np.argwhere(hit_tiles(points_enu_m, *place, *corner, *shape)) + np.array(corner)
+        evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
+        table = self._table(corner, shape)
+        touched = np.full((*shape, 4), -1, np.int64)
+        used = gather_evidence(
+            points_enu_m, sensor_enu_m, noise.range_m, noise.angle_rad, *place, *corner, edges,
+            now_s, hold_s, self._pool, table, touched,
+        )  # fmt: skip
+        boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] >= 0])
+        return Change(boxes, evicted, inside - int(used))
+
+    def _make_room(
+        self, wanted: list[Key], sensor_enu_m: NDArray[np.float64], now_s: float, pinned: Collection[Key]
+    ) -> tuple[Key, ...]:
+        """Make tiles for those wanted, the nearest to the sensor first, and return those given up."""
+        here = [key for key in wanted if key in self._slot]
+        for key in here:
+            self._last_s[key] = now_s
+        new = [key for key in wanted if key not in self._slot]
+        if len(new) > len(self._free):
+            new.sort(key=lambda key: self._distance_m(key, sensor_enu_m))
+        old = iter(())  # type: Iterator[Key]
+        if len(new) > len(self._free):
+            kept = set(here) | set(pinned)
+            old = iter(sorted((k for k in self._slot if k not in kept), key=lambda k: (self._last_s[k], k)))
+        evicted = []
+        for key in new:
+            if not self._free:
+                victim = next(old, None)
+                if victim is None:
+                    break
+                evicted.append(victim)
+                self._give_up(victim)
+            self._slot[key], self._last_s[key] = self._free.pop(), now_s
+        return tuple(evicted)
+
+    def _give_up(self, key: Key) -> None:
+        slot = self._slot.pop(key)
+        del self._last_s[key]
+        self._pool[slot] = 0
+        self._free.append(slot)
+
+    def _distance_m(self, key: Key, sensor_enu_m: NDArray[np.float64]) -> tuple[float, Key]:
+        east = self.west_m + (key[1] + 0.5) * TILE * self.cell_m - sensor_enu_m[0]
+        north = self.south_m + (key[0] + 0.5) * TILE * self.cell_m - sensor_enu_m[1]
+        distance = math.hypot(east, north)
+        return (0.0 if math.isnan(distance) else distance), key
+
+    def _table(self, corner: Key, shape: tuple[int, int]) -> NDArray[np.int32]:
+        """Return the slot of every tile of a rectangle of tiles, -1 where there is none."""
+        rows, cols = shape
+        keys = ((corner[0] + r, corner[1] + c) for r in range(rows) for c in range(cols))
+        return np.array([self._slot.get(key, -1) for key in keys], np.int32).reshape(shape)
+
+    def read(self, box: Box) -> NDArray[np.float32]:
+        """Return a copy (rows, cols, 2, FIELDS) of the evidence of a box; zero where nothing was seen."""
+        out = np.zeros((*box.shape, 2, FIELDS), np.float32)
+        corner, shape = _tiles_over(box)
+        copy_evidence(self._pool, self._table(corner, shape), *corner, box.row0, box.col0, out)
+        return out
+
+    def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""
+        if not self._slot or not len(points_enu_m):
+            return np.empty((0, 3))
+        keys = np.array(list(self._slot))
+        low, high = keys.min(axis=0), keys.max(axis=0) + 1
+        corner, shape = (int(low[0]), int(low[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
+        table = self._table(corner, shape)
+        return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
+
+    def keys_over(self, box: Box) -> tuple[Key, ...]:
+        """Return the keys of the tiles that a box of cells touches, held or not."""
+        (row, col), (rows, cols) = _tiles_over(box)
+        return tuple((row + r, col + c) for r in range(rows) for c in range(cols))
+
+
+def box_of_tile(key: Key) -> Box:
+    """Return the cells of a tile."""
+    return Box(key[0] * TILE, (key[0] + 1) * TILE, key[1] * TILE, (key[1] + 1) * TILE)
+
+
+def _tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
+    """Return the first tile of a box and the number of rows and columns of tiles."""
+    row, col = box.row0 // TILE, box.col0 // TILE
+    return (row, col), ((box.row1 - 1) // TILE - row + 1, (box.col1 - 1) // TILE - col + 1)
+
+
+class TiledLayers:
+    """Maps drawn over ground seen, in tiles of their own; zero where nothing was written."""
+
+    def __init__(self, count: int, dtype: DTypeLike) -> None:
+        self._empty = np.zeros((count, TILE, TILE), dtype)
+        self._tiles: dict[Key, NDArray[Any]] = {}
+
+    def write(self, box: Box, values: NDArray[Any]) -> None:
+        """Set (count, rows, cols) values of a box."""
+        for key, there, here in _pieces(box):
+            if key not in self._tiles:
+                self._tiles[key] = self._empty.copy()
+            self._tiles[key][(slice(None), *there)] = values[(slice(None), *here)]
+
+    def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
+        """Return a copy (rows, cols) of one layer of a box."""
+        out = np.zeros(box.shape, self._empty.dtype)
+        for key, there, here in _pieces(box):
+            tile = self._tiles.get(key)
+            if tile is not None:
+                out[here] = tile[(layer, *there)]
+        return out
+
+    def drop(self, key: Key) -> None:
+        """Forget a tile."""
+        self._tiles.pop(key, None)
+
+
+def _pieces(box: Box) -> Iterator[tuple[Key, tuple[slice, slice], tuple[slice, slice]]]:
+    """Yield the tiles that a box touches, with the common cells within the tile and within the box."""
+    if box.empty:
+        return
+    (row, col), (rows, cols) = _tiles_over(box)
+    for r in range(row, row + rows):
+        for c in range(col, col + cols):
+            tile = box_of_tile((r, c))
+            r0, r1 = max(box.row0, tile.row0), min(box.row1, tile.row1)
+            c0, c1 = max(box.col0, tile.col0), min(box.col1, tile.col1)
+            there = slice(r0 - tile.row0, r1 - tile.row0), slice(c0 - tile.col0, c1 - tile.col0)
+            here = slice(r0 - box.row0, r1 - box.row0), slice(c0 - box.col0, c1 - box.col0)
+            yield (r, c), there, here
