@@ -46,7 +46,7 @@ class Adapter:
     - the far map's cells: the finest that get a return each in a window and are not finer than returns can be
       placed: two standard deviations of ray direction times height, and of timing times speed. Three
       windows in a row must agree. The near map keeps its cells: coarser ones hide hazards;
-    - windows that give the near map's cells eight returns each, and in which the vehicle flies no farther than
+    - windows that give the near map's cells eight returns each, in which the vehicle flies no farther than
       half of what it sees to one side; between half and twice `window_s`.
 
     With `adaptive=off` and in source mode only near and far change, and far cells are those of `far_cell_m`.

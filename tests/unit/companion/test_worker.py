@@ -11,7 +11,7 @@ from companion.worker import PipelineWorker
 from slz import LocalFrame, Pipeline, Report, Scan, Window
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
-SMALL = params.load("quadcopter", ["zone_m=40", "window_s=1"])
+SMALL = params.load("quadcopter", ["zone_m=40", "window_s=1", "adaptive=off"])
 
 
 def scan(second: float) -> Scan:
