@@ -20,7 +20,7 @@ from tests.unit.slz.hand_made import FRAME, flat, fly, maps, returns, state_at
 ROWS, COLS = 42, 52
 N_TOTAL = (ROWS - 2) * (COLS - 2)  # without the outermost ring
 BLOCK = (10, 15)  # row and column of the middle of 3 x 3 raised cells
-N_BLOCK = 8 + 12  # the rim of the block, and the cells beside it
+N_BLOCK = 9 + 12  # the block, uneven in the middle too, and the cells beside it
 HOLES = [(20, 30), (30, 12)]
 N_HOLES = 5 * len(HOLES)
 MAST = (30, 40)
@@ -36,7 +36,7 @@ def ground() -> NDArray[np.float64]:
     height = flat(ROWS, COLS)
     row, col = BLOCK
     height[row - 1 : row + 2, col - 1 : col + 2] = 0.5
-    height[row, col] = 0.6
+    height[row, col - 1 : col + 2] = 0.4, 0.7, 0.6
     for hole in HOLES:
         height[hole] = np.nan
     height[MAST] = 8.0
@@ -114,9 +114,9 @@ def test_an_obstacle_inside_a_zone_has_its_top_and_its_height_above_the_zone() -
     height = ground() + 3.0
     zone = only_zone(fly(pipeline("min_square_m=3"), returns(height, 1.0)))
     (obstacle,) = zone.obstacles
-    assert obstacle.top_m == pytest.approx(3.6, abs=1e-5)
-    assert obstacle.height_m == pytest.approx(0.6, abs=1e-5)
-    assert obstacle.width_m == pytest.approx(math.sqrt(N_BLOCK + 1), abs=1e-6)  # and its flat middle
+    assert obstacle.top_m == pytest.approx(3.7, abs=1e-5)
+    assert obstacle.height_m == pytest.approx(0.7, abs=1e-5)
+    assert obstacle.width_m == pytest.approx(math.sqrt(N_BLOCK), abs=1e-6)
 
 
 def test_an_obstacle_lies_where_its_highest_return_is_also_in_geodetic_coordinates() -> None:
@@ -127,7 +127,7 @@ def test_an_obstacle_lies_where_its_highest_return_is_also_in_geodetic_coordinat
     assert (obstacle.east_m, obstacle.north_m) == (east, north)
     lat, lon, alt = report.frame.lla([obstacle.east_m, obstacle.north_m, obstacle.top_m])
     assert (lat, lon) == pytest.approx(lla_by_radii(east, north), abs=1e-8)  # 1 mm
-    assert alt == pytest.approx(FRAME.alt_m + 3.6, abs=1e-3)
+    assert alt == pytest.approx(FRAME.alt_m + 3.7, abs=1e-3)
 
 
 def test_what_lies_beside_the_contour_in_its_bounding_box_counts_for_nothing() -> None:
@@ -232,8 +232,8 @@ def test_the_states_of_the_hand_made_ground_are_what_the_counts_assume() -> None
     def state(place: tuple[int, int], down: int = 0, right: int = 0) -> int:
         return state_at(pipe, place[1] + right + 0.5, place[0] + down + 0.5)
 
-    assert [state(BLOCK, down) for down in range(-3, 4)] == [1, 0, 0, 1, 0, 0, 1]
-    assert [state(BLOCK, i, i) for i in range(-3, 4)] == [1, 1, 0, 1, 0, 1, 1]
+    assert [state(BLOCK, down) for down in range(-3, 4)] == [1, 0, 0, 0, 0, 0, 1]
+    assert [state(BLOCK, i, i) for i in range(-3, 4)] == [1, 1, 0, 0, 0, 1, 1]
     assert [state(HOLES[0], 0, right) for right in range(-2, 3)] == [1, 255, 255, 255, 1]
     assert [state(MAST, 0, right) for right in range(-2, 3)] == [1, 255, 1, 255, 1]
     assert (maps(pipe).state[[0, -1]] == UNKNOWN).all()
