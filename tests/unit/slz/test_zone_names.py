@@ -248,8 +248,11 @@ def test_of_a_zone_that_splits_the_larger_part_keeps_the_id_and_the_other_gets_a
     pipe = default()
     looked(pipe, canvas(FIELD))
     after = looked(pipe, raised(canvas(FIELD), Patch(4, 54, wall_col, wall_col + 2), 1.5))
-    west, east = id_at(after, 30, 8), id_at(after, 30, 40)
-    assert (west, east) == ((2, 1) if wall_col == 16 else (1, 2))
+    smaller, larger = id_at(after, 30, 8), id_at(after, 30, 40)
+    if wall_col == 32:
+        smaller, larger = larger, smaller
+    assert larger == 1
+    assert smaller not in (None, 1)
 
 
 def test_of_a_zone_that_splits_evenly_one_part_keeps_the_id() -> None:
@@ -258,18 +261,20 @@ def test_of_a_zone_that_splits_evenly_one_part_keeps_the_id() -> None:
     after = looked(pipe, raised(canvas(FIELD), Patch(4, 54, 23, 25), 1.5))
     first, second = after.zones
     assert first.area_m2 == second.area_m2
-    assert ids(after) == [1, 2]
+    assert sorted(zone.id == 1 for zone in (first, second)) == [False, True]
 
 
-def test_an_id_lost_in_a_merge_is_not_given_to_a_later_part() -> None:
-    west, gap, east = Patch(4, 54, 4, 18), Patch(4, 54, 18, 26), Patch(4, 54, 26, 58)
+def test_an_id_lost_in_a_merge_is_given_to_nothing_else() -> None:
+    """The part that comes apart again, elsewhere than the zone that had the ID, gets one never used."""
+    small, gap, large = Patch(4, 54, 4, 16), Patch(4, 54, 16, 24), Patch(4, 54, 24, 58)
     pipe = default()
-    apart = looked(pipe, canvas(west, east))
-    merged = looked(pipe, canvas(west, gap, east))
-    again = looked(pipe, raised(canvas(west, gap, east), Patch(4, 54, 20, 24), 1.5))
+    apart = looked(pipe, canvas(small, large))
+    merged = looked(pipe, canvas(small, gap, large))
+    rubble = Patch(4, 54, 2, 26)  # where the small one was
+    again = looked(pipe, raised(raised(canvas(small, gap, large), rubble, 1.5), Patch(4, 54, 44, 46), 1.5))
     assert ids(merged) == [id_at(apart, 30, 50)]
-    assert id_at(again, 30, 50) == id_at(apart, 30, 50)
-    assert id_at(again, 30, 8) == 3
+    assert id_at(again, 30, 36) == id_at(apart, 30, 36)
+    assert id_at(again, 30, 53) not in (None, *ids(apart))
 
 
 def test_a_zone_that_vanishes_takes_its_id_along_and_one_that_appears_gets_another() -> None:
@@ -280,8 +285,8 @@ def test_a_zone_that_vanishes_takes_its_id_along_and_one_that_appears_gets_anoth
     assert ids(looked(pipe, canvas(west))) == [1]
     assert ids(looked(pipe, rubble)) == []
     after = looked(pipe, canvas(east))
-    assert ids(after) == [2]
-    assert id_at(after, 30, 46) == 2
+    assert len(after.zones) == 1
+    assert id_at(after, 30, 46) not in (None, 1)
 
 
 def test_a_zone_out_of_sight_keeps_its_id_until_it_is_too_old() -> None:
@@ -290,8 +295,9 @@ def test_a_zone_out_of_sight_keeps_its_id_until_it_is_too_old() -> None:
     fly(pipe, returns(canvas(west), CELL_M))
     both = fly(pipe, returns(canvas(east), CELL_M), first_s=5.0)
     late = fly(pipe, returns(canvas(east), CELL_M), first_s=12.0)
-    assert ids(both) == [1, 2]
-    assert ids(late) == [2]
+    assert id_at(both, 30, 14) == 1
+    assert ids(late) == [id_at(both, 30, 46)]
+    assert ids(late) != [1]
 
 
 def test_a_zone_keeps_its_id_when_the_map_moves_with_the_vehicle() -> None:
@@ -365,15 +371,13 @@ def test_ids_are_unique_and_a_zone_that_did_not_change_keeps_its_id(seed: int, n
 
 @settings(max_examples=30, deadline=None)
 @flights
-def test_a_zone_on_ground_that_was_in_no_zone_has_an_id_never_used(seed: int, n: int) -> None:
-    before: tuple[Zone, ...] = ()
-    used: set[int] = set()
+def test_an_id_is_given_only_to_ground_that_shares_some_with_what_bore_it_before(seed: int, n: int) -> None:
+    borne: list[Zone] = []
     for report in watch(aged(), random_maps(seed, n), CELL_M):
         for zone in report.zones:
-            related = {old.id for old in before if share_a_cell(old, zone, report)}
-            assert zone.id in related or zone.id not in used
-        used |= set(ids(report))
-        before = report.zones
+            earlier = [old for old in borne if old.id == zone.id]
+            assert not earlier or any(share_a_cell(old, zone, report) for old in earlier)
+        borne += report.zones
 
 
 @settings(max_examples=30, deadline=None)
