@@ -1,4 +1,4 @@
-"""Rings along the edges of cells, and simpler rings beside them."""
+"""Rings along the edges of cells."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
 COL_AHEAD = np.array([1, 0, -1, 0], np.int64)
 ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
 COL_LEFT = np.array([0, -1, -1, 0], np.int64)
-RUN = 3
 
 
 @kernel("boolean(uint8[:, :], int64, int64)")
@@ -67,85 +66,3 @@ def edges(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
                         break
             ring += 1
     return out[:n].copy()
-
-
-@kernel("UniTuple(float64, 2)(int32[:, :], int64)")
-def _place(ring: NDArray[np.int32], i: int) -> tuple[float, float]:
-    """Return column and row of the i-th of vertices and middles of steps."""
-    n = len(ring)
-    a, b = (i // 2) % n, ((i + 1) // 2) % n
-    return 0.5 * (ring[a, 1] + ring[b, 1]), 0.5 * (ring[a, 0] + ring[b, 0])
-
-
-@kernel("boolean[:](int32[:, :])")
-def _sharp(ring: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Tell which vertices lie between two straight runs of at least `RUN` steps at right angles."""
-    n = len(ring)
-    out = np.zeros(n, np.bool_)
-    for i in range(n):
-        row, col = ring[i, 0], ring[i, 1]
-        back, ahead = (i - RUN) % n, (i + RUN) % n
-        straight_in = abs(row - ring[back, 0]) + abs(col - ring[back, 1]) == RUN and (
-            row == ring[back, 0] or col == ring[back, 1]
-        )
-        straight_out = row == ring[ahead, 0] or col == ring[ahead, 1]
-        turned = (row == ring[back, 0]) != (row == ring[ahead, 0])
-        far = abs(row - ring[ahead, 0]) + abs(col - ring[ahead, 1]) == RUN
-        out[i] = straight_in and straight_out and turned and far
-    return out
-
-
-@kernel("float64(float64, float64, float64, float64)")
-def _turn(ax: float, ay: float, bx: float, by: float) -> float:
-    """Return the angle from a to b, anticlockwise."""
-    return float(np.arctan2(ax * by - ay * bx, ax * bx + ay * by))
-
-
-@kernel("float64[:, :](int32[:, :], float64)")
-def simplified(ring: NDArray[np.int32], depth: float) -> NDArray[np.float64]:
-    """Return a ring of few points beside a ring of unit steps, gaining no cell's centre.
-
-    From each point kept, the farthest next one is taken whose chord has the centres of all cells on the right
-    of the steps between on its right, and on its left the points so much deeper than the centres of the cells
-    on the left: a cone of directions that narrows step by step. Points to choose from are the vertices and
-    the middles of the steps; a corner between straight runs is preferred to what lies a step beyond it.
-
-    Parameters
-    ----------
-    ring
-        (n, 2) rows and columns of the vertices, the first not repeated; it is kept.
-    depth
-        Cells; with 0 no centre is lost either.
-
-    Returns
-    -------
-    (m, 2) columns and rows.
-    """
-    n = len(ring)
-    kept = np.empty((2 * n, 2))
-    sharp = _sharp(ring)
-    count, i = 0, 0
-    while i < 2 * n:
-        x0, y0 = _place(ring, i)
-        kept[count, 0], kept[count, 1] = x0, y0
-        count += 1
-        ahead = i // 2
-        dx = np.float64(ring[(ahead + 1) % n, 1] - ring[ahead, 1])
-        dy = np.float64(ring[(ahead + 1) % n, 0] - ring[ahead, 0])
-        best, corner, low, high = i + 1, -1, -np.pi, np.pi
-        for j in range(i + 1, 2 * n + 1):
-            step = (j - 1) // 2  # the step that ends at, or is halved by, point j
-            ux = np.float64(ring[(step + 1) % n, 1] - ring[step, 1])
-            uy = np.float64(ring[(step + 1) % n, 0] - ring[step, 0])
-            mx, my = ring[step, 1] + ux / 2 - x0, ring[step, 0] + uy / 2 - y0
-            low = max(low, _turn(dx, dy, mx + uy / 2, my - ux / 2))
-            high = min(high, _turn(dx, dy, mx - uy * (0.5 + depth), my + ux * (0.5 + depth)))
-            if low >= high:
-                break
-            x, y = _place(ring, j)
-            if low + 1e-9 < _turn(dx, dy, x - x0, y - y0) < high - 1e-9:
-                best = j
-                if j % 2 == 0 and sharp[(j // 2) % n]:
-                    corner = j
-        i = corner if best - corner <= 2 else best
-    return kept[:count].copy()
