@@ -29,22 +29,22 @@ def section(
         progress(f"{scenario.name}, IDs")
         runs = {
             "without reuse": run(scenario.case("source", NO_ID_REUSE), surveys)[0],
-            "source's rule": run(scenario.case("source"), surveys)[0],
-            "default mode": run(scenario.case("default"), surveys)[0],
+            "by the source rule": run(scenario.case("source"), surveys)[0],
+            "in default mode": run(scenario.case("default"), surveys)[0],
         }
         ids[scenario.name] = [outcome.ids for outcome in runs.values()]
-        windows = len(runs["default mode"].ms)
+        windows = len(runs["in default mode"].ms)
         rows.append((scenario.name, f"{windows}", *(str(n) for n in ids[scenario.name])))
         files = []
         for name, outcome in runs.items():
             folder = out / outcome.case.folder
             folder.mkdir(parents=True, exist_ok=True)
-            files.append(folder / f"ids_{name.split()[0].replace(chr(39), '')}.png")
+            files.append(folder / f"ids_{name.replace(' ', '_')}.png")
             save_terrain(
                 files[-1],
                 outcome.maps,
                 "safe",
-                f"{outcome.ids} IDs {name}",
+                f"IDs given {name}: {outcome.ids}",
                 outcome.report.zones,
                 parameters=outcome.parameters,
             )

@@ -15,6 +15,7 @@ TEXT = (
     "Xeon E5-2650 v4 at cells of 1 m; default mode has cells of 0.2 m here and 200,000 pulses a second. "
     "Times depend on the machine and on what else it does."
 )
+TICKS_MS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
 COLUMNS = ("scene", "windows", "median", "p99", "greatest", "SLZ paper")
 
 
@@ -40,6 +41,7 @@ def section(outcomes: Sequence[Outcome], out: Path) -> Section:
 def _draw(outcomes: Sequence[Outcome], file: Path) -> None:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(10.0, 5.0), dpi=130, layout="constrained")
     axes = figure.add_subplot()
@@ -49,6 +51,10 @@ def _draw(outcomes: Sequence[Outcome], file: Path) -> None:
         axes.plot(windows, outcome.ms, linewidth=1.1, color=colour, label=outcome.case.name)
     axes.axhline(PAPER_MS, color="black", linestyle="--", linewidth=1.2, label="SLZ paper, at most")
     axes.set_yscale("log")
+    every = np.concatenate([outcome.ms for outcome in outcomes])
+    axes.set_ylim(min(2.0, 0.8 * every.min()), max(1000.0, 1.2 * every.max()))
+    axes.set_yticks(TICKS_MS, [f"{tick}" for tick in TICKS_MS])
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_title("Time per window of 1 s", loc="left", fontsize=13, fontweight="bold")
     axes.set_xlabel("window", fontsize=9)
     axes.set_ylabel("ms", fontsize=9)
