@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from companion import folder
 from companion.errors import UsageError
 from companion.figures import save_maps
-from companion.reproduce import page
+from companion.reproduce import identities, page, room, timing
+from companion.reproduce.page import Section
 from companion.reproduce.planes import slope_errors
-from companion.reproduce.scenes import CASES, Outcome
+from companion.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
+from companion.reproduce.scenes import CASES, Case, Outcome
 from companion.reproduce.scenes import run as run_case
 
 __all__ = ["run"]
 
+Progress = Callable[[str, float], None]
+GROWING = (ENTRANCE, BY_SCENE["mountains"])
 
-def run(out: Path, progress: Callable[[str, float], None], only: str = "") -> dict[str, Any]:
-    """Run every case, write the page and its pictures, and return the figures for JSON.
+
+def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
+    """Run every case and section, write the page and its pictures, and return the figures for JSON.
 
     Flown surveys are kept in `out/surveys` and used again.
 
     Parameters
     ----------
     only
-        Cases whose name holds this text; all when empty.
+        Cases and scenarios whose name holds this text; all when empty.
 
     Raises
     ------
@@ -35,33 +40,55 @@ def run(out: Path, progress: Callable[[str, float], None], only: str = "") -> di
     cases = [case for case in CASES if only in case.name]
     if not cases:
         raise UsageError(f"--only {only!r}: there are {', '.join(case.name for case in CASES)}")
-    outcomes: list[Outcome] = []
-    pictures: list[tuple[str, list[Path]]] = []
     folder.prepare(out)
     try:
-        progress("planes", 0.0)
-        errors = slope_errors()
-        for number, case in enumerate(cases):
-            progress(case.name, number / len(cases))
-            outcome, _ = run_case(case, out / "surveys")
-            drawn = save_maps(
-                out / case.name.replace(" ", "_").replace(",", ""),
-                outcome.maps,
-                outcome.report.zones,
-                outcome.parameters,
-            )
-            outcomes.append(outcome)
-            pictures.append((case.name, list(drawn)))
-        tables = [page.scene_table(outcomes), page.slope_table(errors)]
-        files = page.write(out, tables, pictures)
+        sections = _sections(out, cases, only, progress)
+        files = page.write(out, sections)
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)
-    return {
-        "files": [str(file) for file in files],
-        "scenes": {o.case.name: _figures(o) for o in outcomes},
-        "slope_rms_deg": {f"{e.slope_deg:g}": [e.gradient_rms_deg, e.plane_rms_deg] for e in errors},
-    }
+    figures: dict[str, Any] = {"files": [str(file) for file in files]}
+    for section in sections:
+        figures |= section.figures
+    return figures
+
+
+def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -> list[Section]:
+    """Return the page's sections in their order; a further one is a module with a function `section`."""
+    surveys = out / "surveys"
+    rooms = [scenario for scenario in SCENARIOS if only in scenario.name]
+    growing = [scenario for scenario in GROWING if only in scenario.name]
+    done, steps = 0, 1 + len(cases) + 2 * len(rooms) + len(growing)
+
+    def step(name: str) -> None:
+        nonlocal done
+        progress(name, done / steps)
+        done += 1
+
+    outcomes: list[Outcome] = []
+    for case in cases:
+        step(case.name)
+        outcomes.append(run_case(case, surveys)[0])
+    against_truth = _against_truth(outcomes, out)
+    step("planes")
+    errors = slope_errors()
+    slopes = {f"{e.slope_deg:g}": [e.gradient_rms_deg, e.plane_rms_deg] for e in errors}
+    return [
+        against_truth,
+        Section([page.slope_table(errors)], [], {"slope_rms_deg": slopes}),
+        *([room.section(rooms, out, surveys, step)] if rooms else []),
+        *([identities.section(growing, out, surveys, step)] if growing else []),
+        timing.section(outcomes, out),
+    ]
+
+
+def _against_truth(outcomes: Sequence[Outcome], out: Path) -> Section:
+    """Return Eq. (20) and the maps of every case."""
+    pictures = [
+        (o.case.name, save_maps(out / o.case.folder, o.maps, o.report.zones, o.parameters)) for o in outcomes
+    ]
+    figures = {"scenes": {o.case.name: _figures(o) for o in outcomes}}
+    return Section([page.scene_table(outcomes)], pictures, figures)
 
 
 def _figures(outcome: Outcome) -> dict[str, Any]:
@@ -75,5 +102,6 @@ def _figures(outcome: Outcome) -> dict[str, Any]:
         "recall": round(s.recall, 5),
         "zones": len(outcome.report.zones),
         "ms_median": round(outcome.ms_median, 1),
+        "ms_p99": round(outcome.ms_p99, 1),
         "ms_max": round(outcome.ms_max, 1),
     }

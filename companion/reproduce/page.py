@@ -6,6 +6,7 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from companion.reproduce.planes import SlopeError
 from companion.reproduce.scenes import PAPER_AREA_ERROR, PAPER_MS, Outcome
@@ -13,8 +14,11 @@ from companion.reproduce.scenes import PAPER_AREA_ERROR, PAPER_MS, Outcome
 STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}"
     "table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.3em .6em;text-align:right}"
-    "td:first-child,th:first-child{text-align:left}img{max-width:32%}"
+    "td:first-child,th:first-child{text-align:left}img{vertical-align:top}"
 )
+
+WIDTH = {1: "80%", 2: "49%", 4: "49%"}
+"""Of a picture, by how many stand together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +29,19 @@ class Table:
     text: str
     columns: tuple[str, ...]
     rows: list[tuple[str, ...]]
+
+
+Pictures = tuple[str, list[Path]]
+"""A heading and the files under it, which lie below the page's folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What one part of the reproduction adds to the page, and its figures for JSON by name."""
+
+    tables: list[Table]
+    pictures: list[Pictures]
+    figures: dict[str, Any]
 
 
 def scene_table(outcomes: Sequence[Outcome]) -> Table:
@@ -80,17 +97,17 @@ def slope_table(errors: Sequence[SlopeError]) -> Table:
     )
 
 
-def write(
-    folder: Path, tables: Sequence[Table], pictures: Sequence[tuple[str, Sequence[Path]]]
-) -> list[Path]:
-    """Write index.md and index.html into a folder; pictures lie beneath it."""
+def write(folder: Path, sections: Sequence[Section]) -> list[Path]:
+    """Write index.md and index.html into a folder: all tables, then all pictures, which lie beneath it."""
+    tables = [table for section in sections for table in section.tables]
+    pictures = [group for section in sections for group in section.pictures]
     files = [folder / "index.md", folder / "index.html"]
     files[0].write_text(_markdown(folder, tables, pictures), "utf-8")
     files[1].write_text(_html(folder, tables, pictures), "utf-8")
     return files
 
 
-def _markdown(folder: Path, tables: Sequence[Table], pictures: Sequence[tuple[str, Sequence[Path]]]) -> str:
+def _markdown(folder: Path, tables: Sequence[Table], pictures: Sequence[Pictures]) -> str:
     lines = ["# The sources' results, reproduced", ""]
     for table in tables:
         lines += [f"## {table.title}", "", table.text, ""]
@@ -102,7 +119,7 @@ def _markdown(folder: Path, tables: Sequence[Table], pictures: Sequence[tuple[st
     return "\n".join(lines)
 
 
-def _html(folder: Path, tables: Sequence[Table], pictures: Sequence[tuple[str, Sequence[Path]]]) -> str:
+def _html(folder: Path, tables: Sequence[Table], pictures: Sequence[Pictures]) -> str:
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8><title>The sources' results, reproduced</title>",
         f"<style>{STYLE}</style><h1>The sources' results, reproduced</h1>",
@@ -115,8 +132,9 @@ def _html(folder: Path, tables: Sequence[Table], pictures: Sequence[tuple[str, S
         parts.append("</tr></table>")
     for title, files in pictures:
         parts.append(f"<h2>{html.escape(title)}</h2>")
-        parts += [
-            f'<img src="{file.relative_to(folder).as_posix()}" alt="{html.escape(title)}, {file.stem}">'
-            for file in files
-        ]
+        width = WIDTH.get(len(files), "32%")
+        for file in files:
+            source = file.relative_to(folder).as_posix()
+            text = f"{html.escape(title)}, {file.stem}"
+            parts.append(f'<a href="{source}"><img width="{width}" src="{source}" alt="{text}"></a>')
     return "\n".join(parts) + "</html>\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -96,13 +97,13 @@ def fly(survey: Survey, folder: Path) -> Recording:
     file = folder / f"{name}.npz"
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        partial = file.with_suffix(".part.npz")
+        partial = file.with_suffix(f".{os.getpid()}.npz")  # another process may fly the same
         command = [sys.executable, "-m", "sitl.survey", *survey.options(), f"--out={partial}"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             last = done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "no reason given"
             raise CompanionError(f"the simulator could not fly {survey.scene}: {last}")
-        partial.rename(file)
+        partial.replace(file)
     with np.load(file) as data:
         regions = {name: np.array(corners) for name, corners in json.loads(str(data["regions"])).items()}
         return Recording(

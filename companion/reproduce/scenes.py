@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import params
+from companion.evaluation import zone_mask
 from companion.reproduce.measure import Scores, compare
 from companion.reproduce.recording import Recording, Survey, fly
 from params import Parameters
@@ -33,6 +34,11 @@ class Case:
     profile: str = "quadcopter"
     settings: Settings = field(default=())
 
+    @property
+    def folder(self) -> str:
+        """Return the name as a folder's."""
+        return self.name.replace(" ", "_").replace(",", "")
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -50,6 +56,16 @@ class Outcome:
     @property
     def ms_median(self) -> float:
         return float(np.median(self.ms))
+
+    @property
+    def ms_p99(self) -> float:
+        return float(np.percentile(self.ms, 99))
+
+    @property
+    def covered_m2(self) -> float:
+        """Return the area of all zones together; zones of the source's rules overlap."""
+        covered = zone_mask(self.report.zones, self.maps.box).sum()
+        return float(covered) * self.maps.grid.cell_m**2
 
     @property
     def ms_max(self) -> float:

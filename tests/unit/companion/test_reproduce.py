@@ -10,10 +10,12 @@ import pytest
 import params
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import room_to_land
-from companion.reproduce import page, run
+from companion.reproduce import identities, page, room, run, timing
 from companion.reproduce.measure import compare
 from companion.reproduce.planes import SlopeError, slope_errors
 from companion.reproduce.recording import Recording, Survey, fly
+from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
+from companion.reproduce.scenes import run as run_case
 from slz import Grid, Pipeline
 
 SIDE_M = 30.0
@@ -100,7 +102,9 @@ def test_the_plane_fit_beats_the_gradient_on_noisy_planes() -> None:
 
 def test_the_page_holds_every_figure(tmp_path: Path) -> None:
     table = page.slope_table([SlopeError(5.0, 3.39, 0.05, 0.21, 1.0)])
-    markdown, html = page.write(tmp_path, [table], [("a < b", [tmp_path / "a" / "safe.png"])])
+    markdown, html = page.write(
+        tmp_path, [page.Section([table], [("a < b", [tmp_path / "a" / "safe.png"])], {})]
+    )
     for text in (markdown.read_text("utf-8"), html.read_text("utf-8")):
         assert all(word in text for word in ("3.39", "0.21", "a/safe.png"))
     assert "a &lt; b" in html.read_text("utf-8")
@@ -109,3 +113,77 @@ def test_the_page_holds_every_figure(tmp_path: Path) -> None:
 def test_an_unknown_case_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--only 'x9': there are 1 stadium"):
         run(tmp_path, lambda what, done: None, "x9")
+
+
+@pytest.fixture(scope="module")
+def small() -> Scenario:
+    """Return a field of the plain, large enough for one square of 24 m."""
+    plan = Survey("plain", (-20.0, -20.0, 20.0, 20.0), speed_ms=20.0, point_rate_hz=20_000, cell_m=1.0)
+    return Scenario("field", plan, ("min_boundary_points=40", "zone_m=200"))
+
+
+@pytest.fixture(scope="module")
+def surveys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("surveys")
+
+
+@pytest.fixture
+def blank(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave empty files where maps would be drawn, which takes a second each."""
+
+    def maps(folder: Path, *_: object) -> list[Path]:
+        folder.mkdir(parents=True, exist_ok=True)
+        return [terrain(folder / f"{layer}.png") for layer in ("dsm", "slope", "safe")]
+
+    def terrain(path: Path, *_: object, **more: object) -> Path:
+        path.touch()
+        return path
+
+    monkeypatch.setattr(room, "save_maps", maps)
+    monkeypatch.setattr(room, "save_terrain", terrain)
+    monkeypatch.setattr(identities, "save_terrain", terrain)
+
+
+@pytest.mark.usefixtures("blank")
+def test_room_to_land_is_a_row_for_each_mode_and_four_pictures(
+    small: Scenario, surveys: Path, tmp_path: Path
+) -> None:
+    told: list[str] = []
+    found = room.section([small], tmp_path, surveys, told.append)
+    assert told == ["field, source mode", "field, default mode"]
+    assert [row[0] for row in found.tables[0].rows] == told
+    counts = found.figures["zones_without_and_with"].values()
+    for (_, files), (without, with_it) in zip(found.pictures, counts, strict=True):
+        assert [file.stem for file in files] == ["dsm", "slope", "safe_without_filter", "safe"]
+        assert all(file.exists() for file in files)
+        assert without >= with_it >= 1
+
+
+@pytest.mark.usefixtures("blank")
+def test_identities_count_fewer_numbers_with_reuse(small: Scenario, surveys: Path, tmp_path: Path) -> None:
+    found = identities.section([small], tmp_path, surveys, lambda what: None)
+    without, source, default = found.figures["ids"]["field"]
+    assert without >= source >= default == 1
+    assert found.tables[0].rows[0][2:] == (str(without), str(source), str(default))
+    assert all(file.exists() for _, files in found.pictures for file in files)
+
+
+def test_timing_has_every_case_beside_the_paper_s_limit(
+    small: Scenario, surveys: Path, tmp_path: Path
+) -> None:
+    outcome, _ = run_case(small.case("default"), surveys)
+    found = timing.section([outcome], tmp_path)
+    (row,) = found.tables[0].rows
+    assert row[0] == "field, default mode"
+    assert row[-1] == "< 600"
+    assert outcome.ms_median <= outcome.ms_p99 <= outcome.ms_max
+    assert found.pictures[0][1][0].exists()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_scenarios_fly_with_the_helicopter_s_profile_and_its_square(mode: str) -> None:
+    case = BY_SCENE["hill"].case(mode)
+    own = params.load(case.profile, case.settings)
+    assert (own.mode, own.cell_m, own.min_square_m) == (mode, 10.0, 24.0)
+    free = params.load(case.profile, BY_SCENE["hill"].case(mode, room=False).settings)
+    assert free.min_square_m == 10.0
