@@ -9,7 +9,7 @@ from params import Parameters
 from slz.boundary import without_collinear
 from slz.grid import Box
 from slz.landing_point import Terrain, best_point
-from slz.maps import SAFE, UNKNOWN
+from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.search import Candidate
 from slz.source_terrain import SourceTerrain
 from slz.surroundings import Obstacle, grouped
@@ -56,7 +56,7 @@ def describe(
         roughness=_mean(terrain.layer("roughness", box)[own]),
         boundary_cells=candidate.boundary_cells,
         corners_enu_m=_with_heights(corners, terrain),
-        obstacles=_obstacles(content & ~own, own, terrain, box),
+        obstacles=_obstacles(content & (state == UNSAFE), own, terrain, box),
         best=best_point(candidate, terrain, sensor_enu_m, parameters),
     )
 
@@ -88,4 +88,4 @@ def _obstacles(
         heights = height[around][ground[around]]
         return float(np.median(heights)) if len(heights) else float("nan")
 
-    return grouped(holes & np.isfinite(height), top, level, terrain.grid, box, MOST_OBSTACLES)
+    return grouped(holes, top, level, terrain.grid, box, MOST_OBSTACLES)

@@ -71,7 +71,7 @@ class EvidenceTerrain:
         half = parameters.footprint_m / 2 / grid.cell_m
         self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
         self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
-        self._margin = self.radius + 4 * self._gap + 2  # how far one cell's evidence can matter
+        self._margin = self.radius + 4 * self._gap + 3  # how far one cell's evidence can matter
 
     # ---- boxes: of the window, and of all ground (counted from the tiles' corner) ---------------
 
@@ -182,14 +182,16 @@ class EvidenceTerrain:
         """Tell which footprints hold unseen ground.
 
         What stands in the middle of unseen ground must not make that ground seen: cells above ground near
-        enough for a gap between to count as seen close no gap. And the outermost seen cells may be part
-        water, part shore.
+        enough for a gap between to count as seen close no gap, unless a safe slope leads up to them. And the
+        outermost seen cells may be part water, part shore.
         """
-        lowest = -highest_around(-height_m, 2 * self._gap)
-        raised = height_m - lowest > np.float32(self._parameters.relief_m)
+        p = self._parameters
+        rise_m = math.tan(math.radians(p.safe_slope_deg)) * self.grid.cell_m / math.sqrt(2)
+        lowest = -highest_around(-height_m, 2 * self._gap + 1, rise_m)
+        raised = height_m - lowest > np.float32(p.relief_m)
         seen = known | (closed((known & ~raised).astype(np.uint8), self._gap) == 1)
         whole = ndimage.binary_erosion(seen, np.ones((3, 3), bool), border_value=1)
-        return np.asarray(highest_around((~whole).astype(np.float32), self.radius) > 0)
+        return np.asarray(highest_around((~whole).astype(np.float32), self.radius, 0) > 0)
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""

@@ -17,6 +17,7 @@ Points = NDArray[np.float64]
 # How far out the line may run between a cell of the zone and the centre of the next, in cells, and how many
 # times the share of area that may be lost may be lost of the cells' centres: until the points are few.
 ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0), (0.49, 4.0))
+REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
 FEW = 1 / 7  # of the corners: a fifth of what the collinear filter leaves, which is up to a third less
 ENOUGH = 1 / 10  # of the corners: with less, area counts for more than points
 
@@ -35,7 +36,7 @@ class Polygon:
 def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon, ...]:
     """Return the outline of the set cells in units of cells, (column, row) from the array's corner.
 
-    The polygons hold the centre of no other cell, and their area is less than that of the cells by at most
+    The polygons hold the centre of no other cell, and their area differs from that of the cells by at most
     the share `most_lost`. They also leave out the centres of at most that share of the cells, or up to four
     times as many where the line then needs fewer points: it runs outside the cells as well, up to just before
     the centres of the next. Cells that touch at a corner only belong to separate polygons; small ones may
@@ -47,10 +48,13 @@ def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon,
     areas = np.array([_area(ring) for ring in rings])
     groups = _groups(rings, areas)
     corners = sum(int(_corners(ring).sum()) for ring in rings)
-    best = [_beside(ring, ATTEMPTS[-1][0]) for ring in rings]
+    best = _whole(rings, areas, most_lost)
+    most = max((1 + most_lost) * areas.sum(), sum(map(_shoelace, best)))
     for reach, times in ATTEMPTS:
         found = _few(cells, rings, areas, groups, reach, times, most_lost, int(ENOUGH * corners))
-        if found and _points(found) < _points(best) and _valid(found, groups):
+        if found is None or sum(map(_shoelace, found)) > most:
+            continue
+        if _points(found) < _points(best) and _valid(found, groups):
             best = found
         if _points(best) <= FEW * corners:
             break
@@ -83,6 +87,15 @@ def _few(
     number = np.repeat(np.arange(len(rings)), [len(ring) for ring in start])
     left = shrunk(np.concatenate(start), number, worth, sums, spare, times * most_lost * total, enough)
     return [left[left[:, 0] == i, 1:] for i in range(len(rings))]
+
+
+def _whole(rings: list[Ring], areas: Points, most_lost: float) -> list[Points]:
+    """Return rings through the middles of the steps, moved out no farther than the area needs."""
+    for reach in REACHES:
+        found = [_beside(ring, reach) for ring in rings]
+        if sum(map(_shoelace, found)) >= (1 - most_lost) * areas.sum():
+            break
+    return found
 
 
 def _points(rings: list[Points]) -> int:

@@ -153,9 +153,12 @@ def closed(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
     return out
 
 
-@kernel("float32[:, :](float32[:, :], int64)")
-def highest_around(values: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
-    """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over."""
+@kernel("float32[:, :](float32[:, :], int64, float32)")
+def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDArray[np.float32]:
+    """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
+
+    A value counts for less by `fall` with every row and column that it is away.
+    """
     rows, cols = values.shape
     low = np.float32(-np.inf)
     wide = np.full((rows, cols), low)
@@ -164,12 +167,12 @@ def highest_around(values: NDArray[np.float32], radius: int) -> NDArray[np.float
             v = values[r, c]
             if not np.isnan(v):
                 for j in range(max(0, c - radius), min(cols, c + radius + 1)):
-                    wide[r, j] = max(wide[r, j], v)
+                    wide[r, j] = max(wide[r, j], v - fall * abs(j - c))
     out = wide.copy()
     for r in range(rows):
         for i in range(max(0, r - radius), min(rows, r + radius + 1)):
             for c in range(cols):
-                out[r, c] = max(out[r, c], wide[i, c])
+                out[r, c] = max(out[r, c], wide[i, c] - fall * abs(i - r))
     return out
 
 
@@ -207,7 +210,7 @@ def planes(
         return out
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((cols, 9))
-    highest, lowest = highest_around(cells[TOP], k), highest_around(-cells[BOTTOM], k)
+    highest, lowest = highest_around(cells[TOP], k, 0), highest_around(-cells[BOTTOM], k, 0)
     for r in range(rows + k):
         for c in range(cols):
             for row, sign in ((r, 1.0), (r - 2 * k - 1, -1.0)):
@@ -259,8 +262,9 @@ def planes(
                 continue
             a, b = (sxz * syy - syz * sxy) / det, (syz * sxx - sxz * sxy) / det
             gradient = np.sqrt(a * a + b * b)
-            rms = np.sqrt(max(0.0, szz - a * sxz - b * syz) / w)
-            noise = max(noise_m * np.sqrt(spread / w), rms)
+            squares = max(0.0, szz - a * sxz - b * syz)
+            rms = np.sqrt(squares / w)
+            noise = max(noise_m * np.sqrt(spread / w), np.sqrt(squares / (w - 3)))
             sigma = noise * np.sqrt(0.5 * (sxx + syy) / det) / (1 + gradient * gradient)
             at = mz + a * (col * cell_m - mx) + b * (row * cell_m - my)
             out[0, row, col] = np.degrees(np.arctan(gradient))

@@ -51,7 +51,8 @@ def fitted(cells: Floats, row: int, col: int, k: int, cell_m: float) -> Plane | 
     if rank < 3:
         return None
     rms = math.sqrt(np.mean((z - design @ (at, a, b)) ** 2))
-    noise = max(NOISE_M * math.sqrt(np.mean(1 / part[WEIGHT][has])), rms)
+    free = math.sqrt(np.sum((z - design @ (at, a, b)) ** 2) / (len(z) - 3))
+    noise = max(NOISE_M * math.sqrt(np.mean(1 / part[WEIGHT][has])), free)
     of_gradient = noise**2 * np.linalg.inv(design.T @ design)[1:, 1:]
     sigma = math.sqrt(np.trace(of_gradient) / 2) / (1 + a * a + b * b)
     level = design @ (at, a, b)

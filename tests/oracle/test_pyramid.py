@@ -88,7 +88,9 @@ def test_the_slope_of_a_plane_is_found_at_every_level_with_its_standard_error(
     known = np.isfinite(maps.slope_deg)
     assert known.sum() > 50
     error = maps.slope_deg[known] - slope_deg
-    assert np.sqrt(np.mean(error**2)) < 0.35
+    assert np.sqrt(np.mean(error**2)) < (
+        0.35 if level == 0 else 0.5
+    )  # a coarse cell's returns lie off its middle
     if slope_deg:
         assert 0.7 < np.std(error / maps.slope_sigma_deg[known]) < 1.4
 
@@ -179,4 +181,4 @@ def test_planes_follow_closed_forms_at_footprint_scale(kind: str, level: int) ->
     use = np.isfinite(slope) & (np.hypot(*centres.T) > 4.0)
     expected = np.degrees(np.arctan(gradient(kind, centres[use])))
     assert use.sum() > 400
-    assert np.sqrt(np.mean((slope[use] - expected) ** 2)) < 0.15
+    assert np.sqrt(np.mean((slope[use] - expected) ** 2)) < (0.1, 0.2, 0.3)[level]
