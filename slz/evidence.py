@@ -166,12 +166,12 @@ class EvidenceTerrain:
         fits = planes(cells, covered, self.radius, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
         unseen = self._unseen(known, cells[HEIGHT])
         inner = slice(m, m + box.shape[0]), slice(m, m + box.shape[1])
-        slope, sigma, relief, rms, noise = (fit[inner] for fit in fits)
+        slope, sigma, relief, rms, noise, inside = (fit[inner] for fit in fits)
         gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
         even = gentle & (relief < np.float32(p.relief_m))
         safe = even & ~unseen[inner]
         unknown = np.isnan(slope) | (even & ~safe)
-        for fit in (slope, sigma, relief, rms, noise):
+        for fit in (slope, sigma, relief, rms, noise, inside):
             fit[unknown] = np.nan
         sure = certainty(slope, sigma, relief, noise, unseen[inner], p)
         values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure)

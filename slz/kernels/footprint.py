@@ -188,16 +188,16 @@ def planes(
 ) -> NDArray[np.float32]:
     """Fit a plane to the cells of the footprint around every cell.
 
-    Returns (5, rows, cols): slope (deg), its standard deviation (deg), relief (m): the peak-to-peak of
-    tops and bottoms about the plane, less their excess, rms residual of the heights (m), and standard
-    deviation of one return (m). NaN where any cell of the footprint is not covered or fewer than six have a
-    height. Where the slope exceeds its limit by three standard deviations the relief stays NaN; where a
-    cheap upper bound is below half of the limit, that bound is returned; above twice the limit it is a lower
-    bound. Else it is exact.
+    Returns (6, rows, cols): slope (deg), its standard deviation (deg), relief (m): the peak-to-peak of
+    tops and bottoms about the plane, less their excess, rms residual of the heights (m), standard deviation
+    of one return (m), and the relief without the outermost cells of the footprint (m). NaN where any cell of
+    the footprint is not covered or fewer than six have a height. Where the slope exceeds its limit by three
+    standard deviations both reliefs stay NaN; where a cheap upper bound is below half of the limit, that bound
+    is returned; above twice the limit they are lower bounds. Else they are exact.
     """
     rows, cols = covered.shape
     k = radius
-    out = np.full((5, rows, cols), np.float32(np.nan))
+    out = np.full((6, rows, cols), np.float32(np.nan))
     if rows < 2 * k + 1 or cols < 2 * k + 1:
         return out
     reference = np.float64(0)
@@ -275,18 +275,22 @@ def planes(
                 continue
             bound = highest[row, col] + lowest[row, col] + 2 * k * cell_m * (abs(a) + abs(b))
             if bound < 0.5 * relief_limit:
-                out[2, row, col] = bound
+                out[2, row, col] = out[5, row, col] = bound
                 continue
-            low, high = np.inf, -np.inf
+            low, high, inner_low, inner_high = np.inf, -np.inf, np.inf, -np.inf
             for i in range(row - k, row + k + 1):
                 tilt = at + b * (i - row) * cell_m + reference
                 for j in range(col - k, col + k + 1):
                     if cells[WEIGHT, i, j] == 0:
                         continue
                     level = tilt + a * (j - col) * cell_m
-                    low = min(low, cells[BOTTOM, i, j] + cells[EXCESS, i, j] - level)
-                    high = max(high, cells[TOP, i, j] - cells[EXCESS, i, j] - level)
-                if high - low > 2 * relief_limit:
+                    bottom = cells[BOTTOM, i, j] + cells[EXCESS, i, j] - level
+                    top = cells[TOP, i, j] - cells[EXCESS, i, j] - level
+                    low, high = min(low, bottom), max(high, top)
+                    if abs(i - row) < k and abs(j - col) < k:
+                        inner_low, inner_high = min(inner_low, bottom), max(inner_high, top)
+                if inner_high - inner_low > 2 * relief_limit:
                     break
             out[2, row, col] = max(0.0, high - low)
+            out[5, row, col] = max(0.0, inner_high - inner_low)
     return out
