@@ -173,10 +173,15 @@ class EvidenceTerrain:
         unknown = np.isnan(slope) | (even & ~safe)
         for fit in (slope, sigma, relief, rms, noise, inside):
             fit[unknown] = np.nan
-        sure = certainty(slope, sigma, relief, noise, unseen[inner], p)
+        sure = certainty(slope, sigma, relief, inside, noise, self._share(known)[inner], p)
+        sure[unseen[inner]] = 0
         values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure)
         self._maps.write(box, np.stack(values))
         self._verdict.write(box, np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))[None])
+
+    def _share(self, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Return the share of each footprint's cells that hold a return."""
+        return np.asarray(ndimage.uniform_filter(known.astype(np.float32), 2 * self.radius + 1))
 
     def _unseen(self, known: NDArray[np.bool_], height_m: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Tell which footprints hold unseen ground.
