@@ -307,6 +307,8 @@ class Companion:
             "roughness": round(zone.roughness, 4),
             "square_side_m": round(zone.best.square_side_m, 2),
             "clearance_m": round(zone.best.clearance_m, 2),
+            "point_certainty": round(zone.best.certainty, 4),
+            "why": zone.why,
             "lat": lat,
             "lon": lon,
             "alt_m": alt,
