@@ -37,7 +37,7 @@ SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
-_UNTOUCHED, _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in range(4))
+_SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0 where nothing was drawn
 _STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
 
 
@@ -64,7 +64,7 @@ class EvidenceTerrain:
         self.grid = grid
         self.pinned: frozenset[Key] = frozenset()
         self._parameters = parameters
-        self._maps = TiledLayers(len(LAYERS), np.float32)
+        self._maps = TiledLayers(len(LAYERS), np.float32, np.nan)
         self._verdict = TiledLayers(1, np.uint8)
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
@@ -230,13 +230,10 @@ class EvidenceTerrain:
 
         The relief is NaN also where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
-        box = self._everywhere(box)
-        values = self._maps.read(box, LAYERS.index(name))
+        values = self._maps.read(self._everywhere(box), LAYERS.index(name))
         if name == "certainty":
-            return values
-        drawn = self._verdict.read(box) != _UNTOUCHED
-        datum = np.float32(self.tiles.datum_m if name in HEIGHTS else 0.0)
-        return np.where(drawn, values + datum, np.float32(np.nan))
+            return np.nan_to_num(values, copy=False)
+        return values + np.float32(self.tiles.datum_m) if name in HEIGHTS else values
 
 
 def _scaled(box: Box, level: int) -> Box:
