@@ -25,6 +25,7 @@ from companion.outputs.landing_target import landing_target
 from companion.outputs.obstacle_distance import obstacle_distance
 from companion.outputs.setpoint import velocity_setpoint
 from companion.sensors.driver import open_lidar
+from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps, Zone
@@ -280,7 +281,7 @@ class Companion:
             "aborts": tally.aborts,
             "abort_reasons": tally.abort_reasons,
             "pilot_took_over": tally.hands_off,
-            "zones": [self._zone_summary(zone) for zone in (self.report.zones if self.report else ())],
+            **self._found(),
             "zones_seen": len(self.zones_seen),
             "reports": self.worker.reports,
             "dropped_windows": self.worker.dropped_windows,
@@ -290,30 +291,22 @@ class Companion:
             "fusion": self.assembler.statistics(),
         }
 
+    def _found(self) -> dict[str, Any]:
+        report = self.report
+        if report is None:
+            return {"zones": [], "choice": None, "point": None}
+        selected = report.selected
+        return {
+            "zones": [zone_summary(zone, report.frame) for zone in report.zones],
+            "choice": choice_summary(report),
+            "point": None if selected is None else point_summary(selected, report.frame),
+        }
+
     def _touchdown(self) -> dict[str, float] | None:
         if self.executive.phase is not Phase.LANDED or not self.path_enu_m or self.history.frame is None:
             return None
         lat, lon, alt = (float(v) for v in self.history.frame.lla(self.path_enu_m[-1]))
         return {"lat": lat, "lon": lon, "alt_m": alt}
-
-    def _zone_summary(self, zone: Zone) -> dict[str, Any]:
-        frame = self.history.frame
-        lat, lon, alt = (float(v) for v in frame.lla(zone.best.enu_m)) if frame else (0.0, 0.0, 0.0)
-        return {
-            "id": zone.id,
-            "area_m2": round(zone.area_m2, 2),
-            "certainty": round(zone.certainty, 4),
-            "slope_deg": round(zone.slope_deg, 2),
-            "roughness": round(zone.roughness, 4),
-            "square_side_m": round(zone.best.square_side_m, 2),
-            "clearance_m": round(zone.best.clearance_m, 2),
-            "point_certainty": round(zone.best.certainty, 4),
-            "why": zone.why,
-            "lat": lat,
-            "lon": lon,
-            "alt_m": alt,
-            "obstacles": len(zone.obstacles),
-        }
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error

@@ -232,8 +232,8 @@ class EvidenceTerrain:
         """
         values = self._maps.read(self._everywhere(box), LAYERS.index(name))
         if name == "certainty":
-            return np.nan_to_num(values, copy=False)
-        return values + np.float32(self.tiles.datum_m) if name in HEIGHTS else values
+            return np.asarray(np.nan_to_num(values, copy=False))
+        return np.asarray(values + np.float32(self.tiles.datum_m)) if name in HEIGHTS else values
 
 
 def _scaled(box: Box, level: int) -> Box:
