@@ -133,9 +133,14 @@ def judge(
                 surroundings=surroundings(enu_m, terrain, parameters),
             )
     if before is None or isinstance(near, EvidenceTerrain):
-        nan, height_m = float("nan"), float("nan") if before is None else before.height_m
-        return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
+        return unknown(enu_m, math.nan if before is None else before.height_m)
     return replace(before, judged_by="none", zone_id=None)
+
+
+def unknown(enu_m: NDArray[np.float64], height_m: float = math.nan) -> SelectedPoint:
+    """Return a point of which no map says anything."""
+    nan = math.nan
+    return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
 
 
 def _cell(enu_m: NDArray[np.float64], terrain: Terrain) -> Box:

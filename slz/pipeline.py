@@ -16,7 +16,7 @@ from slz.adaptive import Adapter
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
 from slz.grid import Box
-from slz.landing_point import SelectedPoint, judge
+from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
 from slz.outliers import gap_interval, histogram_interval, in_company
 from slz.registration import offset
@@ -68,6 +68,7 @@ class Pipeline:
         clock.lap("choice")
         points = self._registered(points, used, sensor, near)
         clock.lap("registration")
+        self._pin()
         stamp_s = window.end_ns * 1e-9
         moved = False
         if not (self._source and choice.far):
@@ -100,14 +101,13 @@ class Pipeline:
         """Keep a landing point under watch, or none; the next report says whether it is safe."""
         if enu_m is None:
             self._selected = None
-            self._pin(None)
             return
         point = np.asarray(enu_m, np.float64)
         if point.shape != (3,) or not np.isfinite(point[:2]).all():
             raise ValueError(f"a landing point is three numbers, east and north finite, not {enu_m!r}")
+        self._selected = unknown(point)
         if self._near is not None and self._far is not None:
             self._selected = judge(point, self._near.terrain, self._far.terrain, self._parameters, None)
-            self._pin(point)
 
     def maps(
         self, box: Box | None = None, which: Literal["near", "far"] = "near", level: int | None = None
@@ -162,13 +162,15 @@ class Pipeline:
     def _maps_for(self, points: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
         """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
         if self._near is None or self._far is None or window.frame != self._frame:
+            if self._frame is not None:  # what was chosen lies in another frame
+                self._selected = None
             self._frame = window.frame
+            self._adapter = Adapter(self._parameters)
             first = points[0, :2] if len(points) else window.sensor_enu_m[:2]
             centre = self._centre or (float(first[0]), float(first[1]))
             numbers = itertools.count(1)
             self._near = ZoneMap(self._parameters, centre, numbers)
             self._far = ZoneMap(self._far_parameters, centre, numbers)
-            self._selected = None
         return self._near, self._far
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
@@ -191,8 +193,9 @@ class Pipeline:
         zones = {"near": near, "far": far}.get(point.judged_by)
         return replace(point, zone_id=zones.zone_at(point.enu_m) if zones else None)
 
-    def _pin(self, enu_m: NDArray[np.float64] | None) -> None:
-        """Keep the evidence at a point, whatever the memory's budget."""
+    def _pin(self) -> None:
+        """Keep the evidence at the selected point, whatever the memory's budget."""
+        enu_m = None if self._selected is None else self._selected.enu_m
         for zone_map in (self._near, self._far):
             if zone_map is not None and isinstance(zone_map.terrain, EvidenceTerrain):
                 zone_map.terrain.pin(enu_m, self._parameters.touchdown_error_m)
