@@ -49,6 +49,7 @@ class Pipeline:
         self._near: ZoneMap | None = None
         self._far: ZoneMap | None = None
         self._adapter = Adapter(parameters)
+        self._far_is_active = False
         self._selected: SelectedPoint | None = None
 
     def process(self, window: Window) -> Report:
@@ -80,6 +81,7 @@ class Pipeline:
         far.find(sensor)
         clock.lap("zones")
         self._selected = self._judge_selected(near, far)
+        self._far_is_active = self._source and choice.far
         clock.lap("landing_point")
         return Report(
             stamp_ns=window.end_ns,
@@ -93,7 +95,7 @@ class Pipeline:
             new_map=moved,
             n_without_tile=near.n_without_tile,
             n_evicted=near.n_evicted,
-            source=self._source,
+            far_is_active=self._far_is_active,
             stage_ms=clock.ms,
         )
 
@@ -110,16 +112,22 @@ class Pipeline:
             self._selected = judge(point, self._near.terrain, self._far.terrain, self._parameters, None)
 
     def maps(
-        self, box: Box | None = None, which: Literal["near", "far"] = "near", level: int | None = None
+        self,
+        box: Box | None = None,
+        which: Literal["near", "far", "active"] = "active",
+        level: int | None = None,
     ) -> TerrainMaps | None:
         """Return copies of a map over a box of its grid, by default over all ground seen; None before any.
 
         Parameters
         ----------
+        which
+            The active map is the one whose zones the last report gave as `zones`.
         level
             Level of the resolution pyramid to draw it at, by default the one in use; the finest is 0.
         """
-        zone_map = self._near if which == "near" else self._far
+        far = which == "far" or (which == "active" and self._far_is_active)
+        zone_map = self._far if far else self._near
         if zone_map is None or self._frame is None:
             return None
         terrain = zone_map.terrain
