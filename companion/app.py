@@ -17,6 +17,7 @@ from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import FLYING, Executive, Phase, Severity, Situation
 from companion.landing.operator import Operator
+from companion.landing.watch import PointWatch
 from companion.link.link import Link
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import level_frd_m
@@ -61,6 +62,7 @@ class Companion:
         self.lidar = open_lidar(lidar_url, parameters, self.assembler.add)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
+        self._watch = PointWatch()
         self.report: Report | None = None
         self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)
         self.zones_seen: dict[int, Zone] = {}
@@ -152,6 +154,10 @@ class Companion:
         self._last_report_ns = now_ns()
         for zone in report.zones:
             self.zones_seen[zone.id] = zone
+        news = self._watch.news(report)
+        if news is not None:
+            log.info(news[1])
+            self.link.statustext(news[1], news[0].value)
 
     def situation(self) -> Situation:
         """Return what is known now, as the executive sees it."""

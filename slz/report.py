@@ -27,8 +27,8 @@ class Report:
     near, far: the maps of fine and of coarse cells; both live on whichever is active. choice: what the window
     was like, and the mode, resolution and window length chosen from that. n_points: returns of the window,
     n_used: those near enough for the near map. new_map: the window of the near map was moved before.
-    n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up. far_is_active:
-    the far map is the one to land by. stage_ms: processing time by stage.
+    n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up.
+    far_is_active: the far map is the one to land by. stage_ms: processing time by stage.
     """
 
     stamp_ns: int
