@@ -25,9 +25,10 @@ MOST_SQUARES = 100_000_000
 class Choice:
     """What a window was like, and what was chosen from that.
 
-    density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return.
-    speed_ms: of the sensor over ground; 0 for the first window. far: the far map is the active one. level: of
-    the resolution pyramid, of whose cells the far map is made. window_s: span of the windows to come.
+    density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return,
+    NaN where unknown. speed_ms: of the sensor over ground, the last one known; 0 before any. far: the far map
+    is the active one. level: of the resolution pyramid, of whose cells the far map is made. window_s: span of
+    the windows to come.
     """
 
     density_per_m2: float
@@ -42,7 +43,7 @@ class Adapter:
     """Chooses mode, resolution and window length from what the windows themselves say.
 
     - far mode above `far_height_m` or faster than `far_speed_ms` (SLZ thesis §4.4.4), near mode again below
-      nine tenths of both;
+      nine tenths of both; a window that tells neither changes nothing;
     - the far map's cells: the finest that get a return each in a window and are not finer than returns can be
       placed: two standard deviations of ray direction times height, and of timing times speed. Three
       windows in a row must agree. The near map keeps its cells: coarser ones hide hazards;
@@ -56,6 +57,7 @@ class Adapter:
         self._p = parameters
         self._adaptive = parameters.adaptive == "on" and parameters.mode == "default"
         self._before: tuple[int, NDArray[np.float64]] | None = None
+        self._speed_ms = 0.0
         self._far = False
         self._level = COARSEST
         self._asked = [COARSEST] * STEADY
@@ -76,14 +78,19 @@ class Adapter:
         return Choice(density, height, speed, self._far, level, window_s)
 
     def _speed(self, window: Window) -> float:
+        """Return the speed since the last window of which the place is known."""
         before, now = self._before, (window.end_ns, window.sensor_enu_m)
+        if not np.isfinite(now[1][:2]).all():
+            return self._speed_ms
         self._before = now
-        if before is None or now[0] <= before[0]:
-            return 0.0
-        way = float(np.hypot(*(now[1] - before[1])[:2]))
-        return way / ((now[0] - before[0]) * 1e-9) if math.isfinite(way) else 0.0
+        if before is not None and now[0] > before[0]:
+            way = float(np.hypot(*(now[1] - before[1])[:2]))
+            self._speed_ms = way / ((now[0] - before[0]) * 1e-9)
+        return self._speed_ms
 
     def _is_far(self, height_m: float, speed_ms: float) -> bool:
+        if self._far and math.isnan(height_m):
+            return True
         share = HYSTERESIS if self._far else 1.0
         return height_m > share * self._p.far_height_m or speed_ms > share * self._p.far_speed_ms
 
