@@ -119,7 +119,7 @@ def judge(
         if terrain is None:
             continue
         cell = _cell(enu_m, terrain)
-        state = _state(cell, terrain, parameters)
+        state = _state(enu_m, terrain, parameters)
         if state is not None:
             return SelectedPoint(
                 enu_m=enu_m,
@@ -150,14 +150,17 @@ def _around(cell: Box, reach: int, terrain: Terrain) -> Box:
     return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
 
 
-def _state(cell: Box, terrain: Terrain, parameters: Parameters) -> PointState | None:
+def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> PointState | None:
     """Return what a map says of a point, None where it does not have it."""
     if isinstance(terrain, SourceTerrain):
+        cell = _cell(enu_m, terrain)
         if not terrain.grid.holds(cell.row0, cell.col0):
             return None
         return PointState.SAFE if terrain.state(cell)[0, 0] == SAFE else PointState.UNSAFE
-    reach = round(parameters.touchdown_error_m / terrain.grid.cell_m)
-    state = terrain.state(_around(cell, reach, terrain))
+    (east, north), error_m = enu_m[:2].tolist(), parameters.touchdown_error_m
+    row0, col0 = terrain.grid.index(east - error_m, north - error_m)
+    row1, col1 = terrain.grid.index(east + error_m, north + error_m)
+    state = terrain.state(Box(row0, row1 + 1, col0, col1 + 1))
     if (state == SAFE).all():
         return PointState.SAFE
     if (state == UNSAFE).any():
