@@ -181,7 +181,8 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
     north, east = (rows - cell.row0) * grid.cell_m, (cols - cell.col0) * grid.cell_m
     distance = np.hypot(east, north)
-    plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), enu_m[2])
+    level_m = float(enu_m[2]) if np.isfinite(enu_m[2]) else ground_m(terrain, cell)
+    plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), level_m)
     raised = (top - plane > parameters.relief_m + BULGE * distance) & (distance <= parameters.surround_m)
 
     def ground(_: Box, row: int, col: int) -> float:
