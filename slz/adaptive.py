@@ -19,6 +19,8 @@ STEADY = 3  # windows in a row that must ask for another level
 TIMING_S = 0.005  # how well poses and returns are matched in time
 HYSTERESIS = 0.9
 MOST_SQUARES = 100_000_000
+SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in
+RETURNS_PER_SQUARE = 4  # on average, below which wider ones are taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,22 +115,32 @@ class Adapter:
 
     def _wanted_window(self, per_m2_s: float, reach_m: float, speed_ms: float) -> float:
         p = self._p
-        wanted = RETURNS_WANTED / (per_m2_s * p.cell_m**2)
-        if speed_ms > 0:
-            wanted = min(wanted, reach_m / 2 / speed_ms)
-        steps = max(1, round(min(max(wanted, p.window_s / 2), 2 * p.window_s) / (p.window_s / 4)))
-        return steps * p.window_s / 4
+        step_s, longest_s = p.window_s / 4, 2 * p.window_s
+        steps = round(min(RETURNS_WANTED / (per_m2_s * p.cell_m**2), longest_s) / step_s)
+        if speed_ms > 0 and math.isfinite(reach_m):
+            steps = min(steps, math.floor(min(reach_m / 2 / speed_ms, longest_s) / step_s))
+        return max(2, steps) * step_s
 
 
 def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[float, float]:
-    """Return returns per square metre of the ground hit, and how far from the sensor half of them lie."""
+    """Return returns per square metre of the ground hit, and how far from the sensor half of them lie.
+
+    Squares that hold a return or two each say nothing of the ground between them: where they do, wider ones
+    are counted.
+    """
     if not len(points):
         return 0.0, 0.0
     thin = points[:: max(1, len(points) // 20_000)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
-    low, high = np.floor(points[:, :2].min(axis=0)), np.floor(points[:, :2].max(axis=0))
-    cols, rows = (int(v) + 1 for v in high - low)
-    if rows * cols > MOST_SQUARES:
-        return 0.0, reach
-    square = hit_tiles(points, float(low[0]), float(low[1]), 1.0 / TILE, 0, 0, rows, cols)
-    return len(points) / int(square.sum()), reach
+    density = 0.0
+    for side in SQUARES_M:
+        low, high = np.floor(points[:, :2].min(axis=0) / side), np.floor(points[:, :2].max(axis=0) / side)
+        cols, rows = (int(v) + 1 for v in high - low)
+        if rows * cols > MOST_SQUARES:
+            continue
+        west, south = (float(v) * side for v in low)
+        hit = int(hit_tiles(points, west, south, side / TILE, 0, 0, rows, cols).sum())
+        density = len(points) / (hit * side**2)
+        if len(points) >= RETURNS_PER_SQUARE * hit:
+            break
+    return density, reach
