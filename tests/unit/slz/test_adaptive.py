@@ -12,8 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import params
-from slz import Choice, Pipeline, Report, Window
+from slz import Choice, Grid, Pipeline, Report, Window
 from slz.adaptive import COARSEST, STEADY, Adapter
+from slz.grid import Box
+from slz.repeat import regridded
+from slz.zone import Zone
+from tests.unit.companion.landing.flight import zone as bare_zone
 from tests.unit.slz.hand_made import FRAME
 
 Floats = NDArray[np.float64]
@@ -333,3 +337,37 @@ def test_the_far_map_keeps_its_cells_when_nothing_follows(fixed: str) -> None:
     for report in fly(pipe, 16.0, 0, 5):
         assert report.far.grid.cell_m == 2.0
         assert report.choice.window_s == 1.0
+
+
+def patchy(seed: int, grid: Grid) -> Zone:
+    """A zone of random cells, boundary cells among them."""
+    rng = np.random.default_rng(seed)
+    rows, cols = rng.integers(2, 9, 2)
+    row0, col0 = rng.integers(-3, 12, 2)
+    cells = rng.integers(0, 2, (rows, cols)).astype(np.uint8)
+    cells[rng.integers(rows), rng.integers(cols)] = 1
+    boundary = (np.argwhere(cells) + np.array([row0, col0])).astype(np.int32)
+    box = Box(int(row0), int(row0 + rows), int(col0), int(col0 + cols))
+    zone = bare_zone(7, 0.0, 0.0)
+    return type(zone)(
+        **{f: getattr(zone, f) for f in zone.__slots__}
+        | {"box": box, "cells": cells, "boundary_cells": boundary}
+    )
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(0, 10_000), st.integers(0, 2), st.integers(0, 2), st.integers(-5, 5), st.integers(-5, 5))
+def test_in_another_grid_a_cell_belongs_to_a_zone_where_its_centre_does(
+    seed: int, level: int, other: int, east: int, north: int
+) -> None:
+    old = Grid(-8.0, 4.0, 0.5 * 2**level, 40, 40)
+    new = Grid(-8.0 + 2 * east, 4.0 + 2 * north, 0.5 * 2**other, 60, 60)
+    zone = patchy(seed, old)
+    moved = regridded(zone, old, new)
+    assert moved.cells.shape == moved.box.shape
+    for row in range(moved.box.row0 - 5, moved.box.row1 + 5):
+        for col in range(moved.box.col0 - 5, moved.box.col1 + 5):
+            there = old.index(*(v + 1e-6 for v in new.centre(row, col)))
+            if level < other:  # centres of wider cells lie on the corners of the finer ones
+                there = old.index(*new.centre(row, col))
+            assert moved.holds(row, col) == zone.holds(*there)
