@@ -35,6 +35,7 @@ from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 HEIGHTS = ("height_m", "top_m")
 SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
+AGEING = 0.1  # of `max_age_s`, after which all is drawn anew
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0 where nothing was drawn
@@ -120,7 +121,7 @@ class EvidenceTerrain:
         for box in change.boxes:
             self._seen = self._seen.union(_widened(box, self.level, 0))
         changed = list(change.boxes) + [box_of_tile(key) for key in change.evicted]
-        if now_s - self._aged_s > p.max_age_s / 10:
+        if now_s - self._aged_s > AGEING * p.max_age_s:
             self._aged_s = now_s
             changed += self.tiles.boxes
         self._draw_all(changed, now_s)
@@ -151,7 +152,7 @@ class EvidenceTerrain:
 
     def _cells(self, box: Box, now_s: float) -> NDArray[np.float32]:
         evidence = self.tiles.read(_scaled(box, self.level))
-        max_age_s = self._parameters.max_age_s
+        max_age_s = (1 - AGEING) * self._parameters.max_age_s  # none is drawn older than the whole
         for _ in range(self.level):
             evidence = coarser(evidence, now_s, max_age_s)
         return summarise(evidence, now_s, max_age_s)

@@ -64,7 +64,7 @@ def criteria(zone: Zone, parameters: Parameters) -> tuple[Criterion, ...]:
         Criterion(math.floor(best.certainty * 20), f"certainty {best.certainty:.2f}"),
         Criterion(-math.floor(best.slope_deg), f"slope {best.slope_deg:.1f} deg"),
         Criterion(
-            -math.floor(horizon_deg / 5), "approach unseen" if unseen else f"approach {horizon_deg:.0f} deg"
+            -math.floor(horizon_deg / 5), "approach unseen" if unseen else f"approach {horizon_deg:.1f} deg"
         ),
         Criterion(-math.floor(distance_m / 10), f"distance {distance_m:.0f} m"),
     )
