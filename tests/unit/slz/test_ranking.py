@@ -42,7 +42,7 @@ DECIDES = [
     ("clearance", {"clearance_m": 5.2}, {"clearance_m": 4.9}, "clearance 4.9 m, zone 2 5.2 m"),
     ("certainty", {"certainty": 0.96}, {"certainty": 0.94}, "certainty 0.94, zone 2 0.96"),
     ("slope", {"slope_deg": 1.9}, {"slope_deg": 2.1}, "slope 2.1 deg, zone 2 1.9 deg"),
-    ("approach", {"horizon_deg": 4.0}, {"horizon_deg": 6.0}, "approach 6 deg, zone 2 4 deg"),
+    ("approach", {"horizon_deg": 4.0}, {"horizon_deg": 6.0}, "approach 6.0 deg, zone 2 4.0 deg"),
     ("distance", {"distance_m": 39.0}, {"distance_m": 41.0}, "distance 41 m, zone 2 39 m"),
 ]
 
@@ -116,9 +116,9 @@ def test_enough_is_the_safe_square_where_that_is_more() -> None:
 def test_an_approach_that_was_not_seen_is_the_worst_one() -> None:
     first, second = rank([zone(1, horizon_deg=math.nan), zone(2, horizon_deg=60.0)], P)
     assert (first.id, second.id) == (2, 1)
-    assert second.why == "approach unseen, zone 2 60 deg"
+    assert second.why == "approach unseen, zone 2 60.0 deg"
     steep = rank([zone(1, horizon_deg=84.0), zone(2, horizon_deg=math.nan)], P)
-    assert steep[1].why == "approach unseen, zone 1 84 deg"
+    assert steep[1].why == "approach unseen, zone 1 84.0 deg"
 
 
 def test_an_approach_over_a_valley_is_as_good_as_a_level_one() -> None:
