@@ -64,6 +64,7 @@ class Recording:
     safe: NDArray[np.uint8]
     slope_deg: NDArray[np.float32]
     relief_m: NDArray[np.float32]
+    height_m: NDArray[np.float32]
     regions: dict[str, NDArray[np.float64]]
     description: str
 
@@ -115,6 +116,7 @@ def fly(survey: Survey, folder: Path) -> Recording:
             safe=data["safe"],
             slope_deg=data["slope_deg"],
             relief_m=data["relief_m"],
+            height_m=data["height_m"],
             regions=regions,
             description=str(data["description"]),
         )

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import params
 from companion.errors import CompanionError, UsageError
-from companion.evaluation import room_to_land
+from companion.evaluation import room_to_land, zone_mask
 from companion.reproduce import identities, page, room, run, timing
 from companion.reproduce.measure import compare
 from companion.reproduce.planes import SlopeError, slope_errors
 from companion.reproduce.recording import Recording, Survey, fly
 from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.reproduce.scenes import run as run_case
-from slz import Grid, Pipeline
+from slz import Box, Grid, Pipeline
 
 SIDE_M = 30.0
 
@@ -39,7 +40,7 @@ def recording(wall: bool) -> Recording:
     count = np.full(10, len(points) // 10)
     stamps = np.sort(rng.integers(0, 10**9, len(points)))
     sensor = np.tile([15.0, 15.0, 20.0], (10, 1))
-    return Recording(survey(), points, stamps, sensor, count, safe, flat, flat, {}, "made by hand")
+    return Recording(survey(), points, stamps, sensor, count, safe, flat, flat, flat, {}, "made by hand")
 
 
 def scores(one: Recording) -> object:
@@ -73,6 +74,17 @@ def test_only_patches_with_the_safe_square_count_as_truth() -> None:
     kept = room_to_land(safe, Grid(0, 0, 0.5, 40, 40), parameters)
     assert kept[10, 10]
     assert not kept[27].any()
+
+
+@pytest.mark.parametrize(("row", "col"), [(-2, -1), (3, 4), (20, 0), (0, -20), (1, 1)])
+def test_of_a_zone_that_leaves_the_box_only_the_cells_within_count(row: int, col: int) -> None:
+    cells = np.triu(np.ones((4, 4), np.uint8))
+    zone = SimpleNamespace(box=Box(row, row + 4, col, col + 4), cells=cells)
+    found = zone_mask((zone,), Box(1, 6, 2, 7))  # type: ignore[arg-type]
+    for r in range(1, 6):
+        for c in range(2, 7):
+            within = row <= r < row + 4 and col <= c < col + 4
+            assert found[r - 1, c - 2] == (within and cells[r - row, c - col] == 1)
 
 
 def test_windows_hold_one_second_and_every_return() -> None:
