@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,9 +28,8 @@ both_modes = pytest.mark.parametrize("mode", MODES)
 
 
 @pytest.fixture(scope="session")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    folder = tmp_path_factory.mktemp("surveys")
-    return cache(lambda case: run(case, folder)[0])
+def flown(surveys: Path) -> Flown:
+    return cache(lambda case: run(case, surveys)[0])
 
 
 def scene(flown: Flown, name: str, mode: str, *, room: bool = True) -> Outcome:
