@@ -9,8 +9,9 @@ from typing import Any
 from companion import folder
 from companion.errors import UsageError
 from companion.figures import save_maps
-from companion.reproduce import identities, page, room, timing
+from companion.reproduce import identities, landing_points, page, room, timing
 from companion.reproduce.page import Section
+from companion.reproduce.places import PLACES
 from companion.reproduce.planes import slope_errors
 from companion.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
 from companion.reproduce.scenes import CASES, Case, Outcome
@@ -58,7 +59,8 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
     surveys = out / "surveys"
     rooms = [scenario for scenario in SCENARIOS if only in scenario.name]
     growing = [scenario for scenario in GROWING if only in scenario.name]
-    done, steps = 0, 1 + len(cases) + 2 * len(rooms) + len(growing)
+    places = [place for place in PLACES if only in place.name]
+    done, steps = 0, 1 + len(cases) + 2 * len(rooms) + len(growing) + 2 * len(places)
 
     def step(name: str) -> None:
         nonlocal done
@@ -78,6 +80,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         Section([page.slope_table(errors)], [], {"slope_rms_deg": slopes}),
         *([room.section(rooms, out, surveys, step)] if rooms else []),
         *([identities.section(growing, out, surveys, step)] if growing else []),
+        *([landing_points.section(places, out, surveys, step)] if places else []),
         timing.section(outcomes, out),
     ]
 

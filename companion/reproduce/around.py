@@ -53,13 +53,14 @@ class Around:
     def __init__(self, recording: Recording, east_m: float, north_m: float, radius_m: float) -> None:
         self._recording, self._point = recording, (east_m, north_m)
         self._x0, self._y0, self.cell_m = *recording.survey.extent_m[:2], recording.survey.cell_m
-        rows, cols = np.indices(recording.height_m.shape)
-        self._east = self._x0 + (cols + 0.5) * self.cell_m - east_m
-        self._north = self._y0 + (rows + 0.5) * self.cell_m - north_m
-        self._way = np.hypot(self._east, self._north)
+        n_rows, n_cols = recording.height_m.shape
+        rows, cols = np.mgrid[:n_rows, :n_cols]
+        self._east: NDArray[np.float64] = self._x0 + (cols + 0.5) * self.cell_m - east_m
+        self._north: NDArray[np.float64] = self._y0 + (rows + 0.5) * self.cell_m - north_m
+        self._way: NDArray[np.float64] = np.hypot(self._east, self._north)
         here = np.unravel_index(int(np.argmin(self._way)), self._way.shape)
         self.ground_m = float(recording.height_m[here])
-        self._over = recording.height_m.astype(np.float64) - self.ground_m
+        self._over: NDArray[np.float64] = recording.height_m.astype(np.float64) - self.ground_m
         self._held = (self._way <= radius_m) & np.isfinite(self._over)
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,13 +12,15 @@ import pytest
 import params
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import room_to_land, zone_mask
-from companion.reproduce import identities, page, room, run, timing
+from companion.reproduce import identities, landing_points, page, room, run, timing
+from companion.reproduce.around import Around
 from companion.reproduce.measure import compare
+from companion.reproduce.places import Place
 from companion.reproduce.planes import SlopeError, slope_errors
 from companion.reproduce.recording import Recording, Survey, fly
 from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.reproduce.scenes import run as run_case
-from slz import Box, Grid, Pipeline
+from slz import Box, Grid, Obstacle, Pipeline, Surroundings
 
 SIDE_M = 30.0
 
@@ -199,3 +202,60 @@ def test_scenarios_fly_with_the_helicopter_s_profile_and_its_square(mode: str) -
     assert (own.mode, own.cell_m, own.min_square_m) == (mode, 10.0, 24.0)
     free = params.load(case.profile, BY_SCENE["hill"].case(mode, room=False).settings)
     assert free.min_square_m == 10.0
+
+
+# ---- landing points -------------------------------------------------------------------------------
+
+
+def around_a_block() -> Around:
+    """Return the truth about (15.25, 15.25): a block of 2 x 4 m, 3 m high, whose near edge is 5 m east."""
+    one = recording(wall=False)
+    height = np.zeros((60, 60), np.float32)
+    height[27:35, 40:44] = 3.0  # x from 20 to 22, y from 13.5 to 17.5
+    regions = {"the_block": np.array([(20.0, 13.5), (22.0, 13.5), (22.0, 17.5), (20.0, 17.5)])}
+    return Around(replace(one, height_m=height, regions=regions), 15.25, 15.25, 12.0)
+
+
+def surroundings(*extents: tuple[float, float, float, float]) -> Surroundings:
+    listed = tuple(Obstacle((w + e) / 2, (s + n) / 2, 3.1, 3.1, 1.0, (w, s, e, n)) for w, s, e, n in extents)
+    return Surroundings(12.0, listed, np.zeros(36))
+
+
+def test_the_truth_around_a_point_is_a_block_and_its_horizon() -> None:
+    truth = around_a_block()
+    (block,) = truth.standing()
+    assert block.extent_m == pytest.approx((20.0, 13.5, 22.0, 17.5))
+    assert (block.height_m, block.area_m2, block.where) == (3.0, 8.0, "the block")
+    assert truth.highest_m("the_block") == 3.0
+    horizon = truth.horizon_deg(1.0)
+    assert horizon[9] == pytest.approx(np.degrees(np.arctan2(3.0, 5.0)))
+    raised = np.flatnonzero(horizon > 1).tolist()
+    assert raised == [7, 8, 9, 10, 11]
+    assert set(np.flatnonzero(truth.horizon_deg(1.0, 3.0) > 1).tolist()) >= set(raised)
+
+
+def test_what_was_found_is_set_beside_the_block() -> None:
+    truth = around_a_block()
+    (pair,) = truth.pairs(surroundings((5.0, 5.0, 6.0, 6.0), (19.8, 13.5, 22.0, 17.0)))
+    assert pair.found is not None
+    assert pair.edge_error_m == pytest.approx(0.5)
+    assert pair.height_error_m == pytest.approx(0.1)
+    assert truth.phantoms(surroundings((5.0, 5.0, 6.0, 6.0), (19.0, 13.5, 19.8, 17.0)), 0.5) == 1
+    (missed,) = truth.pairs(surroundings())
+    assert missed.found is None
+    assert missed.edge_error_m == np.inf
+
+
+def test_a_landing_point_has_its_rows_and_two_pictures_in_each_mode(
+    small: Scenario, surveys: Path, tmp_path: Path
+) -> None:
+    told: list[str] = []
+    place = Place("field", small.survey, (0.0, 0.0), ("cell_m=1", "footprint_m=3", "coverage_m=3"))
+    found = landing_points.section([place], tmp_path, surveys, told.append)
+    assert told == ["field, source mode", "field, default mode"]
+    obstacles, horizons = found.tables
+    assert [row[:2] for row in obstacles.rows] == [(name, "none") for name in told]
+    assert [row[0] for row in horizons.rows] == told
+    assert horizons.rows[1][1] == "safe"
+    assert [file.name for _, files in found.pictures for file in files] == 2 * ["around.png", "horizon.png"]
+    assert all(file.exists() for _, files in found.pictures for file in files)
