@@ -9,7 +9,7 @@ from typing import Any
 from companion import folder
 from companion.errors import UsageError
 from companion.figures import save_maps
-from companion.reproduce import identities, landing_points, page, room, timing
+from companion.reproduce import identities, landing_points, page, reliability, room, timing
 from companion.reproduce.page import Section
 from companion.reproduce.places import PLACES
 from companion.reproduce.planes import slope_errors
@@ -68,9 +68,13 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         done += 1
 
     outcomes: list[Outcome] = []
+    certainties: dict[str, reliability.Bins] = {}
     for case in cases:
         step(case.name)
-        outcomes.append(run_case(case, surveys)[0])
+        outcome, recording = run_case(case, surveys)
+        outcomes.append(outcome)
+        if not outcome.report.source:
+            certainties[case.name] = reliability.count(recording, outcome.maps)
     against_truth = _against_truth(outcomes, out)
     step("planes")
     errors = slope_errors()
@@ -80,6 +84,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         Section([page.slope_table(errors)], [], {"slope_rms_deg": slopes}),
         *([room.section(rooms, out, surveys, step)] if rooms else []),
         *([identities.section(growing, out, surveys, step)] if growing else []),
+        *([reliability.section(certainties, out)] if certainties else []),
         *([landing_points.section(places, out, surveys, step)] if places else []),
         timing.section(outcomes, out),
     ]

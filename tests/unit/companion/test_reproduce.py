@@ -12,7 +12,7 @@ import pytest
 import params
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import room_to_land, zone_mask
-from companion.reproduce import identities, landing_points, page, room, run, timing
+from companion.reproduce import identities, landing_points, page, reliability, room, run, timing
 from companion.reproduce.around import Around
 from companion.reproduce.measure import compare
 from companion.reproduce.places import Place
@@ -259,3 +259,37 @@ def test_a_landing_point_has_its_rows_and_two_pictures_in_each_mode(
     assert horizons.rows[1][1] == "safe"
     assert [file.name for _, files in found.pictures for file in files] == 2 * ["around.png", "horizon.png"]
     assert all(file.exists() for _, files in found.pictures for file in files)
+
+
+# ---- certainty ------------------------------------------------------------------------------------
+
+
+def test_bins_count_certainties_beside_the_truth() -> None:
+    certainty = np.array([0.0, 0.005, 0.3, 0.35, 0.99, 0.9995, 1.0], np.float32)
+    true = np.array([0, 0, 0, 1, 1, 0, 1], bool)
+    bins = reliability.Bins.of(certainty, true, certainty > 0.9)
+    assert bins.cells.tolist() == [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 1, 2][-15:]
+    assert bins.called.sum() == 3
+    assert bins.wrong.tolist() == [*14 * [0], 1]
+    assert bins.share[5] == 0.5
+    both = bins + bins
+    assert both.cells.sum() == 14
+    assert both.error == pytest.approx(bins.error)
+    assert bins.error == pytest.approx((0.005 + abs(0.65 - 1) + 0.01 + 0.9995) / 7, abs=1e-6)
+
+
+def test_only_known_cells_within_the_margin_count(tmp_path: Path) -> None:
+    one = recording(wall=True)
+    parameters = params.load("quadcopter", ["zone_m=60", "max_range_m=100", "angle_noise_deg=0"])
+    pipeline = Pipeline(parameters, (15.0, 15.0))
+    for window in one.windows():
+        pipeline.process(window)
+    maps = pipeline.maps()
+    assert maps is not None
+    counted = reliability.count(one, maps)
+    most = ((SIDE_M - 6) / parameters.cell_m) ** 2
+    assert 0.6 * most < counted.cells.sum() <= 1.01 * most
+    found = reliability.section({"by hand": counted}, tmp_path)
+    assert len(found.tables[0].rows) == len(reliability.EDGES) - 1
+    assert found.figures["certainty"]["by_survey"]["by hand"] == round(counted.error, 5)
+    assert found.pictures[0][1][0].exists()
