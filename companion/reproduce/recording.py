@@ -35,6 +35,7 @@ class Survey:
     footprint_m: float = 2.0
     slope_limit_deg: float = 10.0
     relief_limit_m: float = 0.3
+    climb_m: float = 0.0
 
     def options(self) -> list[str]:
         return [
@@ -49,6 +50,7 @@ class Survey:
             f"--footprint={self.footprint_m:g}",
             f"--slope-limit={self.slope_limit_deg:g}",
             f"--relief-limit={self.relief_limit_m:g}",
+            *([f"--climb={self.climb_m:g}"] if self.climb_m else []),
         ]
 
 

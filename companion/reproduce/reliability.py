@@ -23,8 +23,8 @@ FEWEST = 200  # cells of a bin below which its share says nothing
 TEXT = (
     "All known cells of 0.2 m of the surveys above that lie 3 m or more within the surveyed extent, by their "
     "certainty: its mean, and the share of them that is truly safe, which are alike where it is calibrated. "
-    "Called safe: cells that the map lets a vehicle land on, and how many of those are truly unsafe. Expected "
-    "calibration error, the mean difference over all cells: "
+    "Called safe: cells that the map lets a vehicle land on, and how many of those are truly unsafe. "
+    "Expected calibration error, the mean difference over all cells: "
 )
 COLUMNS = ("certainty", "cells", "mean certainty", "share truly safe", "called safe", "of those unsafe")
 

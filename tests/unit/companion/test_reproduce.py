@@ -12,7 +12,7 @@ import pytest
 import params
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import room_to_land, zone_mask
-from companion.reproduce import identities, landing_points, page, reliability, room, run, timing
+from companion.reproduce import identities, landing_points, near_far, page, reliability, room, run, timing
 from companion.reproduce.around import Around
 from companion.reproduce.measure import compare
 from companion.reproduce.places import Place
@@ -293,3 +293,25 @@ def test_only_known_cells_within_the_margin_count(tmp_path: Path) -> None:
     assert len(found.tables[0].rows) == len(reliability.EDGES) - 1
     assert found.figures["certainty"]["by_survey"]["by hand"] == round(counted.error, 5)
     assert found.pictures[0][1][0].exists()
+
+
+# ---- near and far ---------------------------------------------------------------------------------
+
+
+def test_a_climb_is_told_as_near_and_far_windows(tmp_path: Path) -> None:
+    plan = survey(point_rate_hz=10_000, speed_ms=10.0, spacing_m=10.0, height_m=12.0, climb_m=50.0)
+    climb = near_far.Climb("a climb", plan, ("cell_m=1", "footprint_m=3", "coverage_m=3"))
+    told: list[str] = []
+    found = near_far.section([climb], tmp_path, tmp_path / "surveys", told.append)
+    assert told == ["a climb, source mode", "a climb, default mode"]
+    assert [row[:2] for row in found.tables[0].rows] == [(name, m) for name in told for m in ("near", "far")]
+    for name in told:
+        figures = found.figures["near_and_far"][name]
+        assert 0 < figures["windows_far"] < figures["windows"]
+        assert figures["changes"] == 1
+    assert all(file.exists() for _, files in found.pictures for file in files)
+
+
+def test_only_a_climb_changes_a_survey_s_name() -> None:
+    assert not any("climb" in option for option in survey().options())
+    assert "--climb=50" in survey(climb_m=50.0).options()
