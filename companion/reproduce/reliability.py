@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 EDGES = (0.0, 0.01, 0.05, *(round(0.1 * i, 1) for i in range(1, 10)), 0.95, 0.99, 0.999, 1.0)
-FEWEST = 200  # cells of a bin below which its share says nothing
+FEWEST = 50  # cells of a bin below which its share says nothing
 TEXT = (
     "All known cells of 0.2 m of the surveys above that lie 3 m or more within the surveyed extent, by their "
     "certainty: its mean, and the share of them that is truly safe, which are alike where it is calibrated. "
@@ -149,7 +149,7 @@ def _draw(counted: Mapping[str, Bins], total: Bins, file: Path) -> None:
     axes = figure.subplot_mosaic([["linear", "logit"], ["cells", "cells"]], height_ratios=(3, 1))
     _draw_diagram(axes["linear"], counted, total)
     axes["linear"].set_title("Certainty against the truth", loc="left", fontsize=13, fontweight="bold")
-    axes["linear"].legend(loc="upper left", fontsize=8, frameon=False)
+    axes["linear"].legend(loc="lower right", fontsize=8, frameon=False)
     _draw_diagram(axes["logit"], counted, total)
     axes["logit"].set_title("the same, its ends drawn wide", loc="left", fontsize=11)
     axes["logit"].set_xscale("logit")
@@ -166,12 +166,10 @@ def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins) -> None:
     line = np.concatenate([np.geomspace(1e-4, 0.5), 1 - np.geomspace(0.5, 1e-4)])
     axes.plot(line, line, color="#777777", linestyle="--", linewidth=1.2, label="calibrated")
     for number, (name, bins) in enumerate(counted.items()):
-        use = bins.cells >= FEWEST
         colour = colormaps["tab10"](number % 10)
-        x, y = _inner(bins.mean[use]), _inner(bins.share[use])
-        axes.plot(x, y, color=colour, linewidth=1.0, marker=".", markersize=4, alpha=0.8, label=name)
-    use = total.cells >= FEWEST
-    x, y = _inner(total.mean[use]), _inner(total.share[use])
+        x, y = _drawn(bins)
+        axes.plot(x, y, color=colour, linewidth=0.8, marker=".", markersize=5, alpha=0.7, label=name)
+    x, y = _drawn(total)
     axes.plot(x, y, color="black", linewidth=2.0, marker="o", markersize=5, label="all surveys")
     axes.set_xlabel("mean certainty", fontsize=9)
     axes.set_ylabel("share truly safe", fontsize=9)
@@ -179,9 +177,11 @@ def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins) -> None:
     axes.grid(alpha=0.3, linewidth=0.5)
 
 
-def _inner(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return shares kept within what the wide-ended axes show."""
-    return np.asarray(share.clip(1.5e-4, 1 - 1.5e-4))
+def _drawn(bins: Bins) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean and share, NaN where cells are few, within what the wide-ended axes show."""
+    many = bins.cells >= FEWEST
+    x, y = (np.where(many, v, np.nan).clip(1.5e-4, 1 - 1.5e-4) for v in (bins.mean, bins.share))
+    return x, y
 
 
 def _draw_cells(axes: Axes, total: Bins) -> None:
