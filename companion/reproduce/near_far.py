@@ -220,9 +220,10 @@ def _draw_zones(axes: Axes, zones: tuple[Zone, ...], maps: TerrainMaps, colour: 
     layer = np.zeros((rows, cols, 4))
     layer[mask] = to_rgba(colour, alpha)
     axes.imshow(layer, origin="lower", extent=bounds, interpolation="nearest")
-    padded = np.pad(mask, 1).astype(np.float32)
-    x = maps.west_m + (np.arange(cols + 2) - 0.5) * cell
-    y = maps.south_m + (np.arange(rows + 2) - 0.5) * cell
+    fine = max(1, min(10, 2000 // max(rows, cols)))  # so that a line about large cells keeps their corners
+    padded = np.pad(mask.repeat(fine, axis=0).repeat(fine, axis=1), 1).astype(np.float32)
+    x = maps.west_m + (np.arange(fine * cols + 2) - 0.5) * cell / fine
+    y = maps.south_m + (np.arange(fine * rows + 2) - 0.5) * cell / fine
     axes.contour(x, y, padded, [0.5], colors=colour, linewidths=1.4)
 
 
