@@ -17,6 +17,7 @@ from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import FLYING, Executive, Phase, Severity, Situation
 from companion.landing.operator import Operator
+from companion.landing.watch import PointWatch
 from companion.link.link import Link
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import level_frd_m
@@ -25,6 +26,7 @@ from companion.outputs.landing_target import landing_target
 from companion.outputs.obstacle_distance import obstacle_distance
 from companion.outputs.setpoint import velocity_setpoint
 from companion.sensors.driver import open_lidar
+from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps, Zone
@@ -60,6 +62,7 @@ class Companion:
         self.lidar = open_lidar(lidar_url, parameters, self.assembler.add)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
+        self._watch = PointWatch()
         self.report: Report | None = None
         self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)
         self.zones_seen: dict[int, Zone] = {}
@@ -151,6 +154,10 @@ class Companion:
         self._last_report_ns = now_ns()
         for zone in report.zones:
             self.zones_seen[zone.id] = zone
+        news = self._watch.news(report)
+        if news is not None:
+            log.info(news[1])
+            self.link.statustext(news[1], news[0].value)
 
     def situation(self) -> Situation:
         """Return what is known now, as the executive sees it."""
@@ -280,7 +287,7 @@ class Companion:
             "aborts": tally.aborts,
             "abort_reasons": tally.abort_reasons,
             "pilot_took_over": tally.hands_off,
-            "zones": [self._zone_summary(zone) for zone in (self.report.zones if self.report else ())],
+            **self._found(),
             "zones_seen": len(self.zones_seen),
             "reports": self.worker.reports,
             "dropped_windows": self.worker.dropped_windows,
@@ -290,28 +297,22 @@ class Companion:
             "fusion": self.assembler.statistics(),
         }
 
+    def _found(self) -> dict[str, Any]:
+        report = self.report
+        if report is None:
+            return {"zones": [], "choice": None, "point": None}
+        selected = report.selected
+        return {
+            "zones": [zone_summary(zone, report.frame) for zone in report.zones],
+            "choice": choice_summary(report),
+            "point": None if selected is None else point_summary(selected, report.frame),
+        }
+
     def _touchdown(self) -> dict[str, float] | None:
         if self.executive.phase is not Phase.LANDED or not self.path_enu_m or self.history.frame is None:
             return None
         lat, lon, alt = (float(v) for v in self.history.frame.lla(self.path_enu_m[-1]))
         return {"lat": lat, "lon": lon, "alt_m": alt}
-
-    def _zone_summary(self, zone: Zone) -> dict[str, Any]:
-        frame = self.history.frame
-        lat, lon, alt = (float(v) for v in frame.lla(zone.best.enu_m)) if frame else (0.0, 0.0, 0.0)
-        return {
-            "id": zone.id,
-            "area_m2": round(zone.area_m2, 2),
-            "certainty": round(zone.certainty, 4),
-            "slope_deg": round(zone.slope_deg, 2),
-            "roughness": round(zone.roughness, 4),
-            "square_side_m": round(zone.best.square_side_m, 2),
-            "clearance_m": round(zone.best.clearance_m, 2),
-            "lat": lat,
-            "lon": lon,
-            "alt_m": alt,
-            "obstacles": len(zone.obstacles),
-        }
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error

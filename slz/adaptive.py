@@ -19,15 +19,18 @@ STEADY = 3  # windows in a row that must ask for another level
 TIMING_S = 0.005  # how well poses and returns are matched in time
 HYSTERESIS = 0.9
 MOST_SQUARES = 100_000_000
+SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in
+RETURNS_PER_SQUARE = 4  # on average, below which wider ones are taken
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
     """What a window was like, and what was chosen from that.
 
-    density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return.
-    speed_ms: of the sensor over ground; 0 for the first window. far: the far map is the active one. level: of
-    the resolution pyramid, of whose cells the far map is made. window_s: span of the windows to come.
+    density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return,
+    NaN where unknown. speed_ms: of the sensor over ground, the last one known; 0 before any. far: the far map
+    is the active one. level: of the resolution pyramid, of whose cells the far map is made. window_s: span of
+    the windows to come.
     """
 
     density_per_m2: float
@@ -42,7 +45,7 @@ class Adapter:
     """Chooses mode, resolution and window length from what the windows themselves say.
 
     - far mode above `far_height_m` or faster than `far_speed_ms` (SLZ thesis §4.4.4), near mode again below
-      nine tenths of both;
+      nine tenths of both; a window that tells neither changes nothing;
     - the far map's cells: the finest that get a return each in a window and are not finer than returns can be
       placed: two standard deviations of ray direction times height, and of timing times speed. Three
       windows in a row must agree. The near map keeps its cells: coarser ones hide hazards;
@@ -56,6 +59,7 @@ class Adapter:
         self._p = parameters
         self._adaptive = parameters.adaptive == "on" and parameters.mode == "default"
         self._before: tuple[int, NDArray[np.float64]] | None = None
+        self._speed_ms = 0.0
         self._far = False
         self._level = COARSEST
         self._asked = [COARSEST] * STEADY
@@ -76,14 +80,19 @@ class Adapter:
         return Choice(density, height, speed, self._far, level, window_s)
 
     def _speed(self, window: Window) -> float:
+        """Return the speed since the last window of which the place is known."""
         before, now = self._before, (window.end_ns, window.sensor_enu_m)
+        if not np.isfinite(now[1][:2]).all():
+            return self._speed_ms
         self._before = now
-        if before is None or now[0] <= before[0]:
-            return 0.0
-        way = float(np.hypot(*(now[1] - before[1])[:2]))
-        return way / ((now[0] - before[0]) * 1e-9) if math.isfinite(way) else 0.0
+        if before is not None and now[0] > before[0]:
+            way = float(np.hypot(*(now[1] - before[1])[:2]))
+            self._speed_ms = way / ((now[0] - before[0]) * 1e-9)
+        return self._speed_ms
 
     def _is_far(self, height_m: float, speed_ms: float) -> bool:
+        if self._far and math.isnan(height_m):
+            return True
         share = HYSTERESIS if self._far else 1.0
         return height_m > share * self._p.far_height_m or speed_ms > share * self._p.far_speed_ms
 
@@ -106,22 +115,32 @@ class Adapter:
 
     def _wanted_window(self, per_m2_s: float, reach_m: float, speed_ms: float) -> float:
         p = self._p
-        wanted = RETURNS_WANTED / (per_m2_s * p.cell_m**2)
-        if speed_ms > 0:
-            wanted = min(wanted, reach_m / 2 / speed_ms)
-        steps = max(1, round(min(max(wanted, p.window_s / 2), 2 * p.window_s) / (p.window_s / 4)))
-        return steps * p.window_s / 4
+        step_s, longest_s = p.window_s / 4, 2 * p.window_s
+        steps = round(min(RETURNS_WANTED / (per_m2_s * p.cell_m**2), longest_s) / step_s)
+        if speed_ms > 0 and math.isfinite(reach_m):
+            steps = min(steps, math.floor(min(reach_m / 2 / speed_ms, longest_s) / step_s))
+        return max(2, steps) * step_s
 
 
 def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[float, float]:
-    """Return returns per square metre of the ground hit, and how far from the sensor half of them lie."""
+    """Return returns per square metre of the ground hit, and how far from the sensor half of them lie.
+
+    Squares that hold a return or two each say nothing of the ground between them: where they do, wider ones
+    are counted.
+    """
     if not len(points):
         return 0.0, 0.0
     thin = points[:: max(1, len(points) // 20_000)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
-    low, high = np.floor(points[:, :2].min(axis=0)), np.floor(points[:, :2].max(axis=0))
-    cols, rows = (int(v) + 1 for v in high - low)
-    if rows * cols > MOST_SQUARES:
-        return 0.0, reach
-    square = hit_tiles(points, float(low[0]), float(low[1]), 1.0 / TILE, 0, 0, rows, cols)
-    return len(points) / int(square.sum()), reach
+    density = 0.0
+    for side in SQUARES_M:
+        low, high = np.floor(points[:, :2].min(axis=0) / side), np.floor(points[:, :2].max(axis=0) / side)
+        cols, rows = (int(v) + 1 for v in high - low)
+        if rows * cols > MOST_SQUARES:
+            continue
+        west, south = (float(v) * side for v in low)
+        hit = int(hit_tiles(points, west, south, side / TILE, 0, 0, rows, cols).sum())
+        density = len(points) / (hit * side**2)
+        if len(points) >= RETURNS_PER_SQUARE * hit:
+            break
+    return density, reach

@@ -37,7 +37,7 @@ SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
-_UNTOUCHED, _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in range(4))
+_SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0 where nothing was drawn
 _STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
 
 
@@ -64,7 +64,7 @@ class EvidenceTerrain:
         self.grid = grid
         self.pinned: frozenset[Key] = frozenset()
         self._parameters = parameters
-        self._maps = TiledLayers(len(LAYERS), np.float32)
+        self._maps = TiledLayers(len(LAYERS), np.float32, np.nan)
         self._verdict = TiledLayers(1, np.uint8)
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
@@ -173,10 +173,15 @@ class EvidenceTerrain:
         unknown = np.isnan(slope) | (even & ~safe)
         for fit in (slope, sigma, relief, rms, noise, inside):
             fit[unknown] = np.nan
-        sure = certainty(slope, sigma, relief, noise, unseen[inner], p)
+        sure = certainty(slope, sigma, relief, inside, noise, self._share(known)[inner], p)
+        sure[unseen[inner]] = 0
         values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure)
         self._maps.write(box, np.stack(values))
         self._verdict.write(box, np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))[None])
+
+    def _share(self, known: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Return the share of each footprint's cells that hold a return."""
+        return np.asarray(ndimage.uniform_filter(known.astype(np.float32), 2 * self.radius + 1))
 
     def _unseen(self, known: NDArray[np.bool_], height_m: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Tell which footprints hold unseen ground.
@@ -225,13 +230,10 @@ class EvidenceTerrain:
 
         The relief is NaN also where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
-        box = self._everywhere(box)
-        values = self._maps.read(box, LAYERS.index(name))
+        values = self._maps.read(self._everywhere(box), LAYERS.index(name))
         if name == "certainty":
-            return values
-        drawn = self._verdict.read(box) != _UNTOUCHED
-        datum = np.float32(self.tiles.datum_m if name in HEIGHTS else 0.0)
-        return np.where(drawn, values + datum, np.float32(np.nan))
+            return np.asarray(np.nan_to_num(values, copy=False))
+        return np.asarray(values + np.float32(self.tiles.datum_m)) if name in HEIGHTS else values
 
 
 def _scaled(box: Box, level: int) -> Box:

@@ -119,7 +119,7 @@ def judge(
         if terrain is None:
             continue
         cell = _cell(enu_m, terrain)
-        state = _state(cell, terrain, parameters)
+        state = _state(enu_m, terrain, parameters)
         if state is not None:
             return SelectedPoint(
                 enu_m=enu_m,
@@ -133,9 +133,14 @@ def judge(
                 surroundings=surroundings(enu_m, terrain, parameters),
             )
     if before is None or isinstance(near, EvidenceTerrain):
-        nan, height_m = float("nan"), float("nan") if before is None else before.height_m
-        return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
+        return unknown(enu_m, math.nan if before is None else before.height_m)
     return replace(before, judged_by="none", zone_id=None)
+
+
+def unknown(enu_m: NDArray[np.float64], height_m: float = math.nan) -> SelectedPoint:
+    """Return a point of which no map says anything."""
+    nan = math.nan
+    return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
 
 
 def _cell(enu_m: NDArray[np.float64], terrain: Terrain) -> Box:
@@ -150,14 +155,17 @@ def _around(cell: Box, reach: int, terrain: Terrain) -> Box:
     return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
 
 
-def _state(cell: Box, terrain: Terrain, parameters: Parameters) -> PointState | None:
+def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> PointState | None:
     """Return what a map says of a point, None where it does not have it."""
     if isinstance(terrain, SourceTerrain):
+        cell = _cell(enu_m, terrain)
         if not terrain.grid.holds(cell.row0, cell.col0):
             return None
         return PointState.SAFE if terrain.state(cell)[0, 0] == SAFE else PointState.UNSAFE
-    reach = round(parameters.touchdown_error_m / terrain.grid.cell_m)
-    state = terrain.state(_around(cell, reach, terrain))
+    (east, north), error_m = enu_m[:2].tolist(), parameters.touchdown_error_m
+    row0, col0 = terrain.grid.index(east - error_m, north - error_m)
+    row1, col1 = terrain.grid.index(east + error_m, north + error_m)
+    state = terrain.state(Box(row0, row1 + 1, col0, col1 + 1))
     if (state == SAFE).all():
         return PointState.SAFE
     if (state == UNSAFE).any():
@@ -178,7 +186,8 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
     north, east = (rows - cell.row0) * grid.cell_m, (cols - cell.col0) * grid.cell_m
     distance = np.hypot(east, north)
-    plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), enu_m[2])
+    level_m = float(enu_m[2]) if np.isfinite(enu_m[2]) else ground_m(terrain, cell)
+    plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), level_m)
     raised = (top - plane > parameters.relief_m + BULGE * distance) & (distance <= parameters.surround_m)
 
     def ground(_: Box, row: int, col: int) -> float:

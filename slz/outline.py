@@ -16,7 +16,7 @@ Points = NDArray[np.float64]
 
 # How far out the line may run between a cell of the zone and the centre of the next, in cells, and how many
 # times the share of area that may be lost may be lost of the cells' centres: until the points are few.
-ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0), (0.49, 4.0))
+ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0))
 REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
 FEW = 1 / 7  # of the corners: a fifth of what the collinear filter leaves, which is up to a third less
 ENOUGH = 1 / 10  # of the corners: with less, area counts for more than points
@@ -37,7 +37,7 @@ def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon,
     """Return the outline of the set cells in units of cells, (column, row) from the array's corner.
 
     The polygons hold the centre of no other cell, and their area differs from that of the cells by at most
-    the share `most_lost`. They also leave out the centres of at most that share of the cells, or up to four
+    the share `most_lost`. They also leave out the centres of at most that share of the cells, or up to two
     times as many where the line then needs fewer points: it runs outside the cells as well, up to just before
     the centres of the next. Cells that touch at a corner only belong to separate polygons; small ones may
     be left out.

@@ -16,7 +16,7 @@ from slz.adaptive import Adapter
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
 from slz.grid import Box
-from slz.landing_point import SelectedPoint, judge
+from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
 from slz.outliers import gap_interval, histogram_interval, in_company
 from slz.registration import offset
@@ -49,6 +49,7 @@ class Pipeline:
         self._near: ZoneMap | None = None
         self._far: ZoneMap | None = None
         self._adapter = Adapter(parameters)
+        self._far_is_active = False
         self._selected: SelectedPoint | None = None
 
     def process(self, window: Window) -> Report:
@@ -68,6 +69,7 @@ class Pipeline:
         clock.lap("choice")
         points = self._registered(points, used, sensor, near)
         clock.lap("registration")
+        self._pin()
         stamp_s = window.end_ns * 1e-9
         moved = False
         if not (self._source and choice.far):
@@ -79,6 +81,7 @@ class Pipeline:
         far.find(sensor)
         clock.lap("zones")
         self._selected = self._judge_selected(near, far)
+        self._far_is_active = self._source and choice.far
         clock.lap("landing_point")
         return Report(
             stamp_ns=window.end_ns,
@@ -92,7 +95,7 @@ class Pipeline:
             new_map=moved,
             n_without_tile=near.n_without_tile,
             n_evicted=near.n_evicted,
-            source=self._source,
+            far_is_active=self._far_is_active,
             stage_ms=clock.ms,
         )
 
@@ -100,26 +103,31 @@ class Pipeline:
         """Keep a landing point under watch, or none; the next report says whether it is safe."""
         if enu_m is None:
             self._selected = None
-            self._pin(None)
             return
         point = np.asarray(enu_m, np.float64)
         if point.shape != (3,) or not np.isfinite(point[:2]).all():
             raise ValueError(f"a landing point is three numbers, east and north finite, not {enu_m!r}")
+        self._selected = unknown(point)
         if self._near is not None and self._far is not None:
             self._selected = judge(point, self._near.terrain, self._far.terrain, self._parameters, None)
-            self._pin(point)
 
     def maps(
-        self, box: Box | None = None, which: Literal["near", "far"] = "near", level: int | None = None
+        self,
+        box: Box | None = None,
+        which: Literal["near", "far", "active"] = "active",
+        level: int | None = None,
     ) -> TerrainMaps | None:
         """Return copies of a map over a box of its grid, by default over all ground seen; None before any.
 
         Parameters
         ----------
+        which
+            The active map is the one whose zones the last report gave as `zones`.
         level
             Level of the resolution pyramid to draw it at, by default the one in use; the finest is 0.
         """
-        zone_map = self._near if which == "near" else self._far
+        far = which == "far" or (which == "active" and self._far_is_active)
+        zone_map = self._far if far else self._near
         if zone_map is None or self._frame is None:
             return None
         terrain = zone_map.terrain
@@ -162,13 +170,15 @@ class Pipeline:
     def _maps_for(self, points: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
         """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
         if self._near is None or self._far is None or window.frame != self._frame:
+            if self._frame is not None:  # what was chosen lies in another frame
+                self._selected = None
             self._frame = window.frame
+            self._adapter = Adapter(self._parameters)
             first = points[0, :2] if len(points) else window.sensor_enu_m[:2]
             centre = self._centre or (float(first[0]), float(first[1]))
             numbers = itertools.count(1)
             self._near = ZoneMap(self._parameters, centre, numbers)
             self._far = ZoneMap(self._far_parameters, centre, numbers)
-            self._selected = None
         return self._near, self._far
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
@@ -191,8 +201,9 @@ class Pipeline:
         zones = {"near": near, "far": far}.get(point.judged_by)
         return replace(point, zone_id=zones.zone_at(point.enu_m) if zones else None)
 
-    def _pin(self, enu_m: NDArray[np.float64] | None) -> None:
-        """Keep the evidence at a point, whatever the memory's budget."""
+    def _pin(self) -> None:
+        """Keep the evidence at the selected point, whatever the memory's budget."""
+        enu_m = None if self._selected is None else self._selected.enu_m
         for zone_map in (self._near, self._far):
             if zone_map is not None and isinstance(zone_map.terrain, EvidenceTerrain):
                 zone_map.terrain.pin(enu_m, self._parameters.touchdown_error_m)

@@ -51,12 +51,13 @@ def enough_m(parameters: Parameters) -> float:
 def criteria(zone: Zone, parameters: Parameters) -> tuple[Criterion, ...]:
     """Return what decides on a zone, the most important first."""
     best, enough = zone.best, enough_m(parameters)
-    certain = best.certainty >= parameters.min_certainty and all(map(math.isfinite, best.enu_m))
+    placed = all(map(math.isfinite, best.enu_m))
+    certain = placed and best.certainty >= parameters.min_certainty
     unseen = math.isnan(best.horizon_deg)
     horizon_deg = 90.0 if unseen else max(0.0, best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
-        Criterion(float(certain), f"certainty {best.certainty:.2f}"),
+        Criterion(float(certain), f"certainty {best.certainty:.2f}{'' if placed else ' without height'}"),
         Criterion(
             math.floor(min(best.clearance_m, enough) / (enough / 8)), f"clearance {best.clearance_m:.1f} m"
         ),

@@ -111,7 +111,8 @@ def regridded(zone: Zone, old: Grid, new: Grid) -> Zone:
             box=Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right),
             boundary_cells=zone.boundary_cells + np.array([down, right], np.int32),
         )
-    low, high = old.centre(zone.box.row0, zone.box.col0), old.centre(zone.box.row1, zone.box.col1)
+    box = zone.box
+    low, high = old.centre(box.row0 - 0.5, box.col0 - 0.5), old.centre(box.row1 - 0.5, box.col1 - 0.5)
     (row0, col0), (row1, col1) = new.index(*low), new.index(*high)
     box = Box(row0, row1 + 1, col0, col1 + 1)
     centres = new.centres(np.argwhere(np.ones(box.shape, bool)) + np.array([row0, col0]))

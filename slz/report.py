@@ -27,8 +27,8 @@ class Report:
     near, far: the maps of fine and of coarse cells; both live on whichever is active. choice: what the window
     was like, and the mode, resolution and window length chosen from that. n_points: returns of the window,
     n_used: those near enough for the near map. new_map: the window of the near map was moved before.
-    n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up. source: by
-    the sources' rules. stage_ms: processing time by stage.
+    n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up.
+    far_is_active: the far map is the one to land by. stage_ms: processing time by stage.
     """
 
     stamp_ns: int
@@ -42,13 +42,13 @@ class Report:
     new_map: bool
     n_without_tile: int
     n_evicted: int
-    source: bool
+    far_is_active: bool
     stage_ms: Mapping[str, float]
 
     @property
     def active(self) -> MapReport:
         """The map to land by: the near one, in source mode that of the present mode."""
-        return self.far if self.source and self.choice.far else self.near
+        return self.far if self.far_is_active else self.near
 
     @property
     def grid(self) -> Grid:

@@ -192,10 +192,10 @@ def _tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
 
 
 class TiledLayers:
-    """Maps drawn over ground seen, in tiles of their own; zero where nothing was written."""
+    """Maps drawn over ground seen, in tiles of their own; `empty` where nothing was written."""
 
-    def __init__(self, count: int, dtype: DTypeLike) -> None:
-        self._empty = np.zeros((count, TILE, TILE), dtype)
+    def __init__(self, count: int, dtype: DTypeLike, empty: float = 0) -> None:
+        self._empty = np.full((count, TILE, TILE), empty, dtype)
         self._tiles: dict[Key, NDArray[Any]] = {}
 
     def write(self, box: Box, values: NDArray[Any]) -> None:
@@ -207,7 +207,7 @@ class TiledLayers:
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
         """Return a copy (rows, cols) of one layer of a box."""
-        out = np.zeros(box.shape, self._empty.dtype)
+        out = np.full(box.shape, self._empty[0, 0, 0])
         for key, there, here in _pieces(box):
             tile = self._tiles.get(key)
             if tile is not None:

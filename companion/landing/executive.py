@@ -297,7 +297,7 @@ class Executive:
         if self._wish is not None and self._wish.enu_m is not None:
             return self._approach_point(s, self._wish.enu_m, self._wish.zone_id)
         if s.now_ns - self._since_ns >= wanted and s.report is not None:
-            zone = choose(s.report, position, self._refused, self._p)
+            zone = choose(s.report, self._refused, self._p)
             if zone is not None:
                 return self._approach_point(s, zone.best.enu_m, zone.id)
         offset = self._corner - position[:2]

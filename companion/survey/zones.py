@@ -18,12 +18,12 @@ from slz import TerrainMaps, Zone
 
 
 def rows(zones: Sequence[Zone], maps: TerrainMaps, metric: Metric) -> list[dict[str, Any]]:
-    """Return one JSON object a zone, in their order.
+    """Return one JSON object a zone, the best first; why: what places it behind the one before.
 
     lat, lon, elevation_m: the landing point, WGS-84 and metres above the cloud's vertical datum.
     square_centre: [lon, lat] of the largest safe square. Areas and lengths are those on the ground.
     """
-    return [_row(zone, maps, metric) for zone in zones]
+    return [{**_row(zone, maps, metric), "rank": rank} for rank, zone in enumerate(zones, start=1)]
 
 
 def write_geojson(
@@ -59,6 +59,7 @@ def _row(zone: Zone, maps: TerrainMaps, metric: Metric) -> dict[str, Any]:
         "boundary_points": len(zone.boundary_cells),
         "corner_points": len(zone.corners_enu_m),
         "obstacles": len(zone.obstacles),
+        "why": zone.why,
     }
 
 

@@ -192,7 +192,7 @@ def planes(
     tops and bottoms about the plane, less their excess, rms residual of the heights (m), standard deviation
     of one return (m), and the relief without the outermost cells of the footprint (m). NaN where any cell of
     the footprint is not covered or fewer than six have a height. Where the slope exceeds its limit by three
-    standard deviations both reliefs stay NaN; where a cheap upper bound is below half of the limit, that bound
+    standard deviations both reliefs stay NaN; where a cheap upper bound is below half of the limit, that one
     is returned; above twice the limit they are lower bounds. Else they are exact.
     """
     rows, cols = covered.shape

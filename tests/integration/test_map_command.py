@@ -86,7 +86,7 @@ def check_agreement(out: Path, summary: dict[str, Any], crs: str | CRS) -> None:
         every |= cells_of(polygon, file)
     assert (safe[every] == 1).all()
     cells = sum(zone["area_m2"] for zone in summary["zones"]) / area_of_cell(file, geod)
-    assert every.sum() == pytest.approx(cells, rel=0.021)  # the polygons lose 2 % at most
+    assert every.sum() == pytest.approx(cells, rel=0.042)  # of area 2 % at most, of centres twice that
 
 
 def cells_of(polygon: shapely.Geometry, file: Any) -> np.ndarray:

@@ -351,3 +351,11 @@ def test_what_stands_in_unseen_ground_does_not_make_it_seen() -> None:
     run(bare, cloud)
     run(posted, np.vstack([cloud, post]))
     assert not ((maps(bare).state != SAFE) & (maps(posted).state == SAFE)).any()
+
+
+def test_a_point_selected_before_the_first_window_is_judged_with_it() -> None:
+    pipe = pipeline()
+    pipe.select(np.array([1.0, 1.0, 0.0]))
+    report = run(pipe, ground())
+    assert report.selected is not None
+    assert report.selected.state is PointState.SAFE
