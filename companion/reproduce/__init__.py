@@ -76,7 +76,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         step(case.name)
         outcome, recording = run_case(case, surveys)
         outcomes.append(outcome)
-        if not outcome.report.source:
+        if outcome.parameters.mode == "default":
             certainties[case.name] = reliability.count(recording, outcome.maps)
     against_truth = _against_truth(outcomes, out)
     step("planes")

@@ -128,7 +128,7 @@ def _run(case: Case, surveys: Path) -> Flown:
         path.append(window.sensor_enu_m)
     flown = np.array(path)
     last = reports[-1]
-    near = pipeline.maps(_about(flown, last.near.grid))
+    near = pipeline.maps(_about(flown, last.near.grid), "near")
     far = pipeline.maps(_about(flown, last.far.grid), "far")
     if near is None or far is None:
         raise RuntimeError(f"{case.name}: nothing was seen")
@@ -182,7 +182,7 @@ def _draw_map(flown: Flown, file: Path) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    whole = flown.near if flown.reports[-1].source else flown.far  # which reaches farther
+    whole = flown.near if flown.parameters.mode == "source" else flown.far  # which reaches farther
     picture = Picture(whole, (), flown.parameters)
     figure = Figure(figsize=(9.0, 9.5), dpi=130, layout="constrained")
     axes = figure.add_subplot()

@@ -131,7 +131,7 @@ def watch(place: Place, mode: str, surveys: Path, recording: Recording | None = 
     reach = int(np.ceil(1.1 * parameters.surround_m / report.near.grid.cell_m))
     row, col = report.near.grid.index(*place.east_north_m)
     box = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
-    maps = pipeline.maps(box.grown(0, report.near.grid))
+    maps = pipeline.maps(box.grown(0, report.near.grid), "near")
     if report.selected is None or maps is None:
         raise RuntimeError(f"{place.name}: nothing was seen")
     truth = Around(recording, *place.east_north_m, parameters.surround_m)

@@ -71,7 +71,7 @@ class Recording:
     description: str
 
     def windows(self) -> Iterator[Window]:
-        """Yield windows of one second."""
+        """Yield windows of one second; the sensor is where it was at their end, as in flight."""
         start = np.concatenate([[0], np.cumsum(self.count)])
         for chunk in range(0, len(self.count), WINDOW_CHUNKS):
             last = min(chunk + WINDOW_CHUNKS, len(self.count))
@@ -81,7 +81,7 @@ class Recording:
                 yield Window(
                     self.points_enu_m[part].astype(np.float64),
                     stamps,
-                    self.sensor_enu_m[(chunk + last) // 2],
+                    self.sensor_enu_m[last - 1],
                     FRAME,
                     int(stamps[0]),
                     int(stamps[-1]),
