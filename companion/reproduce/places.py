@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from companion.reproduce.around import Around, Pair
 from companion.reproduce.recording import Recording, Survey, fly
+from companion.reproduce.scenarios import ONE_MAP
 from companion.reproduce.scenes import Case, Settings, begin
 from params import Parameters
 from slz import Box, SelectedPoint, Surroundings, TerrainMaps
@@ -30,8 +31,7 @@ class Place:
     source: Settings = ("cell_m=1",)
 
     def case(self, mode: str) -> Case:
-        # Surveys are flown fast: the near map must stay the active one in source mode too.
-        own = (f"mode={mode}", "far_speed_ms=100", "far_height_m=200", *self.settings)
+        own = (f"mode={mode}", *ONE_MAP, *self.settings)
         return Case(
             f"{self.name}, {mode} mode",
             self.survey,
