@@ -34,12 +34,14 @@ class Lines:
     """Parallel lines, flown one after the other from west to east and back.
 
     height_m: above the highest thing below. spacing_m: between lines. extent_m: x_min, y_min, x_max, y_max.
+    climb_m: gained steadily from the first line's start to the last one's end.
     """
 
     extent_m: tuple[float, float, float, float]
     height_m: float = 20.0
     spacing_m: float = 15.0
     speed_ms: float = 5.0
+    climb_m: float = 0.0
 
 
 class Track:
@@ -56,7 +58,8 @@ class Track:
         self._speed = lines.speed_ms
         self.duration_s = float(self._along[-1]) / lines.speed_ms
         places = np.arange(0.0, self._along[-1] + 1.0, 1.0)
-        self._places, self._heights = places, self._clear(scene, places) + lines.height_m
+        climb = lines.climb_m * places / max(1.0, float(places[-1]))
+        self._places, self._heights = places, self._clear(scene, places) + lines.height_m + climb
 
     def _clear(self, scene: Scene, places: F64) -> F64:
         """Return the highest surface within the swath, smoothed so that the vehicle can follow."""
@@ -118,6 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--height", type=float, default=20.0, help="m above the highest thing below")
     parser.add_argument("--spacing", type=float, default=15.0, help="m between lines")
     parser.add_argument("--speed", type=float, default=5.0, help="m/s")
+    parser.add_argument("--climb", type=float, default=0.0, help="m gained over all lines")
     parser.add_argument("--point-rate", type=int, default=200_000)
     parser.add_argument("--cell", type=float, default=0.2, help="cell of the truth, m")
     parser.add_argument("--footprint", type=float, default=2.0, help="footprint of the truth, m")
@@ -128,7 +132,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         scene = scenes.build(options.scene, options.seed)
         extent = _extent(options.extent, scene)
-        lines = Lines(extent, options.height, options.spacing, options.speed)
+        lines = Lines(extent, options.height, options.spacing, options.speed, options.climb)
         returns = list(fly(scene, lines, options.seed, options.point_rate))
     except ValueError as error:
         parser.error(str(error))

@@ -9,8 +9,10 @@ from typing import Any
 from companion import folder
 from companion.errors import UsageError
 from companion.figures import save_maps
-from companion.reproduce import identities, page, room, timing
+from companion.reproduce import identities, landing_points, near_far, page, reliability, room, timing
+from companion.reproduce.near_far import CLIMBS
 from companion.reproduce.page import Section
+from companion.reproduce.places import PLACES
 from companion.reproduce.planes import slope_errors
 from companion.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
 from companion.reproduce.scenes import CASES, Case, Outcome
@@ -58,7 +60,10 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
     surveys = out / "surveys"
     rooms = [scenario for scenario in SCENARIOS if only in scenario.name]
     growing = [scenario for scenario in GROWING if only in scenario.name]
-    done, steps = 0, 1 + len(cases) + 2 * len(rooms) + len(growing)
+    places = [place for place in PLACES if only in place.name]
+    climbs = [climb for climb in CLIMBS if only in climb.name]
+    in_both_modes = len(rooms) + len(places) + len(climbs)
+    done, steps = 0, 1 + len(cases) + len(growing) + 2 * in_both_modes
 
     def step(name: str) -> None:
         nonlocal done
@@ -66,9 +71,13 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         done += 1
 
     outcomes: list[Outcome] = []
+    certainties: dict[str, reliability.Bins] = {}
     for case in cases:
         step(case.name)
-        outcomes.append(run_case(case, surveys)[0])
+        outcome, recording = run_case(case, surveys)
+        outcomes.append(outcome)
+        if outcome.parameters.mode == "default":
+            certainties[case.name] = reliability.count(recording, outcome.maps)
     against_truth = _against_truth(outcomes, out)
     step("planes")
     errors = slope_errors()
@@ -78,6 +87,9 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         Section([page.slope_table(errors)], [], {"slope_rms_deg": slopes}),
         *([room.section(rooms, out, surveys, step)] if rooms else []),
         *([identities.section(growing, out, surveys, step)] if growing else []),
+        *([near_far.section(climbs, out, surveys, step)] if climbs else []),
+        *([reliability.section(certainties, out)] if certainties else []),
+        *([landing_points.section(places, out, surveys, step)] if places else []),
         timing.section(outcomes, out),
     ]
 

@@ -66,6 +66,12 @@ def compare(
     )
 
 
+def truth_at(recording: Recording, grid: Grid, box: Box) -> tuple[Mask, Mask]:
+    """Return which cells of a map are truly safe, and which lie in the extent less its margin."""
+    truth = _Truth(recording, grid, box)
+    return np.asarray(truth.of(recording.safe, 0) == 1), truth.inside
+
+
 class _Truth:
     """The truth at the cells of a map."""
 

@@ -35,6 +35,7 @@ class Survey:
     footprint_m: float = 2.0
     slope_limit_deg: float = 10.0
     relief_limit_m: float = 0.3
+    climb_m: float = 0.0
 
     def options(self) -> list[str]:
         return [
@@ -49,6 +50,7 @@ class Survey:
             f"--footprint={self.footprint_m:g}",
             f"--slope-limit={self.slope_limit_deg:g}",
             f"--relief-limit={self.relief_limit_m:g}",
+            *([f"--climb={self.climb_m:g}"] if self.climb_m else []),
         ]
 
 
@@ -64,11 +66,12 @@ class Recording:
     safe: NDArray[np.uint8]
     slope_deg: NDArray[np.float32]
     relief_m: NDArray[np.float32]
+    height_m: NDArray[np.float32]
     regions: dict[str, NDArray[np.float64]]
     description: str
 
     def windows(self) -> Iterator[Window]:
-        """Yield windows of one second."""
+        """Yield windows of one second; the sensor is where it was at their end, as in flight."""
         start = np.concatenate([[0], np.cumsum(self.count)])
         for chunk in range(0, len(self.count), WINDOW_CHUNKS):
             last = min(chunk + WINDOW_CHUNKS, len(self.count))
@@ -78,7 +81,7 @@ class Recording:
                 yield Window(
                     self.points_enu_m[part].astype(np.float64),
                     stamps,
-                    self.sensor_enu_m[(chunk + last) // 2],
+                    self.sensor_enu_m[last - 1],
                     FRAME,
                     int(stamps[0]),
                     int(stamps[-1]),
@@ -115,6 +118,7 @@ def fly(survey: Survey, folder: Path) -> Recording:
             safe=data["safe"],
             slope_deg=data["slope_deg"],
             relief_m=data["relief_m"],
+            height_m=data["height_m"],
             regions=regions,
             description=str(data["description"]),
         )

@@ -11,6 +11,8 @@ from companion.reproduce.recording import Survey
 from companion.reproduce.scenes import Case, Settings
 
 MODES = ("source", "default")
+ONE_MAP = ("far_speed_ms=500", "far_height_m=10000")
+"""Surveys are flown faster than far mode begins, to be short; the map with cells of `cell_m` is meant."""
 NO_ID_REUSE = "repeat_ratio=1"
 """No share of a boundary exceeds this, so no zone takes an old one's place."""
 
@@ -31,7 +33,13 @@ class Scenario:
 
     def case(self, mode: str, *more: str, room: bool = True) -> Case:
         """Return one run; room: with the profile's filter, a square of 24 m."""
-        settings = [f"mode={mode}", *self.settings, *(self.default if mode == "default" else ()), *more]
+        settings = [
+            f"mode={mode}",
+            *ONE_MAP,
+            *self.settings,
+            *(self.default if mode == "default" else ()),
+            *more,
+        ]
         if not room:
             settings.append(f"min_square_m={self.no_filter_m:g}")
         return Case(f"{self.name}, {mode} mode", self.survey, 2.0, "helicopter", tuple(settings))

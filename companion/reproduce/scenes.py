@@ -101,14 +101,19 @@ CASES = (
 )
 
 
-def run(case: Case, folder: Path) -> tuple[Outcome, Recording]:
-    """Fly a case, or take it from the folder, and put it through the pipeline window by window."""
-    recording = fly(case.survey, folder)
+def begin(case: Case) -> tuple[Pipeline, Parameters]:
+    """Return a pipeline for a case, its first map about the survey's middle, and its parameters."""
     x0, y0, x1, y1 = case.survey.extent_m
     side = 2.4 * max(x1 - x0, y1 - y0)
     own = [f"zone_m={side:.0f}", "max_zones=1000", "max_age_s=86400", *case.settings]
     parameters = params.load(case.profile, own)
-    pipeline = Pipeline(parameters, ((x0 + x1) / 2, (y0 + y1) / 2))
+    return Pipeline(parameters, ((x0 + x1) / 2, (y0 + y1) / 2)), parameters
+
+
+def run(case: Case, folder: Path) -> tuple[Outcome, Recording]:
+    """Fly a case, or take it from the folder, and put it through the pipeline window by window."""
+    recording = fly(case.survey, folder)
+    pipeline, parameters = begin(case)
     report, ms, ids = None, [], set()
     for window in recording.windows():
         started = time.perf_counter()

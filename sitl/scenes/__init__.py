@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.scenes import dense, hill, mountains, plain, stadium, streets
+from sitl.scenes import buildings, dense, hill, mountains, plain, stadium, streets
 from sitl.scenes.scene import Polygon, Scene
 
 __all__ = ["NAMES", "Polygon", "Scene", "build"]
@@ -14,6 +14,7 @@ _BUILDERS = {
     "streets": streets.build,
     "mountains": mountains.build,
     "dense": dense.build,
+    "buildings": buildings.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

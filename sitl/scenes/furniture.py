@@ -11,6 +11,8 @@ from sitl.world import CAR, Mover
 
 FOOT_M = 0.5
 """How far things reach into the ground, so that none hangs above a dip."""
+ROW_M = 0.9
+"""Depth of a row of a stand."""
 
 
 def tree(name: str, x: float, y: float, z: float, height_m: float, rng: np.random.Generator) -> list[Solid]:
@@ -95,11 +97,11 @@ def stand(
     rows: int,
     height_m: float,
 ) -> list[Solid]:
-    """Return a stepped stand: rows 0.9 m deep rising from a front wall of 1.2 m to height_m.
+    """Return a stepped stand: rows rising from a front wall of 1.2 m to height_m.
 
     ``front`` is the middle of its front edge on the ground at z = 0; the rows climb along outward_yaw.
     """
-    depth, first = 0.9, 1.2
+    depth, first = ROW_M, 1.2
     c, s = math.cos(outward_yaw), math.sin(outward_yaw)
     parts: list[Solid] = []
     for row in range(rows):

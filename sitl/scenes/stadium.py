@@ -18,6 +18,8 @@ from sitl.world import World
 KERB_M = 0.15
 COURT = (-93.0, 3.5, 13.0, 76.5)
 PLAZA = (40.0, -52.5, 95.0, 9.5)
+SIDES = {"north": (16, 14.0), "south": (12, 10.0), "west": (10, 8.0), "east": (10, 8.0)}
+"""Rows of the stand along each side of the court, and its height."""
 STREET = (-200.0, -64.5, 200.0, -55.5)
 PAVEMENT_M = 3.0
 LARGE_ROOF = (120.0, 25.0, 180.0, 65.0)
@@ -88,13 +90,14 @@ def _stands() -> list[Solid]:
     x0, y0, x1, y1 = COURT
     solids: list[Solid] = []
     sides = [
-        ("north", y1, 0.5 * math.pi, x0, x1, 16, 14.0),
-        ("south", y0, -0.5 * math.pi, x0, x1, 12, 10.0),
-        ("west", x0, math.pi, y0, y1, 10, 8.0),
-        ("east", x1, 0.0, y0, y1, 10, 8.0),
+        ("north", y1, 0.5 * math.pi, x0, x1),
+        ("south", y0, -0.5 * math.pi, x0, x1),
+        ("west", x0, math.pi, y0, y1),
+        ("east", x1, 0.0, y0, y1),
     ]
     gangway = 1.5
-    for name, line, outward, begin, end, rows, height in sides:
+    for name, line, outward, begin, end in sides:
+        rows, height = SIDES[name]
         blocks = round((end - begin) / 25.0)
         length = (end - begin - gangway * (blocks - 1)) / blocks
         for block in range(blocks):
@@ -203,8 +206,14 @@ def _power_line(terrain: Terrain) -> list[Solid]:
 
 
 def _regions() -> dict[str, Polygon]:
+    x0, y0, x1, y1 = COURT
+    depth = {name: rows * furniture.ROW_M for name, (rows, _) in SIDES.items()}
     return {
         "court": rectangle(*COURT),
+        "stand_north": rectangle(x0, y1, x1, y1 + depth["north"]),
+        "stand_south": rectangle(x0, y0 - depth["south"], x1, y0),
+        "stand_west": rectangle(x0 - depth["west"], y0, x0, y1),
+        "stand_east": rectangle(x1, y0, x1 + depth["east"], y1),
         "entrance": rectangle(*PLAZA),
         "street": rectangle(*STREET),
         "large_roof": rectangle(*LARGE_ROOF),

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import params
 from companion.errors import CompanionError, UsageError
-from companion.evaluation import room_to_land
-from companion.reproduce import identities, page, room, run, timing
+from companion.evaluation import room_to_land, zone_mask
+from companion.reproduce import identities, landing_points, near_far, page, reliability, room, run, timing
+from companion.reproduce.around import Around
 from companion.reproduce.measure import compare
+from companion.reproduce.places import Place
 from companion.reproduce.planes import SlopeError, slope_errors
 from companion.reproduce.recording import Recording, Survey, fly
 from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.reproduce.scenes import run as run_case
-from slz import Grid, Pipeline
+from slz import Box, Grid, Obstacle, Pipeline, Surroundings
 
 SIDE_M = 30.0
 
@@ -39,7 +43,7 @@ def recording(wall: bool) -> Recording:
     count = np.full(10, len(points) // 10)
     stamps = np.sort(rng.integers(0, 10**9, len(points)))
     sensor = np.tile([15.0, 15.0, 20.0], (10, 1))
-    return Recording(survey(), points, stamps, sensor, count, safe, flat, flat, {}, "made by hand")
+    return Recording(survey(), points, stamps, sensor, count, safe, flat, flat, flat, {}, "made by hand")
 
 
 def scores(one: Recording) -> object:
@@ -73,6 +77,17 @@ def test_only_patches_with_the_safe_square_count_as_truth() -> None:
     kept = room_to_land(safe, Grid(0, 0, 0.5, 40, 40), parameters)
     assert kept[10, 10]
     assert not kept[27].any()
+
+
+@pytest.mark.parametrize(("row", "col"), [(-2, -1), (3, 4), (20, 0), (0, -20), (1, 1)])
+def test_of_a_zone_that_leaves_the_box_only_the_cells_within_count(row: int, col: int) -> None:
+    cells = np.triu(np.ones((4, 4), np.uint8))
+    zone = SimpleNamespace(box=Box(row, row + 4, col, col + 4), cells=cells)
+    found = zone_mask((zone,), Box(1, 6, 2, 7))  # type: ignore[arg-type]
+    for r in range(1, 6):
+        for c in range(2, 7):
+            within = row <= r < row + 4 and col <= c < col + 4
+            assert found[r - 1, c - 2] == (within and cells[r - row, c - col] == 1)
 
 
 def test_windows_hold_one_second_and_every_return() -> None:
@@ -187,3 +202,116 @@ def test_scenarios_fly_with_the_helicopter_s_profile_and_its_square(mode: str) -
     assert (own.mode, own.cell_m, own.min_square_m) == (mode, 10.0, 24.0)
     free = params.load(case.profile, BY_SCENE["hill"].case(mode, room=False).settings)
     assert free.min_square_m == 10.0
+
+
+# ---- landing points -------------------------------------------------------------------------------
+
+
+def around_a_block() -> Around:
+    """Return the truth about (15.25, 15.25): a block of 2 x 4 m, 3 m high, whose near edge is 5 m east."""
+    one = recording(wall=False)
+    height = np.zeros((60, 60), np.float32)
+    height[27:35, 40:44] = 3.0  # x from 20 to 22, y from 13.5 to 17.5
+    regions = {"the_block": np.array([(20.0, 13.5), (22.0, 13.5), (22.0, 17.5), (20.0, 17.5)])}
+    return Around(replace(one, height_m=height, regions=regions), 15.25, 15.25, 12.0)
+
+
+def surroundings(*extents: tuple[float, float, float, float]) -> Surroundings:
+    listed = tuple(Obstacle((w + e) / 2, (s + n) / 2, 3.1, 3.1, 1.0, (w, s, e, n)) for w, s, e, n in extents)
+    return Surroundings(12.0, listed, np.zeros(36))
+
+
+def test_the_truth_around_a_point_is_a_block_and_its_horizon() -> None:
+    truth = around_a_block()
+    (block,) = truth.standing()
+    assert block.extent_m == pytest.approx((20.0, 13.5, 22.0, 17.5))
+    assert (block.height_m, block.area_m2, block.where) == (3.0, 8.0, "the block")
+    assert truth.highest_m("the_block") == 3.0
+    horizon = truth.horizon_deg(1.0)
+    assert horizon[9] == pytest.approx(np.degrees(np.arctan2(3.0, 5.0)))
+    raised = np.flatnonzero(horizon > 1).tolist()
+    assert raised == [7, 8, 9, 10, 11]
+    assert set(np.flatnonzero(truth.horizon_deg(1.0, 3.0) > 1).tolist()) >= set(raised)
+
+
+def test_what_was_found_is_set_beside_the_block() -> None:
+    truth = around_a_block()
+    (pair,) = truth.pairs(surroundings((5.0, 5.0, 6.0, 6.0), (19.8, 13.5, 22.0, 17.0)))
+    assert pair.found is not None
+    assert pair.edge_error_m == pytest.approx(0.5)
+    assert pair.height_error_m == pytest.approx(0.1)
+    assert truth.phantoms(surroundings((5.0, 5.0, 6.0, 6.0), (19.0, 13.5, 19.8, 17.0)), 0.5) == 1
+    (missed,) = truth.pairs(surroundings())
+    assert missed.found is None
+    assert missed.edge_error_m == np.inf
+
+
+def test_a_landing_point_has_its_rows_and_two_pictures_in_each_mode(
+    small: Scenario, surveys: Path, tmp_path: Path
+) -> None:
+    told: list[str] = []
+    place = Place("field", small.survey, (0.0, 0.0), ("cell_m=1", "footprint_m=3", "coverage_m=3"))
+    found = landing_points.section([place], tmp_path, surveys, told.append)
+    assert told == ["field, source mode", "field, default mode"]
+    obstacles, horizons = found.tables
+    assert [row[:2] for row in obstacles.rows] == [(name, "none") for name in told]
+    assert [row[0] for row in horizons.rows] == told
+    assert horizons.rows[1][1] == "safe"
+    assert [file.name for _, files in found.pictures for file in files] == 2 * ["around.png", "horizon.png"]
+    assert all(file.exists() for _, files in found.pictures for file in files)
+
+
+# ---- certainty ------------------------------------------------------------------------------------
+
+
+def test_bins_count_certainties_beside_the_truth() -> None:
+    certainty = np.array([0.0, 0.005, 0.3, 0.35, 0.99, 0.9995, 1.0], np.float32)
+    true = np.array([0, 0, 0, 1, 1, 0, 1], bool)
+    bins = reliability.Bins.of(certainty, true, certainty > 0.9)
+    assert bins.cells.tolist() == [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 1, 2][-15:]
+    assert bins.called.sum() == 3
+    assert bins.wrong.tolist() == [*14 * [0], 1]
+    assert bins.share[5] == 0.5
+    both = bins + bins
+    assert both.cells.sum() == 14
+    assert both.error == pytest.approx(bins.error)
+    assert bins.error == pytest.approx((0.005 + abs(0.65 - 1) + 0.01 + 0.9995) / 7, abs=1e-6)
+
+
+def test_only_known_cells_within_the_margin_count(tmp_path: Path) -> None:
+    one = recording(wall=True)
+    parameters = params.load("quadcopter", ["zone_m=60", "max_range_m=100", "angle_noise_deg=0"])
+    pipeline = Pipeline(parameters, (15.0, 15.0))
+    for window in one.windows():
+        pipeline.process(window)
+    maps = pipeline.maps()
+    assert maps is not None
+    counted = reliability.count(one, maps)
+    most = ((SIDE_M - 6) / parameters.cell_m) ** 2
+    assert 0.6 * most < counted.cells.sum() <= 1.01 * most
+    found = reliability.section({"by hand": counted}, tmp_path)
+    assert len(found.tables[0].rows) == len(reliability.EDGES) - 1
+    assert found.figures["certainty"]["by_survey"]["by hand"] == round(counted.error, 5)
+    assert found.pictures[0][1][0].exists()
+
+
+# ---- near and far ---------------------------------------------------------------------------------
+
+
+def test_a_climb_is_told_as_near_and_far_windows(tmp_path: Path) -> None:
+    plan = survey(point_rate_hz=10_000, speed_ms=10.0, spacing_m=10.0, height_m=12.0, climb_m=50.0)
+    climb = near_far.Climb("a climb", plan, ("cell_m=1", "footprint_m=3", "coverage_m=3"))
+    told: list[str] = []
+    found = near_far.section([climb], tmp_path, tmp_path / "surveys", told.append)
+    assert told == ["a climb, source mode", "a climb, default mode"]
+    assert [row[:2] for row in found.tables[0].rows] == [(name, m) for name in told for m in ("near", "far")]
+    for name in told:
+        figures = found.figures["near_and_far"][name]
+        assert 0 < figures["windows_far"] < figures["windows"]
+        assert figures["changes"] == 1
+    assert all(file.exists() for _, files in found.pictures for file in files)
+
+
+def test_only_a_climb_changes_a_survey_s_name() -> None:
+    assert not any("climb" in option for option in survey().options())
+    assert "--climb=50" in survey(climb_m=50.0).options()

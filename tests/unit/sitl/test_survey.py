@@ -36,6 +36,18 @@ def test_the_vehicle_keeps_its_height_over_the_highest_thing_in_its_swath() -> N
         assert sensor[2] > np.nanmax(surface) + 11
 
 
+def test_a_climb_is_gained_steadily_from_the_first_line_to_the_last() -> None:
+    scene = scenes.build("plain", 1)
+    plain, climbing = (
+        np.array([part[2] for part in fly(scene, Lines(EXTENT, 15.0, 20.0, 20.0, climb), 1, 2_000)])
+        for climb in (0.0, 30.0)
+    )
+    gained = (climbing - plain)[:, 2]
+    assert gained[0] < 1.0
+    assert gained[-1] > 29.0
+    np.testing.assert_allclose(np.diff(gained), np.mean(np.diff(gained)), atol=0.1)
+
+
 def test_the_file_holds_cloud_and_truth(tmp_path: Path) -> None:
     out = tmp_path / "survey.npz"
     options = ["--scene=plain", "--extent=-20,-20,20,20", "--speed=20", "--point-rate=5000", "--cell=0.5"]

@@ -1,0 +1,13 @@
+"""Surveys that several modules fly over are flown once in a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def surveys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the session's surveys."""
+    return tmp_path_factory.mktemp("surveys")
