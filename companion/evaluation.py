@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from companion.errors import CompanionError
 from params import Parameters
-from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps, Zone
+from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps, Zone, zone_mask
 from slz.search import search_components, side_in_cells
 
 
@@ -111,19 +111,6 @@ def relative_area_error(computed: float, truth: float, common: float) -> float |
     if not (computed and truth):
         return None
     return (computed - common) / computed + (truth - common) / truth
-
-
-def zone_mask(zones: tuple[Zone, ...], box: Box) -> NDArray[np.bool_]:
-    """Return the cells of a box that belong to a zone; zones may lie outside it."""
-    out = np.zeros(box.shape, bool)
-    for zone in zones:
-        own = zone.box
-        row0, row1 = max(own.row0, box.row0), min(own.row1, box.row1)
-        col0, col1 = max(own.col0, box.col0), min(own.col1, box.col1)
-        if row0 < row1 and col0 < col1:
-            cells = zone.cells[row0 - own.row0 : row1 - own.row0, col0 - own.col0 : col1 - own.col0]
-            out[row0 - box.row0 : row1 - box.row0, col0 - box.col0 : col1 - box.col0] |= cells == 1
-    return out
 
 
 def room_to_land(safe: NDArray[np.bool_], grid: Grid, parameters: Parameters) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
 from slz.surroundings import Obstacle, Surroundings
 from slz.window import Scan, Window, Windower, join
-from slz.zone import LandingPoint, Zone
+from slz.zone import LandingPoint, Zone, zone_mask
 
 __all__ = [
     "SAFE",
@@ -33,4 +33,5 @@ __all__ = [
     "Windower",
     "Zone",
     "join",
+    "zone_mask",
 ]

@@ -15,6 +15,7 @@ from slz.window import Window
 COARSEST = 2  # level of the far map whose cells are `far_cell_m` wide
 RETURNS_PER_CELL = 1.0  # of one window, below which cells are too fine
 RETURNS_WANTED = 8.0  # of one window and finest cell, to which its length is fitted
+FEWEST = 30  # returns that tell the height of the ground
 STEADY = 3  # windows in a row that must ask for another level
 TIMING_S = 0.005  # how well poses and returns are matched in time
 HYSTERESIS = 0.9
@@ -66,9 +67,8 @@ class Adapter:
 
     def look(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
         """Return the choice after a window, of which these returns are used."""
-        height = (
-            float(window.sensor_enu_m[2] - np.median(points_enu_m[:, 2])) if len(points_enu_m) else math.nan
-        )
+        ground_m = float(np.median(points_enu_m[:, 2])) if len(points_enu_m) >= FEWEST else math.nan
+        height = float(window.sensor_enu_m[2]) - ground_m
         speed = self._speed(window)
         density, reach = _density(points_enu_m, window.sensor_enu_m)
         self._far = self._is_far(height, speed)

@@ -109,10 +109,10 @@ def judge(
 ) -> SelectedPoint:
     """Judge a selected point anew: it is safe only when every cell within the touchdown error is safe.
 
-    Where the near map has it, that one decides, else the far map (SLZ thesis §4.3.2.3). A source-mode map has
-    what lies in its window, and a point that both windows left behind keeps its last state (§4.3.2.2). Else a
-    map has what was measured there and has not aged; the tiles of the point are kept, so its state survives
-    too, but not for ever.
+    Where the near map has it, that one decides, else the far map (SLZ thesis §4.3.2.3). In source mode a map
+    that any window went into has what lies in its own window, and a point that both windows left behind keeps
+    its last state (§4.3.2.2). Else a map has what was measured there and has not aged; the tiles of the point
+    are kept, so its state survives too, but not for ever.
     """
     maps: tuple[tuple[Judge, Terrain | None], ...] = (("near", near), ("far", far))
     for name, terrain in maps:
@@ -159,7 +159,7 @@ def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters)
     """Return what a map says of a point, None where it does not have it."""
     if isinstance(terrain, SourceTerrain):
         cell = _cell(enu_m, terrain)
-        if not terrain.grid.holds(cell.row0, cell.col0):
+        if terrain.seen.empty or not terrain.grid.holds(cell.row0, cell.col0):
             return None
         return PointState.SAFE if terrain.state(cell)[0, 0] == SAFE else PointState.UNSAFE
     (east, north), error_m = enu_m[:2].tolist(), parameters.touchdown_error_m
@@ -197,13 +197,18 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     nearest = sorted(found, key=lambda obstacle: obstacle.distance_m(enu_m))
     here = np.array([enu_m[0], enu_m[1], plane[cell.row0 - box.row0, cell.col0 - box.col0]])
     half_m = parameters.footprint_m / 2
-    view = horizon_at(here, top, grid, box, half_m, parameters.surround_m)
+    view = horizon_at(here, _view(terrain, box), grid, box, half_m, parameters.surround_m)
     return Surroundings(parameters.surround_m, tuple(nearest), view)
 
 
 def _tops(terrain: Terrain, box: Box) -> NDArray[np.float32]:
     height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
     return np.where(np.isnan(top), height, top)
+
+
+def _view(terrain: Terrain, box: Box) -> NDArray[np.float32]:
+    """Return what may stand in the way: tops where the ground is unsafe, elsewhere mean heights."""
+    return np.where(terrain.state(box) == UNSAFE, _tops(terrain, box), terrain.layer("height_m", box))
 
 
 def _own_ground(terrain: Terrain, box: Box, cell: Box) -> NDArray[np.bool_]:
@@ -240,7 +245,7 @@ def _horizon_towards(
         return float("nan")
     box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
     half_m = parameters.footprint_m / 2
-    view = horizon_at(enu_m, _tops(terrain, box), terrain.grid, box, half_m, parameters.surround_m)
+    view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m)
     east, north = sensor_enu_m[:2] - enu_m[:2]
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
     ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]

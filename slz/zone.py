@@ -63,3 +63,16 @@ class Zone:
         """Tell whether a cell of the grid belongs to the zone."""
         r, c = row - self.box.row0, col - self.box.col0
         return 0 <= r < self.cells.shape[0] and 0 <= c < self.cells.shape[1] and bool(self.cells[r, c])
+
+
+def zone_mask(zones: tuple[Zone, ...], box: Box) -> NDArray[np.bool_]:
+    """Return the cells of a box that belong to a zone; zones may lie outside it."""
+    out = np.zeros(box.shape, bool)
+    for zone in zones:
+        own = zone.box
+        row0, row1 = max(own.row0, box.row0), min(own.row1, box.row1)
+        col0, col1 = max(own.col0, box.col0), min(own.col1, box.col1)
+        if row0 < row1 and col0 < col1:
+            cells = zone.cells[row0 - own.row0 : row1 - own.row0, col0 - own.col0 : col1 - own.col0]
+            out[row0 - box.row0 : row1 - box.row0, col0 - box.col0 : col1 - box.col0] |= cells == 1
+    return out

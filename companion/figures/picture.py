@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from params import Parameters
-from slz import TerrainMaps, Zone
+from slz import TerrainMaps, Zone, zone_mask
 
 MOST_PIXELS = 2400  # on a side; larger maps are thinned before they are drawn
 FILL_CELLS = 2  # cells without a return this near to one take its height, in pictures only
@@ -34,12 +34,12 @@ class Picture:
 
     def zone_cells(self, zone: Zone) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
         """Return the thinned cells of a zone and where they lie in the picture."""
-        row = zone.box.row0 - self.maps.box.row0
-        col = zone.box.col0 - self.maps.box.col0
-        first_row, first_col = -row % self.step, -col % self.step
-        cells = zone.cells[first_row :: self.step, first_col :: self.step] == 1
-        row, col = (row + first_row) // self.step, (col + first_col) // self.step
-        return cells, (slice(row, row + cells.shape[0]), slice(col, col + cells.shape[1]))
+        whole = zone_mask((zone,), self.maps.box)[:: self.step, :: self.step]
+        rows, cols = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
+        if not len(rows):
+            return whole[:0, :0], (slice(0, 0), slice(0, 0))
+        where = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+        return whole[where], where
 
     def all_zones(self) -> NDArray[np.bool_]:
         mask = np.zeros(self.state.shape, bool)

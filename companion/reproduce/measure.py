@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.evaluation import relative_area_error, room_to_land, zone_mask
+from companion.evaluation import relative_area_error, room_to_land
 from companion.reproduce.recording import Recording
 from params import Parameters
-from slz import SAFE, UNKNOWN, Box, Grid, TerrainMaps, Zone
+from slz import SAFE, UNKNOWN, Box, Grid, TerrainMaps, Zone, zone_mask
 
 MARGIN_M = 3.0
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.evaluation import zone_mask
 from companion.figures.furniture import draw_frame
 from companion.figures.picture import Picture
 from companion.reproduce.page import Pictures, Section, Table
@@ -19,7 +18,7 @@ from companion.reproduce.recording import Survey, fly
 from companion.reproduce.scenarios import MODES
 from companion.reproduce.scenes import Case, begin
 from params import Parameters
-from slz import Box, Grid, Report, TerrainMaps, Zone
+from slz import Box, Grid, Report, TerrainMaps, Zone, zone_mask
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 import params
-from companion.evaluation import zone_mask
 from companion.reproduce.measure import Scores, compare
 from companion.reproduce.recording import Recording, Survey, fly
 from params import Parameters
-from slz import Pipeline, Report, TerrainMaps
+from slz import Pipeline, Report, TerrainMaps, zone_mask
 
 Settings = tuple[str, ...]
 

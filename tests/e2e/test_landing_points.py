@@ -197,7 +197,6 @@ def test_the_source_warns_of_a_van_but_not_of_a_crate(surveys: Path) -> None:
     assert flight.look(more=crate(2.0, 1.5)).state is PointState.UNSAFE
 
 
-@pytest.mark.xfail(strict=True, reason="the far map, which never saw the point, calls it unsafe")
 def test_the_source_keeps_the_state_of_a_point_out_of_its_maps(surveys: Path) -> None:
     """SLZ thesis §4.3.2.2."""
     flight = Flight(surveys, "source")

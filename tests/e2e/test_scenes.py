@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.evaluation import zone_mask
 from companion.reproduce.scenarios import BY_SCENE, ENTRANCE, MODES, NO_ID_REUSE, Scenario
 from companion.reproduce.scenes import PAPER_AREA_ERROR, Case, Outcome, run
-from slz import SAFE, Zone
+from slz import SAFE, Zone, zone_mask
 
 Mask = NDArray[np.bool_]
 Flown = Callable[[Case], Outcome]

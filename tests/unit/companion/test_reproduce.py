@@ -11,7 +11,7 @@ import pytest
 
 import params
 from companion.errors import CompanionError, UsageError
-from companion.evaluation import room_to_land, zone_mask
+from companion.evaluation import room_to_land
 from companion.reproduce import identities, landing_points, near_far, page, reliability, room, run, timing
 from companion.reproduce.around import Around
 from companion.reproduce.measure import compare
@@ -20,7 +20,7 @@ from companion.reproduce.planes import SlopeError, slope_errors
 from companion.reproduce.recording import Recording, Survey, fly
 from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.reproduce.scenes import run as run_case
-from slz import Box, Grid, Obstacle, Pipeline, Surroundings
+from slz import Box, Grid, Obstacle, Pipeline, Surroundings, zone_mask
 
 SIDE_M = 30.0
 
