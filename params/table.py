@@ -79,7 +79,7 @@ class Parameters(BaseModel):
     ] = "on"
     memory_mb: Annotated[
         float,
-        _in(16, 1_000_000),
+        _in(16, 32_768),
         Spec("SLZ_MEMORY_MB", "MiB", OURS, "Most memory for evidence of the ground (default mode)."),
     ] = 512.0
     histogram_bins: Annotated[
@@ -309,11 +309,23 @@ class Parameters(BaseModel):
             ("cell_m", "min_square_m"),
             ("cell_m", "zone_m"),
             ("safe_slope_deg", "max_slope_deg"),
+            ("min_square_m", "zone_m"),
+            ("hold_s", "max_age_s"),
         ):
             if getattr(self, low) > getattr(self, high):
                 raise ValueError(
                     f"{low} ({getattr(self, low)}) must not exceed {high} ({getattr(self, high)})"
                 )
+        for size, most in (("surround_m", 1000), ("footprint_m", 100), ("coverage_m", 100)):
+            if getattr(self, size) > most * self.cell_m:
+                raise ValueError(
+                    f"{size} ({getattr(self, size)}) must not exceed {most} cells of cell_m ({self.cell_m})"
+                )
+        if self.mode == "default" and self.angle_noise_deg > 0 and self.range_noise_m >= self.height_noise_m:
+            raise ValueError(
+                f"range_noise_m ({self.range_noise_m}) must be less than height_noise_m"
+                f" ({self.height_noise_m}), or no return is certain enough to be mapped"
+            )
         return self
 
 

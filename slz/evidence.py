@@ -64,6 +64,7 @@ class EvidenceTerrain:
         self.level = level
         self.grid = grid
         self.pinned: frozenset[Key] = frozenset()
+        self.noise = Noise(parameters.range_noise_m, math.radians(parameters.angle_noise_deg))
         self._parameters = parameters
         self._maps = TiledLayers(len(LAYERS), np.float32, np.nan)
         self._verdict = TiledLayers(1, np.uint8)
@@ -112,7 +113,7 @@ class EvidenceTerrain:
         change = self.tiles.add(
             points_enu_m,
             sensor_enu_m,
-            Noise(p.range_noise_m, math.radians(p.angle_noise_deg)),
+            self.noise,
             _scaled(self._everywhere(self.grid.everything), self.level),
             now_s,
             p.hold_s,
@@ -125,10 +126,9 @@ class EvidenceTerrain:
             self._aged_s = now_s
             changed += self.tiles.boxes
         self._draw_all(changed, now_s)
-        if self.level == 0:
-            for key in change.evicted:
-                self._maps.drop(key)
-                self._verdict.drop(key)
+        if change.evicted:
+            for layers in (self._maps, self._verdict):
+                layers.keep(lambda key: self.tiles.any_near(key, self.level))
         return change
 
     def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:

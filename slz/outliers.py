@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from slz.kernels.histogram import bins_of, gaps_of
 from slz.kernels.voxels import has_company
@@ -17,6 +18,7 @@ from slz.kernels.voxels import has_company
 COMPANY = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
 MOST_VOXELS = 50_000_000
+GROUP_M = 1.5
 
 
 def histogram_interval(height_m: NDArray[np.float64], bins: int, threshold: float) -> tuple[float, float]:
@@ -75,6 +77,17 @@ def gap_interval(
     if not len(height_m):
         return -np.inf, np.inf
     return gaps_of(height_m, gap_m, max_share)
+
+
+def in_a_group(points_enu_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which of the points beyond a gap have two others within `GROUP_M`: a wire, a mast, a shaft.
+
+    Where these do, they are no strays, however few they are among all returns.
+    """
+    if not len(points_enu_m):
+        return np.zeros(0, bool)
+    tree = cKDTree(points_enu_m)
+    return np.asarray(tree.query_ball_point(points_enu_m, GROUP_M, return_length=True) > 2)
 
 
 def in_company(

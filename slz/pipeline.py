@@ -18,13 +18,15 @@ from slz.frame import LocalFrame
 from slz.grid import Box
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
-from slz.outliers import gap_interval, histogram_interval, in_company
+from slz.outliers import gap_interval, histogram_interval, in_a_group, in_company
 from slz.registration import offset
 from slz.report import MapReport, Report
+from slz.tiles import Noise
 from slz.window import Window
 from slz.zone_map import ZoneMap, far_parameters
 
 Points = NDArray[np.float64]
+MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 
 
 class Pipeline:
@@ -50,6 +52,7 @@ class Pipeline:
         self._far: ZoneMap | None = None
         self._adapter = Adapter(parameters)
         self._far_is_active = False
+        self._numbers = itertools.count(1)
         self._selected: SelectedPoint | None = None
 
     def process(self, window: Window) -> Report:
@@ -60,14 +63,17 @@ class Pipeline:
         """
         clock = _Stages()
         sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
+        if not np.isfinite(sensor).all():
+            sensor[:] = np.nan
         points = self._without_outliers(window, sensor)
         clock.lap("outliers")
-        near, far = self._maps_for(points, window)
+        near, far = self._maps_for(points, sensor, window)
         used = within(points, sensor, reach_m(self._parameters))
         choice = self._adapter.look(window, points[used])
         far.at_level(choice.level)
         clock.lap("choice")
         points = self._registered(points, used, sensor, near)
+        used |= self._contradictions(points, sensor, near)
         clock.lap("registration")
         self._pin()
         stamp_s = window.end_ns * 1e-9
@@ -104,7 +110,7 @@ class Pipeline:
         if enu_m is None:
             self._selected = None
             return
-        point = np.asarray(enu_m, np.float64)
+        point = np.array(enu_m, np.float64)
         if point.shape != (3,) or not np.isfinite(point[:2]).all():
             raise ValueError(f"a landing point is three numbers, east and north finite, not {enu_m!r}")
         self._selected = unknown(point)
@@ -155,8 +161,8 @@ class Pipeline:
         """Return the finite points within `max_range_m` that no outlier rule drops."""
         p = self._parameters
         points = window.points_enu_m
-        points = points[within(points, sensor_enu_m, p.max_range_m) & np.isfinite(points).all(axis=1)]
-        points = np.ascontiguousarray(points)
+        near = within(points, sensor_enu_m, p.max_range_m) & (np.abs(points[:, 2]) < MOST_HEIGHT_M)
+        points = np.ascontiguousarray(points[near & np.isfinite(points).all(axis=1)])
         if self._source:
             low, high = histogram_interval(
                 np.ascontiguousarray(points[:, 2]), p.histogram_bins, p.histogram_threshold
@@ -165,20 +171,24 @@ class Pipeline:
             if np.isfinite(sensor_enu_m).all():  # a stored cloud was cleaned by who made it
                 points = points[in_company(points, sensor_enu_m, p.cell_m)]
             low, high = gap_interval(np.ascontiguousarray(points[:, 2]), p.outlier_gap_m)
-        return np.ascontiguousarray(points[(points[:, 2] >= low) & (points[:, 2] <= high)])
+        beyond = (points[:, 2] < low) | (points[:, 2] > high)
+        if not self._source:
+            beyond[beyond] = ~in_a_group(points[beyond])
+        return np.ascontiguousarray(points[~beyond])
 
-    def _maps_for(self, points: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
+    def _maps_for(self, points: Points, sensor_enu_m: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
         """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
         if self._near is None or self._far is None or window.frame != self._frame:
             if self._frame is not None:  # what was chosen lies in another frame
                 self._selected = None
             self._frame = window.frame
             self._adapter = Adapter(self._parameters)
-            first = points[0, :2] if len(points) else window.sensor_enu_m[:2]
+            first = (
+                points[0, :2] if len(points) else np.nan_to_num(window.sensor_enu_m[:2], posinf=0, neginf=0)
+            )
             centre = self._centre or (float(first[0]), float(first[1]))
-            numbers = itertools.count(1)
-            self._near = ZoneMap(self._parameters, centre, numbers)
-            self._far = ZoneMap(self._far_parameters, centre, numbers)
+            self._near = ZoneMap(self._parameters, centre, self._numbers)
+            self._far = ZoneMap(self._far_parameters, centre, self._numbers)
         return self._near, self._far
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
@@ -193,6 +203,14 @@ class Pipeline:
             points[:, 2] -= found.at(points, sensor)
             tiles.datum_m += found.up_m
         return points
+
+    def _contradictions(self, points: Points, sensor: Points, near: ZoneMap) -> NDArray[np.bool_]:
+        """Tell which points, however far, stand on known ground of the near map: they count at once."""
+        if near.tiles is None or not np.isfinite(sensor).all():
+            return np.zeros(len(points), bool)
+        p = self._parameters
+        noise = Noise(p.range_noise_m, math.radians(p.angle_noise_deg))
+        return near.tiles.contradicted_by(points, sensor, noise, p.relief_m)
 
     def _judge_selected(self, near: ZoneMap, far: ZoneMap) -> SelectedPoint | None:
         if self._selected is None:

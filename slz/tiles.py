@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from slz.kernels.scatter import (
     FIELDS,
     TILE,
     box_of,
+    contradicts,
     copy_evidence,
     differences,
     gather_evidence,
@@ -80,9 +81,14 @@ class Tiles:
         return tuple(box_of_tile(key) for key in self._slot)
 
     def now_s(self, stamp_s: float) -> float:
-        """Return the time since the first stamp; single precision keeps it to milliseconds for hours."""
+        """Return the time since the first stamp; single precision keeps it to milliseconds for hours.
+
+        A clock that steps back makes nothing younger: time goes on from where it was.
+        """
         if self._epoch_s is None:
             self._epoch_s = stamp_s
+        elif stamp_s - self._epoch_s < self.latest_s:
+            self._epoch_s = stamp_s - self.latest_s
         self.latest_s = stamp_s - self._epoch_s
         return self.latest_s
 
@@ -168,11 +174,33 @@ class Tiles:
         """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""
         if not self._slot or not len(points_enu_m):
             return np.empty((0, 3))
+        corner, table = self._whole_table()
+        return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
+
+    def contradicted_by(
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        noise: Noise,
+        least_m: float,
+    ) -> NDArray[np.bool_]:
+        """Tell which points stand higher over known ground than noise and `least_m` explain."""
+        if not self._slot or not len(points_enu_m):
+            return np.zeros(len(points_enu_m), bool)
+        corner, table = self._whole_table()
+        place = (self.west_m, self.south_m, self.cell_m, *corner)
+        return contradicts(points_enu_m, sensor_enu_m, least_m, noise.angle_rad, *place, self._pool, table)
+
+    def _whole_table(self) -> tuple[Key, NDArray[np.int32]]:
         keys = np.array(list(self._slot))
         low, high = keys.min(axis=0), keys.max(axis=0) + 1
         corner, shape = (int(low[0]), int(low[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
-        table = self._table(corner, shape)
-        return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
+        return corner, self._table(corner, shape)
+
+    def any_near(self, key: Key, level: int) -> bool:
+        """Tell whether a tile of a level's maps lies over or beside a tile held."""
+        rows, cols = (range((k << level) - 1, ((k + 1) << level) + 1) for k in key)
+        return any((row, col) in self._slot for row in rows for col in cols)
 
     def keys_over(self, box: Box) -> tuple[Key, ...]:
         """Return the keys of the tiles that a box of cells touches, held or not."""
@@ -214,9 +242,9 @@ class TiledLayers:
                 out[here] = tile[(layer, *there)]
         return out
 
-    def drop(self, key: Key) -> None:
-        """Forget a tile."""
-        self._tiles.pop(key, None)
+    def keep(self, wanted: Callable[[Key], bool]) -> None:
+        """Forget all tiles but those wanted."""
+        self._tiles = {key: tile for key, tile in self._tiles.items() if wanted(key)}
 
 
 def _pieces(box: Box) -> Iterator[tuple[Key, tuple[slice, slice], tuple[slice, slice]]]:

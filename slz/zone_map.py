@@ -148,8 +148,8 @@ def far_parameters(parameters: Parameters) -> Parameters:
     and the limit on a zone's boundary follows the cell, so that the far map finds where it is worth to look
     closer. What it calls safe is no place to land before the near map says so too.
     """
-    cell_m = parameters.far_cell_m / 2**COARSEST
     p = parameters
+    cell_m = max(p.far_cell_m / 2**COARSEST, p.cell_m)
     if p.mode == "source":
         return p.model_copy(update={"cell_m": p.far_cell_m})
     return p.model_copy(

@@ -193,6 +193,44 @@ def copy_evidence(
 
 
 @kernel(
+    "boolean[:](float64[:, :], float64[:], float64, float64, float64, float64, float64, int64, int64,"
+    " float32[:, :, :, :, :], int32[:, :])"
+)
+def contradicts(
+    points: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    least_m: float,
+    angle_noise_rad: float,
+    west: float,
+    south: float,
+    cell: float,
+    tile_row: int,
+    tile_col: int,
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+) -> NDArray[np.bool_]:
+    """Tell which points lie over known cells, higher by `least_m` and four standard deviations than known.
+
+    The deviation is that of a height at the point's distance from the sensor.
+    """
+    rows, cols = table.shape
+    out = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        c = int(np.floor((points[i, 0] - west) / cell))
+        r = int(np.floor((points[i, 1] - south) / cell))
+        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
+        if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
+            continue
+        held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+        if held[0, COUNT] == 0:
+            continue
+        known = max(held[0, HIGH], held[1, HIGH]) if held[1, COUNT] > 0 else held[0, HIGH]
+        way = np.sqrt((points[i, 0] - sensor[0]) ** 2 + (points[i, 1] - sensor[1]) ** 2)
+        out[i] = points[i, 2] - known > least_m + 4 * angle_noise_rad * way
+    return out
+
+
+@kernel(
     "float64[:, :](float64[:, :], float64, float64, float64, int64, int64,"
     " float32[:, :, :, :, :], int32[:, :])"
 )

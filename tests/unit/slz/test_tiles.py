@@ -79,7 +79,7 @@ def test_layers_hold_what_was_written_and_zero_elsewhere() -> None:
     layers.write(Box(-20, 70, 60, 130), values)
     np.testing.assert_array_equal(layers.read(Box(-20, 70, 60, 130), 1), values[1])
     assert layers.read(Box(-21, 71, 59, 131)).sum() == values[0].sum()
-    layers.drop((0, 1))
+    layers.keep(lambda key: key != (0, 1))
     assert not layers.read(box_of_tile((0, 1))).any()
     assert layers.read(Box(-20, 0, 60, 130)).any()
 

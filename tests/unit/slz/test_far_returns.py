@@ -1,0 +1,120 @@
+"""What is seen from afar, high above or deep below counts where it shows a hazard."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import params
+from slz import SAFE, UNSAFE, LocalFrame, Pipeline, PointState, Report, Window
+from tests.unit.slz.test_pipeline import FRAME, block, ground, maps, pipeline, state_at
+
+Floats = NDArray[np.float64]
+
+
+def seen_from(pipe: Pipeline, cloud: Floats, sensor: Floats, second: float) -> Report:
+    stamps = np.full(len(cloud), round(second * 1e9), np.int64)
+    return pipe.process(
+        Window(np.ascontiguousarray(cloud), stamps, sensor, FRAME, int(stamps[0]), int(stamps[0]))
+    )
+
+
+def with_angles() -> Pipeline:
+    own = ["zone_m=120", "min_boundary_points=10", "register_m=0", "adaptive=off"]
+    return Pipeline(params.load("quadcopter", own), (0.0, 0.0))
+
+
+def test_a_car_seen_beyond_the_reach_makes_mapped_ground_unsafe_at_once() -> None:
+    pipe = with_angles()
+    seen_from(pipe, ground(), np.array([0.0, 0.0, 12.0]), 0)
+    pipe.select(np.array([0.0, 0.0, 0.0]))
+    beside = ground(1) + np.array([30.0, 0.0, 0.0])
+    far = np.array([30.0, 0.0, 12.0])
+    calm = seen_from(pipe, np.vstack([beside, ground(2)]), far, 1)
+    assert calm.selected is not None
+    assert calm.selected.state is PointState.SAFE
+    parked = seen_from(pipe, np.vstack([beside, block(0, 0, 3, 1.5, n=60)]), far, 2)
+    assert parked.selected is not None
+    assert parked.selected.state is PointState.UNSAFE
+    assert parked.selected.judged_by == "near"
+
+
+def test_noise_of_far_ground_contradicts_nothing() -> None:
+    pipe = with_angles()
+    seen_from(pipe, ground(), np.array([0.0, 0.0, 12.0]), 0)
+    before = (maps(pipe).state == SAFE).sum()
+    for second in range(1, 6):
+        cloud = ground(second) + np.array([0.0, 0.0, 0.0])
+        cloud[:, 2] += np.random.default_rng(second).normal(0, np.radians(0.15) * 30, len(cloud))
+        seen_from(pipe, cloud, np.array([30.0, 0.0, 12.0]), second)
+    assert (maps(pipe).state == SAFE).sum() == before
+
+
+@pytest.mark.parametrize("height_m", [5.5, 7.0, 12.0])
+@pytest.mark.parametrize("known", [True, False])
+def test_a_wire_high_over_the_ground_is_unsafe(height_m: float, known: bool) -> None:
+    pipe = pipeline()
+    wire = np.column_stack([np.full(60, 1.05), np.linspace(-11, 11, 60), np.full(60, height_m)])
+    sensor = np.array([0.0, 0.0, 30.0]) if known else np.full(3, np.nan)
+    seen_from(pipe, np.vstack([ground(density=100), wire]), sensor, 0)
+    assert state_at(pipe, 1.05, 0.2) == UNSAFE
+
+
+def test_a_shaft_is_no_gap() -> None:
+    cloud = ground(density=100)
+    mouth = (np.abs(cloud[:, 0] - 1.0) < 0.4) & (np.abs(cloud[:, 1] - 1.0) < 0.4)
+    cloud[mouth, 2] -= 7.0
+    pipe = pipeline()
+    seen_from(pipe, cloud, np.full(3, np.nan), 0)
+    assert state_at(pipe, 1.0, 1.0) == UNSAFE
+
+
+def test_a_clock_that_steps_back_makes_no_ground_younger() -> None:
+    pipe = pipeline("max_age_s=30")
+    seen_from(pipe, ground(), np.array([0.0, 0.0, 30.0]), 1000)
+    elsewhere = ground(density=5)[:60] * [0.1, 0.1, 1] + [-11, -11, 0]
+    for second in range(0, 40, 2):
+        seen_from(pipe, elsewhere, np.array([0.0, 0.0, 30.0]), second)
+    assert state_at(pipe, 5.0, 5.0) != SAFE
+
+
+@pytest.mark.parametrize("mode", ["default", "source"])
+@pytest.mark.parametrize("sensor", [[np.nan] * 3, [np.inf, 0.0, 0.0], [0.0, 0.0, 20.0]])
+@pytest.mark.parametrize("up", [1e7, 1e19, -1e300, np.nan])
+def test_returns_of_no_sense_are_dropped(mode: str, sensor: list[float], up: float) -> None:
+    pipe = Pipeline(params.load("quadcopter", [f"mode={mode}", "zone_m=40"]))
+    odd = np.array([[0.0, 0.0, up]])
+    assert seen_from(pipe, odd, np.array(sensor), 0).zones == ()
+    report = seen_from(pipe, np.vstack([ground(), odd]), np.array(sensor), 1)
+    assert report.n_points == len(ground()) + 1
+
+
+def test_maps_are_given_up_with_their_tiles() -> None:
+    own = ["zone_m=60", "memory_mb=16", "register_m=0", "min_boundary_points=10", "adaptive=off"]
+    pipe = Pipeline(params.load("quadcopter", own), (0.0, 0.0))
+    counts = []
+    for second in range(60):
+        east = 14.0 * second
+        cloud = ground(second, density=3) + np.array([east, 0.0, 0.0])
+        seen_from(pipe, cloud, np.array([east, 0.0, 20.0]), second)
+        counts.append(len(pipe._near.terrain._maps._tiles))  # type: ignore[union-attr]
+    assert max(counts[45:]) <= max(counts[25:45])
+
+
+def test_a_selected_point_is_a_copy() -> None:
+    pipe, point = pipeline(), np.array([1.0, 1.0, 0.0])
+    pipe.select(point)
+    point[:] = 500.0
+    report = seen_from(pipe, ground(), np.array([0.0, 0.0, 30.0]), 0)
+    assert report.selected is not None
+    assert report.selected.enu_m[0] == 1.0
+
+
+def test_ids_are_not_given_again_in_a_new_frame() -> None:
+    pipe = pipeline()
+    first = seen_from(pipe, ground(), np.array([0.0, 0.0, 30.0]), 0)
+    stamps = np.full(len(ground()), 10**9, np.int64)
+    other = LocalFrame(46.0, 8.0, 400.0)
+    second = pipe.process(Window(ground(), stamps, np.array([0.0, 0.0, 30.0]), other, 10**9, 10**9))
+    assert {zone.id for zone in first.zones}.isdisjoint(zone.id for zone in second.zones)
