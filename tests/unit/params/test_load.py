@@ -102,3 +102,21 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path, content: str, word: s
 def test_unknown_profile_is_refused(name: str) -> None:
     with pytest.raises(ParameterError, match=name):
         params.load(name)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (["surround_m=500"], ("surround_m (500.0)", "1000 cells")),
+        (["coverage_m=50"], ("coverage_m (50.0)", "100 cells")),
+        (["range_noise_m=0.05"], ("range_noise_m (0.05)", "height_noise_m")),
+        (["hold_s=400"], ("hold_s (400.0)", "max_age_s")),
+        (["min_square_m=50", "zone_m=40"], ("min_square_m (50.0)", "zone_m")),
+    ],
+)
+def test_combinations_that_map_nothing_or_everything_are_refused(
+    settings: list[str], words: tuple[str, ...]
+) -> None:
+    with pytest.raises(params.ParameterError) as refused:
+        params.load("quadcopter", settings)
+    assert all(word in str(refused.value) for word in words)

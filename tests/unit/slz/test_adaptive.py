@@ -312,7 +312,7 @@ def fly(pipe: Pipeline, per_m2: float, first: int, n: int) -> list[Report]:
 
 
 def test_zones_of_the_far_map_keep_their_ids_over_a_change_of_level() -> None:
-    pipe = Pipeline(parameters("max_age_s=4", "angle_noise_deg=0"), (0.0, 0.0))
+    pipe = Pipeline(parameters("max_age_s=4", "hold_s=4", "angle_noise_deg=0"), (0.0, 0.0))
     reports = fly(pipe, 0.5, 0, 4) + fly(pipe, 16.0, 4, 4) + fly(pipe, 1.5, 8, 10)
     cells = [report.far.grid.cell_m for report in reports]
     assert cells == [2.0] * 6 + [0.5] * 4 + [1.0] * 8
