@@ -8,6 +8,8 @@ while at least `threshold` of all points stay. Points below or above the interva
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -19,6 +21,7 @@ COMPANY = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
 MOST_VOXELS = 50_000_000
 GROUP_M = 1.5
+RECENT, OFTEN, PLACE_M = 12, 5, 0.4
 
 
 def histogram_interval(height_m: NDArray[np.float64], bins: int, threshold: float) -> tuple[float, float]:
@@ -114,3 +117,35 @@ def in_company(
         return np.ones(0, bool)
     keep = has_company(points_enu_m, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2, MOST_VOXELS)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
+
+
+class LoneReturns:
+    """Remembers returns that were alone: something thin may send back one in every window.
+
+    A lone return counts when `OFTEN` windows of the last `RECENT`, this one among them, had one within
+    `PLACE_M` of it; those before it then count too. Dust is elsewhere in the next window. Near the sensor,
+    where an object would send back several, and where dust is dense, none counts.
+    """
+
+    def __init__(self) -> None:
+        self._windows: deque[NDArray[np.float64]] = deque(maxlen=RECENT - 1)
+
+    def returning(
+        self, lone_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
+    ) -> NDArray[np.float64]:
+        """Take the lone returns of a window of so many returns; return (m, 3) those that count now."""
+        way = lone_enu_m - sensor_enu_m
+        expected = OBJECT_M2 * n_returns / (4 * np.pi) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
+        lone = lone_enu_m[expected <= COMPANY]
+        before = [cKDTree(window) for window in self._windows if len(window)]
+        self._windows.append(lone)
+        if not len(lone) or len(before) < OFTEN - 1:
+            return np.empty((0, 3))
+        near = [tree.query(lone, distance_upper_bound=PLACE_M) for tree in before]
+        seen = np.array([np.isfinite(distance) for distance, _ in near])
+        often = seen.sum(axis=0) >= OFTEN - 1
+        again = [
+            tree.data[np.unique(index[often & np.isfinite(distance)])]
+            for tree, (distance, index) in zip(before, near, strict=True)
+        ]
+        return np.vstack([lone[often], *again])

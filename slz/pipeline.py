@@ -18,7 +18,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
-from slz.outliers import gap_interval, histogram_interval, in_a_group, in_company
+from slz.outliers import LoneReturns, gap_interval, histogram_interval, in_a_group, in_company
 from slz.registration import offset
 from slz.report import MapReport, Report
 from slz.tiles import Noise
@@ -53,6 +53,7 @@ class Pipeline:
         self._adapter = Adapter(parameters)
         self._far_is_active = False
         self._numbers = itertools.count(1)
+        self._lone = LoneReturns()
         self._selected: SelectedPoint | None = None
 
     def process(self, window: Window) -> Report:
@@ -62,6 +63,8 @@ class Pipeline:
         difference of n_points and n_used.
         """
         clock = _Stages()
+        if window.frame != self._frame:
+            self._lone = LoneReturns()
         sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
         if not np.isfinite(sensor).all():
             sensor[:] = np.nan
@@ -169,7 +172,9 @@ class Pipeline:
             )
         else:
             if np.isfinite(sensor_enu_m).all():  # a stored cloud was cleaned by who made it
-                points = points[in_company(points, sensor_enu_m, p.cell_m)]
+                keep = in_company(points, sensor_enu_m, p.cell_m)
+                again = self._lone.returning(points[~keep], sensor_enu_m, len(points))
+                points = np.vstack([points[keep], again])
             low, high = gap_interval(np.ascontiguousarray(points[:, 2]), p.outlier_gap_m)
         beyond = (points[:, 2] < low) | (points[:, 2] > high)
         if not self._source:

@@ -118,3 +118,28 @@ def test_ids_are_not_given_again_in_a_new_frame() -> None:
     other = LocalFrame(46.0, 8.0, 400.0)
     second = pipe.process(Window(ground(), stamps, np.array([0.0, 0.0, 30.0]), other, 10**9, 10**9))
     assert {zone.id for zone in first.zones}.isdisjoint(zone.id for zone in second.zones)
+
+
+def test_a_post_that_returns_one_pulse_a_window_is_unsafe_from_the_fifth_on() -> None:
+    pipe, rng = pipeline("angle_noise_deg=0.15"), np.random.default_rng(4)
+    states = []
+    for second in range(8):
+        cloud = ground(second, density=8)
+        cloud = cloud[(np.abs(cloud[:, 0] - 1.05) > 0.15) | (np.abs(cloud[:, 1] - 0.65) > 0.15)]
+        top = [[1.05 + rng.uniform(-0.15, 0.15), 0.65 + rng.uniform(-0.15, 0.15), 1.5]]
+        seen_from(pipe, np.vstack([cloud, top]), np.array([0.0, 0.0, 15.0]), second)
+        states.append(state_at(pipe, 1.05, 0.65))
+    assert UNSAFE not in states[:4]
+    assert set(states[4:]) == {UNSAFE}
+
+
+def test_dust_that_is_elsewhere_in_every_window_stays_dust() -> None:
+    pipe, rng = pipeline("angle_noise_deg=0.15"), np.random.default_rng(5)
+    for second in range(12):
+        specks = rng.uniform([-11, -11, 0.8], [11, 11, 8.0], (60, 3))
+        report = seen_from(
+            pipe, np.vstack([ground(second, density=60), specks]), np.array([0.0, 0.0, 15.0]), second
+        )
+        assert report.n_used < len(ground(second, density=60)) + 12
+    m = maps(pipe)
+    assert (m.state == UNSAFE).sum() < 0.03 * (m.state == SAFE).sum()
