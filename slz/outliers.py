@@ -145,7 +145,7 @@ class LoneReturns:
         seen = np.array([np.isfinite(distance) for distance, _ in near])
         often = seen.sum(axis=0) >= OFTEN - 1
         again = [
-            tree.data[np.unique(index[often & np.isfinite(distance)])]
+            tree.data[np.unique(np.asarray(index)[often & np.isfinite(distance)])]
             for tree, (distance, index) in zip(before, near, strict=True)
         ]
         return np.vstack([lone[often], *again])
