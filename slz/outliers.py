@@ -20,7 +20,7 @@ from slz.kernels.voxels import has_company
 COMPANY = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
 MOST_VOXELS = 50_000_000
-GROUP_M = 1.5
+GROUP, GROUP_M = 3, 1.5
 RECENT, OFTEN, PLACE_M = 12, 5, 0.4
 
 
@@ -82,15 +82,15 @@ def gap_interval(
     return gaps_of(height_m, gap_m, max_share)
 
 
-def in_a_group(points_enu_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which of the points beyond a gap have two others within `GROUP_M`: a wire, a mast, a shaft.
+def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:
+    """Tell which of the points beyond a gap lie with so many, themselves included, within a radius.
 
-    Where these do, they are no strays, however few they are among all returns.
+    A wire, a mast, a shaft: where these do they are no strays, however few they are among all returns.
     """
     if not len(points_enu_m):
         return np.zeros(0, bool)
     tree = cKDTree(points_enu_m)
-    return np.asarray(tree.query_ball_point(points_enu_m, GROUP_M, return_length=True) > 2)
+    return np.asarray(tree.query_ball_point(points_enu_m, radius_m, return_length=True) >= least)
 
 
 def in_company(

@@ -18,7 +18,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
-from slz.outliers import LoneReturns, gap_interval, histogram_interval, in_a_group, in_company
+from slz.outliers import GROUP, GROUP_M, LoneReturns, gap_interval, histogram_interval, in_a_group, in_company
 from slz.registration import offset
 from slz.report import MapReport, Report
 from slz.tiles import Noise
@@ -177,8 +177,8 @@ class Pipeline:
                 points = np.vstack([points[keep], again])
             low, high = gap_interval(np.ascontiguousarray(points[:, 2]), p.outlier_gap_m)
         beyond = (points[:, 2] < low) | (points[:, 2] > high)
-        if not self._source:
-            beyond[beyond] = ~in_a_group(points[beyond])
+        if not (self._source or np.isfinite(sensor_enu_m).all()):  # in flight echoes and dust lie in groups
+            beyond[beyond] = ~in_a_group(points[beyond], GROUP_M, GROUP)
         return np.ascontiguousarray(points[~beyond])
 
     def _maps_for(self, points: Points, sensor_enu_m: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
