@@ -18,7 +18,15 @@ from slz.frame import LocalFrame
 from slz.grid import Box
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
-from slz.outliers import GROUP, GROUP_M, LoneReturns, gap_interval, histogram_interval, in_a_group, in_company
+from slz.outliers import (
+    CLOUD_GROUP,
+    FLIGHT_GROUP,
+    LoneReturns,
+    gap_interval,
+    histogram_interval,
+    in_a_group,
+    in_company,
+)
 from slz.registration import offset
 from slz.report import MapReport, Report
 from slz.tiles import Noise
@@ -166,20 +174,19 @@ class Pipeline:
         points = window.points_enu_m
         near = within(points, sensor_enu_m, p.max_range_m) & (np.abs(points[:, 2]) < MOST_HEIGHT_M)
         points = np.ascontiguousarray(points[near & np.isfinite(points).all(axis=1)])
+        height_m = np.ascontiguousarray(points[:, 2])
         if self._source:
-            low, high = histogram_interval(
-                np.ascontiguousarray(points[:, 2]), p.histogram_bins, p.histogram_threshold
-            )
-        else:
-            if np.isfinite(sensor_enu_m).all():  # a stored cloud was cleaned by who made it
-                keep = in_company(points, sensor_enu_m, p.cell_m)
-                again = self._lone.returning(points[~keep], sensor_enu_m, len(points))
-                points = np.vstack([points[keep], again])
-            low, high = gap_interval(np.ascontiguousarray(points[:, 2]), p.outlier_gap_m)
-        beyond = (points[:, 2] < low) | (points[:, 2] > high)
-        if not (self._source or np.isfinite(sensor_enu_m).all()):  # in flight echoes and dust lie in groups
-            beyond[beyond] = ~in_a_group(points[beyond], GROUP_M, GROUP)
-        return np.ascontiguousarray(points[~beyond])
+            low, high = histogram_interval(height_m, p.histogram_bins, p.histogram_threshold)
+            return np.ascontiguousarray(points[(low <= height_m) & (height_m <= high)])
+        in_flight = bool(np.isfinite(sensor_enu_m).all())  # a stored cloud was cleaned by who made it
+        keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
+        low, high = gap_interval(height_m[keep], p.outlier_gap_m)
+        beyond = keep & ((height_m < low) | (height_m > high))
+        keep[beyond] = in_a_group(points[beyond], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
+        if not in_flight:
+            return np.ascontiguousarray(points[keep])
+        again = self._lone.returning(points[~keep], sensor_enu_m, len(points))
+        return np.vstack([points[keep], again])
 
     def _maps_for(self, points: Points, sensor_enu_m: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
         """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
@@ -188,9 +195,7 @@ class Pipeline:
                 self._selected = None
             self._frame = window.frame
             self._adapter = Adapter(self._parameters)
-            first = (
-                points[0, :2] if len(points) else np.nan_to_num(window.sensor_enu_m[:2], posinf=0, neginf=0)
-            )
+            first = points[0, :2] if len(points) else np.nan_to_num(sensor_enu_m[:2])
             centre = self._centre or (float(first[0]), float(first[1]))
             self._near = ZoneMap(self._parameters, centre, self._numbers)
             self._far = ZoneMap(self._far_parameters, centre, self._numbers)

@@ -20,31 +20,41 @@ from slz.kernels.horizon import horizon
 SECTORS = 36
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
     """Something that stands on the ground, in metres of the map frame.
 
     east_m, north_m: its highest cell. top_m: height of that one's highest return. height_m: that over the
-    ground. width_m: side of a square of its area. extent_m: its west, south, east and north edges.
+    ground. cells_enu_m: (n, 2) centres of its cells. cell_m: their size.
     """
 
     east_m: float
     north_m: float
     top_m: float
     height_m: float
-    width_m: float
-    extent_m: tuple[float, float, float, float]
+    cells_enu_m: NDArray[np.float64]
+    cell_m: float
+
+    @property
+    def width_m(self) -> float:
+        """Side of a square of its area."""
+        return float(np.sqrt(len(self.cells_enu_m))) * self.cell_m
+
+    @property
+    def extent_m(self) -> tuple[float, float, float, float]:
+        """Its west, south, east and north edges."""
+        west, south = self.cells_enu_m.min(axis=0) - self.cell_m / 2
+        east, north = self.cells_enu_m.max(axis=0) + self.cell_m / 2
+        return float(west), float(south), float(east), float(north)
 
     def lla(self, frame: LocalFrame) -> NDArray[np.float64]:
         """Return latitude, longitude (degrees) and altitude (m) of its highest return."""
         return frame.lla([self.east_m, self.north_m, self.top_m])
 
     def distance_m(self, enu_m: NDArray[np.float64]) -> float:
-        """Return the horizontal distance from a point to its extent."""
-        west, south, east, north = self.extent_m
-        return float(
-            np.hypot(max(west - enu_m[0], 0.0, enu_m[0] - east), max(south - enu_m[1], 0.0, enu_m[1] - north))
-        )
+        """Return the horizontal distance from a point to the nearest of its cells."""
+        beyond = np.maximum(np.abs(self.cells_enu_m - enu_m[:2]) - self.cell_m / 2, 0.0)
+        return float(np.hypot(*beyond.T).min())
 
 
 def grouped(
@@ -80,10 +90,10 @@ def grouped(
         top = float(highest[row, col])
         place = Box(rows.start, rows.stop, cols.start, cols.stop)
         over = top - ground_m(place, int(row) + rows.start, int(col) + cols.start)
-        west, south = grid.centre(rows.start + box.row0 - 0.5, cols.start + box.col0 - 0.5)
-        east_edge, north_edge = grid.centre(rows.stop + box.row0 - 0.5, cols.stop + box.col0 - 0.5)
-        width = float(np.sqrt(own.sum())) * grid.cell_m
-        found.append(Obstacle(east, north, top, over, width, (west, south, east_edge, north_edge)))
+        corner = np.array([rows.start + box.row0, cols.start + box.col0])
+        cells = grid.centres(np.argwhere(own) + corner)
+        cells.flags.writeable = False
+        found.append(Obstacle(east, north, top, over, cells, grid.cell_m))
     return tuple(found)
 
 

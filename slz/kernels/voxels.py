@@ -9,6 +9,7 @@ from slz.kernels.jit import kernel
 
 FINE, COARSE = 1, 7  # layers of voxels above and below
 SURFACE = 100  # returns that make a surface
+ENOUGH, CLEAR_M = 5, 2.0  # so many are an object wherever dust is not dense
 
 
 @kernel("int64(uint16[:, :, :], int64, int64, int64, int64)")
@@ -64,7 +65,8 @@ def has_company(
         need, reach = least, COARSE
         near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
         if near > least:  # never so where the sensor is unknown, NaN
-            need, reach = min(int(near), 10_000), FINE
+            most = ENOUGH if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
+            need, reach = min(int(near), most), FINE
         company = int(count[x, y, z])
         if company < need:
             company = level = _within(count, x, y, z - FINE, z + FINE)

@@ -217,7 +217,12 @@ def around_a_block() -> Around:
 
 
 def surroundings(*extents: tuple[float, float, float, float]) -> Surroundings:
-    listed = tuple(Obstacle((w + e) / 2, (s + n) / 2, 3.1, 3.1, 1.0, (w, s, e, n)) for w, s, e, n in extents)
+    def obstacle(west: float, south: float, east: float, north: float) -> Obstacle:
+        own = np.meshgrid(np.arange(west + 0.25, east, 0.5), np.arange(south + 0.25, north, 0.5))
+        cells = np.column_stack([axis.ravel() for axis in own])
+        return Obstacle((west + east) / 2, (south + north) / 2, 3.1, 3.1, cells, 0.5)
+
+    listed = tuple(obstacle(*extent) for extent in extents)
     return Surroundings(12.0, listed, np.zeros(36))
 
 

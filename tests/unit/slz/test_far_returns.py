@@ -68,6 +68,42 @@ def test_a_shaft_is_no_gap() -> None:
     assert state_at(pipe, 1.0, 1.0) == UNSAFE
 
 
+@pytest.mark.parametrize("up_m", [6.5, 9.0])
+def test_five_returns_of_an_object_high_over_the_ground_count_in_flight(up_m: float) -> None:
+    rng = np.random.default_rng(2)
+    top = np.column_stack([rng.uniform(0.8, 1.3, 5), rng.uniform(0.5, 0.8, 5), np.full(5, up_m)])
+    pipe = pipeline("angle_noise_deg=0.15")
+    seen_from(pipe, np.vstack([ground(density=60), top]), np.array([0.0, 0.0, 20.0]), 0)
+    assert state_at(pipe, 1.05, 0.65) == UNSAFE
+
+
+@pytest.mark.parametrize("up_m", [6.5, -7.0])
+def test_echoes_beyond_a_gap_that_are_elsewhere_in_every_window_count_for_nothing(up_m: float) -> None:
+    pipe, rng = pipeline("angle_noise_deg=0.15"), np.random.default_rng(3)
+    for second in range(12):
+        echoes = rng.uniform([-11, -11, up_m], [11, 11, up_m + 2], (20, 3))
+        seen_from(pipe, np.vstack([ground(second, density=60), echoes]), np.array([0.0, 0.0, 20.0]), second)
+        assert UNSAFE not in maps(pipe).state
+
+
+@pytest.mark.parametrize(("returns", "unsafe"), [(5, True), (2, False)])
+def test_near_the_sensor_five_returns_are_an_object_whatever_its_pulses_spare(
+    returns: int, unsafe: bool
+) -> None:
+    """A sensor that sends most of its pulses elsewhere, 3 m over the ground: rain is alone, a post is not."""
+    rng = np.random.default_rng(6)
+    pipe = pipeline("angle_noise_deg=0.15")
+    top = np.column_stack(
+        [rng.uniform(0.9, 1.2, returns), rng.uniform(0.5, 0.8, returns), np.full(returns, 0.5)]
+    )
+    cloud = ground(density=500)
+    elsewhere = np.hypot(cloud[:, 0], cloud[:, 1]) > 5
+    cloud = np.vstack([cloud[elsewhere], ground(density=40)])
+    cloud = cloud[(np.abs(cloud[:, 0] - 1.05) > 0.15) | (np.abs(cloud[:, 1] - 0.65) > 0.15)]
+    seen_from(pipe, np.vstack([cloud, top]), np.array([0.0, 0.0, 3.0]), 0)
+    assert (state_at(pipe, 1.05, 0.65) == UNSAFE) == unsafe
+
+
 def test_a_clock_that_steps_back_makes_no_ground_younger() -> None:
     pipe = pipeline("max_age_s=30")
     seen_from(pipe, ground(), np.array([0.0, 0.0, 30.0]), 1000)

@@ -131,7 +131,7 @@ def test_in_a_stadium_the_stands_are_all_around(slope_deg: float) -> None:
     bearing = np.arange(36) * SECTOR
     rise = slope_deg * np.sin(bearing)
     assert (found.horizon_deg > rise + math.degrees(math.atan(1.0 / 8.3)) - 1).all()
-    assert ring.distance_m(np.zeros(3)) == 0.0  # within its extent
+    assert ring.distance_m(np.zeros(3)) == pytest.approx(8.1, abs=2 * CELL_M)  # of a cell, not of its extent
     assert found.way_in() is not None
 
 
@@ -180,8 +180,10 @@ def test_where_an_obstacle_is_on_the_globe() -> None:
     ("place", "distance_m"),
     [((0, 0), 5.0), ((6, 0), 0.0), ((6, 5), 2.0), ((-5, -7), 11.180339887), ((8, 10), math.hypot(1, 7))],
 )
-def test_the_distance_is_to_the_extent(place: tuple[float, float], distance_m: float) -> None:
-    one = Obstacle(6.0, 0.0, 3.0, 3.0, 2.0, (5.0, -2.0, 7.0, 3.0))
+def test_the_distance_is_to_the_nearest_cell(place: tuple[float, float], distance_m: float) -> None:
+    cells = [(east, north) for east in (5.5, 6.5) for north in (-1.5, -0.5, 0.5, 1.5, 2.5)]
+    one = Obstacle(6.0, 0.0, 3.0, 3.0, np.array(cells), 1.0)
+    assert one.extent_m == (5.0, -2.0, 7.0, 3.0)
     assert one.distance_m(np.array([*place, 0.0])) == pytest.approx(distance_m)
 
 
