@@ -12,7 +12,7 @@ import numpy as np
 
 from companion import folder
 from companion.app import Companion
-from companion.landing.executive import Phase
+from companion.landing.situation import Phase
 from params import Parameters
 
 log = logging.getLogger(__name__)

@@ -285,6 +285,21 @@ class Parameters(BaseModel):
         _in(0.2, 100),
         Spec("SLZ_COMMIT_H", "m", OURS, "Height below which the landing is not broken off any more."),
     ] = 1.5
+    dust_height_m: Annotated[
+        float,
+        _in(0, 100),
+        Spec(
+            "SLZ_DUST_H",
+            "m",
+            OURS,
+            "Height above the point below which nothing is mapped (rotor dust): its last state holds.",
+        ),
+    ] = 1.5
+    battery_land_pct: Annotated[
+        float,
+        _in(0, 100),
+        Spec("SLZ_BAT_LAND", "%", OURS, "Charge at which it lands at the nearest zone; 0 never."),
+    ] = 15.0
     min_certainty: Annotated[
         float, _in(0, 1), Spec("SLZ_MIN_CERT", "", OURS, "Least certainty of a zone chosen to land in.")
     ] = 0.86
@@ -306,6 +321,7 @@ class Parameters(BaseModel):
         for low, high in (
             ("lidar_min_m", "lidar_max_m"),
             ("commit_height_m", "final_height_m"),
+            ("dust_height_m", "final_height_m"),
             ("cell_m", "min_square_m"),
             ("cell_m", "zone_m"),
             ("safe_slope_deg", "max_slope_deg"),
