@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 from collections import deque
 from collections.abc import Coroutine
@@ -99,6 +100,7 @@ class Companion:
         except* Exception as errors:
             raise _first(errors) from None
         finally:
+            gc.unfreeze()
             self.maps = self.worker.close()
             self.summary = self._summary()
 
@@ -110,6 +112,8 @@ class Companion:
         """Warm up, then start deciding: nothing compiles in flight, and nothing commands before."""
         self.link.ready = False
         await self.worker.warm_up()
+        gc.collect()
+        gc.freeze()  # a full collection would stop the streams for a tenth of a second, for what stays anyway
         self.link.ready = True
         log.info("ready")
         async with asyncio.TaskGroup() as group:
