@@ -96,6 +96,7 @@ class Commands:
             "LANDING_TARGET": self._landing_target,
             "DISTANCE_SENSOR": self._distance_sensor,
             "OBSTACLE_DISTANCE": self._obstacle_distance,
+            "OBSTACLE_DISTANCE_3D": self._obstacle_distance_3d,
             "TIMESYNC": self._timesync,
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
@@ -302,10 +303,15 @@ class Commands:
 
     def _distance_sensor(self, message: Any, _link: int) -> None:
         if message.orientation == self._ap.parameters["RNGFND1_ORIENT"]:
-            self._ap.rangefinder = (self._ap.now_ns, message.current_distance / 100)
+            in_range = message.min_distance <= message.current_distance <= message.max_distance
+            distance_m = message.current_distance / 100 if in_range else math.inf
+            self._ap.rangefinder = (self._ap.now_ns, distance_m)
 
     def _obstacle_distance(self, message: Any, _link: int) -> None:
         self._ap.proximity.receive(message, self._ap.now_ns)
+
+    def _obstacle_distance_3d(self, message: Any, _link: int) -> None:
+        self._ap.proximity.receive_3d(message, self._ap.now_ns)
 
     def _timesync(self, message: Any, link: int) -> None:
         if message.tc1 == 0:

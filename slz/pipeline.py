@@ -18,6 +18,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
+from slz.nearby import nearby
 from slz.outliers import (
     CLOUD_GROUP,
     FLIGHT_GROUP,
@@ -99,6 +100,8 @@ class Pipeline:
         self._selected = self._judge_selected(near, far)
         self._far_is_active = self._source and choice.far
         clock.lap("landing_point")
+        around = nearby(near.terrain, far.terrain, sensor)
+        clock.lap("nearby")
         return Report(
             stamp_ns=window.end_ns,
             frame=window.frame,
@@ -113,6 +116,7 @@ class Pipeline:
             n_evicted=near.n_evicted,
             far_is_active=self._far_is_active,
             stage_ms=clock.ms,
+            nearby=around,
         )
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:

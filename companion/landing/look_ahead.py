@@ -19,34 +19,34 @@ STRAYS = 2  # so many returns may be dust
 SLOW_MS = 0.3
 
 
-def held_back(velocity_enu_ms: Vector, around_enu_m: Vector, least_m: float) -> tuple[Vector, bool]:
+def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> tuple[Vector, bool]:
     """Return a velocity from which the vehicle stops `MARGIN_M` before anything, and whether that is none.
 
     Parameters
     ----------
-    velocity_enu_ms
-        Wanted velocity (3,), m/s.
-    around_enu_m
-        Returns (n, 3) from the vehicle, m; within `least_m` they are the vehicle itself.
+    velocity_frd_ms
+        Wanted velocity (3,), forward, right, down in level axes, m/s.
+    around_frd_m
+        Points (n, 3) from the vehicle in the same axes, m; within `least_m` they are the vehicle itself.
     """
-    horizontal = held_back_along(velocity_enu_ms[:2], around_enu_m, least_m)
-    climb = float(velocity_enu_ms[2])
-    if climb > 0:
-        above = np.hypot(around_enu_m[:, 0], around_enu_m[:, 1]) < ASIDE_M
-        climb = min(climb, stopping_speed_ms(around_enu_m[above, 2], least_m))
-    wanted, left = float(np.hypot(*velocity_enu_ms[:2])), float(np.hypot(*horizontal))
-    return np.array([*horizontal, climb]), wanted > SLOW_MS and left < SLOW_MS
+    horizontal = held_back_along(velocity_frd_ms[:2], around_frd_m, least_m)
+    sink = float(velocity_frd_ms[2])
+    if sink < 0:
+        above = np.hypot(around_frd_m[:, 0], around_frd_m[:, 1]) < ASIDE_M
+        sink = max(sink, -stopping_speed_ms(-around_frd_m[above, 2], least_m))
+    wanted, left = float(np.hypot(*velocity_frd_ms[:2])), float(np.hypot(*horizontal))
+    return np.array([*horizontal, sink]), wanted > SLOW_MS and left < SLOW_MS
 
 
-def held_back_along(velocity_ms: Vector, around_enu_m: Vector, least_m: float) -> Vector:
+def held_back_along(velocity_ms: Vector, around_m: Vector, least_m: float) -> Vector:
     """Return the horizontal velocity (2,), slowed down by what stands in its corridor."""
     speed = float(np.hypot(*velocity_ms))
     if speed < 1e-6:
         return np.zeros(2)
     way = velocity_ms / speed
-    along = around_enu_m[:, :2] @ way
-    aside = np.abs(around_enu_m[:, :2] @ np.array([-way[1], way[0]]))
-    ahead = along[(aside < ASIDE_M) & (np.abs(around_enu_m[:, 2]) < LEVEL_M)]
+    along = around_m[:, :2] @ way
+    aside = np.abs(around_m[:, :2] @ np.array([-way[1], way[0]]))
+    ahead = along[(aside < ASIDE_M) & (np.abs(around_m[:, 2]) < LEVEL_M)]
     return np.asarray(way * min(speed, stopping_speed_ms(ahead, least_m)))
 
 

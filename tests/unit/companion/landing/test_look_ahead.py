@@ -12,7 +12,7 @@ from companion.landing.look_ahead import ASIDE_M, LEVEL_M, MARGIN_M, held_back
 
 
 def wall(distance_m: float, bearing_rad: float = 0.0) -> np.ndarray:
-    """Returns of a wall 10 m wide and 10 m high, `bearing_rad` from east."""
+    """Returns of a wall 10 m wide and 10 m high, `bearing_rad` to the right of forward."""
     side, up = np.meshgrid(np.linspace(-5, 5, 21), np.linspace(-5, 5, 21))
     c, s = math.cos(bearing_rad), math.sin(bearing_rad)
     return np.column_stack(
@@ -59,9 +59,9 @@ def test_a_few_specks_of_dust_hold_nothing_back() -> None:
 
 
 def test_it_climbs_into_nothing_and_sinks_as_told() -> None:
-    roof = np.full((20, 3), [0.2, 0.3, 4.0])
-    assert held_back(np.array([0.0, 0.0, 3.0]), roof, 0.6)[0][2] <= math.sqrt(2 * BRAKING_MS2)
-    assert held_back(np.array([0.0, 0.0, -2.0]), -roof, 0.6)[0][2] == -2.0
+    roof = np.full((20, 3), [0.2, 0.3, -4.0])
+    assert held_back(np.array([0.0, 0.0, -3.0]), roof, 0.6)[0][2] >= -math.sqrt(2 * BRAKING_MS2)
+    assert held_back(np.array([0.0, 0.0, 2.0]), -roof, 0.6)[0][2] == 2.0
 
 
 def test_nothing_around_leaves_the_velocity() -> None:
@@ -77,4 +77,4 @@ def test_more_returns_never_make_it_faster(seed: int) -> None:
     wanted = rng.uniform(-6, 6, 3)
     fewer, more = held_back(wanted, around[:30], 0.6)[0], held_back(wanted, around, 0.6)[0]
     assert np.hypot(*more[:2]) <= np.hypot(*fewer[:2]) + 1e-12
-    assert more[2] <= fewer[2] + 1e-12
+    assert more[2] >= fewer[2] - 1e-12
