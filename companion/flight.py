@@ -13,6 +13,7 @@ import numpy as np
 from companion import folder
 from companion.app import Companion
 from companion.landing.situation import Phase
+from companion.priority import real_time
 from params import Parameters
 
 log = logging.getLogger(__name__)
@@ -43,7 +44,8 @@ async def _run(
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, companion.stop)
-    await companion.run()
+    with real_time():
+        await companion.run()
     if out is not None:
         _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it all
     return companion.summary
