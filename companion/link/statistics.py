@@ -27,6 +27,10 @@ class LinkStatistics:
         Times a channel was opened.
     missing
         Streams asked for that are away or slow.
+    unsigned, forged, replayed
+        Frames refused because a key is set: without signature, with a wrong one, with an old timestamp.
+    orders_refused
+        Commands and parameter changes among them.
     """
 
     received: int
@@ -48,6 +52,10 @@ class LinkStatistics:
     implausible_stamps: int
     commands_executed: int
     commands_repeated: int
+    unsigned: int
+    forged: int
+    replayed: int
+    orders_refused: int
 
 
 class RateMeter:
