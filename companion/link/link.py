@@ -114,6 +114,11 @@ class Link:
         return self._codec.system_id
 
     @property
+    def component_id(self) -> int:
+        """Component that we speak as."""
+        return self._codec.component_id
+
+    @property
     def ready(self) -> bool:
         """Whether our heartbeat says that we work (MAV_STATE_ACTIVE) or still start (MAV_STATE_BOOT)."""
         return bool(self.system_status == mavlink.MAV_STATE_ACTIVE)
