@@ -19,6 +19,7 @@ from companion.landing.executive import FLYING, Executive, Phase, Severity, Situ
 from companion.landing.operator import Operator
 from companion.landing.watch import PointWatch
 from companion.link.link import Link
+from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import level_frd_m
 from companion.outputs.distance_sensor import downward_distance
@@ -26,6 +27,9 @@ from companion.outputs.landing_target import landing_target
 from companion.outputs.obstacle_distance import obstacle_distance
 from companion.outputs.setpoint import velocity_setpoint
 from companion.sensors.driver import open_lidar
+from companion.services import Services
+from companion.settings import Settings
+from companion.state import StateDir
 from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
 from params import Parameters
@@ -46,6 +50,10 @@ class Companion:
         As on the command line.
     auto
         Land without being asked.
+    signing
+        Signs the MAVLink link.
+    state
+        Where to remember what is set in flight; None forgets it.
 
     Raises
     ------
@@ -53,9 +61,20 @@ class Companion:
         A URL is wrong or its port is in use.
     """
 
-    def __init__(self, mavlink_url: str, lidar_url: str, parameters: Parameters, *, auto: bool) -> None:
-        self.parameters = parameters
-        self.link = Link(mavlink_url, parameters)
+    def __init__(
+        self,
+        mavlink_url: str,
+        lidar_url: str,
+        parameters: Parameters,
+        *,
+        auto: bool,
+        signing: Signing | None = None,
+        state: StateDir | None = None,
+    ) -> None:
+        self.settings = Settings(parameters, state)
+        self.parameters = parameters = self.settings.live
+        self.link = Link(mavlink_url, parameters, signing)
+        self.services = Services(self.link, self.settings, signing, state)
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
@@ -90,6 +109,7 @@ class Companion:
                 parts: dict[str, Coroutine[Any, Any, None]] = {
                     "link": self.link.run(),
                     "lidar": self.lidar.run(),
+                    "services": self.services.run(),
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
