@@ -74,7 +74,7 @@ class Companion:
         self.settings = Settings(parameters, state)
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
-        self.services = Services(self.link, self.settings, signing, state)
+        self.services = Services(self.link, self.settings, signing, state, self._fresh_report)
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
@@ -209,6 +209,9 @@ class Companion:
     def _report_is_fresh(self, now: int) -> bool:
         limit = (2 * self.parameters.window_s + 1.0) * 1e9
         return self._last_report_ns is not None and now - self._last_report_ns < limit
+
+    def _fresh_report(self) -> Report | None:
+        return self.report if self._report_is_fresh(now_ns()) and not self.worker.invalid else None
 
     # ---- decisions and streams ------------------------------------------------------------------
 
