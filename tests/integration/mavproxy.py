@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import sys
 from asyncio.subprocess import PIPE, STDOUT, Process
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -26,8 +25,6 @@ class Station:
         command = [str(program), f"--master=tcp:127.0.0.1:{port}", "--source-system=254"]
         command += ["--default-modules=param,rally,signing", f"--state-basedir={folder}"]
         command += [f"--cmd={'; '.join(first)}"] if first else []
-        if program.suffix == ".py" and not program.stat().st_mode & 0o111:
-            command.insert(0, sys.executable)
         process = await asyncio.create_subprocess_exec(
             *command, stdin=PIPE, stdout=PIPE, stderr=STDOUT, cwd=folder
         )

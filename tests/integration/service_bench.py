@@ -1,4 +1,4 @@
-"""The companion's link and services beside the simulator as a program, in real time, with a port for a station."""
+"""A companion's link and services beside the simulator as a program, in real time, and a station's port."""
 
 from __future__ import annotations
 
