@@ -68,7 +68,7 @@ class Services:
     ) -> None:
         self._link = link
         self._settings = settings
-        self._report = report
+        self.report = report
         self._signing = signing
         self._state = state
         self.parameters = ParameterServer(settings)
@@ -115,7 +115,7 @@ class Services:
         parameters, vehicle = self._settings.running, self._link.vehicle
         if parameters.rally == "off" or not vehicle.armed:
             return ()
-        report = self._report()
+        report = self.report()
         return None if report is None else best_points(report, vehicle, parameters)
 
     def _send_mission(self, messages: list[Any]) -> None:

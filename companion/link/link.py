@@ -19,7 +19,7 @@ from companion.link.inbox import Inbox
 from companion.link.modes import mode_parameters
 from companion.link.operator import CommandServer, Handler
 from companion.link.signing import Signing
-from companion.link.statistics import LinkStatistics, RateMeter
+from companion.link.statistics import LinkStatistics, RateMeter, quantile_ms
 from companion.link.streams import Stream, StreamKeeper, wanted
 from companion.link.timesync import TimeSync
 from companion.link.transport import Transport
@@ -146,6 +146,9 @@ class Link:
             time_source=clock.source,
             round_trip_ms=sync.round_trip_ns * 1e-6,
             residual_ms=sync.residual_ns * 1e-6,
+            worst_residual_ms=sync.worst_residual_ns * 1e-6,
+            delay_p50_ms=quantile_ms(clock.delays_ns, 0.5),
+            delay_p99_ms=quantile_ms(clock.delays_ns, 0.99),
             drift_ppm=sync.drift_ppm,
             time_resets=sync.resets,
             implausible_stamps=clock.implausible,
