@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from companion.clock import now_ns
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
-from companion.landing.executive import FLYING, Executive, Phase, Severity, Situation
+from companion.landing.executive import Executive
+from companion.landing.look_ahead import held_back
 from companion.landing.operator import Operator
+from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
 from companion.link.link import Link
 from companion.link.signing import Signing
@@ -39,6 +41,7 @@ log = logging.getLogger(__name__)
 
 STEP_S = 0.05
 PATH_STEP_NS = 200_000_000
+OPEN_STEP_NS = 200_000_000
 
 
 class Companion:
@@ -90,10 +93,12 @@ class Companion:
         self._last_scan_ns: int | None = None
         self._last_report_ns: int | None = None
         self._last_path_ns = 0
+        self._last_open_ns = 0
         self._mode_change: asyncio.Task[None] | None = None
         self._mode_wanted = ""
         self._stop = asyncio.Event()
         self._was_lost = False
+        self._blocked = False
         self._flown = False
         self._epoch = self.history.epoch
 
@@ -160,7 +165,7 @@ class Companion:
             return
         self._last_scan_ns = now_ns()
         self.obstacles.add(scan)
-        if not self._stands_after_flight():
+        if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan)
 
     def _stands_after_flight(self) -> bool:
@@ -200,6 +205,8 @@ class Companion:
             lidar_ok=self._scans_are_fresh(now) and fresh and not self.worker.invalid,
             report=self.report if fresh else None,
             selected=self.report.selected if fresh and self.report else None,
+            battery_pct=vehicle.battery_pct,
+            blocked=self._blocked,
         )
 
     def _scans_are_fresh(self, now: int) -> bool:
@@ -234,12 +241,34 @@ class Companion:
             self.worker.select(orders.select_enu_m)
         if orders.mode is not None:
             self._change_mode(orders.mode)
+        elif self.executive.phase not in FLYING and self._mode_change is not None:
+            self._mode_change.cancel()  # the pilot has it: ask no more
         vehicle = self.link.vehicle
-        if orders.velocity_enu_ms is not None and vehicle.guided:
-            self.link.send(velocity_setpoint(vehicle, orders.velocity_enu_ms, orders.yaw_rad))
+        if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
+            velocity = self._held_back(orders.velocity_enu_ms, situation)
+            self.link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
+        elif self._must_keep_offboard_open(situation):
+            self.link.send(velocity_setpoint(vehicle, np.zeros(3), None))
         if orders.target_enu_m is not None:
             self._send_target(orders.target_enu_m)
         self._follow(situation)
+
+    def _must_keep_offboard_open(self, situation: Situation) -> bool:
+        """PX4 enters its offboard mode only while setpoints arrive, and ignores them in every other."""
+        px4, flying = self.link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
+        due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
+        if px4 and flying and due:
+            self._last_open_ns = situation.now_ns
+        return px4 and flying and due
+
+    def _held_back(self, velocity_enu_ms: NDArray[np.float64], situation: Situation) -> NDArray[np.float64]:
+        """Return the velocity that stops before what was seen ahead."""
+        self._blocked = False
+        if situation.position_enu_m is None or not velocity_enu_ms.any():
+            return velocity_enu_ms
+        around = self.obstacles.points_enu_m(situation.now_ns) - situation.position_enu_m
+        velocity, self._blocked = held_back(velocity_enu_ms, around, self.parameters.lidar_min_m)
+        return velocity
 
     def _change_mode(self, kind: str) -> None:
         pending = self._mode_change is not None and not self._mode_change.done()

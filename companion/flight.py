@@ -12,7 +12,7 @@ import numpy as np
 
 from companion import folder
 from companion.app import Companion
-from companion.landing.executive import Phase
+from companion.landing.situation import Phase
 from companion.services import start_signing
 from companion.state import StateDir
 from params import Parameters

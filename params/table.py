@@ -322,6 +322,22 @@ class Parameters(BaseModel):
             "SLZ_COMMIT_H", "m", OURS, "Height below which the landing is not broken off any more.", live=True
         ),
     ] = 1.5
+    dust_height_m: Annotated[
+        float,
+        _in(0, 100),
+        Spec(
+            "SLZ_DUST_H",
+            "m",
+            OURS,
+            "Height above the point below which nothing is mapped (rotor dust): its last state holds.",
+            live=True,
+        ),
+    ] = 1.5
+    battery_land_pct: Annotated[
+        float,
+        _in(0, 100),
+        Spec("SLZ_BAT_LAND", "%", OURS, "Charge at which it lands at the nearest zone; 0 never.", live=True),
+    ] = 15.0
     min_certainty: Annotated[
         float,
         _in(0, 1),
@@ -345,6 +361,7 @@ class Parameters(BaseModel):
         for low, high in (
             ("lidar_min_m", "lidar_max_m"),
             ("commit_height_m", "final_height_m"),
+            ("dust_height_m", "final_height_m"),
             ("cell_m", "min_square_m"),
             ("cell_m", "zone_m"),
             ("safe_slope_deg", "max_slope_deg"),

@@ -29,7 +29,6 @@ from slz.outliers import (
 )
 from slz.registration import offset
 from slz.report import MapReport, Report
-from slz.tiles import Noise
 from slz.window import Window
 from slz.zone_map import ZoneMap, far_parameters
 
@@ -216,11 +215,10 @@ class Pipeline:
 
     def _contradictions(self, points: Points, sensor: Points, near: ZoneMap) -> NDArray[np.bool_]:
         """Tell which points, however far, stand on known ground of the near map: they count at once."""
-        if near.tiles is None or not np.isfinite(sensor).all():
+        terrain = near.terrain
+        if not isinstance(terrain, EvidenceTerrain) or not np.isfinite(sensor).all():
             return np.zeros(len(points), bool)
-        p = self._parameters
-        noise = Noise(p.range_noise_m, math.radians(p.angle_noise_deg))
-        return near.tiles.contradicted_by(points, sensor, noise, p.relief_m)
+        return terrain.tiles.contradicted_by(points, sensor, terrain.noise, self._parameters.relief_m)
 
     def _judge_selected(self, near: ZoneMap, far: ZoneMap) -> SelectedPoint | None:
         if self._selected is None:
