@@ -53,7 +53,7 @@ def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -
         if best.certainty < parameters.min_certainty or not all(map(math.isfinite, best.enu_m)):
             continue
         there = [float(v) for v in report.frame.lla(best.enu_m)]
-        above_home_m = math.ceil(there[2] - home_m + parameters.rally_height_m)
+        above_home_m = math.ceil(there[2] - home_m + parameters.rally_height_m - 0.01)
         point = RallyPoint(round(there[0] * 1e7), round(there[1] * 1e7), max(-HIGHEST_M, above_home_m))
         if apart_m(point, *here) <= LIMIT_M:
             points.append(point)
