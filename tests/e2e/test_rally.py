@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 
 import numpy as np
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.modes import Mode
@@ -44,8 +45,9 @@ async def _flight(mission: Mission) -> tuple[list[np.ndarray], np.ndarray]:
     return points, home
 
 
+@pytest.mark.timeout(600)
 def test_rtl_lands_on_a_surveyed_zone_when_the_companion_is_dead() -> None:
-    mission = Mission("plain", auto=False, rally="on", rally_height_m=25.0)
+    mission = Mission("stadium", auto=False, rally="on", rally_height_m=25.0)
     try:
         points, home = mission.loop.run_until_complete(_flight(mission))
     finally:

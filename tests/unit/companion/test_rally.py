@@ -134,6 +134,13 @@ def test_what_an_earlier_run_left_is_ours() -> None:
     assert vehicle.rally.ours == ()
 
 
+def test_what_a_run_left_that_died_while_writing_is_known_to_the_next() -> None:
+    dying = Vehicle(points=[FOREIGN], forgets_after=2).run(MINE)
+    assert dying.points == [FOREIGN, MINE[0]]
+    after = Vehicle(Rally(dying.rally.ours), dying.points).run(())
+    assert after.points == [FOREIGN]
+
+
 def test_with_nothing_of_ours_and_nothing_wanted_the_vehicle_is_left_alone() -> None:
     vehicle = Vehicle(points=[FOREIGN]).run((), 30).run(None, 30)
     assert vehicle.sent == []
