@@ -22,11 +22,15 @@ from companion.landing.operator import Operator
 from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
 from companion.link.link import Link
+from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
 from companion.sensors.driver import open_lidar
+from companion.services import Services
+from companion.settings import Settings
+from companion.state import StateDir
 from companion.streams import Streams
 from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
@@ -49,6 +53,10 @@ class Companion:
         As on the command line.
     auto
         Land without being asked.
+    signing
+        Signs the MAVLink link.
+    state
+        Where to remember what is set in flight; None forgets it.
 
     Raises
     ------
@@ -56,9 +64,20 @@ class Companion:
         A URL is wrong or its port is in use.
     """
 
-    def __init__(self, mavlink_url: str, lidar_url: str, parameters: Parameters, *, auto: bool) -> None:
-        self.parameters = parameters
-        self.link = Link(mavlink_url, parameters)
+    def __init__(
+        self,
+        mavlink_url: str,
+        lidar_url: str,
+        parameters: Parameters,
+        *,
+        auto: bool,
+        signing: Signing | None = None,
+        state: StateDir | None = None,
+    ) -> None:
+        self.settings = Settings(parameters, state)
+        self.parameters = parameters = self.settings.live
+        self.link = Link(mavlink_url, parameters, signing)
+        self.services = Services(self.link, self.settings, signing, state, self._fresh_report)
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
@@ -96,6 +115,7 @@ class Companion:
                 parts: dict[str, Coroutine[Any, Any, None]] = {
                     "link": self.link.run(),
                     "lidar": self.lidar.run(),
+                    "services": self.services.run(),
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
@@ -202,6 +222,9 @@ class Companion:
     def _report_is_fresh(self, now: int) -> bool:
         limit = (2 * self.parameters.window_s + 1.0) * 1e9
         return self._last_report_ns is not None and now - self._last_report_ns < limit
+
+    def _fresh_report(self) -> Report | None:
+        return self.report if self._report_is_fresh(now_ns()) and not self.worker.invalid else None
 
     # ---- decisions and streams ------------------------------------------------------------------
 

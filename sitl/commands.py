@@ -101,7 +101,7 @@ class Commands:
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
-            "MISSION_REQUEST_LIST": self._mission_list,
+            **autopilot.rally.handlers,
             "REQUEST_DATA_STREAM": self._data_stream,
         }
         self._commands: dict[int, Callable[[Params, int], int]] = {
@@ -318,7 +318,7 @@ class Commands:
             answer = mavlink.MAVLink_timesync_message(self._ap.boot_ns, message.ts1)
             self._ap.send(answer, link)
 
-    # ---- parameters and missions --------------------------------------------------------------------
+    # ---- parameters ---------------------------------------------------------------------------------
 
     def _param(self, name: str, link: int) -> None:
         names = sorted(self._ap.parameters)
@@ -350,14 +350,6 @@ class Commands:
             if in_range(message.param_id, message.param_value):
                 self._ap.parameters[message.param_id] = float(message.param_value)
             self._param(message.param_id, link)
-
-    def _mission_list(self, message: Any, link: int) -> None:
-        self._ap.send(
-            mavlink.MAVLink_mission_count_message(
-                message.get_srcSystem(), message.get_srcComponent(), 0, message.mission_type
-            ),
-            link,
-        )
 
     def _data_stream(self, message: Any, link: int) -> None:
         self._ap.telemetry.data_stream(
