@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 from collections import deque
 from collections.abc import Coroutine
@@ -15,17 +16,22 @@ from numpy.typing import NDArray
 from companion.clock import now_ns
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
-from companion.landing.executive import FLYING, Executive, Phase, Severity, Situation
+from companion.landing.executive import Executive
+from companion.landing.look_ahead import LEVEL_M, held_back
 from companion.landing.operator import Operator
+from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
 from companion.link.link import Link
+from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
-from companion.outputs.axes import level_frd_m
-from companion.outputs.distance_sensor import downward_distance
-from companion.outputs.landing_target import landing_target
-from companion.outputs.obstacle_distance import obstacle_distance
+from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
+from companion.outputs.status import Status
 from companion.sensors.driver import open_lidar
+from companion.services import Services
+from companion.settings import Settings
+from companion.state import StateDir
+from companion.streams import Streams
 from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
 from params import Parameters
@@ -35,6 +41,7 @@ log = logging.getLogger(__name__)
 
 STEP_S = 0.05
 PATH_STEP_NS = 200_000_000
+OPEN_STEP_NS = 200_000_000
 
 
 class Companion:
@@ -46,6 +53,10 @@ class Companion:
         As on the command line.
     auto
         Land without being asked.
+    signing
+        Signs the MAVLink link.
+    state
+        Where to remember what is set in flight; None forgets it.
 
     Raises
     ------
@@ -53,15 +64,27 @@ class Companion:
         A URL is wrong or its port is in use.
     """
 
-    def __init__(self, mavlink_url: str, lidar_url: str, parameters: Parameters, *, auto: bool) -> None:
-        self.parameters = parameters
-        self.link = Link(mavlink_url, parameters)
+    def __init__(
+        self,
+        mavlink_url: str,
+        lidar_url: str,
+        parameters: Parameters,
+        *,
+        auto: bool,
+        signing: Signing | None = None,
+        state: StateDir | None = None,
+    ) -> None:
+        self.settings = Settings(parameters, state)
+        self.parameters = parameters = self.settings.live
+        self.link = Link(mavlink_url, parameters, signing)
+        self.services = Services(self.link, self.settings, signing, state, self._fresh_report)
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
         self.lidar = open_lidar(lidar_url, parameters, self.assembler.add)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
+        self.streams = Streams(self.link, self.history, self.obstacles, parameters, self._status)
         self._watch = PointWatch()
         self.report: Report | None = None
         self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)
@@ -71,10 +94,12 @@ class Companion:
         self._last_scan_ns: int | None = None
         self._last_report_ns: int | None = None
         self._last_path_ns = 0
+        self._last_open_ns = 0
         self._mode_change: asyncio.Task[None] | None = None
         self._mode_wanted = ""
         self._stop = asyncio.Event()
         self._was_lost = False
+        self._blocked = False
         self._flown = False
         self._epoch = self.history.epoch
 
@@ -90,6 +115,7 @@ class Companion:
                 parts: dict[str, Coroutine[Any, Any, None]] = {
                     "link": self.link.run(),
                     "lidar": self.lidar.run(),
+                    "services": self.services.run(),
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
@@ -100,6 +126,7 @@ class Companion:
         except* Exception as errors:
             raise _first(errors) from None
         finally:
+            gc.unfreeze()
             self.maps = self.worker.close()
             self.summary = self._summary()
 
@@ -111,12 +138,14 @@ class Companion:
         """Warm up, then start deciding: nothing compiles in flight, and nothing commands before."""
         self.link.ready = False
         await self.worker.warm_up()
+        gc.collect()
+        gc.freeze()  # a full collection would stop the streams for a tenth of a second, for what stays anyway
         self.link.ready = True
         log.info("ready")
         async with asyncio.TaskGroup() as group:
             group.create_task(self.worker.run(), name="pipeline")
             group.create_task(self._decide(), name="executive")
-            group.create_task(self._send_obstacles(), name="obstacles")
+            group.create_task(self.streams.run(), name="streams")
 
     async def _wait_for_stop(self) -> None:
         await self._stop.wait()
@@ -136,11 +165,12 @@ class Companion:
             self._epoch = self.history.epoch
             log.warning("the position estimate jumped: mapping anew")
             self.worker.restart()
+            self.streams.forget()
             self.report = self._last_report_ns = None
             return
         self._last_scan_ns = now_ns()
         self.obstacles.add(scan)
-        if not self._stands_after_flight():
+        if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan)
 
     def _stands_after_flight(self) -> bool:
@@ -151,6 +181,7 @@ class Companion:
 
     def _on_report(self, report: Report) -> None:
         self.report = report
+        self.streams.take(report)
         self._last_report_ns = now_ns()
         for zone in report.zones:
             self.zones_seen[zone.id] = zone
@@ -180,6 +211,8 @@ class Companion:
             lidar_ok=self._scans_are_fresh(now) and fresh and not self.worker.invalid,
             report=self.report if fresh else None,
             selected=self.report.selected if fresh and self.report else None,
+            battery_pct=vehicle.battery_pct,
+            blocked=self._blocked,
         )
 
     def _scans_are_fresh(self, now: int) -> bool:
@@ -189,6 +222,9 @@ class Companion:
     def _report_is_fresh(self, now: int) -> bool:
         limit = (2 * self.parameters.window_s + 1.0) * 1e9
         return self._last_report_ns is not None and now - self._last_report_ns < limit
+
+    def _fresh_report(self) -> Report | None:
+        return self.report if self._report_is_fresh(now_ns()) and not self.worker.invalid else None
 
     # ---- decisions and streams ------------------------------------------------------------------
 
@@ -211,12 +247,35 @@ class Companion:
             self.worker.select(orders.select_enu_m)
         if orders.mode is not None:
             self._change_mode(orders.mode)
+        elif self.executive.phase not in FLYING and self._mode_change is not None:
+            self._mode_change.cancel()  # the pilot has it: ask no more
         vehicle = self.link.vehicle
-        if orders.velocity_enu_ms is not None and vehicle.guided:
-            self.link.send(velocity_setpoint(vehicle, orders.velocity_enu_ms, orders.yaw_rad))
-        if orders.target_enu_m is not None:
-            self._send_target(orders.target_enu_m)
+        if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
+            velocity = self._held_back(orders.velocity_enu_ms, situation)
+            self.link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
+        elif self._must_keep_offboard_open(situation):
+            self.link.send(velocity_setpoint(vehicle, np.zeros(3), None))
+        self.streams.target_enu_m = orders.target_enu_m
         self._follow(situation)
+
+    def _must_keep_offboard_open(self, situation: Situation) -> bool:
+        """PX4 enters its offboard mode only while setpoints arrive, and ignores them in every other."""
+        px4, flying = self.link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
+        due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
+        if px4 and flying and due:
+            self._last_open_ns = situation.now_ns
+        return px4 and flying and due
+
+    def _held_back(self, velocity_enu_ms: NDArray[np.float64], situation: Situation) -> NDArray[np.float64]:
+        """Return the velocity that stops before what was seen ahead."""
+        self._blocked = False
+        pose = self.history.latest(situation.now_ns)
+        if pose is None or not velocity_enu_ms.any():
+            return velocity_enu_ms
+        axes = enu_from_level(pose)
+        around = self.streams.around_level_m(pose, situation.now_ns, LEVEL_M)
+        velocity, self._blocked = held_back(velocity_enu_ms @ axes, around, self.parameters.lidar_min_m)
+        return np.asarray(axes @ velocity)
 
     def _change_mode(self, kind: str) -> None:
         pending = self._mode_change is not None and not self._mode_change.done()
@@ -232,33 +291,25 @@ class Companion:
         if not result.ok:
             log.warning("mode %s: %s", mode, result.outcome)
 
-    def _send_target(self, point_enu_m: NDArray[np.float64]) -> None:
-        pose = self.history.latest(now_ns())
-        if pose is None:
-            return
-        target = landing_target(
-            self.link.vehicle,
-            point_enu_m,
-            pose,
-            now_ns(),
-            pose_timeout_s=self.parameters.pose_timeout_s,
-            frame=self.history.frame,
+    def _status(self) -> Status:
+        """Return what ground stations are told."""
+        now, nan = now_ns(), float("nan")
+        report = self.report if self._report_is_fresh(now) else None
+        selected = None if report is None else report.selected
+        best = report.zones[0] if report is not None and report.zones else None
+        pose, latencies = self.history.latest(now), self.worker.latencies_ms
+        over = nan if pose is None or selected is None else float(pose.position_enu_m[2]) - selected.height_m
+        return Status(
+            phase=self.executive.phase.value,
+            zones=0 if report is None else len(report.zones),
+            best_zone=nan if best is None else best.id,
+            point="none" if selected is None else selected.state.value,
+            certainty=selected.certainty if selected is not None else nan if best is None else best.certainty,
+            height_m=over,
+            latency_ms=latencies[-1] if latencies else nan,
+            dropped=self.worker.dropped_windows + self.link.statistics().dropped,
+            sync_ms=self.link.timesync.residual_ns * 1e-6 if self.link.timesync.synced else nan,
         )
-        height = self.obstacles.height_above_ground_m(pose.position_enu_m, now_ns())
-        for message in (target, downward_distance(height, self.link.vehicle.boot_ms or 0)):
-            if message is not None:
-                self.link.send(message)
-
-    async def _send_obstacles(self) -> None:
-        while True:
-            pose = self.history.latest(now_ns())
-            if pose is not None and self._scans_are_fresh(now_ns()):
-                nearby = level_frd_m(self.obstacles.points_enu_m(now_ns()), pose)
-                p = self.parameters
-                self.link.send(
-                    obstacle_distance(nearby, now_ns(), min_m=p.lidar_min_m, max_m=min(p.lidar_max_m, 50.0))
-                )
-            await asyncio.sleep(1 / self.parameters.obstacle_hz)
 
     def _follow(self, situation: Situation) -> None:
         """Keep the flown path, and note when the autopilot is lost and found."""
@@ -292,6 +343,7 @@ class Companion:
             "reports": self.worker.reports,
             "dropped_windows": self.worker.dropped_windows,
             "latency_ms": _quantiles(list(self.worker.latencies_ms)),
+            "streams": self.streams.statistics(),
             "link": asdict(self.link.statistics()),
             "lidar": self.lidar.statistics(),
             "fusion": self.assembler.statistics(),

@@ -144,18 +144,27 @@ def run(
     ] = "ask",
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
+    mavlink_key: Annotated[
+        Path | None,
+        typer.Option(help="File with the key of MAVLink signing: 32 bytes, 64 hex digits or a passphrase."),
+    ] = None,
+    state_dir: Annotated[
+        Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
     """Run on the vehicle: read the autopilot and the LiDAR, map, choose and land."""
     _log(verbose)
-    from companion import flight
+    from companion import flight, settings
+    from companion.state import StateDir, default_state_dir
 
     if land not in ("ask", "auto"):
         raise UsageError(f"--land {land!r}: use ask or auto")
-    parameters = params.load(profile, setting)
-    summary = flight.run(mavlink, lidar, land == "auto", parameters, out)
+    state = StateDir(state_dir or default_state_dir())
+    parameters = settings.load(profile, setting, state)
+    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key)
     if as_json:
         print(json.dumps(summary))
 
@@ -252,6 +261,7 @@ def params_(
                 "default": row.default,
                 "source": row.source,
                 "description": row.sentence,
+                "live": row.live,
             }
             for row in params.rows()
         }

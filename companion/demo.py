@@ -28,7 +28,7 @@ from companion.errors import CompanionError, UsageError
 from companion.evaluation import area_error, read_truth, touchdown
 from companion.flight import draw
 from companion.interrupt import Interrupts
-from companion.landing.executive import Phase
+from companion.landing.situation import Phase
 from companion.simulated import LockstepClient, LockstepLoop
 from params import Parameters
 

@@ -12,14 +12,23 @@ import numpy as np
 
 from companion import folder
 from companion.app import Companion
-from companion.landing.executive import Phase
+from companion.landing.situation import Phase
+from companion.priority import real_time
+from companion.services import start_signing
+from companion.state import StateDir
 from params import Parameters
 
 log = logging.getLogger(__name__)
 
 
 def run(
-    mavlink_url: str, lidar_url: str, auto: bool, parameters: Parameters, out: Path | None
+    mavlink_url: str,
+    lidar_url: str,
+    auto: bool,
+    parameters: Parameters,
+    out: Path | None,
+    state: StateDir,
+    key_file: Path | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -29,21 +38,25 @@ def run(
     Raises
     ------
     UsageError
-        A URL is wrong, its port is in use, or the folder cannot be made or written.
+        A URL is wrong, its port is in use, the key is refused, or the folder cannot be made or written.
     """
     if out is not None:
         folder.prepare(out)
-    return asyncio.run(_run(mavlink_url, lidar_url, auto, parameters, out))
+    signing = None if key_file is None else start_signing(key_file, state)
+
+    async def fly() -> dict[str, Any]:
+        companion = Companion(mavlink_url, lidar_url, parameters, auto=auto, signing=signing, state=state)
+        return await _run(companion, out)
+
+    return asyncio.run(fly())
 
 
-async def _run(
-    mavlink_url: str, lidar_url: str, auto: bool, parameters: Parameters, out: Path | None
-) -> dict[str, Any]:
-    companion = Companion(mavlink_url, lidar_url, parameters, auto=auto)
+async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, companion.stop)
-    await companion.run()
+    with real_time():
+        await companion.run()
     if out is not None:
         _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it all
     return companion.summary

@@ -2,46 +2,105 @@
 
 from __future__ import annotations
 
-from collections import deque
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.outputs.axes import PoseLike, enu_from_level
 from slz import Scan
+from slz.kernels.jit import kernel
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
 BELOW_M = 1.0
 FEWEST = 5
+CAPACITY = 1 << 16
 
 
 class ObstacleMemory:
-    """Returns of the last second, thinned, in the map frame.
+    """Returns of the last seconds, thinned, in the map frame: what the map does not show yet.
 
-    A LiDAR that looks down does not see what the vehicle turns away from; what was there a moment ago is
-    still there.
+    Windows become a map a second or two after they were seen. Memory and time are bounded: a ring of
+    `CAPACITY` returns, walked by kernels.
+
+    Attributes
+    ----------
+    newest_ns
+        Stamp of the newest return, None before the first.
     """
 
-    def __init__(self, keep_s: float = 1.0, thin: int = 8) -> None:
+    def __init__(self, keep_s: float = 2.0, thin: int = 8) -> None:
         self._keep_ns = round(keep_s * 1e9)
         self._thin = thin
-        self._scans: deque[tuple[int, NDArray[np.float64]]] = deque()
+        self._points = np.zeros((CAPACITY, 3))
+        self._stamps = np.full(CAPACITY, np.iinfo(np.int64).min // 2)
+        self._next = 0
+        self._out = np.empty((CAPACITY, 3))
+        self.newest_ns: int | None = None
 
     def add(self, scan: Scan) -> None:
         """Remember a scan."""
-        if len(scan):
-            self._scans.append((int(scan.stamp_ns[-1]), scan.points_enu_m[:: self._thin]))
+        if not len(scan):
+            return
+        points, stamps = scan.points_enu_m[:: self._thin], scan.stamp_ns[:: self._thin]
+        while len(points):
+            room = CAPACITY - self._next
+            self._points[self._next : self._next + len(points)] = points[:room]
+            self._stamps[self._next : self._next + len(points)] = stamps[:room]
+            self._next = (self._next + min(room, len(points))) % CAPACITY
+            points, stamps = points[room:], stamps[room:]
+        self.newest_ns = int(scan.stamp_ns[-1])
 
-    def points_enu_m(self, now_ns: int) -> NDArray[np.float64]:
-        """Return the (n, 3) returns still remembered."""
-        while self._scans and now_ns - self._scans[0][0] > self._keep_ns:
-            self._scans.popleft()
-        if not self._scans:
-            return np.zeros((0, 3))
-        return np.concatenate([points for _, points in self._scans])
+    def forget(self) -> None:
+        """Forget everything: the position estimate was moved."""
+        self._stamps[:] = np.iinfo(np.int64).min // 2
+        self.newest_ns = None
 
-    def height_above_ground_m(self, position_enu_m: NDArray[np.float64], now_ns: int) -> float:
-        """Return the height over the returns below the vehicle, NaN where too few fell there."""
-        points = self.points_enu_m(now_ns)
-        below = np.hypot(*(points[:, :2] - position_enu_m[:2]).T) < BELOW_M
-        if np.count_nonzero(below) < FEWEST:
-            return float("nan")
-        return float(position_enu_m[2] - np.median(points[below, 2]))
+    def level_frd_m(self, pose: PoseLike, now_ns: int) -> Floats:
+        """Return (n, 3) forward, right, down of the vehicle, level, of the returns still remembered.
+
+        The array is overwritten by the next call.
+        """
+        oldest = now_ns - self._keep_ns
+        axes = np.ascontiguousarray(enu_from_level(pose))
+        n = _levelled(self._points, self._stamps, oldest, pose.position_enu_m, axes, self._out)
+        return self._out[:n]
+
+    def ground_below_m(self, position_enu_m: Floats, now_ns: int) -> float:
+        """Return the median height of the returns below a position, NaN where too few fell there."""
+        oldest = now_ns - self._keep_ns
+        heights = self._out.reshape(-1)
+        n = _below(self._points, self._stamps, oldest, position_enu_m[0], position_enu_m[1], BELOW_M, heights)
+        return math.nan if n < FEWEST else float(np.median(heights[:n]))
+
+
+@kernel("int64(float64[:, ::1], int64[::1], int64, float64[::1], float64[:, ::1], float64[:, ::1])")
+def _levelled(
+    points: Floats, stamps: Stamps, oldest_ns: int, origin: Floats, axes: Floats, out: Floats
+) -> int:
+    """Write the points that are young enough relative to an origin, in axes given by columns."""
+    n = 0
+    for i in range(len(stamps)):
+        if stamps[i] >= oldest_ns:
+            x, y, z = points[i, 0] - origin[0], points[i, 1] - origin[1], points[i, 2] - origin[2]
+            for k in range(3):
+                out[n, k] = x * axes[0, k] + y * axes[1, k] + z * axes[2, k]
+            n += 1
+    return n
+
+
+@kernel("int64(float64[:, ::1], int64[::1], int64, float64, float64, float64, float64[::1])")
+def _below(
+    points: Floats, stamps: Stamps, oldest_ns: int, east: float, north: float, radius: float, out: Floats
+) -> int:
+    """Write the heights of the points that are young enough and within a radius."""
+    n = 0
+    for i in range(len(stamps)):
+        if stamps[i] >= oldest_ns:
+            x, y = points[i, 0] - east, points[i, 1] - north
+            if x * x + y * y < radius * radius:
+                out[n] = points[i, 2]
+                n += 1
+    return n

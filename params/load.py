@@ -20,8 +20,10 @@ class ParameterError(ValueError):
     """A parameter is unknown, unreadable or out of range; the message is one line for the user."""
 
 
-def load(profile: str = "quadcopter", settings: Iterable[str] = ()) -> Parameters:
-    """Build parameters from a profile and settings, later ones winning.
+def load(
+    profile: str = "quadcopter", settings: Iterable[str] = (), stored: Mapping[str, Any] | None = None
+) -> Parameters:
+    """Build parameters from a profile, stored values and settings, later ones winning.
 
     Parameters
     ----------
@@ -30,13 +32,15 @@ def load(profile: str = "quadcopter", settings: Iterable[str] = ()) -> Parameter
         from with `profile = "helicopter"`; otherwise it starts from `quadcopter`.
     settings
         `name=value` strings; name is the Python or the MAVLink name.
+    stored
+        Python names and values that were set over MAVLink in earlier flights.
 
     Raises
     ------
     ParameterError
         Unknown profile, name or choice, unreadable file or value, or value out of range.
     """
-    values = _profile(profile)
+    values = _profile(profile) | dict(stored or {})
     by_name = {key: row for row in rows() for key in (row.name, row.mavlink)}
     for setting in settings:
         name, equals, text = setting.partition("=")

@@ -19,12 +19,16 @@ OURS = "this project"
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """Row of the table: what is known of a parameter beside its type, range and default."""
+    """Row of the table: what is known of a parameter beside its type, range and default.
+
+    live: a change takes effect at once; otherwise at the next start.
+    """
 
     mavlink: str
     unit: str
     source: str
     sentence: str
+    live: bool = False
 
 
 def _in(low: float, high: float) -> Any:
@@ -245,48 +249,99 @@ class Parameters(BaseModel):
         float, _in(0.05, 10), Spec("SLZ_POSE_TOUT", "s", OURS, "Age beyond which a pose is stale.")
     ] = 0.5
     link_timeout_s: Annotated[
-        float, _in(1, 60), Spec("SLZ_LINK_TOUT", "s", OURS, "Silence after which the autopilot is lost.")
+        float,
+        _in(1, 60),
+        Spec("SLZ_LINK_TOUT", "s", OURS, "Silence after which the autopilot is lost.", live=True),
     ] = 5.0
     landing_target_hz: Annotated[
         float, _in(3, 50), Spec("SLZ_TARGET_HZ", "Hz", OURS, "Rate of LANDING_TARGET.")
     ] = 20.0
     obstacle_hz: Annotated[
-        float, _in(1, 50), Spec("SLZ_OBST_HZ", "Hz", OURS, "Rate of OBSTACLE_DISTANCE.")
+        float, _in(1, 50), Spec("SLZ_OBST_HZ", "Hz", OURS, "Rate of OBSTACLE_DISTANCE.", live=True)
     ] = 12.0
+
+    # ---- rally points ---------------------------------------------------------------------------
+    rally: Annotated[
+        Literal["off", "on"],
+        Spec(
+            "SLZ_RALLY",
+            "",
+            OURS,
+            "Whether the best zones are given to the autopilot as rally points, to which its RTL flies.",
+            live=True,
+        ),
+    ] = "off"
+    rally_height_m: Annotated[
+        float,
+        _in(3, 500),
+        Spec("SLZ_RALLY_H", "m", OURS, "Height of a rally point above its ground.", live=True),
+    ] = 20.0
 
     # ---- landing --------------------------------------------------------------------------------
     survey_s: Annotated[
-        float, _in(2, 3600), Spec("SLZ_SURVEY_S", "s", OURS, "Time spent surveying before a point is chosen.")
+        float,
+        _in(2, 3600),
+        Spec("SLZ_SURVEY_S", "s", OURS, "Time spent surveying before a point is chosen.", live=True),
     ] = 30.0
     survey_speed_ms: Annotated[
-        float, _in(0.2, 50), Spec("SLZ_SURV_SPD", "m/s", OURS, "Ground speed during the survey.")
+        float, _in(0.2, 50), Spec("SLZ_SURV_SPD", "m/s", OURS, "Ground speed during the survey.", live=True)
     ] = 4.0
     survey_height_m: Annotated[
         float,
         _in(3, 500),
-        Spec("SLZ_SURV_H", "m", OURS, "Lowest height above the take-off point to survey at."),
+        Spec("SLZ_SURV_H", "m", OURS, "Lowest height above the take-off point to survey at.", live=True),
     ] = 15.0
     approach_speed_ms: Annotated[
-        float, _in(0.2, 50), Spec("SLZ_APPR_SPD", "m/s", OURS, "Ground speed towards the landing point.")
+        float,
+        _in(0.2, 50),
+        Spec("SLZ_APPR_SPD", "m/s", OURS, "Ground speed towards the landing point.", live=True),
     ] = 4.0
     descent_speed_ms: Annotated[
-        float, _in(0.1, 10), Spec("SLZ_DESC_SPD", "m/s", OURS, "Sink rate down to the final height.")
+        float,
+        _in(0.1, 10),
+        Spec("SLZ_DESC_SPD", "m/s", OURS, "Sink rate down to the final height.", live=True),
     ] = 1.5
     climb_speed_ms: Annotated[
-        float, _in(0.1, 10), Spec("SLZ_CLIMB_SPD", "m/s", OURS, "Climb rate after an abort.")
+        float, _in(0.1, 10), Spec("SLZ_CLIMB_SPD", "m/s", OURS, "Climb rate after an abort.", live=True)
     ] = 2.0
     final_height_m: Annotated[
         float,
         _in(1, 200),
-        Spec("SLZ_FINAL_H", "m", OURS, "Height above the point where the autopilot's LAND takes over."),
+        Spec(
+            "SLZ_FINAL_H",
+            "m",
+            OURS,
+            "Height above the point where the autopilot's LAND takes over.",
+            live=True,
+        ),
     ] = 12.0
     commit_height_m: Annotated[
         float,
         _in(0.2, 100),
-        Spec("SLZ_COMMIT_H", "m", OURS, "Height below which the landing is not broken off any more."),
+        Spec(
+            "SLZ_COMMIT_H", "m", OURS, "Height below which the landing is not broken off any more.", live=True
+        ),
     ] = 1.5
+    dust_height_m: Annotated[
+        float,
+        _in(0, 100),
+        Spec(
+            "SLZ_DUST_H",
+            "m",
+            OURS,
+            "Height above the point below which nothing is mapped (rotor dust): its last state holds.",
+            live=True,
+        ),
+    ] = 1.5
+    battery_land_pct: Annotated[
+        float,
+        _in(0, 100),
+        Spec("SLZ_BAT_LAND", "%", OURS, "Charge at which it lands at the nearest zone; 0 never.", live=True),
+    ] = 15.0
     min_certainty: Annotated[
-        float, _in(0, 1), Spec("SLZ_MIN_CERT", "", OURS, "Least certainty of a zone chosen to land in.")
+        float,
+        _in(0, 1),
+        Spec("SLZ_MIN_CERT", "", OURS, "Least certainty of a zone chosen to land in.", live=True),
     ] = 0.86
     uncertain_below: Annotated[
         float,
@@ -306,6 +361,7 @@ class Parameters(BaseModel):
         for low, high in (
             ("lidar_min_m", "lidar_max_m"),
             ("commit_height_m", "final_height_m"),
+            ("dust_height_m", "final_height_m"),
             ("cell_m", "min_square_m"),
             ("cell_m", "zone_m"),
             ("safe_slope_deg", "max_slope_deg"),
@@ -343,6 +399,7 @@ class Row:
     default: Any
     source: str
     sentence: str
+    live: bool
 
 
 def rows() -> tuple[Row, ...]:
@@ -366,4 +423,5 @@ def _row(name: str) -> Row:
         default=field.default,
         source=spec.source,
         sentence=spec.sentence,
+        live=spec.live,
     )

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from sitl import attach, scenes, truth
 from sitl.intruder import HIGHEST_M, Intruder
+from sitl.key import read_key
 from sitl.lockstep import LockstepServer
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
@@ -122,6 +123,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         metavar="URL",
         help="LiDAR only, on the vehicle of a running ArduCopter or PX4 SITL: tcp:HOST:PORT",
     )
+    parser.add_argument(
+        "--mavlink-key", type=Path, default=None, metavar="FILE", help="sign all MAVLink with this key"
+    )
     parser.add_argument("--lockstep", type=int, default=None, metavar="PORT", help="0 takes a free port")
     parser.add_argument(
         "--speedup", type=float, default=None, help="times real time; 0 is as fast as possible"
@@ -177,6 +181,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         point_rate_hz=round(options.point_rate),
         wind_ms=options.wind,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
+        mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
     )
     simulation.intruder = intruder
     try:

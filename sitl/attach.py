@@ -16,7 +16,7 @@ from sitl.pose_source import Place
 
 IDLE_S = 0.002
 # Options of the whole vehicle; the autopilot that is followed has its own.
-FOREIGN = ("mavlink", "lockstep", "speedup", "pilot", "wind", "takeoff_alt", "intruder")
+FOREIGN = ("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "wind", "takeoff_alt", "intruder")
 FLAT_ENOUGH = 0.98
 
 

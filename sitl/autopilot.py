@@ -19,6 +19,7 @@ from sitl.modes import Mode, Navigator
 from sitl.parameters import DEFAULTS
 from sitl.precland import PrecisionLanding
 from sitl.proximity import Proximity
+from sitl.rally import Rally
 from sitl.state import State, to_euler
 from sitl.telemetry import Telemetry
 
@@ -71,6 +72,7 @@ class Autopilot:
         self.precland = PrecisionLanding()
         self.proximity = Proximity()
         self.navigator = Navigator(self.parameters, self.precland)
+        self.rally = Rally(self)
         self.commands = Commands(self)
         self.telemetry = Telemetry(self)
         self.faults = 0
@@ -144,6 +146,7 @@ class Autopilot:
         """Return what is to be sent now: link or None for all, and the message."""
         self._now_ns = max(self._now_ns, now_ns)
         self.telemetry.emit(self._now_ns)
+        self.rally.step(self._now_ns)
         out = list(self._outgoing)
         self._outgoing.clear()
         return out
@@ -173,6 +176,7 @@ class Autopilot:
             return False
         if mode is not self.mode:
             self.mode = mode
+            self.navigator.rally_enu_m = self.rally.points_enu_m()
             self.navigator.enter(mode, self.estimate)
             self.mode_changes.append((self._now_ns, mode.name))
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)

@@ -96,11 +96,12 @@ class Commands:
             "LANDING_TARGET": self._landing_target,
             "DISTANCE_SENSOR": self._distance_sensor,
             "OBSTACLE_DISTANCE": self._obstacle_distance,
+            "OBSTACLE_DISTANCE_3D": self._obstacle_distance_3d,
             "TIMESYNC": self._timesync,
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
-            "MISSION_REQUEST_LIST": self._mission_list,
+            **autopilot.rally.handlers,
             "REQUEST_DATA_STREAM": self._data_stream,
         }
         self._commands: dict[int, Callable[[Params, int], int]] = {
@@ -302,17 +303,22 @@ class Commands:
 
     def _distance_sensor(self, message: Any, _link: int) -> None:
         if message.orientation == self._ap.parameters["RNGFND1_ORIENT"]:
-            self._ap.rangefinder = (self._ap.now_ns, message.current_distance / 100)
+            in_range = message.min_distance <= message.current_distance <= message.max_distance
+            distance_m = message.current_distance / 100 if in_range else math.inf
+            self._ap.rangefinder = (self._ap.now_ns, distance_m)
 
     def _obstacle_distance(self, message: Any, _link: int) -> None:
         self._ap.proximity.receive(message, self._ap.now_ns)
+
+    def _obstacle_distance_3d(self, message: Any, _link: int) -> None:
+        self._ap.proximity.receive_3d(message, self._ap.now_ns)
 
     def _timesync(self, message: Any, link: int) -> None:
         if message.tc1 == 0:
             answer = mavlink.MAVLink_timesync_message(self._ap.boot_ns, message.ts1)
             self._ap.send(answer, link)
 
-    # ---- parameters and missions --------------------------------------------------------------------
+    # ---- parameters ---------------------------------------------------------------------------------
 
     def _param(self, name: str, link: int) -> None:
         names = sorted(self._ap.parameters)
@@ -344,14 +350,6 @@ class Commands:
             if in_range(message.param_id, message.param_value):
                 self._ap.parameters[message.param_id] = float(message.param_value)
             self._param(message.param_id, link)
-
-    def _mission_list(self, message: Any, link: int) -> None:
-        self._ap.send(
-            mavlink.MAVLink_mission_count_message(
-                message.get_srcSystem(), message.get_srcComponent(), 0, message.mission_type
-            ),
-            link,
-        )
 
     def _data_stream(self, message: Any, link: int) -> None:
         self._ap.telemetry.data_stream(

@@ -63,6 +63,8 @@ class Navigator:
     precland: PrecisionLanding
     home_enu_m: F64 = field(default_factory=lambda: np.zeros(3))
     hold_enu_m: F64 = field(default_factory=lambda: np.zeros(3))
+    rally_enu_m: list[F64] = field(default_factory=list)
+    return_enu_m: F64 = field(default_factory=lambda: np.zeros(3))
     guided: GuidedTarget = field(default_factory=GuidedTarget)
     takeoff_up_m: float | None = None
     climbing: bool = False
@@ -78,6 +80,8 @@ class Navigator:
         self.climbing = mode is Mode.RTL
         self.descending = False
         self.search = Search()
+        if mode is Mode.RTL:
+            self.return_enu_m = self._return_point(state)
 
     def velocity(self, mode: Mode, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
         """Return the velocity wanted (3,) east, north, up; `rangefinder_m` is None without a healthy one."""
@@ -169,14 +173,28 @@ class Navigator:
     def _return(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
         if self.descending:  # for good: a landing target may lead away from home
             return self._land(state, now_ns, rangefinder_m)
-        top = max(self.hold_enu_m[2], self.home_enu_m[2] + self.parameters["RTL_ALT"] / 100)
+        lowest = self.home_enu_m[2] + self.parameters["RTL_ALT"] / 100
+        top = max(self.hold_enu_m[2], lowest, self.return_enu_m[2])
         if self.climbing:
             if state.pos_enu_m[2] > top - 0.5:
                 self.climbing = False
             return self._hold(np.array([*self.hold_enu_m[:2], top]), state)
-        home = np.array([*self.home_enu_m[:2], top])
-        if float(np.hypot(*(home[:2] - state.pos_enu_m[:2]))) > 0.7:
-            return self._hold(home, state)
+        there = np.array([*self.return_enu_m[:2], top])
+        if float(np.hypot(*(there[:2] - state.pos_enu_m[:2]))) > 0.7:
+            return self._hold(there, state)
         self.descending = True
-        self.hold_enu_m = home
+        self.hold_enu_m = there
         return self._land(state, now_ns, rangefinder_m)
+
+    def _return_point(self, state: State) -> F64:
+        """Return the nearest of rally points and home; rally points beyond RALLY_LIMIT_KM do not count."""
+        p = self.parameters
+        if not self.rally_enu_m:
+            return self.home_enu_m.copy()
+        off = [float(np.hypot(*(point[:2] - state.pos_enu_m[:2]))) for point in self.rally_enu_m]
+        nearest = int(np.argmin(off))
+        home_off = float(np.hypot(*(self.home_enu_m[:2] - state.pos_enu_m[:2])))
+        too_far = 0 < p["RALLY_LIMIT_KM"] * 1000 < off[nearest]
+        if too_far or (p["RALLY_INCL_HOME"] and home_off <= off[nearest]):
+            return self.home_enu_m.copy()
+        return self.rally_enu_m[nearest].copy()

@@ -31,6 +31,8 @@ DEFAULTS: dict[str, float] = {
     "PLND_XY_DIST_MAX": 2.5,
     "PRX1_TYPE": 0,
     "RALLY_INCL_HOME": 1,
+    "RALLY_LIMIT_KM": 0.3,
+    "RALLY_TOTAL": 0,
     "RNGFND1_TYPE": 10,
     "RNGFND1_MIN": 0.2,
     "RNGFND1_MAX": 70,

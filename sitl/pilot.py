@@ -6,6 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.key import keep_time, sign
 from sitl.modes import Mode
 from sitl.wire import MemoryWire
 
@@ -15,11 +16,13 @@ RETRY_NS = 1_000_000_000
 class Pilot:
     """System 255 on a wire of its own; everything it does is a MAVLink message."""
 
-    def __init__(self, wire: MemoryWire, takeoff_height_m: float) -> None:
+    def __init__(self, wire: MemoryWire, takeoff_height_m: float, key: bytes | None = None) -> None:
         self._wire = wire
         self._height_m = takeoff_height_m
         self._codec: Any = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._codec.robust_parsing = True
+        if key is not None:
+            sign(self._codec, key, 0)
         self._next_ns = 0
         self._heartbeat_ns = 0
         self.mode = -1
@@ -48,6 +51,8 @@ class Pilot:
 
     def send(self, message: Any) -> None:
         """Send a message."""
+        if self._codec.signing.sign_outgoing:
+            keep_time(self._codec)
         self._wire.send(bytes(message.pack(self._codec)))
         self._codec.seq = (self._codec.seq + 1) % 256
 

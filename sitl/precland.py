@@ -1,6 +1,7 @@
 """Precision landing from LANDING_TARGET, with the behaviour measured on ArduCopter.
 
-Only MAV_FRAME_BODY_FRD with position_valid and a distance counts. The target is believed after two seconds of
+Only MAV_FRAME_BODY_FRD with position_valid and a distance leads to the target; MAV_FRAME_LOCAL_FRD is taken
+too, and leads elsewhere: the vector is not turned by the heading. The target is believed after two seconds of
 updates without a gap of half a second, predicted for two seconds when they stop, and then lost.
 """
 
@@ -19,7 +20,7 @@ F64 = NDArray[np.float64]
 NEEDED_NS = 2_000_000_000
 GAP_NS = 500_000_000
 PREDICTED_NS = 2_000_000_000
-BODY_FRD = 12
+BODY_FRD, LOCAL_FRD = 12, 20
 FILTER_SHARE = 0.25
 
 
@@ -40,7 +41,7 @@ class PrecisionLanding:
 
     def receive(self, message: Any, now_ns: int, lag_s: float) -> str | None:
         """Take a LANDING_TARGET; return a text for the operator when its frame is refused the first time."""
-        if not message.position_valid or message.frame != BODY_FRD:
+        if not message.position_valid or message.frame not in (BODY_FRD, LOCAL_FRD):
             if self.frame_refused or not message.position_valid:
                 return None
             self.frame_refused = True
@@ -53,7 +54,7 @@ class PrecisionLanding:
         self._last_stamp = message.time_usec
         wanted = now_ns - round(lag_s * 1e9)
         _, position, attitude = min(self._poses, key=lambda pose: abs(pose[0] - wanted))
-        measured = position + ned(rotate(attitude, body))
+        measured = position + ned(body if message.frame == LOCAL_FRD else rotate(attitude, body))
         if self._last_ns is None or now_ns - self._last_ns > GAP_NS or self._target is None:
             self._first_ns = now_ns if not self.acquired(now_ns) else self._first_ns
             self._target = measured

@@ -1,7 +1,8 @@
-"""Obstacles around the vehicle from OBSTACLE_DISTANCE, and how far a velocity may lead towards them.
+"""Obstacles around the vehicle as it is told of them, and how far a velocity may lead towards them.
 
-ArduPilot takes the angles relative to the body whatever the frame field says, forgets the message after half
-a second, and with AVOID_ENABLE's second bit limits GUIDED velocities, never GUIDED positions.
+As measured on ArduPilot: it takes the angles of OBSTACLE_DISTANCE relative to the body whatever the frame
+field says; of OBSTACLE_DISTANCE_3D it takes BODY_FRD only, yet one in another frame counts as a sign of life.
+Half a second without either is no data. AVOID_ENABLE's second bit limits GUIDED velocities, never positions.
 """
 
 from __future__ import annotations
@@ -13,17 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
+Ray = tuple[float, float, float, float]
 
 FRESH_NS = 500_000_000
+FACE_NS = 1_000_000_000
+BATCH_NS = 50_000_000
+BODY_FRD = 12
 BRAKE_MS2 = 1.0
 
 
 class Proximity:
-    """The latest OBSTACLE_DISTANCE."""
+    """The latest OBSTACLE_DISTANCE, and the latest whole batch of OBSTACLE_DISTANCE_3D.
+
+    Obstacles are kept as distances and unit vectors forward, right, down, level but turned with the heading.
+    What is not told again is forgotten after a second, all of it after half a second of silence.
+    """
 
     def __init__(self) -> None:
-        self._stamp_ns: int | None = None
-        self._seen: list[tuple[float, float]] = []
+        self._heard_ns: int | None = None
+        self._around: tuple[int, list[Ray]] = (0, [])
+        self._points: tuple[int, list[Ray]] = (0, [])
+        self._batch: tuple[int, list[Ray]] = (0, [])
+        self._batch_stamp: int | None = None
 
     def receive(self, message: Any, now_ns: int) -> None:
         """Take an OBSTACLE_DISTANCE; 0, 65535 and what is out of its own range mean nothing there."""
@@ -32,30 +44,57 @@ class Proximity:
         if not (math.isfinite(step_deg) and math.isfinite(first_deg)):
             return
         low, high = max(1, message.min_distance), min(65_534, message.max_distance)
-        self._stamp_ns = now_ns
+        self._heard_ns = now_ns
         seen = [
-            (math.radians(first_deg + i * step_deg), distance / 100)
+            (distance / 100, *_level(math.radians(first_deg + i * step_deg)))
             for i, distance in enumerate(message.distances)
             if low <= distance <= high
         ]
-        # Nearest first: what is left of a velocity after the face of a wall slides along it.
-        self._seen = sorted(seen, key=lambda one: one[1])
+        self._around = now_ns, seen
+
+    def receive_3d(self, message: Any, now_ns: int) -> None:
+        """Take an OBSTACLE_DISTANCE_3D; points of one stamp are used from the next stamp on, or after 50 ms.
+
+        What is at no distance or out of its own range is dropped in silence.
+        """
+        self._heard_ns = now_ns
+        if message.frame != BODY_FRD:
+            return
+        if message.time_boot_ms != self._batch_stamp or now_ns - self._batch[0] > BATCH_NS:
+            self._points, self._batch = self._batch, (now_ns, [])
+        self._batch_stamp = message.time_boot_ms
+        distance = math.hypot(message.x, message.y, message.z)
+        points = self._batch[1]
+        if distance > 0 and message.min_distance <= distance <= message.max_distance:
+            points.append((distance, message.x / distance, message.y / distance, message.z / distance))
+        self._batch = now_ns, points
 
     def fresh(self, now_ns: int) -> bool:
         """Tell whether a message came in the last half second."""
-        return self._stamp_ns is not None and now_ns - self._stamp_ns <= FRESH_NS
+        return self._heard_ns is not None and now_ns - self._heard_ns <= FRESH_NS
 
     def limited(self, velocity_enu_ms: F64, yaw_rad: float, margin_m: float, now_ns: int) -> F64:
         """Return a velocity (3,) whose part towards each obstacle lets it stop `margin_m` before it."""
-        if not self.fresh(now_ns):
-            return velocity_enu_ms
-        east, north = float(velocity_enu_ms[0]), float(velocity_enu_ms[1])
-        for angle, distance in self._seen:
-            to_east, to_north = math.sin(yaw_rad + angle), math.cos(yaw_rad + angle)
-            excess = east * to_east + north * to_north - _fastest(distance - margin_m)
+        sine, cosine = math.sin(yaw_rad), math.cos(yaw_rad)
+        east, north, up = (float(v) for v in velocity_enu_ms)
+        for distance, forward, right, down in self._rays(now_ns):
+            to_east, to_north = forward * sine + right * cosine, forward * cosine - right * sine
+            excess = east * to_east + north * to_north - up * down - _fastest(distance - margin_m)
             if excess > 0:
-                east, north = east - excess * to_east, north - excess * to_north
-        return np.array([east, north, float(velocity_enu_ms[2])])
+                east, north, up = east - excess * to_east, north - excess * to_north, up + excess * down
+        return np.array([east, north, up])
+
+    def _rays(self, now_ns: int) -> list[Ray]:
+        """Return what counts now, nearest first: what is left of a velocity slides along a wall's face."""
+        if not self.fresh(now_ns):
+            return []
+        done = self._batch if now_ns - self._batch[0] > BATCH_NS else self._points
+        rays = [ray for at, seen in (self._around, done) if now_ns - at <= FACE_NS for ray in seen]
+        return sorted(rays)
+
+
+def _level(angle_rad: float) -> tuple[float, float, float]:
+    return math.cos(angle_rad), math.sin(angle_rad), 0.0
 
 
 def _fastest(room_m: float) -> float:

@@ -46,6 +46,7 @@ class Simulation:
         parameters: dict[str, float] | None = None,
         pilot_height_m: float | None = None,
         ready_after_s: float = 5.0,
+        mavlink_key: bytes | None = None,
     ) -> None:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
         x, y, heading = scene.home_enu
@@ -56,7 +57,7 @@ class Simulation:
         self.estimator = Estimator(streams[1], errors)
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
         self.autopilot.truth_source = lambda: self.vehicle.truth
-        self.router = Router(wires, streams[3], self._deliver)
+        self.router = Router(wires, streams[3], self._deliver, mavlink_key)
         self.lidar = Mid360(streams[2], point_rate_hz=point_rate_hz) if lidar_to else None
         self.lidar_on = True
         self.log = FlightLog(self)
@@ -65,7 +66,7 @@ class Simulation:
         if pilot_height_m is not None:
             wire = MemoryWire("pilot")
             wires.append(wire)
-            self.pilot = Pilot(wire, pilot_height_m)
+            self.pilot = Pilot(wire, pilot_height_m, mavlink_key)
         self.every_tick: list[Callable[[Simulation], None]] = [lambda s: s.log.note()]
         self._lidar_to = lidar_to
         self._lidar_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.key import keep_time, sign
+
 
 class WireError(ValueError):
     """A wire cannot be opened as asked; the message is one line for the user."""
@@ -294,13 +296,18 @@ class Router:
     """Carries messages between wires and the autopilot as ArduPilot's routing does.
 
     What is addressed to somebody heard on a wire goes there; what is addressed to nobody goes everywhere
-    else; everything for this autopilot or for nobody also goes to it.
+    else; everything for this autopilot or for nobody also goes to it. With a key every wire is signed.
     """
 
     def __init__(
-        self, wires: list[Wire], rng: np.random.Generator, deliver: Callable[[Any, int], None]
+        self,
+        wires: list[Wire],
+        rng: np.random.Generator,
+        deliver: Callable[[Any, int], None],
+        key: bytes | None = None,
     ) -> None:
         self.wires = wires
+        self.key = key
         self.model = LinkModel()
         self._rng = rng
         self._deliver = deliver
@@ -318,6 +325,8 @@ class Router:
             self._where = {who: known for who, known in self._where.items() if known.open}
             taken = set(self._numbers.values())
             self._numbers[peer] = next(n for n in count() if n not in taken)
+            if self.key is not None:
+                sign(peer.codec, self.key, self._numbers[peer])
         return self._numbers[peer]
 
     def peers(self) -> list[Peer]:
@@ -330,6 +339,7 @@ class Router:
             heapq.heappop(self._queue)[2]()
         for wire in self.wires:
             for peer, data in wire.poll():
+                self.number(peer)
                 for message in peer.parse(self._spoilt(data)):
                     self._through(lambda p=peer, m=message: self._route(p, m))  # type: ignore[misc]
 
@@ -337,6 +347,9 @@ class Router:
         """Send a message of the autopilot to one link or to all."""
         for peer in self.peers():
             if link is None or self.number(peer) == link:
+                self.number(peer)
+                if self.key is not None:
+                    keep_time(peer.codec)
                 try:
                     data = bytes(message.pack(peer.codec))
                 except (struct.error, ValueError, OverflowError):  # a value its field cannot hold

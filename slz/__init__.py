@@ -5,6 +5,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point import PointState, SelectedPoint
 from slz.maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
+from slz.nearby import Nearby
 from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
 from slz.surroundings import Obstacle, Surroundings
@@ -21,6 +22,7 @@ __all__ = [
     "LandingPoint",
     "LocalFrame",
     "MapReport",
+    "Nearby",
     "Obstacle",
     "Pipeline",
     "PointState",

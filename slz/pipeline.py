@@ -18,6 +18,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
+from slz.nearby import nearby
 from slz.outliers import (
     CLOUD_GROUP,
     FLIGHT_GROUP,
@@ -29,7 +30,6 @@ from slz.outliers import (
 )
 from slz.registration import offset
 from slz.report import MapReport, Report
-from slz.tiles import Noise
 from slz.window import Window
 from slz.zone_map import ZoneMap, far_parameters
 
@@ -100,6 +100,8 @@ class Pipeline:
         self._selected = self._judge_selected(near, far)
         self._far_is_active = self._source and choice.far
         clock.lap("landing_point")
+        around = nearby(near.terrain, far.terrain, sensor)
+        clock.lap("nearby")
         return Report(
             stamp_ns=window.end_ns,
             frame=window.frame,
@@ -114,6 +116,7 @@ class Pipeline:
             n_evicted=near.n_evicted,
             far_is_active=self._far_is_active,
             stage_ms=clock.ms,
+            nearby=around,
         )
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
@@ -216,11 +219,10 @@ class Pipeline:
 
     def _contradictions(self, points: Points, sensor: Points, near: ZoneMap) -> NDArray[np.bool_]:
         """Tell which points, however far, stand on known ground of the near map: they count at once."""
-        if near.tiles is None or not np.isfinite(sensor).all():
+        terrain = near.terrain
+        if not isinstance(terrain, EvidenceTerrain) or not np.isfinite(sensor).all():
             return np.zeros(len(points), bool)
-        p = self._parameters
-        noise = Noise(p.range_noise_m, math.radians(p.angle_noise_deg))
-        return near.tiles.contradicted_by(points, sensor, noise, p.relief_m)
+        return terrain.tiles.contradicted_by(points, sensor, terrain.noise, self._parameters.relief_m)
 
     def _judge_selected(self, near: ZoneMap, far: ZoneMap) -> SelectedPoint | None:
         if self._selected is None:

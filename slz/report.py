@@ -9,6 +9,7 @@ from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Grid
 from slz.landing_point import SelectedPoint
+from slz.nearby import Nearby
 from slz.zone import Zone
 
 
@@ -28,7 +29,8 @@ class Report:
     was like, and the mode, resolution and window length chosen from that. n_points: returns of the window,
     n_used: those near enough for the near map. new_map: the window of the near map was moved before.
     n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up.
-    far_is_active: the far map is the one to land by. stage_ms: processing time by stage.
+    far_is_active: the far map is the one to land by. stage_ms: processing time by stage. nearby: heights
+    around the vehicle, None where its place is unknown.
     """
 
     stamp_ns: int
@@ -44,6 +46,7 @@ class Report:
     n_evicted: int
     far_is_active: bool
     stage_ms: Mapping[str, float]
+    nearby: Nearby | None = None
 
     @property
     def active(self) -> MapReport:

@@ -1,4 +1,4 @@
-"""Settings for all tests: property tests draw the same examples in every run; autopilots fly on request."""
+"""Settings for all tests: property tests draw the same examples in every run; other programs join on request."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ AUTOPILOTS = {"arducopter": "an ArduCopter SITL binary", "px4": "the build folde
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let the user name autopilots to fly; without them their tests are skipped."""
+    """Let the user name programs to test with; without them their tests are skipped."""
     for name, what in AUTOPILOTS.items():
         parser.addoption(f"--{name}", type=Path, default=None, metavar="PATH", help=f"{what} to fly with")
+    parser.addoption("--mavproxy", metavar="PATH", help="mavproxy.py for the tests with it as ground station")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -27,3 +28,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             for item in items:
                 if item.get_closest_marker(name):
                     item.add_marker(skip)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def state_home(tmp_path_factory: pytest.TempPathFactory) -> object:
+    """Keep what programs under test remember out of the user's own folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
+@pytest.fixture
+def mavproxy(request: pytest.FixtureRequest) -> Path:
+    """Return the program that --mavproxy names; skip without it."""
+    path = request.config.getoption("--mavproxy")
+    if path is None:
+        pytest.skip("needs --mavproxy PATH (pip install --no-deps MAVProxy)")
+    return Path(path)

@@ -7,105 +7,38 @@ before the operator handed over, and nothing after the mode changed under it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from enum import Enum
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.landing.choice import choose
+from companion.landing.choice import choose, soonest
+from companion.landing.custody import Custody
 from companion.landing.guidance import heading_rad, level, towards
 from companion.landing.pattern import expanding_square
+from companion.landing.situation import (
+    FLYING,
+    Orders,
+    Phase,
+    Reply,
+    Severity,
+    Situation,
+    Tally,
+    Vector,
+    Wish,
+)
 from params import Parameters
-from slz import PointState, Report, SelectedPoint
+from slz import PointState, Zone
 from slz.pipeline import reach_m
 
-Vector = NDArray[np.float64]
-
-
-class Phase(Enum):
-    """Where a landing stands."""
-
-    IDLE = "idle"
-    SURVEY = "survey"
-    APPROACH = "approach"
-    DESCEND = "descend"
-    FINAL = "final"
-    LANDED = "landed"
-    CLIMB = "climb"
-    HOLD = "hold"
-
-
-FLYING = frozenset({Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL, Phase.CLIMB, Phase.HOLD})
-
-
-class Severity(Enum):
-    """Severities of MAVLink's STATUSTEXT that the executive uses."""
-
-    CRITICAL = 2
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-
-
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """What is known now. Positions and velocities are east, north, up of the map frame.
-
-    guided, landing: the autopilot's mode is the one that obeys us, or its landing mode. on_ground: None when
-    the autopilot does not say. lidar_ok: scans arrive and are placed. report: the newest one, or None.
-    """
-
-    now_ns: int
-    connected: bool
-    armed: bool
-    guided: bool
-    landing: bool
-    mode: str
-    on_ground: bool | None
-    position_enu_m: Vector | None
-    velocity_enu_ms: Vector | None
-    height_above_home_m: float
-    lidar_ok: bool
-    report: Report | None
-    selected: SelectedPoint | None
-
-
-@dataclass(frozen=True, slots=True)
-class Orders:
-    """What to do now.
-
-    velocity_enu_ms: setpoint, or None to send none. yaw_rad: heading to turn to, or None to keep. mode:
-    the kind of mode to ask for. target_enu_m: the landing target to stream. select_enu_m: a point to watch.
-    """
-
-    velocity_enu_ms: Vector | None = None
-    yaw_rad: float | None = None
-    mode: Literal["guided", "land"] | None = None
-    target_enu_m: Vector | None = None
-    select_enu_m: Vector | None = None
-    texts: tuple[tuple[Severity, str], ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """Answer to an operator: accepted or not, and why."""
-
-    accepted: bool
-    reason: str
-
-
-@dataclass(slots=True)
-class Tally:
-    """What happened so far, for the summary."""
-
-    aborts: int = 0
-    abort_reasons: list[str] = field(default_factory=list)
-    hands_off: int = 0
-    zone_id: int | None = None
-    chosen_enu_m: Vector | None = None
-
+SECOND = 1_000_000_000
+STEADY_NS = 2 * SECOND  # so long airborne and level before auto starts; so long safe before the descent
+TARGET_NS = round(2.5 * SECOND)  # the autopilot's estimator wants so much of the target before LAND
+LOST_NS = 10 * SECOND  # without LiDAR or position before the pilot is called
+TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
+UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
+STUCK_NS = 60 * SECOND  # longer than the way should take
+BLOCKED_NS = 2 * SECOND
+STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way
 
 STOPPED = np.zeros(3)
 
@@ -126,6 +59,7 @@ class Executive:
         self._auto = auto
         self.phase = Phase.IDLE
         self.tally = Tally()
+        self._custody = Custody()
         self._since_ns = 0
         self._steady_since_ns: int | None = None
         self._wish: Wish | None = None
@@ -134,9 +68,15 @@ class Executive:
         self._corners: Iterator[tuple[float, float]] | None = None
         self._corner: Vector | None = None
         self._height_m = 0.0
+        self._risen_m = 0.0
+        self._blocked_since_ns: int | None = None
         self._safe_since_ns: int | None = None
         self._lost_since_ns: int | None = None
-        self._guided_again = True
+        self._late_ns = 0
+        self._started_ns = 0
+        self._ground_m: float | None = None
+        self._height_left_m = float("inf")
+        self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
 
@@ -158,6 +98,22 @@ class Executive:
         """Take the order to land at a point of the operator's choice, if it proves safe."""
         return self._hand_over(situation, Wish(enu_m))
 
+    def land_at_selected(self, situation: Situation) -> Reply:
+        """Take the order to land at the point under watch: the confirmation of a selection."""
+        if situation.selected is None:
+            return Reply(False, "nothing selected")
+        return self.land_at_point(situation, situation.selected.enu_m)
+
+    def land_now(self, situation: Situation) -> Reply:
+        """Take the order to land at the zone reached soonest, from any mode: the order itself hands over."""
+        if self.phase in (Phase.FINAL, Phase.DESCEND):
+            return Reply(True, "landing already")
+        refusal = _not_flying(situation)
+        if refusal is not None:
+            return refusal
+        self._custody.asks_to_leave(situation)
+        return self._start(situation, Wish(urgent=True))
+
     def watch(self, enu_m: Vector) -> Reply:
         """Keep a point under watch without flying to it."""
         if self.phase in FLYING:
@@ -165,27 +121,36 @@ class Executive:
         self._pending_select = enu_m
         return Reply(True, "watching the point")
 
+    def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
+        """Keep the best point of a zone under watch: a selection to be confirmed."""
+        zones = situation.report.zones if situation.report else ()
+        zone = next((zone for zone in zones if zone.id == zone_id), None)
+        return Reply(False, f"no zone {zone_id}") if zone is None else self.watch(zone.best.enu_m)
+
     def abort(self, situation: Situation) -> Reply:
         """Break off and hover at survey height."""
         if self.phase not in FLYING:
             return Reply(False, "nothing to abort")
-        if self.phase is Phase.FINAL and self._height_above_point(situation) < self._p.commit_height_m:
+        if self.phase is Phase.FINAL and self._height_left_m < self._p.commit_height_m:
             return Reply(False, "below commit height: landing")
         self._wish = None
         self._break_off(situation, "operator", hold=True)
         return Reply(True, "aborting")
 
     def _hand_over(self, s: Situation, wish: Wish) -> Reply:
-        if not s.connected:
-            return Reply(False, "no autopilot")
-        if not s.armed or s.on_ground is True:
-            return Reply(False, "not flying")
+        refusal = _not_flying(s)
+        if refusal is not None:
+            return refusal
         if not s.guided:
             return Reply(False, "set GUIDED first")
         if self.phase in (Phase.FINAL, Phase.DESCEND):
             return Reply(False, "descending: abort first")
+        return self._start(s, wish)
+
+    def _start(self, s: Situation, wish: Wish) -> Reply:
         self._wish = wish
         self._refused.clear()
+        self._started_ns = s.now_ns
         self._start_survey(s)
         self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)  # what was mapped so far will do
         return Reply(True, "landing")
@@ -194,20 +159,27 @@ class Executive:
 
     def step(self, s: Situation) -> Orders:
         """Return the orders of this moment (call it at 10 Hz or faster)."""
+        if s.position_enu_m is not None and self._point is not None:
+            self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
         orders = self._act(s)
+        if orders.mode == "land":
+            self._custody.asks_to_land(s)
         texts, self._texts = tuple(self._texts), []
         select, self._pending_select = self._pending_select, None
-        if texts or select is not None:
-            orders = Orders(
-                orders.velocity_enu_ms, orders.yaw_rad, orders.mode, orders.target_enu_m, select, texts
-            )
-        return orders
+        return replace(orders, select_enu_m=select, texts=texts)
+
+    @property
+    def mapping(self) -> bool:
+        """Whether scans belong into the map: not where rotors blow up dust, close to the point."""
+        low = self._height_left_m < self._p.dust_height_m
+        return not (low and self.phase in (Phase.DESCEND, Phase.FINAL, Phase.LANDED))
 
     def _act(self, s: Situation) -> Orders:
+        self._heed_battery(s)
         if self.phase in FLYING:
-            if not s.armed or (s.on_ground is True and self.phase is Phase.FINAL):
+            if s.connected and (not s.armed or (s.on_ground is True and self.phase is Phase.FINAL)):
                 return self._finish(s)
-            if s.connected and self._mode_changed(s):
+            if s.connected and self._custody.lost(s):
                 return self._hands_off(s)
             if s.position_enu_m is None or s.velocity_enu_ms is None:
                 return self._without_pose(s)
@@ -225,29 +197,22 @@ class Executive:
             case Phase.CLIMB | Phase.HOLD:
                 return self._climb(s)
 
-    def _mode_changed(self, s: Situation) -> bool:
-        """Tell whether somebody else changed the mode.
-
-        LAND in the final phase is ours, and so it stays after an abort until the autopilot has obeyed.
-        """
-        if s.guided:
-            self._guided_again = True
-            return False
-        return not (s.landing and (self.phase is Phase.FINAL or not self._guided_again))
-
     def _hands_off(self, s: Situation) -> Orders:
         self._say(Severity.WARNING, f"pilot set {s.mode}: hands off")
         self.tally.hands_off += 1
-        self._wish = None
-        self._go(Phase.IDLE, s)
+        self._rest(Phase.IDLE, s)
         return Orders()
 
     def _finish(self, s: Situation) -> Orders:
         landed = self.phase is Phase.FINAL
         self._say(Severity.NOTICE, "landed" if landed else "disarmed")
-        self._go(Phase.LANDED if landed else Phase.IDLE, s)
-        self._wish = None
+        self._rest(Phase.LANDED if landed else Phase.IDLE, s)
         return Orders()
+
+    def _rest(self, phase: Phase, s: Situation) -> None:
+        self._wish = None
+        self._custody.given_up()
+        self._go(phase, s)
 
     # ---- phases ---------------------------------------------------------------------------------
 
@@ -268,7 +233,7 @@ class Executive:
             self._steady_since_ns = None
         elif self._steady_since_ns is None:
             self._steady_since_ns = s.now_ns
-        elif s.now_ns - self._steady_since_ns > 2_000_000_000:
+        elif s.now_ns - self._steady_since_ns > STEADY_NS:
             self._refused.clear()
             self._wish = Wish()
             self._start_survey(s)
@@ -282,38 +247,60 @@ class Executive:
             self._height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
             self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
             self._corner = np.array([east, north])
+            self._risen_m = 0.0
         self._say(Severity.INFO, "surveying")
         self._go(Phase.SURVEY, s)
 
     def _survey(self, s: Situation) -> Orders:
         position = _known(s.position_enu_m)
+        if not s.guided:
+            return self._take_over(s)
         if self._corner is None or self._corners is None:
             self._start_survey(s)
             return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return self._without_lidar(s)
         self._lost_since_ns = None
-        wanted = self._p.survey_s * 1e9
         if self._wish is not None and self._wish.enu_m is not None:
             return self._approach_point(s, self._wish.enu_m, self._wish.zone_id)
-        if s.now_ns - self._since_ns >= wanted and s.report is not None:
-            zone = choose(s.report, self._refused, self._p)
-            if zone is not None:
-                return self._approach_point(s, zone.best.enu_m, zone.id)
+        zone = self._choice(s)
+        if zone is not None:
+            return self._approach_point(s, zone.best.enu_m, zone.id)
         offset = self._corner - position[:2]
-        if float(np.hypot(*offset)) < 3.0:
+        if float(np.hypot(*offset)) < 3.0 or self._stands_in_the_way(s):
             self._corner = np.array(next(self._corners))
             offset = self._corner - position[:2]
-        return self._fly(s, offset, self._p.survey_speed_ms, self._height_m)
+        return self._fly(s, offset, self._p.survey_speed_ms)
+
+    def _choice(self, s: Situation) -> Zone | None:
+        """Return where to land, once the survey has lasted: a near zone, else a far one to be looked at."""
+        urgent = self._wish is not None and self._wish.urgent
+        if s.report is None or (not urgent and s.now_ns - self._since_ns < self._p.survey_s * 1e9):
+            return None
+        if urgent:
+            return soonest(s.report, self._refused, self._p, _known(s.position_enu_m))
+        return choose(s.report.zones, self._refused, self._p) or choose(
+            s.report.far.zones, self._refused, self._p
+        )
+
+    def _take_over(self, s: Situation) -> Orders:
+        """Ask for the guided mode after an emergency's order; give up when the autopilot refuses."""
+        if s.now_ns - self._started_ns > TAKE_OVER_NS:
+            self._say(Severity.CRITICAL, f"{s.mode} stays: not landing")
+            self._rest(Phase.IDLE, s)
+            return Orders()
+        return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _approach_point(self, s: Situation, enu_m: Vector, zone_id: int | None) -> Orders:
-        self._point = np.asarray(enu_m, np.float64)
+        self._point, self._ground_m = np.asarray(enu_m, np.float64), None
         self.tally.zone_id, self.tally.chosen_enu_m = zone_id, self._point
         self._pending_select = self._point
         self._safe_since_ns = None
         where = f"zone {zone_id}" if zone_id is not None else "the point"
         self._say(Severity.INFO, f"approaching {where}")
         self._go(Phase.APPROACH, s)
+        way_m = float(np.hypot(*(self._point[:2] - _known(s.position_enu_m)[:2])))
+        self._late_ns = s.now_ns + round(2e9 * way_m / self._p.approach_speed_ms) + STUCK_NS
         return Orders(velocity_enu_ms=STOPPED)
 
     def _approach(self, s: Situation) -> Orders:
@@ -326,93 +313,136 @@ class Executive:
         offset = point[:2] - position[:2]
         over = float(np.hypot(*offset)) < 1.0 and float(np.hypot(*velocity[:2])) < 0.5
         if judged is PointState.UNSAFE:
-            self._break_off(s, "point unsafe")
-            return Orders(velocity_enu_ms=STOPPED)
+            return self._break_off(s, "point unsafe")
         if not (over and judged is PointState.SAFE):
             self._safe_since_ns = None
         elif self._safe_since_ns is None:
             self._safe_since_ns = s.now_ns
-        elif s.now_ns - self._safe_since_ns > 2_000_000_000:
+        elif s.now_ns - self._safe_since_ns > STEADY_NS:
             self._say(Severity.INFO, "descending")
             self._go(Phase.DESCEND, s)
-        if over and judged is PointState.UNKNOWN and s.now_ns - self._since_ns > 30_000_000_000:
-            self._break_off(s, "point not seen")
-        return self._fly(s, offset, self._p.approach_speed_ms, self._height_m)
+            self._late_ns = s.now_ns + STUCK_NS + round(2e9 * self._height_left_m / self._p.descent_speed_ms)
+        if over and judged is PointState.UNKNOWN and s.now_ns - self._since_ns > UNSEEN_NS:
+            return self._break_off(s, "point not seen")
+        if self._stands_in_the_way(s):
+            return self._break_off(s, "way blocked")
+        if s.now_ns > self._late_ns:
+            return self._break_off(s, "point not reached")
+        return self._fly(s, offset, self._p.approach_speed_ms)
 
     def _descend(self, s: Situation) -> Orders:
         """Sink over the point under watch, streaming the landing target, until LAND can take over."""
         position, point = _known(s.position_enu_m), _known(self._point)
-        reason = self._why_not(s)
+        reason = self._why_not(s) or ("point not reached" if s.now_ns > self._late_ns else None)
         if reason:
-            self._break_off(s, reason)
-            return Orders(velocity_enu_ms=STOPPED)
+            return self._break_off(s, reason)
         offset = point[:2] - position[:2]
         distance = float(np.hypot(*offset))
-        steady = s.now_ns - self._since_ns > 2_500_000_000
-        if self._height_above_point(s) <= self._p.final_height_m and steady and distance < 0.7:
+        steady = s.now_ns - self._since_ns > TARGET_NS
+        if self._height_left_m <= self._p.final_height_m and steady and distance < 0.7:
             self._say(Severity.INFO, "final: LAND")
             self._go(Phase.FINAL, s)
             return Orders(mode="land", target_enu_m=self._target(s))
-        floor = self._p.final_height_m - 1.0 - self._height_above_point(s)
+        floor = self._p.final_height_m - 1.0 - self._height_left_m
         sink = level(min(0.0, floor), self._p.descent_speed_ms) if distance < 1.5 else 0.0
         horizontal = towards(offset, self._p.approach_speed_ms)
         return Orders(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=self._target(s))
 
     def _final(self, s: Situation) -> Orders:
-        """Watch the autopilot land; above the commit height break off when the point turns unsafe."""
-        if self._height_above_point(s) > self._p.commit_height_m:
+        """Watch the autopilot land; break off when the point turns unsafe, as long as it can be seen."""
+        if not self._committed:
             reason = self._why_not(s)
             if reason:
-                self._break_off(s, reason)
-                return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
-        slow = s.guided and s.now_ns - self._since_ns > 1_000_000_000
+                return self._break_off(s, reason)
+        slow = s.guided and s.now_ns - self._since_ns > SECOND
         return Orders(mode="land" if slow else None, target_enu_m=self._target(s))
+
+    @property
+    def _committed(self) -> bool:
+        """Whether the last verified state of the point holds: below, dust is all that would be seen."""
+        return self._height_left_m <= max(self._p.commit_height_m, self._p.dust_height_m)
 
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
         position = _known(s.position_enu_m)
+        up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         if not s.guided:
-            return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
-        error = self._height_m - float(position[2])
-        if error > 1.0:
-            return Orders(velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
+            return Orders(mode="guided", velocity_enu_ms=up)
+        if self._height_m - float(position[2]) > 1.0:
+            return Orders(velocity_enu_ms=up)
         if self.phase is Phase.HOLD:
             return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return self._without_lidar(s)
-        if s.now_ns - self._since_ns < 2_000_000_000:
+        if s.now_ns - self._since_ns < STEADY_NS:
             return Orders(velocity_enu_ms=STOPPED)
         self._say(Severity.INFO, "choosing again")
         if self._wish is not None:
-            self._wish = Wish()
+            self._wish = Wish(urgent=self._wish.urgent)
         self._go(Phase.SURVEY, s)
         self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)
         return Orders(velocity_enu_ms=STOPPED)
 
+    # ---- what can fail --------------------------------------------------------------------------
+
     def _without_lidar(self, s: Situation) -> Orders:
         """Stop; after ten seconds tell the operator to take over."""
-        if self._lost_since_ns is None:
-            self._lost_since_ns = s.now_ns
-            self._say(Severity.WARNING, "LiDAR lost: holding")
-        elif s.now_ns - self._lost_since_ns > 10_000_000_000 and self.phase is not Phase.HOLD:
-            self._say(Severity.CRITICAL, "LiDAR still lost: take over")
-            self._go(Phase.HOLD, s)
+        self._waits_for("LiDAR", s)
         return Orders(velocity_enu_ms=STOPPED)
 
     def _without_pose(self, s: Situation) -> Orders:
-        """Stop where the autopilot obeys velocities; once it lands by itself let it."""
-        if not s.guided:
-            return Orders(mode="guided" if not self._guided_again else None)
-        return Orders(velocity_enu_ms=STOPPED)
+        """Hold by the autopilot's own estimate; a landing that can no longer be watched is broken off."""
+        if self.phase is Phase.FINAL and self._committed:
+            return Orders()
+        if self.phase in (Phase.DESCEND, Phase.FINAL):
+            self._break_off(s, "position lost")
+        self._waits_for("position", s)
+        return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
+
+    def _waits_for(self, what: str, s: Situation) -> None:
+        if self._lost_since_ns is None:
+            self._lost_since_ns = s.now_ns
+            self._say(Severity.WARNING, f"{what} lost: holding")
+        elif s.now_ns - self._lost_since_ns > LOST_NS and self.phase is not Phase.HOLD:
+            self._say(Severity.CRITICAL, f"{what} still lost: take over")
+            self._go(Phase.HOLD, s)
+
+    def _heed_battery(self, s: Situation) -> None:
+        """Once the charge is low, land at the zone reached soonest; before a hand-over only say so."""
+        if s.battery_pct is None or s.battery_pct > self._p.battery_land_pct or self._battery_said:
+            return
+        self._battery_said = True
+        if self.phase in (Phase.SURVEY, Phase.CLIMB) and self._wish is not None:
+            self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
+            self._wish = Wish(urgent=True)
+        elif s.armed and s.on_ground is not True:
+            self._say(Severity.CRITICAL, "battery low: land")
 
     # ---- parts ----------------------------------------------------------------------------------
 
-    def _fly(self, s: Situation, offset_m: Vector, speed_ms: float, height_m: float) -> Orders:
+    def _fly(self, s: Situation, offset_m: Vector, speed_ms: float) -> Orders:
         position = _known(s.position_enu_m)
-        climb = level(height_m - float(position[2]), self._p.climb_speed_ms)
+        climb = level(self._height_m - float(position[2]), self._p.climb_speed_ms)
         horizontal = towards(offset_m, speed_ms)
         yaw = heading_rad(horizontal) if float(np.hypot(*offset_m)) > 6.0 else None
         return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
+
+    def _stands_in_the_way(self, s: Situation) -> bool:
+        """Pass over what is in the way, in steps; tell when it is too high for that."""
+        if not s.blocked:
+            self._blocked_since_ns = None
+            return False
+        if self._blocked_since_ns is None:
+            self._blocked_since_ns = s.now_ns
+        if s.now_ns - self._blocked_since_ns < BLOCKED_NS:
+            return False
+        self._blocked_since_ns = None
+        if self._risen_m >= MOST_UP_M:
+            return True
+        self._risen_m += STEP_UP_M
+        self._height_m += STEP_UP_M
+        self._say(Severity.INFO, "obstacle ahead: climbing")
+        return False
 
     def _judgement(self, s: Situation) -> PointState:
         """State of our point in the newest report; unknown while that report is about another point.
@@ -432,41 +462,48 @@ class Executive:
         return None if judged is PointState.SAFE else f"point {judged.value}"
 
     def _target(self, s: Situation) -> Vector:
-        """The point on the ground as now measured."""
+        """The point on the ground as last measured."""
         point = _known(self._point)
-        if s.selected is not None and np.isfinite(s.selected.height_m):
-            return np.array([point[0], point[1], s.selected.height_m])
-        return point
+        selected = s.selected
+        if (
+            selected is not None
+            and np.isfinite(selected.height_m)
+            and float(np.hypot(*(selected.enu_m[:2] - point[:2]))) <= 0.01
+        ):
+            self._ground_m = float(selected.height_m)
+        if self._ground_m is None:
+            return point
+        return np.array([point[0], point[1], self._ground_m])
 
-    def _height_above_point(self, s: Situation) -> float:
-        if s.position_enu_m is None or self._point is None:
-            return float("inf")
-        return float(s.position_enu_m[2] - self._target(s)[2])
-
-    def _break_off(self, s: Situation, reason: str, hold: bool = False) -> None:
+    def _break_off(self, s: Situation, reason: str, hold: bool = False) -> Orders:
+        """Leave the point: stop, or climb at once where the autopilot is landing."""
         self.tally.aborts += 1
         self.tally.abort_reasons.append(reason)
         self._say(Severity.WARNING, f"abort: {reason}")
         if self._point is not None and not hold:
             self._refused.append(self._point)
-        self._guided_again = self.phase is not Phase.FINAL
+        landing = self.phase is Phase.FINAL
         self._go(Phase.HOLD if hold else Phase.CLIMB, s)
+        if landing:
+            return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
+        return Orders(velocity_enu_ms=STOPPED)
 
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
         self._since_ns = s.now_ns
-        self._steady_since_ns = None
+        self._steady_since_ns = self._blocked_since_ns = self._lost_since_ns = None
 
     def _say(self, severity: Severity, text: str) -> None:
         self._texts.append((severity, f"SLZ: {text}"))
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
-    """What the operator asked for: a point, or None for the best zone."""
-
-    enu_m: Vector | None = None
-    zone_id: int | None = None
+def _not_flying(s: Situation) -> Reply | None:
+    """Return the refusal of an order to land, None where the vehicle can obey."""
+    if not s.connected:
+        return Reply(False, "no autopilot")
+    if not s.armed or s.on_ground is True:
+        return Reply(False, "not flying")
+    return None
 
 
 def _known(vector: Vector | None) -> Vector:

@@ -8,20 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.landing.executive import Reply
+from companion.landing.situation import Reply
 from companion.link.operator import CommandReply, OperatorCommand
 
 if TYPE_CHECKING:
     from companion.app import Companion
 
-ABORT, LAND_AT_BEST, LAND_IN_ZONE, POINT = range(4)
+ABORT, LAND_AT_BEST, LAND_IN_ZONE, POINT, LAND_NOW, SELECT, CONFIRM = range(7)
 
 
 class Operator:
     """Turns MAV_CMD_USER_1 into orders for the executive.
 
     param1: 0 abort, 1 land at the best zone, 2 land at zone param2, 3 watch (param2 = 0) or land at
-    (param2 = 1) the point in x, y, z: latitude, longitude (degrees), altitude above mean sea level (m).
+    (param2 = 1) the point in x, y, z: latitude, longitude (degrees), altitude above mean sea level (m),
+    4 land now at the zone reached soonest, from any mode (emergency), 5 select zone param2, 6 land there.
     """
 
     def __init__(self, companion: Companion) -> None:
@@ -39,6 +40,12 @@ class Operator:
             reply = executive.land_at_best(situation)
         elif what == LAND_IN_ZONE and float(which).is_integer():
             reply = executive.land_in_zone(situation, int(which))
+        elif what == LAND_NOW:
+            reply = executive.land_now(situation)
+        elif what == SELECT and float(which).is_integer():
+            reply = executive.watch_zone(situation, int(which))
+        elif what == CONFIRM:
+            reply = executive.land_at_selected(situation)
         elif what == POINT and which in (0, 1):
             reply = self._point(command, land=which == 1)
         else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.landing.executive import Severity
+from companion.landing.situation import Severity
 from slz import PointState, Report
 
 

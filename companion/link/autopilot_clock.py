@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Literal
 
 from companion.link.timesync import TimeSync
@@ -13,6 +14,7 @@ BUCKET_NS = 15_000_000_000
 FUTURE_NS = 20_000_000
 PAST_NS = 10_000_000_000
 DOUBTS = 20
+DELAYS = 1000
 
 
 class LeastDelay:
@@ -44,14 +46,18 @@ class AutopilotClock:
         The exchange with the autopilot.
     implausible
         Stamps refused because they would lie in the future, or too far back.
+    delays_ns
+        How long the newest messages were under way, from their stamps to their arrival; by TIMESYNC only.
     """
 
     def __init__(self, salt: int = 0) -> None:
         self.timesync = TimeSync(salt)
         self.implausible = 0
+        self.delays_ns: deque[int] = deque(maxlen=DELAYS)
         self._arrivals = LeastDelay()
         self._doubts = 0
         self._heard = False
+        self.delays_ns.clear()
 
     @property
     def source(self) -> Source:
@@ -69,6 +75,8 @@ class AutopilotClock:
             stamp = self.timesync.to_local_ns(autopilot_ns)
         if now_ns - PAST_NS <= stamp <= now_ns + FUTURE_NS:
             self._doubts = 0
+            if self.timesync.synced:
+                self.delays_ns.append(max(0, now_ns - stamp))
             return min(stamp, now_ns)
         self.implausible += 1
         self._doubts += 1
@@ -82,3 +90,4 @@ class AutopilotClock:
         self._arrivals = LeastDelay()
         self._doubts = 0
         self._heard = False
+        self.delays_ns.clear()

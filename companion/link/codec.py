@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.framing import Framer
+from companion.link.framing import Framer, message_id
+from companion.link.signing import Signing, Verdict
+
+log = logging.getLogger(__name__)
 
 Message = Any  # pymavlink is untyped
 
@@ -15,10 +19,21 @@ Message = Any  # pymavlink is untyped
 # unless it is nearly a whole turn: then it is an old frame come late.
 LARGEST_GAP = 127
 OUT_OF_ORDER = 16
+# What tells us to do or to change something.
+ORDERS = frozenset(
+    {"COMMAND_LONG", "COMMAND_INT", "COMMAND_CANCEL", "PARAM_SET", "PARAM_EXT_SET", "SETUP_SIGNING"}
+)
 
 
 class Codec:
     """Both directions of one link.
+
+    Parameters
+    ----------
+    component_id
+        Component that we speak as.
+    signing
+        Signs what is sent and judges what comes; without it everything is believed, signed or not.
 
     Attributes
     ----------
@@ -26,10 +41,19 @@ class Codec:
         Frames decoded; gaps in the senders' sequence numbers; frames that are whole but make no message.
     sent
         Messages encoded.
+    refused_orders
+        Commands and parameter changes among the frames that `signing` refused.
     """
 
-    def __init__(self, component_id: int) -> None:
+    def __init__(self, component_id: int, signing: Signing | None = None) -> None:
         self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=component_id)
+        self._reader = mavlink.MAVLink(None)  # without a key: signatures are judged before it decodes
+        self.signing = signing
+        if signing is not None:
+            self._mavlink.signing.secret_key = signing.secret
+            self._mavlink.signing.sign_outgoing = True
+        self.refused_orders = 0
+        self._warned: set[Verdict] = set()
         self._framer = Framer()
         self._sequences: dict[tuple[int, int], int] = {}
         self.received = 0
@@ -66,8 +90,10 @@ class Codec:
     def decode(self, data: bytes) -> Iterator[Message]:
         """Return the messages that these bytes complete; never raises on what came over the wire."""
         for frame in self._framer.feed(data):
+            if self.signing is not None and not self._believed(frame, self.signing):
+                continue
             try:
-                message = self._mavlink.decode(frame)
+                message = self._reader.decode(frame)
             except mavlink.MAVError:
                 self.undecodable += 1
                 continue
@@ -83,6 +109,8 @@ class Codec:
         struct.error, TypeError
             If a field does not fit its type: a fault of the program, not of the wire.
         """
+        if self.signing is not None:
+            self._mavlink.signing.timestamp = self.signing.next_tick()
         frame = bytes(message.pack(self._mavlink))
         self._mavlink.seq = (self._mavlink.seq + 1) % 256
         self.sent += 1
@@ -92,6 +120,17 @@ class Codec:
         """Forget partial frames and sequence numbers: the channel is a new one."""
         self._framer.reset()
         self._sequences.clear()
+
+    def _believed(self, frame: bytearray, signing: Signing) -> bool:
+        verdict = signing.judge(frame)
+        if verdict in ("good", "allowed"):
+            return True
+        name = mavlink.mavlink_map[message_id(frame)].msgname
+        self.refused_orders += name in ORDERS
+        if verdict not in self._warned:
+            self._warned.add(verdict)
+            log.warning("%s frames are refused: a key is set (the first was %s)", verdict, name)
+        return False
 
     def _follow(self, message: Message) -> None:
         sender = (message.get_srcSystem(), message.get_srcComponent())

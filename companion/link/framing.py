@@ -64,7 +64,7 @@ class Framer:
 
     def _take(self, length: int) -> Iterator[bytearray]:
         frame = self._buffer[:length]
-        message = mavlink.mavlink_map.get(_message_id(frame)) if length > 1 else None
+        message = mavlink.mavlink_map.get(message_id(frame)) if length > 1 else None
         if message is not None and _fits(frame, message) and _checksum_ok(frame, message.crc_extra):
             del self._buffer[:length]
             self._excused = max(0, self._excused - length)
@@ -87,7 +87,8 @@ class Framer:
 _BOUNDARY = (b"", bytes([V1_MAGIC]), bytes([V2_MAGIC]))
 
 
-def _message_id(frame: bytearray) -> int:
+def message_id(frame: bytes | bytearray) -> int:
+    """Return the message's number from a frame's header."""
     return frame[5] if frame[0] == V1_MAGIC else int.from_bytes(frame[7:10], "little")
 
 

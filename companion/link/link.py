@@ -18,7 +18,8 @@ from companion.link.event import Event, Unsubscribe
 from companion.link.inbox import Inbox
 from companion.link.modes import mode_parameters
 from companion.link.operator import CommandServer, Handler
-from companion.link.statistics import LinkStatistics, RateMeter
+from companion.link.signing import Signing
+from companion.link.statistics import LinkStatistics, RateMeter, quantile_ms
 from companion.link.streams import Stream, StreamKeeper, wanted
 from companion.link.timesync import TimeSync
 from companion.link.transport import Transport
@@ -45,6 +46,8 @@ class Link:
         As `companion.link.url.parse_url` takes it.
     parameters
         Uses `component_id`, `pose_rate_hz` and `link_timeout_s`.
+    signing
+        Signs what is sent; what comes must be signed, too.
 
     Attributes
     ----------
@@ -67,10 +70,10 @@ class Link:
         If the URL is none.
     """
 
-    def __init__(self, url: str, parameters: Parameters) -> None:
+    def __init__(self, url: str, parameters: Parameters, signing: Signing | None = None) -> None:
         self._parameters = parameters
         self._transport = Transport(parse_url(url))
-        self._codec = Codec(parameters.component_id)
+        self._codec = Codec(parameters.component_id, signing)
         self._server = CommandServer()
         self._inbox = Inbox(self._codec, self._server)
         self._streams = StreamKeeper()
@@ -111,6 +114,11 @@ class Link:
         return self._codec.system_id
 
     @property
+    def component_id(self) -> int:
+        """Component that we speak as."""
+        return self._codec.component_id
+
+    @property
     def ready(self) -> bool:
         """Whether our heartbeat says that we work (MAV_STATE_ACTIVE) or still start (MAV_STATE_BOOT)."""
         return bool(self.system_status == mavlink.MAV_STATE_ACTIVE)
@@ -122,7 +130,7 @@ class Link:
     def statistics(self) -> LinkStatistics:
         """Counters, rates and the state of the clock."""
         at_ns, codec, clock = now_ns(), self._codec, self._inbox.clock
-        sync = clock.timesync
+        sync, signing = clock.timesync, codec.signing
         return LinkStatistics(
             received=codec.received,
             lost=codec.lost,
@@ -138,11 +146,18 @@ class Link:
             time_source=clock.source,
             round_trip_ms=sync.round_trip_ns * 1e-6,
             residual_ms=sync.residual_ns * 1e-6,
+            worst_residual_ms=sync.worst_residual_ns * 1e-6,
+            delay_p50_ms=quantile_ms(clock.delays_ns, 0.5),
+            delay_p99_ms=quantile_ms(clock.delays_ns, 0.99),
             drift_ppm=sync.drift_ppm,
             time_resets=sync.resets,
             implausible_stamps=clock.implausible,
             commands_executed=self._server.executed,
             commands_repeated=self._server.repeated,
+            unsigned=signing.unsigned if signing else 0,
+            forged=signing.forged if signing else 0,
+            replayed=signing.replayed if signing else 0,
+            orders_refused=codec.refused_orders,
         )
 
     # ---- who wants to know ----------------------------------------------------------------------
@@ -286,9 +301,8 @@ class Link:
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _tick(self) -> None:
-        timeout_ns = round(self._parameters.link_timeout_s * 1e9)
         while True:
-            at_ns = now_ns()
+            at_ns, timeout_ns = now_ns(), round(self._parameters.link_timeout_s * 1e9)
             heard_ns = self.vehicle.last_heartbeat_ns
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
                 self._set_connected(False)

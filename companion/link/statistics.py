@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from companion.link.autopilot_clock import Source
@@ -27,6 +28,14 @@ class LinkStatistics:
         Times a channel was opened.
     missing
         Streams asked for that are away or slow.
+    delay_p50_ms, delay_p99_ms
+        How long the vehicle's stamped messages were under way, of the newest thousand; None without TIMESYNC.
+    residual_ms, worst_residual_ms
+        Median and greatest distance of the TIMESYNC exchanges believed from the line through them.
+    unsigned, forged, replayed
+        Frames refused because a key is set: without signature, with a wrong one, with an old timestamp.
+    orders_refused
+        Commands and parameter changes among them.
     """
 
     received: int
@@ -43,11 +52,25 @@ class LinkStatistics:
     time_source: Source
     round_trip_ms: float
     residual_ms: float
+    worst_residual_ms: float
+    delay_p50_ms: float | None
+    delay_p99_ms: float | None
     drift_ppm: float
     time_resets: int
     implausible_stamps: int
     commands_executed: int
     commands_repeated: int
+    unsigned: int
+    forged: int
+    replayed: int
+    orders_refused: int
+
+
+def quantile_ms(values_ns: Collection[int], share: float) -> float | None:
+    """Return the value below which a share of all lies, in milliseconds; None of none."""
+    if not values_ns:
+        return None
+    return round(sorted(values_ns)[min(len(values_ns) - 1, int(share * len(values_ns)))] * 1e-6, 3)
 
 
 class RateMeter:

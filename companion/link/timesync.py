@@ -66,6 +66,7 @@ class TimeSync:
         self._offset_ns = 0.0
         self._drift = 0.0
         self._residual_ns = 0.0
+        self._worst_ns = 0.0
         self._sent = 0
 
     # ---- exchange -------------------------------------------------------------------------------
@@ -132,9 +133,8 @@ class TimeSync:
         self._drift = _slope(times, offsets) if drifts and len(good) >= NEEDED else 0.0
         level = median(o - self._drift * t for t, o in zip(times, offsets, strict=True))
         self._offset_ns = base + level
-        self._residual_ns = median(
-            abs(o - self._drift * t - level) for t, o in zip(times, offsets, strict=True)
-        )
+        errors = [abs(o - self._drift * t - level) for t, o in zip(times, offsets, strict=True)]
+        self._residual_ns, self._worst_ns = median(errors), max(errors)
 
     def _gate_ns(self) -> int:
         """Return the round trip up to which exchanges are believed: at least a quarter of them are."""
@@ -158,6 +158,11 @@ class TimeSync:
     def residual_ns(self) -> float:
         """Median distance of the believed exchanges from the fit."""
         return self._residual_ns
+
+    @property
+    def worst_residual_ns(self) -> float:
+        """Greatest distance of the believed exchanges from the fit."""
+        return self._worst_ns
 
     @property
     def drift_ppm(self) -> float:

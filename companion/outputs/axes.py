@@ -32,14 +32,18 @@ def body_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
     return np.asarray(offset @ pose.rotation_enu_from_frd)
 
 
-def level_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
-    """Return (..., 3) points of the map relative to the vehicle, turned by its heading only, m."""
-    offset = np.asarray(points_enu_m, dtype=np.float64) - pose.position_enu_m
+def enu_from_level(pose: PoseLike) -> Floats:
+    """Return the (3, 3) rotation of forward, right, down of the vehicle, turned by its heading only."""
     east, north = pose.rotation_enu_from_frd[:2, 0]
     heading = math.atan2(east, north)
     sine, cosine = math.sin(heading), math.cos(heading)
-    enu_from_level = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, -1.0]])
-    return np.asarray(offset @ enu_from_level)
+    return np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, -1.0]])
+
+
+def level_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
+    """Return (..., 3) points of the map relative to the vehicle, turned by its heading only, m."""
+    offset = np.asarray(points_enu_m, dtype=np.float64) - pose.position_enu_m
+    return np.asarray(offset @ enu_from_level(pose))
 
 
 def rotation_enu_from_frd(quat_wxyz: Sequence[float] | Floats) -> Floats:

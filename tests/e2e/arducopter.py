@@ -155,10 +155,22 @@ class Pilot:
         self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, position, 100_000.0)
         guided = [float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), 4.0]
         self.insist(mavlink.MAV_CMD_DO_SET_MODE, guided, lambda: self.mode == "GUIDED", 120)
-        self.insist(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, [1.0], lambda: self.armed, 180)
-        up = [0.0] * 6 + [height_m]
-        self.insist(mavlink.MAV_CMD_NAV_TAKEOFF, up, lambda: self.height_m > 1.0, 30)
+        self._lift(height_m)
         self.until(lambda: self.height_m > 0.9 * height_m, 90, "height")
+
+    def _lift(self, height_m: float, limit_s: float = 180.0) -> None:
+        """Arm and take off until it flies: it refuses, or disarms again, until its estimator uses GPS."""
+        end = time.monotonic() + limit_s
+        while self.height_m < 1.0:
+            if time.monotonic() > end:
+                raise FlightError(f"not flying after {limit_s:g} s; heard {self.said[-12:]}")
+            if self.armed:
+                self.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[0.0] * 6, height_m)
+            else:
+                self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+            again = time.monotonic() + 2.0
+            while self.height_m < 1.0 and time.monotonic() < again:
+                self.listen(0.2)
 
 
 class Field:

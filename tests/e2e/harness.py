@@ -11,7 +11,7 @@ import numpy as np
 
 import params
 from companion.app import Companion
-from companion.landing.executive import Phase
+from companion.landing.situation import Phase
 from companion.simulated import LockstepLoop
 from sitl.simulation import Simulation
 

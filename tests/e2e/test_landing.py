@@ -5,7 +5,7 @@ import asyncio
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.landing.executive import Phase
+from companion.landing.situation import Phase
 from sitl.intruder import Intruder
 from sitl.modes import Mode
 from tests.e2e.harness import Mission

@@ -150,3 +150,18 @@ def test_a_repeated_stamp_is_not_a_new_measurement() -> None:
         landing.remember(now_ms * MS, state())
         landing.receive(seen(77), now_ms * MS, 0.0)
     assert landing.target(5000 * MS) is None
+
+
+def test_local_frd_is_taken_and_leads_elsewhere() -> None:
+    landing = PrecisionLanding()
+    landing.remember(0, state(heading_rad=np.pi / 2))
+    landing.receive(seen(1), 0, 0.0)
+    right = landing.latest_enu_m
+    assert right is not None
+    np.testing.assert_allclose(right, [102.0, 49.0, 0.0], atol=1e-9)
+    landing = PrecisionLanding()
+    landing.remember(0, state(heading_rad=np.pi / 2))
+    assert landing.receive(seen(1, frame=mavlink.MAV_FRAME_LOCAL_FRD), 0, 0.0) is None
+    wrong = landing.latest_enu_m
+    assert wrong is not None
+    np.testing.assert_allclose(wrong, [101.0, 52.0, 0.0], atol=1e-9)

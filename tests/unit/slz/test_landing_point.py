@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import params
-from companion.landing.executive import Situation
+from companion.landing.situation import Situation
 from slz import SAFE, Pipeline, PointState, Report, SelectedPoint
 from tests.unit.companion.landing.flight import Flight, Phase, zone
 from tests.unit.slz.hand_made import NOWHERE, flat, maps, returns, state_at, window

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 import params
-from companion.landing.executive import Executive, Orders, Phase, Severity, Situation
+from companion.landing.executive import Executive
+from companion.landing.situation import Orders, Phase, Severity, Situation
 from slz import (
     Box,
     Choice,
@@ -65,7 +66,7 @@ class Flight:
         self.obeys = True
         self.connected = True
         self.position = np.array([0.0, 0.0, height])
-        self.velocity = np.zeros(3)
+        self.velocity = self.velocity_wanted = np.zeros(3)
         self.selected: np.ndarray | None = None
         self.time_s = 0.0
         self.texts: list[str] = []
@@ -73,13 +74,16 @@ class Flight:
         self.phases: list[Phase] = [Phase.IDLE]
         self.orders: list[tuple[float, Phase, str, Orders]] = []
         self.blind = False
+        self.battery_pct: float | None = 80.0
+        self.blocked: Callable[[Flight], bool] = lambda _flight: False
+        self.far_zones: list[Zone] = []
 
     def situation(self) -> Situation:
         selected = None
         if self.selected is not None:
             state = self.state(float(self.position[2]), self.selected)
             selected = SelectedPoint(self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None)
-        near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, ())
+        near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, False, 0, 0, False, {})
         return Situation(
@@ -96,6 +100,8 @@ class Flight:
             lidar_ok=self.lidar_ok,
             report=report,
             selected=selected,
+            battery_pct=self.battery_pct,
+            blocked=self.blocked(self),
         )
 
     def step(self) -> Orders:
@@ -110,7 +116,9 @@ class Flight:
         if self.obeys and orders.mode:
             self.mode = orders.mode.upper()
         if self.mode == "GUIDED" and orders.velocity_enu_ms is not None:
-            self.velocity = orders.velocity_enu_ms.copy()
+            self.velocity_wanted = self.velocity = orders.velocity_enu_ms.copy()
+            if self.blocked(self):
+                self.velocity = self.velocity * [0, 0, 1]
         elif self.mode == "LAND":
             self.velocity = np.array([0.0, 0.0, -1.0])
         elif self.mode not in ("GUIDED", "LAND"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.landing.executive import Orders, Phase
+from companion.landing.situation import Orders, Phase
 from slz import PointState
 from tests.unit.companion.landing.flight import Flight, zone
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.landing.executive import Severity
+from companion.landing.situation import Severity
 from companion.landing.watch import PointWatch
 from slz import PointState, Report
 from slz.landing_point import unknown

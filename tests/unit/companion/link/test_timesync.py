@@ -9,6 +9,7 @@ from itertools import pairwise
 import pytest
 
 from companion.link.autopilot_clock import AutopilotClock
+from companion.link.statistics import quantile_ms
 from companion.link.timesync import TimeSync, answer
 
 MS = 1_000_000
@@ -168,3 +169,18 @@ def test_stamps_from_the_future_are_refused_and_many_of_them_start_the_clock_ove
     assert results[:20] == [None] * 20
     assert results[20] == now + 20 * MS
     assert (clock.implausible, clock.source) == (20, "arrival")
+
+
+def test_what_was_long_under_way_is_seen_in_the_delays_once_clocks_are_synchronised() -> None:
+    clock = AutopilotClock()
+    clock.stamp_ns(1000, 10 * S)
+    assert quantile_ms(clock.delays_ns, 0.5) is None
+    now = exchange(clock.timesync, 10 * S, 5, lambda t: t - 9 * S)
+    for number in range(100):
+        boot_ms = (now - 9 * S) // MS + number
+        clock.stamp_ns(boot_ms, (boot_ms + 9000) * MS + (200 if number == 50 else 4) * MS)
+    assert quantile_ms(clock.delays_ns, 0.5) == pytest.approx(4.0, abs=1.1)
+    assert quantile_ms(clock.delays_ns, 0.99) == pytest.approx(200.0, abs=1.1)
+    assert clock.timesync.worst_residual_ns >= clock.timesync.residual_ns
+    clock.reset()
+    assert not clock.delays_ns

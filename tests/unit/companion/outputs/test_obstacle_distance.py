@@ -97,3 +97,32 @@ def test_a_quaternion_of_the_autopilot_turns_body_axes_into_the_map(
     x, y, z, w = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
     expected = pose((0, 0, 0), roll, pitch, yaw).rotation_enu_from_frd
     assert rotation_enu_from_frd((w, x, y, z)) == pytest.approx(expected, abs=1e-12)
+
+
+def columns(cells: object, points: object = (), cell_m: float = 0.6) -> list[int]:
+    found = sector_distances_cm(
+        points, min_m=0.5, max_m=30.0, band_m=BAND, columns_frd_m=cells, cell_m=cell_m
+    )
+    return [int(v) for v in found]
+
+
+def test_a_cell_of_the_map_stands_in_all_the_sectors_that_it_spans() -> None:
+    found = columns([(5, 0, -9)])  # its top is above the vehicle
+    assert found[0] == 470
+    assert found[71] == found[1] == 470
+    assert found[2] == UNKNOWN
+    assert columns([(20, 0, 0)])[71:] == [UNKNOWN]
+
+
+def test_a_cell_that_ends_below_the_band_or_holds_the_vehicle_does_not_count() -> None:
+    assert columns([(5, 0, 2.1), (0.2, 0.2, 0), (31, 0, 0), (5, 0, math.nan)]) == [UNKNOWN] * 72
+
+
+def test_the_nearer_of_scan_and_map_counts() -> None:
+    assert columns([(5, 0, 0)], [(4, 0, 0)])[0] == 400
+    assert columns([(5, 0, 0)], [(9, 0, 0)])[0] == 470
+    assert columns([(5, 0, 0)], [(60, 0, 0)])[0] == 470  # seen free by a ray that passed it by
+
+
+def test_an_edge_nearer_than_the_minimum_is_told_at_the_minimum() -> None:
+    assert columns([(0.7, 0, 0)])[0] == 50

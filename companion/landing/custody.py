@@ -1,0 +1,42 @@
+"""Whose mode the vehicle is in: ours, one that we have asked it to leave, or the pilot's."""
+
+from __future__ import annotations
+
+from companion.landing.situation import Situation
+
+SETTLE_NS = 3_000_000_000  # a mode asked for shows so late at worst
+
+
+class Custody:
+    """Tells our own changes of mode from the pilot's.
+
+    The guided mode is ours; a landing mode after we asked for it; and so is the mode that we asked the
+    vehicle to leave, until it has obeyed.
+    """
+
+    def __init__(self) -> None:
+        self._land_ns: int | None = None
+        self._leaving: str | None = None
+
+    def asks_to_land(self, s: Situation) -> None:
+        """Note that the landing mode is asked for now."""
+        self._land_ns, self._leaving = s.now_ns, None
+
+    def asks_to_leave(self, s: Situation) -> None:
+        """Note that the guided mode is asked for now."""
+        self._leaving = None if s.guided else s.mode
+
+    def given_up(self) -> None:
+        """Forget what was asked for."""
+        self._land_ns = self._leaving = None
+
+    def lost(self, s: Situation) -> bool:
+        """Tell whether somebody else chose the mode that the vehicle is in."""
+        if s.guided:
+            self._leaving = None
+            if self._land_ns is not None and s.now_ns - self._land_ns > SETTLE_NS:
+                self._land_ns = None
+            return False
+        if s.landing and self._land_ns is not None:
+            return False
+        return s.mode != self._leaving

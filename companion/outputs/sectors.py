@@ -1,0 +1,79 @@
+"""Kernels that find the nearest obstacle in each direction around the vehicle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+Floats = NDArray[np.float64]
+
+
+@kernel("void(float64[:, ::1], float64, float64, float64, float64, float64[::1], boolean[::1])")
+def mark_returns(
+    points: Floats,
+    min_m: float,
+    max_m: float,
+    low: float,
+    high: float,
+    nearest: Floats,
+    free: NDArray[np.bool_],
+) -> None:
+    """Lower the distances of the sectors that returns lie in, and mark those that a ray passed through.
+
+    Parameters
+    ----------
+    points
+        (n, 3) forward, right, down; NaN is passed over.
+    min_m, max_m, low, high
+        What counts: horizontal distances, and heights (down positive) that hold the vehicle's own, 0.
+    nearest, free
+        (sectors,) m and bool; changed. Sector 0 is centred on forward, the next lie clockwise.
+    """
+    width = 2 * math.pi / len(nearest)
+    for i in range(len(points)):
+        forward, right, down = points[i]
+        reach = math.sqrt(forward * forward + right * right)
+        if not (reach >= min_m) or math.isnan(down):
+            continue
+        if reach > max_m:
+            # A ray from the vehicle to a far return is at down / reach * max_m when it passes max_m.
+            if down * max_m <= high * reach and down * max_m >= low * reach:
+                free[int(np.rint(math.atan2(right, forward) / width)) % len(nearest)] = True
+        elif low <= down <= high:
+            sector = int(np.rint(math.atan2(right, forward) / width)) % len(nearest)
+            nearest[sector] = min(nearest[sector], reach)
+
+
+@kernel("void(float64[:, ::1], float64, float64, float64, float64, float64[::1])")
+def mark_columns(
+    columns: Floats, half_m: float, min_m: float, max_m: float, high: float, nearest: Floats
+) -> None:
+    """Lower the distances of all sectors that cells of the map stand in, solid from the ground to their tops.
+
+    Parameters
+    ----------
+    columns
+        (n, 3) forward and right of the cells' centres, and down of their tops.
+    half_m
+        Half a cell's side. A cell that the vehicle is in does not count: it would stand in every direction.
+    min_m, max_m, high, nearest
+        As of `mark_returns`; nearer edges count as `min_m`.
+    """
+    width = 2 * math.pi / len(nearest)
+    for i in range(len(columns)):
+        forward, right, down = columns[i]
+        inside = abs(forward) <= half_m and abs(right) <= half_m
+        reach = math.sqrt(forward * forward + right * right)
+        if inside or not (down <= high) or not (reach - half_m <= max_m):
+            continue
+        bearing = math.atan2(right, forward)
+        spread = math.asin(min(1.0, half_m / reach))
+        first = math.floor((bearing - spread) / width + 0.5)
+        last = math.floor((bearing + spread) / width + 0.5)
+        for sector in range(first, last + 1):
+            at = sector % len(nearest)
+            nearest[at] = min(nearest[at], max(min_m, reach - half_m))

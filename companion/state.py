@@ -1,0 +1,69 @@
+"""The state directory: what the program remembers from one start to the next."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from companion.errors import UsageError
+
+
+def default_state_dir() -> Path:
+    """Return `$XDG_STATE_HOME/slz`, without that variable `~/.local/state/slz`."""
+    home = os.environ.get("XDG_STATE_HOME", "")
+    base = Path(home) if Path(home).is_absolute() else Path.home() / ".local" / "state"
+    return base / "slz"
+
+
+class StateDir:
+    """Small text files that are always whole: each is written beside its place and then put there.
+
+    Raises
+    ------
+    UsageError
+        The folder cannot be made or written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            why = error.strerror or error
+            raise UsageError(f"--state-dir {folder} cannot be written: {why}") from None
+
+    def read(self, name: str) -> str | None:
+        """Return a file's text, None if there is none.
+
+        Raises
+        ------
+        UsageError
+            It is there and cannot be read.
+        """
+        path = self.folder / name
+        try:
+            return path.read_text("utf-8")
+        except FileNotFoundError:
+            return None
+        except (OSError, UnicodeDecodeError) as error:
+            raise UsageError(f"{path} cannot be read: {error}") from None
+
+    def write(self, name: str, text: str, *, durable: bool = True) -> str:
+        """Replace a file; return why that failed, empty if it did not.
+
+        durable: wait until it would survive a power cut, which takes tens of milliseconds on some cards.
+        """
+        beside = self.folder / f".{name}.new"
+        try:
+            with beside.open("w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                if durable:
+                    os.fsync(file.fileno())
+            beside.replace(self.folder / name)
+        except OSError as error:
+            return str(error.strerror or error)
+        return ""

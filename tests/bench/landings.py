@@ -1,0 +1,153 @@
+"""Landings over all scenes: with a car that drives onto the point in every fourth, a pilot in every tenth.
+
+python -m tests.bench.landings --flights 200 --jobs 2 --out landings.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import multiprocessing
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.landing.situation import Phase
+from sitl import scenes
+from sitl.intruder import Intruder
+from sitl.modes import Mode
+from tests.e2e.harness import Mission
+
+HAZARD_BELOW_M = (5.0, 14.0)
+FLYING_COMMANDS = frozenset(
+    {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_DO_REPOSITION}
+)
+SETPOINTS = frozenset({"SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_MODE"})
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """One flight: its scene and seed, and what goes on in it."""
+
+    number: int
+    scene: str
+    hazard_below_m: float | None
+    taken_over_in: Phase | None
+
+
+def plan(number: int) -> Plan:
+    """Return the flight of a number; the same number is the same flight."""
+    rng = np.random.default_rng(number)
+    phases = (Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
+    return Plan(
+        number,
+        scenes.NAMES[number % len(scenes.NAMES)],
+        float(rng.uniform(*HAZARD_BELOW_M)) if number % 4 == 3 else None,
+        phases[int(rng.integers(len(phases)))] if number % 10 == 4 else None,
+    )
+
+
+class Witness:
+    """Counts what the companion commands while the vehicle is in a mode of the pilot's."""
+
+    def __init__(self, mission: Mission) -> None:
+        self._autopilot = mission.sim.autopilot
+        self._receive = self._autopilot.receive
+        self.commands = 0
+        self._autopilot.receive = self.receive  # type: ignore[method-assign]
+
+    def receive(self, message: Any, link: int, now_ns: int) -> None:
+        """Look at a message on its way to the autopilot."""
+        kind = message.get_type()
+        commands = kind in SETPOINTS or getattr(message, "command", None) in FLYING_COMMANDS
+        pilots = self._autopilot.armed and self._autopilot.mode not in (Mode.GUIDED, Mode.LAND)
+        self.commands += commands and pilots and message.get_srcComponent() == 191
+        self._receive(message, link, now_ns)
+
+
+def fly(flight: Plan) -> dict[str, Any]:
+    """Fly one landing and return what came of it."""
+    started = time.perf_counter()
+    mission = Mission(flight.scene, seed=flight.number)
+    witness = Witness(mission)
+    if flight.hazard_below_m is not None:
+        mission.sim.intruder = Intruder(flight.hazard_below_m)
+
+    async def script(m: Mission) -> None:
+        if flight.taken_over_in is not None:
+            await m.until_phase(flight.taken_over_in, 400)
+            assert m.sim.pilot is not None
+            m.sim.pilot.set_mode(Mode.LOITER)
+            await m.until_phase(Phase.IDLE, 3)
+            await asyncio.sleep(5)
+            m.sim.pilot.set_mode(Mode.GUIDED)
+        await m.until_phase(Phase.LANDED, 600)
+        await m.until(lambda: not m.sim.autopilot.armed, 10)
+
+    error = ""
+    try:
+        mission.fly(script)
+    except AssertionError as failure:
+        error = str(failure).splitlines()[0][:300]
+    landed = mission.sim.touchdown is not None
+    tally, intruder = mission.companion.executive.tally, mission.sim.intruder
+    return {
+        **asdict(flight),
+        "taken_over_in": flight.taken_over_in and flight.taken_over_in.value,
+        "landed": landed and not error,
+        "safe": landed and mission.touchdown_safe(),
+        "error_m": mission.touchdown_error_m() if landed else None,
+        "aborts": tally.abort_reasons,
+        "hazard_arrived": bool(intruder and intruder.arrived),
+        "commands_while_pilot_flies": witness.commands,
+        "simulated_s": round(mission.loop.time(), 1),
+        "wall_s": round(time.perf_counter() - started, 1),
+        "failure": error,
+    }
+
+
+def summary(flights: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the figures of all flights."""
+    errors = [f["error_m"] for f in flights if f["error_m"] is not None]
+    hazards = [f for f in flights if f["hazard_arrived"]]
+    return {
+        "flights": len(flights),
+        "landed": sum(f["landed"] for f in flights),
+        "safe": sum(f["safe"] for f in flights),
+        "error_m": {
+            q: round(float(np.percentile(errors, n)), 3) for q, n in (("p50", 50), ("p95", 95), ("max", 100))
+        },
+        "hazards": len(hazards),
+        "hazards_broken_off": sum(bool(f["aborts"]) for f in hazards),
+        "aborts_without_hazard": sum(len(f["aborts"]) for f in flights if f["hazard_below_m"] is None),
+        "commands_while_pilot_flies": sum(f["commands_while_pilot_flies"] for f in flights),
+    }
+
+
+def main() -> None:
+    """Fly them all and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--flights", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("landings.json"))
+    own = parser.parse_args()
+    plans = [plan(number) for number in range(own.first, own.first + own.flights)]
+    flights = []
+    with multiprocessing.get_context("spawn").Pool(own.jobs) as pool, own.out.open("w") as out:
+        for flight in pool.imap_unordered(fly, plans):
+            flights.append(flight)
+            out.write(json.dumps(flight) + "\n")
+            out.flush()
+            print(json.dumps(flight), file=sys.stderr)
+    print(json.dumps(summary(flights), indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""Reactions of docs/reactions.md, flown."""
+
+import asyncio
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.landing.situation import Phase
+from sitl.modes import Mode
+from sitl.primitives import Box
+from tests.e2e.harness import Mission
+
+WALL_M, WALL_HIGH_M = 24.0, 22.0
+
+
+def test_an_emergency_in_loiter_lands_at_once() -> None:
+    mission = Mission(seed=10, auto=False)
+
+    async def script(m: Mission) -> None:
+        assert m.sim.pilot is not None
+        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: m.height_m > 23)
+        m.sim.pilot.set_mode(Mode.LOITER)
+        await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
+        await asyncio.sleep(3)
+        m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 4, component=191)
+        await m.until_phase(Phase.LANDED, 120)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+    assert (mavlink.MAV_CMD_USER_1, 0) in (mission.sim.pilot.acks if mission.sim.pilot else [])
+    assert mission.companion.executive.tally.hands_off == 0
+
+
+def test_a_low_battery_ends_the_survey() -> None:
+    mission = Mission(seed=11, survey_s=300.0)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.SURVEY)
+        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        m.sim.autopilot.battery_pct = 14.0
+        await m.until_phase(Phase.LANDED, 120)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+    assert any("battery low" in text for text in mission.heard)
+
+
+@pytest.mark.parametrize("avoids", [True, False])
+def test_a_wall_on_the_way_is_passed_over(avoids: bool) -> None:
+    """With the autopilot's own avoidance, and without any, as PX4."""
+    mission = Mission(seed=12, auto=False, height_m=15.0)
+    world = mission.sim.scene.world
+    if not avoids:
+        mission.sim.autopilot.parameters["AVOID_ENABLE"] = 0.0
+
+    async def script(m: Mission) -> None:
+        assert m.sim.pilot is not None
+        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: m.height_m > 13.5)
+        e, n, _ = (float(v) for v in m.sim.vehicle.truth.pos_enu_m)
+        world.add_mover("wall", [Box(0.0, 0.0, 0.0, 0.5, 40.0, WALL_HIGH_M)], e + WALL_M, n, 0.0)
+        lat, lon, alt = m.sim.autopilot.lla(np.array([e + 2 * WALL_M, n, 0.0]))
+        m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 3, 1, 0, 0, lat, lon, alt, component=191)
+        nearest, highest = np.inf, 0.0
+        while m.phase is not Phase.LANDED:
+            x, _, z = (float(v) for v in m.sim.vehicle.truth.pos_enu_m)
+            if z < WALL_HIGH_M:
+                nearest = min(nearest, abs(x - e - WALL_M))
+            highest = max(highest, z)
+            await asyncio.sleep(0.1)
+        assert nearest > 1.5
+        assert highest > WALL_HIGH_M
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+
+
+def test_below_the_dust_height_nothing_is_mapped() -> None:
+    mission = Mission(seed=13, dust_height_m=4.0)
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.FINAL)
+        await m.until(lambda: m.height_m < 3.0)
+        await asyncio.sleep(0.5)
+        reports = m.companion.worker.reports
+        await m.until_phase(Phase.LANDED)
+        assert m.companion.worker.reports <= reports + 1
+
+    mission.fly(script)
+    assert mission.companion.executive.tally.aborts == 0
+    assert mission.touchdown_safe()

@@ -1,0 +1,71 @@
+"""A companion's link and services beside the simulator as a program, in real time, and a station's port."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import sys
+from asyncio.subprocess import PIPE
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import params
+from companion.link.link import Link
+from companion.link.signing import Signing
+from companion.services import Services
+from companion.settings import Settings
+from companion.state import StateDir
+from tests.integration.link_bench import free_port
+
+STEP_S = 30.0
+
+
+@dataclass
+class Ship:
+    """What flies: the link and services of a companion, and where a ground station connects (TCP)."""
+
+    link: Link
+    settings: Settings
+    services: Services
+    station_port: int
+
+
+@contextlib.asynccontextmanager
+async def ship(
+    state: Path, *simulator: str, signing: Signing | None = None, **values: object
+) -> AsyncIterator[Ship]:
+    """Run `python -m sitl` with a companion's link on one wire and a server for a station on another."""
+    port = free_port()
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-m", "sitl", "--scene", "plain", "--lidar", "none", *simulator,
+        "--mavlink", f"udpout:127.0.0.1:{port}", "--mavlink", "tcpin:127.0.0.1:0",
+        stdout=PIPE,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        async with asyncio.timeout(STEP_S):
+            ready = json.loads(await process.stdout.readline())
+        settings = Settings(params.build(values), StateDir(state))
+        link = Link(f"udpin:127.0.0.1:{port}", settings.live, signing)
+        services = Services(link, settings, signing, StateDir(state))
+        tasks = [asyncio.create_task(link.run()), asyncio.create_task(services.run())]
+        try:
+            await until(lambda: link.connected)
+            yield Ship(link, settings, services, int(ready["mavlink"][1].rpartition(":")[2]))
+        finally:
+            await link.close()
+            tasks[1].cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.wait()
+
+
+async def until(condition: Callable[[], object], seconds: float = STEP_S) -> None:
+    """Wait until something is so."""
+    async with asyncio.timeout(seconds):
+        while not condition():
+            await asyncio.sleep(0.02)

@@ -1,0 +1,237 @@
+"""What the executive does when something fails: each reaction that docs/reactions.md states."""
+
+import numpy as np
+import pytest
+
+from companion.landing.situation import Orders, Phase
+from slz import PointState
+from tests.unit.companion.landing.flight import Flight, zone
+
+
+def commands(orders: Orders) -> bool:
+    return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
+
+
+# ---- position ------------------------------------------------------------------------------------
+
+
+def test_a_position_lost_in_final_breaks_off_and_holds() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 8)
+    flight.blind = True
+    flight.run(1)
+    assert flight.mode == "GUIDED"
+    assert np.allclose(flight.velocity, 0)
+    assert flight.executive.tally.abort_reasons == ["position lost"]
+    flight.run(15)
+    assert flight.executive.phase is Phase.HOLD
+    assert any("position still lost: take over" in text for text in flight.texts)
+
+
+def test_a_position_lost_below_commit_height_lets_the_autopilot_land() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 1.2)
+    flight.blind = True
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_a_position_found_again_is_used_again() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
+    flight.blind = True
+    flight.run(4)
+    flight.blind = False
+    flight.zones.append(zone(2, -20, 0))
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] < -19
+
+
+# ---- dust ----------------------------------------------------------------------------------------
+
+
+def test_below_the_dust_height_nothing_is_mapped_and_the_last_state_holds() -> None:
+    flight = Flight([zone(1, 10, 0)], dust_height_m=4.0)
+    flight.state = lambda h, _point: PointState.UNSAFE if h < 3.8 else PointState.SAFE
+    mapped = []
+    while flight.executive.phase is not Phase.LANDED:
+        flight.step()
+        mapped.append((flight.position[2], flight.executive.mapping))
+    assert flight.executive.tally.aborts == 0
+    assert {on for height, on in mapped if height > 4.3} == {True}
+    assert {on for height, on in mapped if height < 3.8} == {False}
+
+
+def test_after_a_landing_mapping_begins_again_with_the_next_flight() -> None:
+    flight = Flight([zone(1, 0, 0)]).fly_to(Phase.LANDED)
+    assert not flight.executive.mapping
+    flight.mode, flight.position[2], flight.velocity = "GUIDED", 20.0, np.zeros(3)
+    flight.fly_to(Phase.SURVEY)
+    assert flight.executive.mapping
+
+
+# ---- battery -------------------------------------------------------------------------------------
+
+
+def test_a_low_battery_in_the_survey_lands_at_the_nearest_zone_at_once() -> None:
+    flight = Flight([zone(1, 90, 0, clearance=9), zone(2, -8, 0)], survey_s=600.0).fly_to(Phase.SURVEY)
+    flight.run(2)
+    flight.battery_pct = 14.0
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-8, abs=0.5)
+    assert any("battery low" in text for text in flight.texts)
+    assert flight.time_s < 120
+
+
+def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() -> None:
+    flight = Flight([zone(1, 0, 0)], auto=False)
+    flight.battery_pct = 10.0
+    flight.run(30)
+    assert not any(commands(orders) for *_, orders in flight.orders)
+    assert sum("battery low" in text for text in flight.texts) == 1
+
+
+def test_after_the_operator_s_abort_a_low_battery_commands_nothing_new() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
+    flight.executive.abort(flight.situation())
+    flight.battery_pct = 10.0
+    flight.run(60)
+    assert flight.executive.phase is Phase.HOLD
+
+
+# ---- what is in the way --------------------------------------------------------------------------
+
+
+def test_it_climbs_over_what_is_in_the_way() -> None:
+    flight = Flight([zone(1, 40, 0)])
+    flight.blocked = lambda f: 15 < f.position[0] < 25 and f.position[2] < 41
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+    assert any("obstacle ahead: climbing" in text for text in flight.texts)
+
+
+def test_what_is_too_high_to_pass_over_costs_the_point() -> None:
+    flight = Flight([zone(1, 40, 0), zone(2, -30, 0)])
+    flight.blocked = lambda f: f.position[0] > 15 and f.velocity_wanted[0] > 0
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.abort_reasons == ["way blocked"]
+    assert flight.position[0] == pytest.approx(-30, abs=0.5)
+
+
+def test_a_point_that_is_not_reached_is_given_up() -> None:
+    flight = Flight([zone(1, 40, 0), zone(2, -30, 0)])
+    head_wind = Flight.step
+
+    def held(f: Flight) -> None:
+        head_wind(f)
+        f.position[0] = min(f.position[0], 20.0)
+
+    while "point not reached" not in flight.executive.tally.abort_reasons:
+        held(flight)
+        assert flight.time_s < 200
+    assert flight.executive.phase is Phase.CLIMB
+
+
+# ---- emergency -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["LOITER", "GUIDED", "RTL"])
+def test_an_emergency_lands_at_the_nearest_zone_from_any_mode(mode: str) -> None:
+    flight = Flight([zone(1, 60, 0, clearance=9), zone(2, -10, 0)], auto=False)
+    flight.mode = mode
+    flight.run(1)
+    assert flight.executive.land_now(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-10, abs=0.5)
+    assert flight.executive.tally.hands_off == 0
+
+
+def test_an_emergency_goes_towards_a_far_zone_where_there_is_no_near_one() -> None:
+    flight = Flight([], auto=False)
+    flight.far_zones = [zone(3, 50, 0), zone(4, -20, 0)]
+    flight.run(1)
+    flight.executive.land_now(flight.situation())
+    flight.until(lambda f: f.executive.phase is Phase.APPROACH)
+    assert flight.executive.tally.zone_id == 4
+
+
+def test_an_emergency_ends_when_the_pilot_chooses_another_mode() -> None:
+    flight = Flight([zone(1, 60, 0)], auto=False)
+    flight.mode, flight.obeys = "LOITER", False
+    flight.run(1)
+    flight.executive.land_now(flight.situation())
+    flight.run(1)
+    flight.mode = "ALT_HOLD"
+    before = len(flight.orders)
+    flight.run(10)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+
+
+def test_an_emergency_is_given_up_when_the_autopilot_refuses_the_mode() -> None:
+    flight = Flight([zone(1, 60, 0)], auto=False)
+    flight.mode, flight.obeys = "LOITER", False
+    flight.run(1)
+    flight.executive.land_now(flight.situation())
+    flight.run(20)
+    assert flight.executive.phase is Phase.IDLE
+    assert any("LOITER stays" in text for text in flight.texts)
+
+
+@pytest.mark.parametrize(("name", "value"), [("armed", False), ("connected", False)])
+def test_an_emergency_is_refused_where_nothing_flies(name: str, value: object) -> None:
+    flight = Flight([zone(1, 0, 0)], auto=False).run(1)
+    setattr(flight, name, value)
+    assert not flight.executive.land_now(flight.situation()).accepted
+
+
+# ---- modes on their way --------------------------------------------------------------------------
+
+
+def test_a_landing_mode_that_shows_after_the_abort_is_ours_and_left_again() -> None:
+    """LAND was ordered, the abort came before the autopilot had changed over."""
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0)
+    flight.until(lambda f: f.executive.phase is Phase.DESCEND)
+    flight.obeys = False
+    flight.fly_to(Phase.FINAL)
+    flight.state = lambda _h, point: PointState.UNSAFE if point[0] > 0 else PointState.SAFE
+    flight.step()
+    assert flight.executive.phase is Phase.CLIMB
+    flight.run(0.5)
+    flight.mode = "LAND"
+    flight.obeys = True
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.hands_off == 0
+    assert flight.position[0] < -19
+
+
+def test_a_landing_mode_that_the_pilot_chooses_later_is_the_pilot_s() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.mode == "LAND")
+    flight.state = lambda _h, point: PointState.UNSAFE if point[0] > 0 else PointState.SAFE
+    flight.fly_to(Phase.APPROACH)
+    flight.run(4)
+    flight.mode, flight.obeys = "LAND", False
+    before = len(flight.orders)
+    flight.run(5)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+
+
+# ---- select, confirm -----------------------------------------------------------------------------
+
+
+def test_a_zone_is_selected_and_then_confirmed() -> None:
+    flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)], auto=False).run(1)
+    assert not flight.executive.land_at_selected(flight.situation()).accepted
+    assert not flight.executive.watch_zone(flight.situation(), 9).accepted
+    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    flight.run(5)
+    assert not any(commands(orders) for *_, orders in flight.orders)
+    assert flight.executive.land_at_selected(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-10, abs=0.5)
+
+
+def test_a_far_zone_is_looked_at_when_the_survey_found_no_near_one() -> None:
+    flight = Flight([])
+    flight.far_zones = [zone(8, 70, 0)]
+    flight.until(lambda f: f.executive.phase is Phase.APPROACH)
+    assert flight.executive.tally.zone_id == 8

@@ -1,0 +1,74 @@
+"""What the services remember, and when the vehicle gets rally points at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import params
+from companion.link.link import Link
+from companion.link.mission import RallyPoint
+from companion.link.signing import MARGIN_TICKS, wall_ticks
+from companion.link.vehicle import VehicleState
+from companion.services import RALLY_FILE, SIGNING_FILE, Services, start_signing
+from companion.settings import Settings
+from companion.state import StateDir
+from slz import LocalFrame
+
+
+def test_signing_goes_on_from_the_timestamp_that_was_kept(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    state = StateDir(tmp_path)
+    first = start_signing(key, state)
+    assert first.next_tick() >= wall_ticks() - 100_000
+    ahead = first.tick + 10**9  # the date is set back by almost three hours
+    state.write(SIGNING_FILE, f"{ahead}\n")
+    second = start_signing(key, state)
+    assert (second.secret, second.next_tick()) == (bytes(range(32)), ahead + MARGIN_TICKS + 1)
+
+
+def services(state: StateDir | None = None, **values: Any) -> tuple[Services, Settings, Any]:
+    link = SimpleNamespace(
+        vehicle=VehicleState(position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0, armed=True),
+        subscribe=lambda *_, **__: None,
+    )
+    settings = Settings(params.build(values))
+    return Services(cast(Link, link), settings, None, state), settings, link
+
+
+def report() -> Any:
+    best = SimpleNamespace(enu_m=np.zeros(3), certainty=0.99)
+    return SimpleNamespace(
+        frame=LocalFrame(47.0, 8.0, 400.0), near=SimpleNamespace(zones=(SimpleNamespace(best=best),))
+    )
+
+
+def test_points_are_wanted_while_armed_and_switched_on_and_none_are_touched_without_a_report() -> None:
+    served, settings, link = services()
+    given = report()
+    served.report = lambda: given
+    assert served._wanted_points() == ()
+    assert settings.change("rally", "on").accepted
+    wanted = served._wanted_points()
+    assert wanted is not None
+    assert [p.alt_m for p in wanted] == [20]
+    served.report = lambda: None
+    assert served._wanted_points() is None
+    link.vehicle = VehicleState(position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0)
+    assert served._wanted_points() == ()
+
+
+def test_points_of_an_earlier_run_are_read_and_a_broken_line_is_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = StateDir(tmp_path)
+    state.write(RALLY_FILE, "470000000 80000000 20\nhome\n9999999999 0 0\n1 2\n")
+    served, _, _ = services(state)
+    assert served.rally.ours == (RallyPoint(470_000_000, 80_000_000, 20),)
+    assert len(caplog.records) == 3

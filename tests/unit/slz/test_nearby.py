@@ -1,0 +1,120 @@
+"""Heights around the vehicle: both maps together, unknown stays unknown, what drove off is gone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from params import Parameters, build
+from slz import Nearby, Pipeline, Window
+from slz.frame import LocalFrame
+
+S = 1_000_000_000
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+SENSOR = np.array([0.0, 0.0, 15.0])
+
+
+def patch(ground: list[list[float]], west_m: float = 0.0, cell_m: float = 0.5) -> Nearby:
+    heights = np.array(ground, np.float32)
+    return Nearby(west_m, 0.0, cell_m, heights, heights)
+
+
+def ground(seed: int, half_m: float = 20.0, count: int = 120_000) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-half_m, half_m, (count, 2)), rng.normal(0, 0.01, count)])
+
+
+def box(east_m: float, north_m: float, top_m: float, seed: int = 9) -> NDArray[np.float64]:
+    """Return the roof and walls of a 2 m box."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform((-1, -1, 0.2), (1, 1, top_m), (6000, 3))
+    points[:2000, 2] = top_m
+    points[2000:4000, 0] = np.where(points[2000:4000, 0] > 0, 1, -1)
+    points[4000:, 1] = np.where(points[4000:, 1] > 0, 1, -1)
+    return points + np.array([east_m, north_m, 0.0])
+
+
+def window(points: NDArray[np.float64], start_s: int) -> Window:
+    stamps = start_s * S + np.linspace(0, S - 1, len(points)).astype(np.int64)
+    return Window(points, stamps, SENSOR, FRAME, int(stamps[0]), int(stamps[-1]))
+
+
+def parameters() -> Parameters:
+    return build({"zone_m": 100.0})
+
+
+def test_what_stands_around_the_vehicle_goes_with_the_report() -> None:
+    pipeline = Pipeline(parameters(), (0.0, 0.0))
+    scene = ground(1)
+    hidden = np.hypot(scene[:, 0] - 8, scene[:, 1]) < 1.5
+    report = pipeline.process(window(np.vstack([scene[~hidden], box(8.0, 0.0, 6.0)]), 0))
+    around = report.nearby
+    assert around is not None
+    columns = around.columns_enu_m(3.0)
+    assert len(columns)
+    assert np.abs(columns[:, 0] - 8).max() < 1.6
+    assert np.abs(columns[:, 1]).max() < 1.6
+    assert columns[:, 2].max() == pytest.approx(6.0, abs=0.1)
+    assert around.ground_below_m(SENSOR) == pytest.approx(0.0, abs=0.05)
+    assert around.ground_below_m(np.array([8.0, 0.0])) == pytest.approx(6.0, abs=0.1)
+
+
+def test_what_lies_behind_the_field_of_view_stays_and_what_drove_off_leaves() -> None:
+    pipeline = Pipeline(parameters(), (0.0, 0.0))
+    first = np.vstack([ground(1), box(8.0, 0.0, 3.0)])
+    pipeline.process(window(first, 0))
+    elsewhere = ground(2)
+    report = pipeline.process(window(elsewhere[elsewhere[:, 0] < 0], 1))
+    assert report.nearby is not None
+    assert len(report.nearby.columns_enu_m(1.0)), "turned away from it"
+    for second in range(2, 40):  # seen through, longer than evidence is held
+        report = pipeline.process(window(ground(second), second))
+    assert report.nearby is not None
+    assert not len(report.nearby.columns_enu_m(1.0)), "it drove off"
+
+
+def test_ground_never_seen_is_unknown() -> None:
+    pipeline = Pipeline(parameters(), (0.0, 0.0))
+    scene = ground(1)
+    report = pipeline.process(window(scene[scene[:, 0] < -3], 0))
+    assert report.nearby is not None
+    assert math.isnan(report.nearby.ground_below_m(np.array([5.0, 0.0, 9.0])))
+    assert math.isnan(report.nearby.ground_below_m(np.array([5000.0, 0.0, 9.0])))
+    assert math.isnan(report.nearby.ground_below_m(np.array([math.nan, 0.0, 9.0])))
+
+
+def test_far_ground_comes_from_the_far_map() -> None:
+    pipeline = Pipeline(parameters(), (0.0, 0.0))
+    report = pipeline.process(window(np.vstack([ground(1, 35.0, 300_000), box(24.0, 4.0, 9.0)]), 0))
+    assert report.nearby is not None
+    columns = report.nearby.columns_enu_m(4.0)
+    assert len(columns)
+    assert np.abs(columns[:, 0] - 24).max() < 3.1
+
+
+def test_the_ground_below_is_the_median_within_a_metre() -> None:
+    near = patch([[math.nan, 1.0, 1.2, 9.0], [1.1, 1.1, 1.3, 9.0]])
+    assert near.ground_below_m(np.array([0.25, 0.25])) == pytest.approx(1.1, abs=0.06)
+    assert math.isnan(near.ground_below_m(np.array([-1.0, 0.2])))
+
+
+def test_nothing_can_be_changed_and_a_sensor_of_unknown_place_has_no_surroundings() -> None:
+    pipeline = Pipeline(parameters(), (0.0, 0.0))
+    report = pipeline.process(window(ground(1), 0))
+    assert report.nearby is not None
+    with pytest.raises(ValueError, match="read-only"):
+        report.nearby.top_m[0, 0] = 1
+    points = ground(2)
+    lost = Window(points, np.arange(len(points)), np.full(3, np.nan), FRAME, 0, len(points))
+    assert Pipeline(parameters(), (0.0, 0.0)).process(lost).nearby is None
+
+
+@pytest.mark.parametrize("mode", ["default", "source"])
+def test_it_is_made_in_either_mode(mode: str) -> None:
+    report = Pipeline(build({"zone_m": 100.0, "mode": mode}), (0.0, 0.0)).process(window(ground(1), 0))
+    assert report.nearby is not None
+    assert report.nearby.top_m.shape == report.nearby.ground_m.shape
+    assert report.nearby.ground_below_m(SENSOR) == pytest.approx(0.0, abs=0.06)
