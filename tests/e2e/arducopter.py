@@ -255,14 +255,10 @@ class Field:
 @contextmanager
 def _program(words: list[str], folder: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
     paths = os.pathsep.join(path for path in (str(Path.cwd()), os.environ.get("PYTHONPATH", "")) if path)
+    own = {"PYTHONPATH": paths, "XDG_STATE_HOME": str(folder / "state")}
     with (folder / f"{name}.out").open("wb") as out, (folder / f"{name}.err").open("wb") as err:
         process = subprocess.Popen(
-            words,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            env=os.environ | {"PYTHONPATH": paths},
+            words, cwd=folder, stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=os.environ | own
         )
         try:
             yield process
