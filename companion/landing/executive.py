@@ -38,6 +38,7 @@ TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 STUCK_NS = 60 * SECOND  # longer than the way should take
 BLOCKED_NS = 2 * SECOND
+RECHARGED_PCT = 10.0
 STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way
 
 STOPPED = np.zeros(3)
@@ -409,7 +410,11 @@ class Executive:
 
     def _heed_battery(self, s: Situation) -> None:
         """Once the charge is low, land at the zone reached soonest; before a hand-over only say so."""
-        if s.battery_pct is None or s.battery_pct > self._p.battery_land_pct or self._battery_said:
+        if s.battery_pct is None:
+            return
+        if s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
+            self._battery_said = False
+        if s.battery_pct > self._p.battery_land_pct or self._battery_said:
             return
         self._battery_said = True
         if self.phase in (Phase.SURVEY, Phase.CLIMB) and self._wish is not None:
