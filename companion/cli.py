@@ -1,4 +1,4 @@
-"""The command line: `slz demo`, `sim`, `run`, `map`, `params`."""
+"""The command line: `slz demo`, `sim`, `run`, `doctor`, `map`, `params`."""
 
 from __future__ import annotations
 
@@ -167,6 +167,31 @@ def run(
     summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key)
     if as_json:
         print(json.dumps(summary))
+
+
+@app.command()
+def doctor(
+    mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
+    lidar: Annotated[str, typer.Option(help="livox:HOST:PORT")],
+    seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long to listen.")] = 10.0,
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Check link, clock, autopilot parameters, LiDAR and this computer; exit 1 if what is needed is wrong."""
+    _log(verbose)
+    from companion.doctor import command as consultation
+
+    parameters = params.load(profile, setting)
+    findings = consultation.examine(mavlink, lidar, parameters, seconds)
+    summary = consultation.document(findings)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        _out().print(consultation.table(findings))
+    if not summary["ok"]:
+        sys.exit(1)
 
 
 @app.command("map")

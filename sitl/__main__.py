@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl import scenes, truth
+from sitl import attach, scenes, truth
 from sitl.intruder import HIGHEST_M, Intruder
 from sitl.key import read_key
 from sitl.lockstep import LockstepServer
@@ -45,13 +45,28 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         options = _parse(sys.argv[1:] if arguments is None else arguments)
         _try_folder(options.truth)
-        simulation, server = _build(options)
+        program = _whole_vehicle(options) if options.autopilot is None else _lidar_alone(options)
     except (ValueError, WireError) as error:
         print(f"slz sim: {error}", file=sys.stderr)
         return 2
-    stop = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.append(True))
+    return program(_stop_on_signals())
+
+
+def _whole_vehicle(options: argparse.Namespace) -> Callable[[list[bool]], int]:
+    simulation, server = _build(options)
+    return lambda stop: _simulate(simulation, server, options, stop)
+
+
+def _lidar_alone(options: argparse.Namespace) -> Callable[[list[bool]], int]:
+    origin = None if options.origin is None else _origin(options.origin)
+    lidar_to = None if options.lidar == "none" else _address(options.lidar_to)
+    attached = attach.build(options, origin, lidar_to)
+    return lambda stop: attach.follow(attached, options, lambda: bool(stop))
+
+
+def _simulate(
+    simulation: Simulation, server: LockstepServer | None, options: argparse.Namespace, stop: list[bool]
+) -> int:
     print(json.dumps(_ready(simulation, server, options)), flush=True)
     limit_ns = 1 << 62 if options.duration is None else round(options.duration * 1e9)
 
@@ -79,16 +94,34 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
+def _stop_on_signals() -> list[bool]:
+    """Return a list that holds something once SIGTERM or SIGINT has come."""
+    stop: list[bool] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.append(True))
+    return stop
+
+
 def _parse(arguments: list[str]) -> argparse.Namespace:
     parser = _Parser(prog="slz sim", description="A simulated vehicle with autopilot and LiDAR.")
     parser.add_argument("--scene", default="stadium", help=", ".join(scenes.NAMES))
-    parser.add_argument("--origin", default=None, metavar="LAT,LON,ALT", help="where the scene lies")
+    parser.add_argument(
+        "--origin",
+        default=None,
+        metavar="LAT,LON,ALT",
+        help="where the scene lies; default with --autopilot: its home there",
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--lidar", default="mid360", choices=("mid360", "none"))
     parser.add_argument("--lidar-to", default="127.0.0.1:56301", metavar="HOST:PORT")
     parser.add_argument("--point-rate", type=float, default=200_000.0, help="LiDAR points per second")
     parser.add_argument(
         "--mavlink", action="append", metavar="URL", help="repeatable; tcpin:, udpin:, udpout: or a device"
+    )
+    parser.add_argument(
+        "--autopilot",
+        metavar="URL",
+        help="LiDAR only, on the vehicle of a running ArduCopter or PX4 SITL: tcp:HOST:PORT",
     )
     parser.add_argument(
         "--mavlink-key", type=Path, default=None, metavar="FILE", help="sign all MAVLink with this key"
@@ -101,7 +134,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--takeoff-alt", type=float, default=30.0, help="m above home")
     parser.add_argument("--wind", type=float, default=3.0, help="mean wind, m/s")
     parser.add_argument("--intruder", default="none", metavar="none|car@HEIGHT")
-    parser.add_argument("--duration", type=float, default=None, help="simulated seconds")
+    parser.add_argument(
+        "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
+    )
     parser.add_argument(
         "--truth", type=Path, default=None, metavar="DIR", help="write truth files at the end"
     )
@@ -109,6 +144,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
     parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
     options = parser.parse_args(arguments)
+    if options.autopilot is not None:
+        attach.refuse_foreign(options, parser.get_default)
     _check(options)
     return options
 

@@ -262,14 +262,15 @@ def open_wire(url: str) -> Wire:
         return SerialWire(url)
     kind, _, address = url.partition(":")
     host, _, port = address.rpartition(":")
-    if kind not in ("udpout", "udpin", "tcpin") or not host or not _is_port(port):
+    if kind not in ("udpout", "udpin", "tcpin") or not host or not is_port(port):
         raise WireError(
             f"{url!r} is no MAVLink address: write udpout:HOST:PORT, udpin:HOST:PORT or tcpin:HOST:PORT"
         )
     return TcpWire(host, int(port)) if kind == "tcpin" else UdpWire(kind, host, int(port))
 
 
-def _is_port(text: str) -> bool:
+def is_port(text: str) -> bool:
+    """Tell whether a text is a number that a port can have."""
     return text.isascii() and text.isdecimal() and int(text) < 65536
 
 

@@ -1,4 +1,4 @@
-"""Settings for all tests: property tests draw the same examples in every run."""
+"""Settings for all tests: property tests draw the same examples in every run; other programs join on request."""
 
 from __future__ import annotations
 
@@ -10,9 +10,24 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True)
 settings.load_profile("fixed")
 
+AUTOPILOTS = {"arducopter": "an ArduCopter SITL binary", "px4": "the build folder of a PX4 SITL"}
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let the user name programs to test with; without them their tests are skipped."""
+    for name, what in AUTOPILOTS.items():
+        parser.addoption(f"--{name}", type=Path, default=None, metavar="PATH", help=f"{what} to fly with")
     parser.addoption("--mavproxy", metavar="PATH", help="mavproxy.py for the tests with it as ground station")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Skip what flies an autopilot that was not named."""
+    for name, what in AUTOPILOTS.items():
+        if config.getoption(f"--{name}") is None:
+            skip = pytest.mark.skip(reason=f"needs --{name} PATH, {what}")
+            for item in items:
+                if item.get_closest_marker(name):
+                    item.add_marker(skip)
 
 
 @pytest.fixture(scope="session", autouse=True)

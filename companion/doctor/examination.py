@@ -1,0 +1,108 @@
+"""Listens to autopilot and LiDAR for a while, then judges."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from dataclasses import dataclass, field
+
+from companion.clock import now_ns
+from companion.doctor.finding import Finding
+from companion.doctor.lidar_check import lidar_findings
+from companion.doctor.link_check import link_findings
+from companion.doctor.machine_check import machine_findings
+from companion.doctor.parameter_check import ParameterReader, parameter_findings
+from companion.link.link import Link
+from companion.link.streams import wanted
+from companion.sensors.driver import LivoxDriver, open_lidar
+from params import Parameters, required
+
+log = logging.getLogger(__name__)
+
+STEP_S = 0.02
+TIMER_S = 0.01
+SETTLE_S = 2.0
+PARAMETERS_S = 20.0
+
+
+@dataclass(slots=True)
+class Examination:
+    """One run of the doctor.
+
+    Parameters
+    ----------
+    mavlink_url, lidar_url
+        As of `slz run`.
+    seconds
+        How long to listen.
+
+    Raises
+    ------
+    UsageError
+        From `run`: a URL is wrong or its port is in use.
+    """
+
+    mavlink_url: str
+    lidar_url: str
+    parameters: Parameters
+    seconds: float = 10.0
+    late_ms: list[float] = field(default_factory=list)
+
+    async def run(self) -> list[Finding]:
+        """Return all findings; open nothing that stays open."""
+        link = Link(self.mavlink_url, self.parameters)
+        lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None)
+        begun_ns = now_ns()
+        log.info("listening for %g s", self.seconds)
+        try:
+            async with asyncio.TaskGroup() as group:
+                parts = [
+                    group.create_task(link.run(), name="link"),
+                    group.create_task(lidar.run(), name="lidar"),
+                    group.create_task(self._watch_timer(), name="timer"),
+                ]
+                await asyncio.sleep(self.seconds)
+                findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
+                findings = [*self._link(link), *findings, *await self._parameters(link)]
+                await link.close()
+                for part in parts[1:]:
+                    part.cancel()
+        except BaseExceptionGroup as errors:
+            raise errors.exceptions[0] from None
+        log.info("measuring this computer; the first time this compiles for a minute")
+        # After all else, for it loads the CPU.
+        return [*findings, *machine_findings(self.parameters, self.late_ms)]
+
+    def _link(self, link: Link) -> list[Finding]:
+        streams = wanted(link.vehicle.autopilot, self.parameters.pose_rate_hz)
+        return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
+
+    def _lidar(self, lidar: LivoxDriver, seconds: float) -> list[Finding]:
+        statistics = lidar.statistics()
+        return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
+
+    async def _parameters(self, link: Link) -> list[Finding]:
+        vehicle = link.vehicle
+        rows = required(vehicle.autopilot)
+        if vehicle.sysid is None:
+            return [Finding("parameters", "skipped", "no autopilot to ask")]
+        reader = ParameterReader(rows, vehicle.autopilot)
+        forget = link.subscribe("PARAM_VALUE", lambda message, _: reader.take(message))
+        try:
+            async with asyncio.timeout(PARAMETERS_S):
+                while not reader.done:
+                    for request in reader.due(vehicle.sysid, now_ns()):
+                        link.send(request)
+                    await asyncio.sleep(STEP_S)
+        except TimeoutError:
+            pass  # what has not come is a finding
+        finally:
+            forget()
+        return parameter_findings(rows, reader.values)
+
+    async def _watch_timer(self) -> None:
+        await asyncio.sleep(min(SETTLE_S, self.seconds / 2))
+        while True:
+            begun = now_ns()
+            await asyncio.sleep(TIMER_S)
+            self.late_ms.append((now_ns() - begun) * 1e-6 - 1000 * TIMER_S)

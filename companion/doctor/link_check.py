@@ -1,0 +1,109 @@
+"""The MAVLink link: heartbeat, streams, losses, clock."""
+
+from __future__ import annotations
+
+from companion.doctor.finding import Finding, judged
+from companion.link.statistics import LinkStatistics
+from companion.link.streams import Stream
+from companion.link.vehicle import VehicleState
+
+ROUND_TRIP_MS = 10.0
+"""PX4 starts its clock filter over at longer ones."""
+RESIDUAL_MS = 3.0
+LOSS = 0.01
+# A stream that arrives at less than this share of its rate is slow.
+SHARE = 0.8
+
+
+def link_findings(
+    url: str, vehicle: VehicleState, statistics: LinkStatistics, streams: tuple[Stream, ...]
+) -> list[Finding]:
+    """Judge what was heard; `streams` is what was asked for."""
+    if vehicle.sysid is None:
+        return [_silence(url, statistics)]
+    known = vehicle.autopilot in ("ardupilot", "px4")
+    name = {"ardupilot": "ArduPilot", "px4": "PX4"}.get(vehicle.autopilot, "unknown")
+    return [
+        judged(
+            "autopilot",
+            known,
+            f"{name}, system {vehicle.sysid}, mode {vehicle.mode}",
+            "ArduPilot or PX4",
+            "connect a vehicle with ArduCopter or PX4",
+        ),
+        *(_rate(stream, statistics.rates_hz.get(stream.name, 0.0)) for stream in streams),
+        _losses(statistics),
+        *_clock(statistics),
+    ]
+
+
+def _silence(url: str, statistics: LinkStatistics) -> Finding:
+    if statistics.bad_bytes or statistics.bad:
+        remedy = (
+            "there are bytes but no MAVLink: check the baud rate and that the port's protocol is MAVLink 2"
+        )
+    elif statistics.received:
+        remedy = (
+            "MAVLink arrives, but no autopilot's heartbeat: connect to the vehicle, not to a ground station"
+        )
+    elif statistics.opened:
+        remedy = "nothing arrives: check cable, port and the autopilot's SERIALn_PROTOCOL (2) or MAV_n_CONFIG"
+    else:
+        remedy = "the port cannot be opened: check that the autopilot or its simulator runs and listens there"
+    return Finding("autopilot", "fail", f"no heartbeat at {url}", "a heartbeat a second", remedy)
+
+
+def _rate(stream: Stream, rate_hz: float) -> Finding:
+    needed = stream.rate_hz >= 10.0 or stream.name in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+    return judged(
+        f"rate of {stream.name}",
+        rate_hz >= SHARE * stream.rate_hz,
+        f"{rate_hz:.1f} Hz",
+        f"{stream.rate_hz:g} Hz",
+        "use a faster port (921600 baud), or send less to others on it"
+        if needed
+        else "without it the reaction to a low battery or a moved home is missing",
+        otherwise="fail" if needed else "warn",
+    )
+
+
+def _losses(statistics: LinkStatistics) -> Finding:
+    whole = statistics.received + statistics.lost
+    share = statistics.lost / whole if whole else 0.0
+    return judged(
+        "frames lost",
+        share <= LOSS,
+        f"{100 * share:.2f} % of {whole}",
+        f"at most {100 * LOSS:g} %",
+        "check wiring and flow control, or lower the load of the link",
+        otherwise="warn",
+    )
+
+
+def _clock(statistics: LinkStatistics) -> list[Finding]:
+    if statistics.time_source != "timesync":
+        return [
+            Finding(
+                "time synchronisation",
+                "fail",
+                "TIMESYNC is not answered",
+                "answers",
+                "use MAVLink 2 and an autopilot that answers; until then stamps rest on arrival times",
+            )
+        ]
+    return [
+        judged(
+            "round trip",
+            statistics.round_trip_ms <= ROUND_TRIP_MS,
+            f"{statistics.round_trip_ms:.2f} ms",
+            f"at most {ROUND_TRIP_MS:g} ms",
+            "connect the companion to the autopilot directly, not by radio",
+        ),
+        judged(
+            "residual of the clocks",
+            statistics.residual_ms <= RESIDUAL_MS,
+            f"{statistics.residual_ms:.2f} ms",
+            f"at most {RESIDUAL_MS:g} ms",
+            "lower the load of the link and of this computer",
+        ),
+    ]

@@ -1,0 +1,70 @@
+"""The doctor beside the simulated vehicle, on simulated time."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+import pytest
+
+import params
+from companion.doctor import examination
+from companion.doctor.examination import Examination
+from companion.doctor.finding import Finding, healthy
+from companion.simulated import LockstepLoop
+from sitl.simulation import Simulation
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+@pytest.fixture(autouse=True)
+def machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the speed of the machine that runs the tests out of them."""
+    monkeypatch.setattr(examination, "machine_findings", lambda parameters, late_ms: [])
+
+
+def examined(height_m: float | None = None, lidar: bool = True, **autopilot: float) -> list[Finding]:
+    """Examine a simulated vehicle with some of its parameters changed."""
+    mavlink, points = free_port(), free_port()
+    more: dict[str, Any] = {"parameters": autopilot, "pilot_height_m": height_m}
+    sim = Simulation.build(
+        "plain",
+        mavlink=[f"udpout:127.0.0.1:{mavlink}"],
+        lidar_to=("127.0.0.1", points) if lidar else None,
+        point_rate_hz=20_000,
+        **more,
+    )
+    loop = LockstepLoop(sim.advance)
+    urls = f"udpin:127.0.0.1:{mavlink}", f"livox:127.0.0.1:{points}"
+    try:
+        return loop.run_until_complete(Examination(*urls, params.load(), 8.0).run())
+    finally:
+        sim.close()
+        loop.close()
+
+
+def test_a_vehicle_set_up_for_us_is_healthy() -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0)
+    assert healthy(findings), [finding for finding in findings if finding.state != "ok"]
+    checks = {finding.check for finding in findings}
+    assert {"autopilot", "rate of ATTITUDE_QUATERNION", "residual of the clocks", "PLND_TYPE"} <= checks
+    assert {row.name for row in params.required("ardupilot")} <= checks
+
+
+def test_what_is_set_wrong_is_named_with_its_remedy() -> None:
+    findings = examined(PLND_TYPE=0.0, AVOID_ENABLE=0.0)
+    bad = {finding.check: finding for finding in findings if finding.state in ("fail", "warn")}
+    assert bad["PLND_TYPE"].state == "fail"
+    assert "set PLND_TYPE to 1" in bad["PLND_TYPE"].remedy
+    assert bad["AVOID_ENABLE"].state == "warn"
+    assert not healthy(findings)
+
+
+def test_a_lidar_that_is_silent_fails() -> None:
+    findings = {finding.check: finding for finding in examined(lidar=False)}
+    assert findings["LiDAR packets"].state == "fail"
+    assert findings["PLND_TYPE"].state == "ok"

@@ -1,0 +1,225 @@
+"""What the doctor makes of what it measured, with its remedies."""
+
+from __future__ import annotations
+
+import logging
+import struct
+import sys
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion import cli
+from companion.doctor.command import document, table
+from companion.doctor.finding import Finding, healthy
+from companion.doctor.lidar_check import lidar_findings
+from companion.doctor.link_check import link_findings
+from companion.doctor.machine_check import speed_finding, timer_finding
+from companion.doctor.parameter_check import RETRY_NS, TRIES, ParameterReader, parameter_findings
+from companion.link.statistics import LinkStatistics
+from companion.link.streams import wanted
+from companion.link.vehicle import VehicleState
+from params import load, required
+from params.required import parse
+
+STREAMS = wanted("ardupilot", 50.0)
+GOOD = LinkStatistics(
+    received=5000,
+    lost=2,
+    bad=0,
+    bad_bytes=0,
+    unknown=0,
+    sent=100,
+    dropped=0,
+    foreign=0,
+    opened=1,
+    rates_hz={stream.name: stream.rate_hz for stream in STREAMS},
+    missing=(),
+    time_source="timesync",
+    round_trip_ms=2.5,
+    residual_ms=0.4,
+    drift_ppm=3.0,
+    time_resets=0,
+    implausible_stamps=0,
+    commands_executed=0,
+    commands_repeated=0,
+)
+VEHICLE = VehicleState(sysid=1, autopilot="ardupilot", mode="GUIDED")
+ROWS = parse("# On.\nA 1\n# Lag.\n#: accept 0.1..0.3\n#: wanted\nB 0.2")
+
+
+def states(findings: list[Finding]) -> dict[str, str]:
+    return {finding.check: finding.state for finding in findings}
+
+
+# ---- link ----------------------------------------------------------------------------------------------
+
+
+def test_a_good_link_has_nothing_to_remedy() -> None:
+    findings = link_findings("udpin:x", VEHICLE, GOOD, STREAMS)
+    assert {finding.state for finding in findings} == {"ok"}
+    assert not any(finding.remedy for finding in findings)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "check", "state"),
+    [
+        ({"rates_hz": GOOD.rates_hz | {"ATTITUDE_QUATERNION": 12.0}}, "rate of ATTITUDE_QUATERNION", "fail"),
+        ({"rates_hz": GOOD.rates_hz | {"BATTERY_STATUS": 0.0}}, "rate of BATTERY_STATUS", "warn"),
+        ({"lost": 500}, "frames lost", "warn"),
+        ({"time_source": "arrival"}, "time synchronisation", "fail"),
+        ({"round_trip_ms": 80.0}, "round trip", "fail"),
+        ({"residual_ms": 9.0}, "residual of the clocks", "fail"),
+    ],
+)
+def test_what_is_wrong_with_a_link_has_a_remedy(wrong: dict[str, Any], check: str, state: str) -> None:
+    findings = link_findings("udpin:x", VEHICLE, replace(GOOD, **wrong), STREAMS)
+    bad = [finding for finding in findings if finding.state != "ok"]
+    assert states(bad) == {check: state}
+    assert bad[0].remedy
+
+
+@pytest.mark.parametrize(
+    ("heard", "said"),
+    [
+        ({"bad_bytes": 900}, "baud rate"),
+        ({"received": 40}, "no autopilot's heartbeat"),
+        ({"opened": 1}, "nothing arrives"),
+        ({"opened": 0}, "cannot be opened"),
+    ],
+)
+def test_silence_is_told_apart(heard: dict[str, int], said: str) -> None:
+    nothing = replace(GOOD, received=0, lost=0, opened=1, rates_hz={})
+    (finding,) = link_findings("tcp:x", VehicleState(), replace(nothing, **heard), STREAMS)
+    assert finding.state == "fail"
+    assert said in finding.remedy
+
+
+# ---- parameters ----------------------------------------------------------------------------------------
+
+
+def value(name: str, number: float, kind: int = mavlink.MAV_PARAM_TYPE_REAL32) -> Any:
+    """Return a PARAM_VALUE as it is decoded."""
+    codec = mavlink.MAVLink(None)
+    packed = mavlink.MAVLink_param_value_message(name.encode(), number, kind, 1, 0).pack(codec)
+    (message,) = codec.parse_buffer(bytearray(packed))
+    return message
+
+
+def test_parameters_are_asked_for_again_and_then_given_up() -> None:
+    reader = ParameterReader(ROWS, "ardupilot")
+    now, asked = 0, 0
+    while not reader.done:
+        requests = reader.due(1, now)
+        asked += len(requests)
+        assert reader.due(1, now) == []
+        now += RETRY_NS
+        assert now < 20 * RETRY_NS
+    assert asked == TRIES * len(ROWS)
+
+
+def test_few_requests_are_under_way_at_once() -> None:
+    reader = ParameterReader(required("ardupilot"), "ardupilot")
+    first = reader.due(1, 0)
+    assert 0 < len(first) <= 4
+    reader.take(value("PLND_ENABLED", 1.0))
+    assert len(reader.due(1, 1)) == 1
+
+
+def test_px4_s_integers_are_read_by_their_bytes() -> None:
+    (number,) = struct.unpack("<f", struct.pack("<i", 5))
+    px4, ardupilot = ParameterReader(ROWS, "px4"), ParameterReader(ROWS, "ardupilot")
+    for reader in (px4, ardupilot):
+        reader.take(value("A", number, mavlink.MAV_PARAM_TYPE_INT32))
+    assert px4.values["A"] == 5.0
+    assert ardupilot.values["A"] == pytest.approx(number)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"A": 1.0, "B": 0.3}, {"A": "ok", "B": "ok"}),
+        ({"A": 0.0, "B": 0.5}, {"A": "fail", "B": "warn"}),
+        ({}, {"A": "fail", "B": "warn"}),
+    ],
+)
+def test_parameters_are_judged_by_the_file(values: dict[str, float], expected: dict[str, str]) -> None:
+    findings = parameter_findings(ROWS, values)
+    assert states(findings) == expected
+    for finding in findings:
+        assert bool(finding.remedy) == (finding.state != "ok")
+    assert healthy(findings) == ("fail" not in expected.values())
+
+
+# ---- LiDAR, computer -----------------------------------------------------------------------------------
+
+COUNTS = {"packets": 20_000, "returns": 1_500_000, "lost_packets": 0, "clock_resets": 0}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "check", "state"),
+    [
+        ({}, "", ""),
+        ({"lost_packets": 900}, "LiDAR packets lost", "fail"),
+        ({"returns": 900}, "LiDAR returns", "warn"),
+        ({"malformed": 3}, "LiDAR packets spoilt", "warn"),
+        ({"clock_resets": 1}, "LiDAR clock", "fail"),
+    ],
+)
+def test_a_lidar_is_judged_by_its_packets(wrong: dict[str, int], check: str, state: str) -> None:
+    findings = lidar_findings("livox:x", 10.0, 20_000, COUNTS | wrong)
+    assert {f.check: f.state for f in findings if f.state != "ok"} == ({check: state} if check else {})
+
+
+@pytest.mark.parametrize(("counts", "said"), [({}, "cable"), ({"malformed": 9}, "something else")])
+def test_a_silent_lidar_fails(counts: dict[str, int], said: str) -> None:
+    (finding,) = lidar_findings("livox:x", 10.0, 0, counts)
+    assert finding.state == "fail"
+    assert said in finding.remedy
+
+
+def test_a_slow_computer_fails_and_a_late_timer_warns() -> None:
+    parameters = load()
+    assert speed_finding(100.0, parameters).state == "ok"
+    assert speed_finding(900.0, parameters).state == "fail"
+    assert timer_finding([0.1] * 100).state == "ok"
+    assert timer_finding([0.1] * 90 + [30.0] * 10).state == "warn"
+    assert timer_finding([]).state == "ok"
+
+
+def test_the_document_holds_every_finding_and_the_verdict() -> None:
+    findings = [Finding("a", "ok", "1"), Finding("b", "warn", "2", "3", "do")]
+    assert document(findings)["ok"] is True
+    assert document([*findings, Finding("c", "fail", "")])["ok"] is False
+    assert document(findings)["findings"][1] == {
+        "check": "b",
+        "state": "warn",
+        "found": "2",
+        "needed": "3",
+        "remedy": "do",
+    }
+    assert table(findings).row_count == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--mavlink", "nonsense", "--lidar", "livox:127.0.0.1:0"], "MAVLink URL 'nonsense'"),
+        (["--mavlink", "udpin:127.0.0.1:14550", "--lidar", "sonar:1"], "LiDAR 'sonar:1'"),
+        (["--mavlink", "udpin:127.0.0.1:14550"], "missing option '--lidar'"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(
+    words: list[str], said: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging, "basicConfig", lambda **_: None)
+    monkeypatch.setattr(sys, "argv", ["slz", "doctor", *words])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
