@@ -1,4 +1,4 @@
-"""Settings for all tests: property tests draw the same examples in every run; other programs join on request."""
+"""Settings for all tests: property tests draw the same examples in every run."""
 
 from __future__ import annotations
 
