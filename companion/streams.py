@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.clearance import band_m, height_m, obstacle_points_enu_m
+from companion.clearance import BAND_M, band_m, height_m, obstacle_points_enu_m
 from companion.clock import now_ns
 from companion.fusion.pose import Pose
 from companion.fusion.pose_history import PoseHistory
@@ -134,6 +134,12 @@ class Streams:
         p, around = self._parameters, self._around()
         at_ns = now_ns()
         reach_m = min(p.lidar_max_m, FARTHEST_M)
+        if self._link.vehicle.landed == "on_ground":  # the ground itself would count, and forbid arming
+            nothing = np.empty((0, 3))
+            band = -BAND_M, BAND_M
+            message = obstacle_distance(nothing, at_ns, min_m=p.lidar_min_m, max_m=reach_m, band_m=band)
+            self._send("OBSTACLE_DISTANCE", message)
+            return
         band = band_m(self._height_m(pose, at_ns), p.relief_m)
         if self._turn % POINTS_EVERY == 0:
             self._send_points(pose, around, band[1], reach_m)

@@ -1,4 +1,4 @@
-"""Settings for all tests: property tests draw the same examples in every run."""
+"""Settings for all tests: property tests draw the same examples in every run; programs to join are named."""
 
 from __future__ import annotations
 

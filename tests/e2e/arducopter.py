@@ -135,39 +135,28 @@ class Pilot:
         padded = [*values, *[0.0] * (7 - len(values))]
         self._port.mav.command_long_send(1, 1, number, 0, *padded)
 
-    def insist(self, number: int, values: list[float], done: Callable[[], bool], limit_s: float) -> None:
-        """Give a command every two seconds until it has worked."""
-        end = time.monotonic() + limit_s
-        while not done():
-            if time.monotonic() > end:
-                raise FlightError(
-                    f"command {number} has not worked in {limit_s:g} s; heard {self.said[-12:]}"
-                )
-            self.command(number, *values)
-            again = time.monotonic() + 2.0
-            while not done() and time.monotonic() < again:
-                self.listen(0.2)
-
     def take_off(self, height_m: float) -> None:
-        """Stream positions, wait until GUIDED arming works, arm, climb."""
+        """Stream positions, arm in GUIDED as soon as that works, climb."""
         position = float(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
         self.until(lambda: self.mode != "", 60, "heartbeat")
         self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, position, 100_000.0)
-        guided = [float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), 4.0]
-        self.insist(mavlink.MAV_CMD_DO_SET_MODE, guided, lambda: self.mode == "GUIDED", 120)
         self._lift(height_m)
         self.until(lambda: self.height_m > 0.9 * height_m, 90, "height")
 
     def _lift(self, height_m: float, limit_s: float = 180.0) -> None:
-        """Arm and take off until it flies: it refuses, or disarms again, until its estimator uses GPS."""
+        """Set GUIDED, arm and take off, again and again until it flies: it refuses while it initialises."""
         end = time.monotonic() + limit_s
         while self.height_m < 1.0:
             if time.monotonic() > end:
                 raise FlightError(f"not flying after {limit_s:g} s; heard {self.said[-12:]}")
-            if self.armed:
-                self.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[0.0] * 6, height_m)
-            else:
+            if self.mode != "GUIDED":  # what is set before it is initialised does not last
+                guided = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), 4.0
+                self.command(mavlink.MAV_CMD_DO_SET_MODE, *guided)
+            elif not self.armed:
+                self.acks.pop(mavlink.MAV_CMD_NAV_TAKEOFF, None)
                 self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+            elif self.acks.get(mavlink.MAV_CMD_NAV_TAKEOFF) != mavlink.MAV_RESULT_ACCEPTED:
+                self.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[0.0] * 6, height_m)  # a second one starts it anew
             again = time.monotonic() + 2.0
             while self.height_m < 1.0 and time.monotonic() < again:
                 self.listen(0.2)
@@ -255,14 +244,10 @@ class Field:
 @contextmanager
 def _program(words: list[str], folder: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
     paths = os.pathsep.join(path for path in (str(Path.cwd()), os.environ.get("PYTHONPATH", "")) if path)
+    own = {"PYTHONPATH": paths, "XDG_STATE_HOME": str(folder / "state")}
     with (folder / f"{name}.out").open("wb") as out, (folder / f"{name}.err").open("wb") as err:
         process = subprocess.Popen(
-            words,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            env=os.environ | {"PYTHONPATH": paths},
+            words, cwd=folder, stdin=subprocess.DEVNULL, stdout=out, stderr=err, env=os.environ | own
         )
         try:
             yield process

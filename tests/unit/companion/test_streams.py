@@ -112,6 +112,16 @@ def test_what_only_the_map_knows_is_told(flight: Flight) -> None:
         assert set(told[:50]) == {65535}
 
 
+def test_standing_the_ground_is_no_obstacle_but_the_sensor_is_alive(flight: Flight) -> None:
+    flight.moves(MS, up_m=0.1)
+    flight.sees_ground()
+    flight.streams.send_obstacles()
+    assert min(flight.link.of("OBSTACLE_DISTANCE")[-1].distances) < 200
+    flight.link.vehicle = replace(flight.link.vehicle, reported_landed="on_ground")
+    flight.streams.send_obstacles()
+    assert set(flight.link.of("OBSTACLE_DISTANCE")[-1].distances) == {65535}
+
+
 def test_an_old_map_says_nothing_of_what_stands_there_now(flight: Flight) -> None:
     flight.maps()
     flight.moves(6 * S)
