@@ -6,6 +6,7 @@ before the operator handed over, and nothing after the mode changed under it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -429,7 +430,8 @@ class Executive:
         position = _known(s.position_enu_m)
         climb = level(self._height_m - float(position[2]), self._p.climb_speed_ms)
         horizontal = towards(offset_m, speed_ms)
-        yaw = heading_rad(horizontal) if float(np.hypot(*offset_m)) > 6.0 else None
+        course = heading_rad(horizontal) if float(np.hypot(*offset_m)) > 6.0 else None
+        yaw = None if course is None else course + math.radians(self._p.crab_deg)
         return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
 
     def _stands_in_the_way(self, s: Situation) -> bool:
