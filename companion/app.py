@@ -19,6 +19,7 @@ from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
 from companion.landing.look_ahead import LEVEL_M, held_back
 from companion.landing.operator import Operator
+from companion.landing.order_parameters import OrderParameters
 from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
 from companion.link.link import Link
@@ -77,7 +78,10 @@ class Companion:
         self.settings = Settings(parameters, state)
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
-        self.services = Services(self.link, self.settings, signing, state, self._fresh_report)
+        operator = Operator(self)
+        self.link.on_command(operator.answer)
+        orders = (OrderParameters(operator),)
+        self.services = Services(self.link, self.settings, signing, state, self._fresh_report, orders)
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
@@ -109,7 +113,6 @@ class Companion:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
-        self.link.on_command(Operator(self).answer)
         try:
             async with asyncio.TaskGroup() as group:
                 parts: dict[str, Coroutine[Any, Any, None]] = {

@@ -15,7 +15,7 @@ from companion.errors import UsageError
 from companion.link.key import read_key
 from companion.link.link import Link
 from companion.link.mission import RallyPoint
-from companion.link.parameter_server import ParameterServer
+from companion.link.parameter_server import Keeper, ParameterServer
 from companion.link.signing import Signing
 from companion.rally import TRANSFERS, Rally, best_points
 from companion.settings import Settings
@@ -56,6 +56,8 @@ class Services:
         The signed link's timestamp and our rally points are remembered there.
     report
         Gives the newest report, None while there is none that is fresh.
+    orders
+        Parameters that are orders.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Services:
         signing: Signing | None = None,
         state: StateDir | None = None,
         report: Callable[[], Report | None] = lambda: None,
+        orders: tuple[Keeper, ...] = (),
     ) -> None:
         self._link = link
         self._settings = settings
@@ -73,7 +76,7 @@ class Services:
         self._points: tuple[RallyPoint, ...] = ()
         self._signing = signing
         self._state = state
-        self.parameters = ParameterServer(settings)
+        self.parameters = ParameterServer(settings, *orders)
         self.parameters.told.subscribe(self._tell)
         for name in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
             link.subscribe(name, self._parameter, anyone=True)

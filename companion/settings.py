@@ -34,13 +34,16 @@ class Settings:
     ----------
     running, stored
         Parameters in force; those of the next start.
+    rows
+        The table.
     """
 
     def __init__(self, parameters: Parameters, state: StateDir | None = None) -> None:
         self.running = self.stored = parameters
         self._state = state
         self._changed = {} if state is None else read_stored(state)
-        self._rows = {row.name: row for row in params.rows()}
+        self.rows = params.rows()
+        self._rows = {row.name: row for row in self.rows}
 
     @property
     def live(self) -> Parameters:

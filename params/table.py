@@ -304,6 +304,17 @@ class Parameters(BaseModel):
     climb_speed_ms: Annotated[
         float, _in(0.1, 10), Spec("SLZ_CLIMB_SPD", "m/s", OURS, "Climb rate after an abort.", live=True)
     ] = 2.0
+    crab_deg: Annotated[
+        float,
+        _in(-180, 180),
+        Spec(
+            "SLZ_CRAB_DEG",
+            "deg",
+            OURS,
+            "Heading less course in flight: the LiDAR must see where the vehicle goes.",
+            live=True,
+        ),
+    ] = 60.0
     final_height_m: Annotated[
         float,
         _in(1, 200),

@@ -19,7 +19,6 @@ from slz.kernels.voxels import has_company
 
 COMPANY = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
-MOST_VOXELS = 50_000_000
 CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
 FLIGHT_GROUP = (0.6, 5)  # the least object to be seen, 0.5 x 0.3 m with 5 pulses; echoes lie farther apart
 RECENT, OFTEN, PLACE_M = 12, 5, 0.4
@@ -116,7 +115,7 @@ def in_company(
     """
     if not len(points_enu_m):
         return np.ones(0, bool)
-    keep = has_company(points_enu_m, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2, MOST_VOXELS)
+    keep = has_company(points_enu_m, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
 
 

@@ -6,6 +6,7 @@ before the operator handed over, and nothing after the mode changed under it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -38,6 +39,7 @@ TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 STUCK_NS = 60 * SECOND  # longer than the way should take
 BLOCKED_NS = 2 * SECOND
+RECHARGED_PCT = 10.0
 STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way
 
 STOPPED = np.zeros(3)
@@ -409,7 +411,11 @@ class Executive:
 
     def _heed_battery(self, s: Situation) -> None:
         """Once the charge is low, land at the zone reached soonest; before a hand-over only say so."""
-        if s.battery_pct is None or s.battery_pct > self._p.battery_land_pct or self._battery_said:
+        if s.battery_pct is None:
+            return
+        if s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
+            self._battery_said = False
+        if s.battery_pct > self._p.battery_land_pct or self._battery_said:
             return
         self._battery_said = True
         if self.phase in (Phase.SURVEY, Phase.CLIMB) and self._wish is not None:
@@ -424,7 +430,8 @@ class Executive:
         position = _known(s.position_enu_m)
         climb = level(self._height_m - float(position[2]), self._p.climb_speed_ms)
         horizontal = towards(offset_m, speed_ms)
-        yaw = heading_rad(horizontal) if float(np.hypot(*offset_m)) > 6.0 else None
+        course = heading_rad(horizontal) if float(np.hypot(*offset_m)) > 6.0 else None
+        yaw = None if course is None else course + math.radians(self._p.crab_deg)
         return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
 
     def _stands_in_the_way(self, s: Situation) -> bool:

@@ -33,26 +33,35 @@ class Operator:
         if command.command != mavlink.MAV_CMD_USER_1:
             return CommandReply.unsupported()
         what, which = command.params[0], command.params[1]
-        executive, situation = self._companion.executive, self._companion.situation()
-        if what == ABORT:
-            reply = executive.abort(situation)
-        elif what == LAND_AT_BEST:
-            reply = executive.land_at_best(situation)
-        elif what == LAND_IN_ZONE and float(which).is_integer():
-            reply = executive.land_in_zone(situation, int(which))
-        elif what == LAND_NOW:
-            reply = executive.land_now(situation)
-        elif what == SELECT and float(which).is_integer():
-            reply = executive.watch_zone(situation, int(which))
-        elif what == CONFIRM:
-            reply = executive.land_at_selected(situation)
-        elif what == POINT and which in (0, 1):
+        if what == POINT and which in (0, 1):
             reply = self._point(command, land=which == 1)
         else:
-            reply = Reply(False, f"USER_1 knows no {what:g}/{which:g}")
+            reply = self.order(what, which)
         if reply.accepted:
             return CommandReply.accepted()
         return CommandReply.denied(f"SLZ: {reply.reason}")
+
+    def order(self, what: float, which: float = 0) -> Reply:
+        """Carry out an order that needs no place."""
+        executive, situation = self._companion.executive, self._companion.situation()
+        if what == ABORT:
+            return executive.abort(situation)
+        if what == LAND_AT_BEST:
+            return executive.land_at_best(situation)
+        if what == LAND_IN_ZONE and float(which).is_integer():
+            return executive.land_in_zone(situation, int(which))
+        if what == LAND_NOW:
+            return executive.land_now(situation)
+        if what == SELECT and float(which).is_integer():
+            return executive.watch_zone(situation, int(which))
+        if what == CONFIRM:
+            return executive.land_at_selected(situation)
+        return Reply(False, f"USER_1 knows no {what:g}/{which:g}")
+
+    def watched_zone(self) -> int:
+        """Return the ID of the zone that the point under watch lies in, 0 for none."""
+        selected = self._companion.situation().selected
+        return 0 if selected is None or selected.zone_id is None else selected.zone_id
 
     def _point(self, command: OperatorCommand, *, land: bool) -> Reply:
         frame = self._companion.history.frame

@@ -1,6 +1,6 @@
 """MAVLink's parameter protocol from the side that owns the parameters, without I/O.
 
-Every parameter of the table is one of ours under its MAVLink name: numbers as REAL32, whole numbers as INT32,
+Each is one of ours under its MAVLink name: numbers as REAL32, whole numbers as INT32,
 choices as INT32 counted from 0 in the order of the table. Whole numbers travel in the float field as the
 vehicle's autopilot sends its own, for ground stations read all components of a vehicle alike: ArduPilot by
 value, PX4 by bytes.
@@ -18,16 +18,20 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.event import Event
 from companion.settings import Change
-from params import Parameters, Row, allowed, rows
+from params import Row, allowed
 
 # A list goes out so fast: four seconds for all, and a tenth of a radio of 57600 baud.
 LIST_INTERVAL_NS = 50_000_000
 
 
 class Keeper(Protocol):
-    """Who keeps the values."""
+    """Who keeps the values of some parameters; `stored` has an attribute for the name of each row."""
 
-    stored: Parameters
+    @property
+    def rows(self) -> tuple[Row, ...]: ...
+
+    @property
+    def stored(self) -> Any: ...
 
     def change(self, name: str, value: Any) -> Change: ...
 
@@ -37,8 +41,8 @@ class ParameterServer:
 
     Parameters
     ----------
-    keeper
-        Keeps the values, refuses wrong ones.
+    keepers
+        Keep the values, refuse wrong ones.
 
     Attributes
     ----------
@@ -50,9 +54,9 @@ class ParameterServer:
         Event (text, accepted): what became of a change, for the pilot's screen.
     """
 
-    def __init__(self, keeper: Keeper) -> None:
-        self._keeper = keeper
-        self._rows = rows()
+    def __init__(self, *keepers: Keeper) -> None:
+        self._keepers = [keeper for keeper in keepers for _ in keeper.rows]
+        self._rows = [row for keeper in keepers for row in keeper.rows]
         self._index = {row.mavlink: i for i, row in enumerate(self._rows)}
         self._waiting: deque[int] = deque()
         self._next_ns = 0
@@ -97,18 +101,21 @@ class ParameterServer:
         value = self._decode(row, message)
         change = Change(False, f"{row.mavlink}: must be {allowed(row)}")
         if value is not None:
-            change = self._keeper.change(row.name, value)
+            change = self._keepers[index].change(row.name, value)
         if change.reason:
             self.told.emit(f"SLZ: {change.reason}", change.accepted)
         if change.accepted:
             self.changed += bool(change.reason)
-            return [self._value(index)]
+            if value != getattr(self._keepers[index].stored, row.name) and index not in self._waiting:
+                self._waiting.append(index)  # an order: first what was set is read back, then what is
+            return [self._value(index, value)]
         self.refused += 1
         return [self._error(message, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE), self._value(index)]
 
-    def _value(self, index: int) -> Any:
+    def _value(self, index: int, value: Any = None) -> Any:
         row = self._rows[index]
-        value = getattr(self._keeper.stored, row.name)
+        if value is None:
+            value = getattr(self._keepers[index].stored, row.name)
         kind = mavlink.MAV_PARAM_TYPE_REAL32 if row.kind is float else mavlink.MAV_PARAM_TYPE_INT32
         number = row.choices.index(value) if row.choices else value
         if row.kind is not float and self.bytewise:

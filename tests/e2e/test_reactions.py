@@ -11,7 +11,7 @@ from sitl.modes import Mode
 from sitl.primitives import Box
 from tests.e2e.harness import Mission
 
-WALL_M, WALL_HIGH_M = 24.0, 22.0
+WALL_M, WALL_WIDE_M, WALL_HIGH_M = 36.0, 5.0, 22.0
 
 
 def test_an_emergency_in_loiter_lands_at_once() -> None:
@@ -48,7 +48,7 @@ def test_a_low_battery_ends_the_survey() -> None:
 
 
 @pytest.mark.parametrize("avoids", [True, False])
-def test_a_wall_on_the_way_is_passed_over(avoids: bool) -> None:
+def test_a_narrow_wall_on_the_way_is_passed_over(avoids: bool) -> None:
     """With the autopilot's own avoidance, and without any, as PX4."""
     mission = Mission(seed=12, auto=False, height_m=15.0)
     world = mission.sim.scene.world
@@ -60,14 +60,15 @@ def test_a_wall_on_the_way_is_passed_over(avoids: bool) -> None:
         await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
         await m.until(lambda: m.height_m > 13.5)
         e, n, _ = (float(v) for v in m.sim.vehicle.truth.pos_enu_m)
-        world.add_mover("wall", [Box(0.0, 0.0, 0.0, 0.5, 40.0, WALL_HIGH_M)], e + WALL_M, n, 0.0)
-        lat, lon, alt = m.sim.autopilot.lla(np.array([e + 2 * WALL_M, n, 0.0]))
+        world.add_mover("wall", [Box(0.0, 0.0, 0.0, 0.5, WALL_WIDE_M, WALL_HIGH_M)], e + WALL_M, n, 0.0)
+        lat, lon, alt = m.sim.autopilot.lla(np.array([e + 1.5 * WALL_M, n, 0.0]))
         m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 3, 1, 0, 0, lat, lon, alt, component=191)
         nearest, highest = np.inf, 0.0
         while m.phase is not Phase.LANDED:
-            x, _, z = (float(v) for v in m.sim.vehicle.truth.pos_enu_m)
+            x, y, z = (float(v) for v in m.sim.vehicle.truth.pos_enu_m)
             if z < WALL_HIGH_M:
-                nearest = min(nearest, abs(x - e - WALL_M))
+                aside = max(0.0, abs(y - n) - WALL_WIDE_M / 2)
+                nearest = min(nearest, float(np.hypot(x - e - WALL_M, aside)))
             highest = max(highest, z)
             await asyncio.sleep(0.1)
         assert nearest > 1.5

@@ -52,7 +52,10 @@ def _fetch(port: int, key: bytes | None) -> tuple[dict[str, float], str]:
     if key is not None:
         wire.setup_signing(key, sign_outgoing=True)
     try:
-        assert wire.wait_heartbeat(timeout=STEP_S) is not None
+        while (beat := wire.recv_match(type="HEARTBEAT", blocking=True, timeout=STEP_S)) is not None:
+            if beat.get_srcComponent() == 191:
+                break
+        assert beat is not None, "the companion was never heard"
         wire.target_system, wire.target_component = 1, 191
         wire.param_fetch_all()
         values: dict[str, float] = {}

@@ -141,6 +141,15 @@ def test_no_zone_means_no_landing() -> None:
     assert flight.position[2] > 25
 
 
+@pytest.mark.parametrize(("east", "north"), [(40, 0), (0, 40), (-30, -30)])
+def test_the_nose_points_aside_of_the_course_for_the_lidar_to_see_ahead(east: float, north: float) -> None:
+    flight = Flight([zone(1, east, north)], crab_deg=60.0).fly_to(Phase.APPROACH).run(1)
+    yaw = flight.step().yaw_rad
+    assert yaw is not None
+    course = np.arctan2(flight.velocity[0], flight.velocity[1])
+    assert np.degrees(yaw - course) % 360 == pytest.approx(60)
+
+
 def test_without_a_pose_the_vehicle_stops() -> None:
     flight = Flight([zone(1, 50, 0)]).fly_to(Phase.APPROACH).run(1)
     flight.blind = True

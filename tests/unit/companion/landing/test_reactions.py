@@ -90,6 +90,14 @@ def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() 
     assert sum("battery low" in text for text in flight.texts) == 1
 
 
+def test_a_new_battery_is_watched_anew() -> None:
+    flight = Flight([zone(1, 0, 0)], auto=False)
+    for charge in (10.0, 14.0, 90.0, 12.0):
+        flight.battery_pct = charge
+        flight.run(3)
+    assert sum("battery low" in text for text in flight.texts) == 2
+
+
 def test_after_the_operator_s_abort_a_low_battery_commands_nothing_new() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
     flight.executive.abort(flight.situation())
