@@ -40,11 +40,18 @@ GOOD = LinkStatistics(
     time_source="timesync",
     round_trip_ms=2.5,
     residual_ms=0.4,
+    worst_residual_ms=1.1,
+    delay_p50_ms=0.0,
+    delay_p99_ms=0.5,
     drift_ppm=3.0,
     time_resets=0,
     implausible_stamps=0,
     commands_executed=0,
     commands_repeated=0,
+    unsigned=0,
+    forged=0,
+    replayed=0,
+    orders_refused=0,
 )
 VEHICLE = VehicleState(sysid=1, autopilot="ardupilot", mode="GUIDED")
 ROWS = parse("# On.\nA 1\n# Lag.\n#: accept 0.1..0.3\n#: wanted\nB 0.2")
