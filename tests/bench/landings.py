@@ -103,6 +103,7 @@ def fly(flight: Plan) -> dict[str, Any]:
         "landed": landed and not error,
         "safe": landed and mission.touchdown_safe(),
         "error_m": mission.touchdown_error_m() if landed else None,
+        "estimated_error_m": _estimated_error_m(mission) if landed else None,
         "aborts": tally.abort_reasons,
         "hazard_arrived": bool(intruder and intruder.arrived),
         "commands_while_pilot_flies": witness.commands,
@@ -112,17 +113,33 @@ def fly(flight: Plan) -> dict[str, Any]:
     }
 
 
+def _estimated_error_m(mission: Mission) -> float:
+    """Return how far from the point the autopilot believes to stand: the part that is not its own drift."""
+    chosen, frame = mission.companion.executive.tally.chosen_enu_m, mission.companion.history.frame
+    estimate = mission.sim.autopilot.estimate
+    assert chosen is not None
+    assert frame is not None
+    assert estimate is not None
+    off = mission.sim.autopilot.enu_m(*frame.lla(chosen)) - estimate.pos_enu_m
+    return float(np.hypot(off[0], off[1]))
+
+
+def _quantiles(values: list[float]) -> dict[str, float]:
+    return {
+        name: round(float(np.percentile(values, q)), 3)
+        for name, q in (("p50", 50), ("p95", 95), ("max", 100))
+    }
+
+
 def summary(flights: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the figures of all flights."""
-    errors = [f["error_m"] for f in flights if f["error_m"] is not None]
     hazards = [f for f in flights if f["hazard_arrived"]]
     return {
         "flights": len(flights),
         "landed": sum(f["landed"] for f in flights),
         "safe": sum(f["safe"] for f in flights),
-        "error_m": {
-            q: round(float(np.percentile(errors, n)), 3) for q, n in (("p50", 50), ("p95", 95), ("max", 100))
-        },
+        "error_m": _quantiles([f["error_m"] for f in flights if f["landed"]]),
+        "estimated_error_m": _quantiles([f["estimated_error_m"] for f in flights if f["landed"]]),
         "hazards": len(hazards),
         "hazards_broken_off": sum(bool(f["aborts"]) for f in hazards),
         "aborts_without_hazard": sum(len(f["aborts"]) for f in flights if f["hazard_below_m"] is None),
