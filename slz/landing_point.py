@@ -86,7 +86,7 @@ def best_point(
         square_side_m=candidate.square_side * grid.cell_m,
         slope_deg=float(slope[first]),
         certainty=float(sure[first]),
-        horizon_deg=_horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=float(np.hypot(*(enu_m[:2] - sensor_enu_m[:2]))),
     )
 
@@ -234,7 +234,7 @@ def _plane(
     return np.asarray(fit[0] + fit[1] * east + fit[2] * north)
 
 
-def _horizon_towards(
+def horizon_towards(
     enu_m: NDArray[np.float64],
     sensor_enu_m: NDArray[np.float64],
     terrain: Terrain,

@@ -41,12 +41,12 @@ def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int)
 
 
 @kernel(
-    "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1]))(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64,"
+    "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64,"
     " int64, int64, int64, int64)"
 )
 def find(
     safe: Bits, seeds: Bits, taken: Bits, row0: int, row1: int, word0: int, word1: int, least: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32], Bits]:
+) -> tuple[NDArray[np.int64], NDArray[np.int32], Bits, NDArray[np.int64]]:
     """Return the components with a seed in a box that are not taken and have a boundary of `least` cells.
 
     Parameters
@@ -61,9 +61,11 @@ def find(
     Returns
     -------
     A table, see its columns above; all boundaries, from each one's first cell on; all contents, each
-    (ROW1 - ROW0) rows of words from COL0 >> 6 to (COL1 - 1) >> 6.
+    (ROW1 - ROW0) rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the
+    box in which something was taken.
     """
     path, edges = np.empty((4096, 2), np.int32), np.empty(4096, np.uint8)
+    spread = np.array([row1, row0, word1, word0], np.int64)
     table, count = np.empty((16, FIELDS), np.int64), 0
     boundary, n_boundary = np.empty((4096, 2), np.int32), 0
     words, n_words = np.empty(4096, np.uint64), 0
@@ -89,6 +91,8 @@ def find(
                 if n < least:
                     room = content & safe[r0:r1, w0:w1]
                     content = component(room, path[first, 0] - r0, path[first, 1] - 64 * w0)
+                spread[0], spread[1] = min(spread[0], r0), max(spread[1], r1)
+                spread[2], spread[3] = min(spread[2], w0), max(spread[3], w1)
                 for i in range(r1 - r0):
                     for j in range(w1 - w0):
                         taken[r0 + i, w0 + j] |= content[i, j]
@@ -116,4 +120,4 @@ def find(
                     words[n_words : n_words + content.size] = content.ravel()
                     n_words += content.size
                 open_ = seeds[row, w] & ~taken[row, w]
-    return table[:count].copy(), boundary[:n_boundary].copy(), words[:n_words].copy()
+    return table[:count].copy(), boundary[:n_boundary].copy(), words[:n_words].copy(), spread
