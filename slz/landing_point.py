@@ -241,7 +241,7 @@ def horizon_towards(
     parameters: Parameters,
 ) -> float:
     """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
-    if not np.isfinite(enu_m).all() or not np.isfinite(sensor_enu_m).all():
+    if math.isnan(sensor_enu_m[0]) or not (np.isfinite(enu_m).all() and np.isfinite(sensor_enu_m).all()):
         return float("nan")
     box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
     half_m = parameters.footprint_m / 2

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
+from slz.kernels.fuse import STEP
 from slz.kernels.stream import DROPPED, OUTSIDE, interval, scatter, stream
 
 Points = NDArray[np.float64]
@@ -44,6 +45,11 @@ class Returns:
         self.n, self.n_outside = int(found[3]), int(found[4])
         row0, row1, col0, col1 = (int(edge) for edge in found[5:])
         self.box = Box(row0, row1, col0, col1)
+
+    @property
+    def width(self) -> int:
+        """Columns of the sums: those of the box, and more to whole steps."""
+        return -(-self.box.shape[1] // STEP) * STEP
 
     @property
     def cells(self) -> NDArray[np.uint32]:
@@ -83,7 +89,7 @@ class Returns:
 
         Whoever takes the sums leaves zeros.
         """
-        rows, width = self.box.shape
+        rows, width = self.box.shape[0], self.width
         if rows * width > len(self._sums):
             self._sums = np.zeros(rows * width + rows * width // 4, np.uint64)
         count_bits = max(12, self.n.bit_length())

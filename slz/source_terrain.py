@@ -63,7 +63,7 @@ class SourceTerrain:
             return len(returns.kept())
         sums, unit_m, count_bits, used = returns.sums()
         changed = fuse(
-            sums, box.row0, box.col0, *box.shape, grid.cols, returns.low_m, unit_m, count_bits, grid.cell_m,
+            sums, box.row0, box.col0, box.shape[0], returns.width, grid.cols, returns.low_m, unit_m, count_bits, grid.cell_m,
             p.max_slope_deg, p.safe_slope_deg, p.fusing == "max",
             self.heights, self.slopes, self.roughs, self.begun, self.safe_bits, self.known_bits, self.blocks,
         )  # fmt: skip

@@ -11,17 +11,14 @@ from params import Parameters
 from slz.kernels.bits import unpacked
 from slz.kernels.content import part_of
 from slz.kernels.fuse import SUM_UNIT
-from slz.kernels.groups import obstacles
 from slz.kernels.measure import corners, measure
-from slz.kernels.room import largest_square, widest
+from slz.kernels.room import first_choice, largest_square, widest
 from slz.landing_point import horizon_towards
+from slz.source_obstacles import SourceObstacles
 from slz.source_search import Part, SourceSearch
 from slz.source_terrain import SourceTerrain
-from slz.surroundings import Obstacle
 from slz.zone import LandingPoint, Zone
 
-MOST_OBSTACLES = 200
-AROUND = 3  # cells, of the ground that an obstacle's height is over
 Bits = NDArray[np.uint64]
 
 
@@ -41,6 +38,8 @@ def describe_source(
         part.content, own, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
         terrain.blocks, terrain.slopes, terrain.roughs,
     )  # fmt: skip
+    here = slice(box.row0, box.row1), words
+    holes = part.content & terrain.known_bits[here] & ~terrain.safe_bits[here]
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
     return Zone(
         id=zone_id,
@@ -55,7 +54,7 @@ def describe_source(
         roughness=roughs / (float(SUM_UNIT) * n_own),
         boundary_cells=part.boundary_cells,
         corners_enu_m=corners(part.boundary_cells, terrain.heights, grid.west_m, grid.south_m, grid.cell_m),
-        obstacles=_obstacles(part, own, terrain),
+        obstacles=SourceObstacles(holes, own, terrain.heights, box, grid),
         best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),
     )
 
@@ -73,38 +72,21 @@ def _best_point(
     squares = search.squares[box.row0 : box.row1, part.words] & own
     side = int(largest_square(squares, search.side))
     found = widest(own, side)
-    cells = found[:, :2] + (box.row0, 64 * part.words.start)
-    slope = terrain.slopes[cells[:, 0], cells[:, 1]]
-    centres = grid.centres(cells)
-    first = 0
-    if len(cells) > 1:
-        way = np.nan_to_num(np.hypot(*(centres - sensor_enu_m[:2]).T))
-        first = int(np.lexsort((way // grid.cell_m, np.round(slope, 1)))[0])
-    row, col = cells[first].tolist()
-    east, north = centres[first].tolist()
+    row0, col0 = box.row0, 64 * part.words.start
+    at = first_choice(
+        found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,
+        sensor_enu_m[0], sensor_enu_m[1],
+    )  # fmt: skip
+    down, right, distance2 = found[at].tolist()
+    row, col = row0 + down, col0 + right
+    east, north = grid.centre(row, col)
     enu_m = np.array([east, north, terrain.heights[row, col]], np.float64)
     return LandingPoint(
         enu_m=enu_m,
-        clearance_m=(math.sqrt(found[first, 2]) - 0.5) * grid.cell_m,
+        clearance_m=(math.sqrt(distance2) - 0.5) * grid.cell_m,
         square_side_m=side * grid.cell_m,
-        slope_deg=float(slope[first]),
+        slope_deg=float(terrain.slopes[row, col]),
         certainty=1.0,
         horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=math.hypot(east - sensor_enu_m[0], north - sensor_enu_m[1]),
-    )
-
-
-def _obstacles(part: Part, own: Bits, terrain: SourceTerrain) -> tuple[Obstacle, ...]:
-    """Group the measured unsafe cells inside a contour; their height is over the zone around them."""
-    grid, box, words = terrain.grid, part.box, part.words
-    here = slice(box.row0, box.row1), words
-    holes = part.content & terrain.known_bits[here] & ~terrain.safe_bits[here]
-    found, ends, cells = obstacles(
-        holes, own, terrain.heights, box.row0, 64 * words.start, grid.west_m, grid.south_m, grid.cell_m,
-        MOST_OBSTACLES, AROUND,
-    )  # fmt: skip
-    cells.flags.writeable = False
-    return tuple(
-        Obstacle(east, north, top, over, cells[first:stop], grid.cell_m)
-        for (east, north, top, over), (first, stop) in zip(found.tolist(), ends.tolist(), strict=True)
     )

@@ -24,6 +24,7 @@ A3, A5, A7, A9 = (
 )
 SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
 U0 = np.uint64(0)
+STEP = 32  # cells that the compiler may take at a time
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
@@ -41,7 +42,7 @@ def atan(x: np.float32) -> np.float32:
 
 @kernel("UniTuple(int64, 2)(uint64[::1])")
 def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
-    """Return the first cell hit of a row and the one after the last; 0, 0 where there is none."""
+    """Return from where to where a row was hit, by whole STEPs of cells; 0, 0 where it was not."""
     first, stop = 0, len(sums)
     while first < stop and sums[first] == U0:
         first += 1
@@ -49,7 +50,7 @@ def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
         return 0, 0
     while sums[stop - 1] == U0:
         stop -= 1
-    return first, stop
+    return first // STEP * STEP, (stop + STEP - 1) // STEP * STEP
 
 
 @kernel("void(uint64[::1], float64, float64, uint64, uint64[::1], float64[::1], uint64[::1], float64[::1], float32[::1])")
@@ -81,14 +82,15 @@ def _mean_heights(
 
 @kernel("void(float32[::1], float32[::1], float32[::1], float32, float32[::1])")
 def _slopes(south: Row, here: Row, north: Row, k: np.float32, out: Row) -> None:
-    """Return the slope of a row from its neighbours (Eq. 6-9); NaN at both ends and where one is NaN."""
-    n = len(here)
-    out[0] = out[n - 1] = NAN
-    west, east, mid, below, above, slope = here[:-2], here[2:], here[1:-1], south[1:-1], north[1:-1], out[1:-1]
-    for i in range(np.uint64(n - 2)):
+    """Return the slope of a row from its neighbours (Eq. 6-9), NaN where one is NaN.
+
+    The rows of a step have a cell more at either end than `out`.
+    """
+    west, east, mid, below, above = here[:-2], here[2:], here[1:-1], south[1:-1], north[1:-1]
+    for i in range(np.uint64(len(out))):
         dx, dy = (east[i] - west[i]) * k, (above[i] - below[i]) * k
         angle = atan(np.sqrt(dx * dx + dy * dy)) * DEGREES
-        slope[i] = angle if mid[i] == mid[i] else NAN
+        out[i] = angle if mid[i] == mid[i] else NAN
 
 
 @kernel(
@@ -218,9 +220,10 @@ def fuse(
     Parameters
     ----------
     sums
-        (rows * width,) as `stream.scatter` leaves them; zeros are left.
+        (rows * width,) as `stream.scatter` leaves them; zeros are left. The width is a multiple of STEP; the
+        box may reach beyond the map's last column by less than that.
     cols
-        Columns of the map; the arrays are as wide as the next multiple of 64.
+        Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
     height, slope, rough
         Total maps: NaN and the worst case where nothing was written, but only in blocks that are `begun`.
     safe, known
@@ -233,10 +236,10 @@ def fuse(
     row0, row1, col0, col1 of the cells whose safety changed, columns by whole words; row1 0 where none did.
     """
     k = np.float32(1.0 / (2.0 * cell))
-    first, last = col0 >> 6, (col0 + width - 1) >> 6
-    words, at = last - first + 1, col0 - 64 * first
-    heights, slopes = np.full((3, width), NAN), np.full((3, width), NAN)
-    roughs, empty = np.full(width, NAN), np.full(width, NAN)
+    first, at = col0 >> 6, col0 & 63
+    words = (at + width + 63) >> 6
+    heights, slopes = np.full((3, width + 2), NAN), np.full((3, width + 2), NAN)  # a margin at either end
+    roughs = np.full(width, NAN)
     safe_bytes, known_bytes = np.zeros(64 * words, np.uint8), np.zeros(64 * words, np.uint8)
     safe_eights, known_eights = safe_bytes.view(np.uint64), known_bytes.view(np.uint64)
     counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
@@ -250,29 +253,33 @@ def fuse(
             row = sums[i * width : (i + 1) * width]
             a, b = _span(row)
             ends[i & 3, 0], ends[i & 3, 1] = a, b
-            heights[new, :a], heights[new, b:] = NAN, NAN
+            heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
             _mean_heights(
-                row[a:b], low, unit, bits, counts, real_counts, totals, real_totals, heights[new, a:b]
+                row[a:b], low, unit, bits, counts, real_counts, totals, real_totals, heights[new, a + 1 : b + 1]
             )
         j = i - 1
         if j >= 0:
             a, b = ends[j & 3]
             slopes[j % 3] = NAN
-            if 0 < j < rows - 1 and b - a > 2:
+            if 0 < j < rows - 1 and b > a:
                 _slopes(
-                    heights[(j - 1) % 3, a:b], heights[j % 3, a:b], heights[new, a:b], k, slopes[j % 3, a:b]
-                )
+                    heights[(j - 1) % 3, a : b + 2], heights[j % 3, a : b + 2], heights[new, a : b + 2], k,
+                    slopes[j % 3, a + 1 : b + 1],
+                )  # fmt: skip
         j = i - 2
-        if j < 1 or j >= rows - 1 or ends[j & 3, 1] - ends[j & 3, 0] < 3:
+        if j < 1 or j >= rows - 1 or ends[j & 3, 1] == 0:
             continue
         a, b = ends[j & 3]
-        _slopes(slopes[(j - 1) % 3, a:b], slopes[j % 3, a:b], slopes[(j + 1) % 3, a:b], k, roughs[a:b])
+        _slopes(
+            slopes[(j - 1) % 3, a : b + 2], slopes[j % 3, a : b + 2], slopes[(j + 1) % 3, a : b + 2], k,
+            roughs[a:b],
+        )  # fmt: skip
         r = row0 + j
         w0, w1 = (at + a) >> 6, (at + b - 1) >> 6
         _begin(height, slope, rough, begun, r, first + w0, first + w1, worst)
         here = slice(col0 + a, col0 + b)
         _join(
-            heights[j % 3, a:b], slopes[j % 3, a:b], roughs[a:b], worst, safe_slope, greatest,
+            heights[j % 3, a + 1 : b + 1], slopes[j % 3, a + 1 : b + 1], roughs[a:b], worst, safe_slope, greatest,
             height[r, here], slope[r, here], rough[r, here],
             safe_bytes[at + a : at + b], known_bytes[at + a : at + b],
         )  # fmt: skip
@@ -280,8 +287,8 @@ def fuse(
             safe_bytes[:] = 0
         if col0 + a == 0:
             safe_bytes[0] = 0
-        if col0 + b == cols:
-            safe_bytes[at + b - 1] = 0
+        if col0 + a < cols <= col0 + b:
+            safe_bytes[at + cols - 1 - col0] = 0
         for w in range(w0, w1 + 1):
             mask = ALL
             if w == w0:

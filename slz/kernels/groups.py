@@ -102,9 +102,9 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     return groups, out
 
 
-@kernel("float64(uint64[:, ::1], float32[:, ::1], int64, int64, int64, int64, int64, int64)")
+@kernel("float64(uint64[:, ::1], float32[:, ::1], int64, int64, int64, int64)")
 def middle_height(
-    part: Bits, height: NDArray[np.float32], row_at: int, col_at: int, row0: int, row1: int, col0: int, col1: int
+    part: Bits, height: NDArray[np.float32], row0: int, row1: int, col0: int, col1: int
 ) -> float:
     """Return the median height of the cells of a part in a box, which may reach over its edges; NaN of none."""
     row0, row1, col0, col1 = max(0, row0), min(part.shape[0], row1), max(0, col0), min(64 * part.shape[1], col1)
@@ -112,21 +112,19 @@ def middle_height(
     for r in range(row0, row1):
         for c in range(col0, col1):
             if bit(part, r, c):
-                found[n] = height[row_at + r, col_at + c]
+                found[n] = height[r, c]
                 n += 1
     return np.float64(np.float32(np.median(found[:n]))) if n else np.nan
 
 
 @kernel(
     "Tuple((float64[:, ::1], int64[:, ::1], float64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], float32[:, ::1],"
-    " int64, int64, float64, float64, float64, int64, int64)"
+    " float64, float64, float64, int64, int64)"
 )
 def obstacles(
     cells: Bits,
     part: Bits,
     height: NDArray[np.float32],
-    row_at: int,
-    col_at: int,
     west: float,
     south: float,
     cell: float,
@@ -143,18 +141,18 @@ def obstacles(
     groups, listed = largest_groups(cells, most)
     n, centres = len(groups), np.empty((len(listed), 2))
     for i in range(len(listed)):
-        centres[i, 0] = west + (listed[i, 1] + col_at + 0.5) * cell
-        centres[i, 1] = south + (listed[i, 0] + row_at + 0.5) * cell
+        centres[i, 0] = west + (listed[i, 1] + 0.5) * cell
+        centres[i, 1] = south + (listed[i, 0] + 0.5) * cell
     out, ends = np.empty((n, 4)), np.empty((n, 2), np.int64)
     for g in range(n):
         first, stop = groups[g, 4], groups[g, 5]
         top, best = -np.inf, first
         for i in range(first, stop):
-            z = height[row_at + listed[i, 0], col_at + listed[i, 1]]
+            z = height[listed[i, 0], listed[i, 1]]
             if z > top:
                 top, best = np.float64(z), i
         ground = middle_height(
-            part, height, row_at, col_at,
+            part, height,
             groups[g, 0] - around, groups[g, 1] + around, groups[g, 2] - around, groups[g, 3] + around,
         )  # fmt: skip
         out[g, 0], out[g, 1], out[g, 2], out[g, 3] = centres[best, 0], centres[best, 1], top, top - ground

@@ -10,6 +10,7 @@ from slz.kernels.erosion import grow
 from slz.kernels.jit import kernel
 
 RAYS = 16
+FEW = 200  # cells that are looked at one by one
 ROUNDS = 8  # in which the distance that the cells left must have is raised
 
 
@@ -134,6 +135,8 @@ def widest(part: Bits, side: int) -> NDArray[np.int64]:
     for _ in range(ROUNDS):
         _reaching(part, cells, np.sqrt(best2) - 0.5)
         listed = _listed(cells)
+        if len(listed) <= FEW:
+            break
         found = best2
         for i in range(0, len(listed), max(1, len(listed) // 4)):
             found = max(found, _distance2(part, listed[i, 0], listed[i, 1], best2, most2))
@@ -150,3 +153,31 @@ def widest(part: Bits, side: int) -> NDArray[np.int64]:
             listed[keep] = listed[i]
             keep += 1
     return listed[:keep].copy()
+
+
+@kernel("int64(int64[:, ::1], float32[:, ::1], int64, int64, float64, float64, float64, float64, float64)")
+def first_choice(
+    cells: NDArray[np.int64],
+    slope: NDArray[np.float32],
+    row0: int,
+    col0: int,
+    west: float,
+    south: float,
+    cell: float,
+    sensor_east: float,
+    sensor_north: float,
+) -> int:
+    """Return which cell slopes least, to a tenth of a degree; of these the one nearest to the sensor, if known."""
+    best, least, nearest = 0, np.inf, np.inf
+    for i in range(len(cells)):
+        r, c = row0 + cells[i, 0], col0 + cells[i, 1]
+        steep = np.rint(slope[r, c] * np.float32(10.0))
+        if steep > least:
+            continue
+        east, north = west + (c + 0.5) * cell - sensor_east, south + (r + 0.5) * cell - sensor_north
+        way = np.floor(np.sqrt(east * east + north * north) / cell)
+        if not way < np.inf:
+            way = 0.0
+        if steep < least or way < nearest:
+            best, least, nearest = i, steep, way
+    return best
