@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from slz.grid import Box, Grid
 from slz.kernels.fuse import STEP
 from slz.kernels.stream import DROPPED, OUTSIDE, interval, scatter, stream
+from slz.untouched import untouched
 
 Points = NDArray[np.float64]
 FINEST_BITS = 36  # of a metre, to which heights are rounded at best
@@ -91,7 +92,7 @@ class Returns:
         """
         rows, width = self.box.shape[0], self.width
         if rows * width > len(self._sums):
-            self._sums = np.zeros(rows * width + rows * width // 4, np.uint64)
+            self._sums = untouched((rows * width + rows * width // 4,), np.uint64)
         count_bits = max(12, self.n.bit_length())
         span_m = max(self.high_m - self.low_m, 1e-3)
         most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)

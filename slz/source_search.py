@@ -11,6 +11,7 @@ from slz.grid import Box
 from slz.kernels.erosion import erode
 from slz.kernels.search import find
 from slz.source_terrain import SourceTerrain
+from slz.untouched import untouched
 
 Bits = NDArray[np.uint64]
 
@@ -61,8 +62,7 @@ class SourceSearch:
     def __init__(self, terrain: SourceTerrain, least_side: int, least_boundary: int) -> None:
         self._terrain = terrain
         self.side, self._boundary = least_side, least_boundary
-        self.squares = np.zeros_like(terrain.safe_bits)
-        self._taken = np.zeros_like(terrain.safe_bits)
+        self.squares, self._taken = (untouched(terrain.safe_bits.shape, np.uint64) for _ in "st")
         self._parts: list[Part] = []
         self._found: tuple[Part, ...] = ()
 

@@ -18,6 +18,7 @@ from slz.kernels.fuse import fuse, refresh
 from slz.kernels.stream import MOST_CELLS
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.returns import Returns
+from slz.untouched import untouched
 
 NOWHERE = np.full(3, np.nan)
 NOTHING = Box(0, 0, 0, 0)
@@ -40,10 +41,12 @@ class SourceTerrain:
         self.grid = grid
         self._parameters = parameters
         words = (grid.cols + 63) // 64 + 1
-        self.heights, self.slopes, self.roughs = (np.zeros((grid.rows, 64 * words), np.float32) for _ in "hsr")
-        self.begun = np.zeros((grid.rows, words), np.uint8)
-        self.safe_bits, self.known_bits = (np.zeros((grid.rows, words), np.uint64) for _ in "sk")
-        self.blocks = np.zeros((grid.rows, words, 2), np.int32)
+        self.heights, self.slopes, self.roughs = (
+            untouched((grid.rows, 64 * words), np.float32) for _ in "hsr"
+        )
+        self.begun = untouched((grid.rows, words), np.uint8)
+        self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
+        self.blocks = untouched((grid.rows, words, 2), np.int32)
         self.seen = self.changed = NOTHING
 
     def add(self, points_enu_m: NDArray[np.float64]) -> Box:

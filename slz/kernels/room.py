@@ -82,13 +82,17 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
 @kernel("void(uint64[:, ::1], uint64[:, ::1], float64)")
 def _reaching(part: Bits, cells: Bits, distance: float) -> None:
     """Keep the cells with nothing outside on a few rays just nearer than a distance."""
+    down, right = np.empty(RAYS, np.int64), np.empty(RAYS, np.int64)
     for ray in range(RAYS):
         angle = 2 * np.pi * ray / RAYS
-        down, right = int((distance - 1e-6) * np.sin(angle)), int((distance - 1e-6) * np.cos(angle))
-        for r in range(cells.shape[0]):
-            for w in range(cells.shape[1]):
-                if cells[r, w] != NONE:
-                    cells[r, w] &= word_at(part, r + down, 64 * w + right)
+        down[ray], right[ray] = int((distance - 1e-6) * np.sin(angle)), int((distance - 1e-6) * np.cos(angle))
+    for r in range(cells.shape[0]):
+        for w in range(cells.shape[1]):
+            word, ray = cells[r, w], 0
+            while word != NONE and ray < RAYS:
+                word &= word_at(part, r + down[ray], 64 * w + right[ray])
+                ray += 1
+            cells[r, w] = word
 
 
 @kernel("int64[:, ::1](uint64[:, ::1])")
