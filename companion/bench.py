@@ -50,7 +50,11 @@ class Case:
             "max_zones": 10_000,
         }
         if self.mode == "source":
-            own |= {"safe_slope_deg": SAFE_SLOPE_DEG, "max_slope_deg": WORST_SLOPE_DEG, "repeat_depth": 100_000}
+            own |= {
+                "safe_slope_deg": SAFE_SLOPE_DEG,
+                "max_slope_deg": WORST_SLOPE_DEG,
+                "repeat_depth": 100_000,
+            }
         return params.load("quadcopter", [f"{name}={value}" for name, value in own.items()])
 
 
@@ -152,10 +156,10 @@ def _zones(report: Report) -> list[dict[str, Any]]:
 
 
 def _rss_mb() -> float:
-    """Return the memory in use now, where the system tells, else the most there was."""
+    """Return the memory in use now without mapped files, where the system tells, else the most there was."""
     try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-        return pages * resource.getpagesize() / 2**20
-    except OSError:
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("RssAnon:")[1].split()[0]) / 2**10
+    except (OSError, IndexError):
         unit = 2**20 if sys.platform == "darwin" else 2**10
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from params import Parameters
 from slz.zone import Zone
 
-
 Entry = tuple[tuple[float, ...], Zone]
 
 

@@ -26,8 +26,8 @@ class SourceObstacles(Sequence[Obstacle]):
     Parameters
     ----------
     holes, own
-        (rows, words) bits of the unsafe cells and of the zone's own safe ones, from the word of the box's first
-        column on.
+        (rows, words) bits of the unsafe cells and of the zone's own safe ones, from the word of the box's
+        first column on.
     height_m
         Total DSM, of which the box is copied.
     """

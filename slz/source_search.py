@@ -47,9 +47,9 @@ class Part:
 class SourceSearch:
     """The zones of a terrain, found anew only where the safety of cells changed.
 
-    A zone can only be where a safe square fits. Where those fit is kept as a bit map, and components are traced
-    from its bits only, so that the many too small ones are never visited. A component whose box no change
-    touches is as it was.
+    A zone can only be where a safe square fits. Where those fit is kept as a bit map, and components are
+    traced from its bits only, so that the many too small ones are never visited. A component whose box
+    no change touches is as it was.
 
     Parameters
     ----------
@@ -67,10 +67,10 @@ class SourceSearch:
         self._found: tuple[Part, ...] = ()
 
     def update(self) -> tuple[Part, ...]:
-        """Return the zones of the terrain as it is, in the order of their first cells; the same if none changed.
+        """Return the zones of the terrain as it is, by their first cells; the same if none changed.
 
-        Everything inside a zone's contour belongs to it, and what lies there is no zone of its own. So a court
-        inside a ring of safe ground is never found: use `search_components` for that.
+        Everything inside a zone's contour belongs to it, and what lies there is no zone of its own. So a
+        court inside a ring of safe ground is never found: use `search_components` for that.
         """
         changed = self._terrain.settle()
         if changed.empty:

@@ -27,19 +27,22 @@ NOTHING = Box(0, 0, 0, 0)
 class SourceTerrain:
     """Total DSM, slope, roughness and binary map of one zone, filled with the worst case.
 
-    The maps are flat and begin as zeros that take no memory; a block of 64 cells is filled with the worst case
-    when the first window reaches it, so that time and memory follow the ground seen.
+    The maps are flat and begin as zeros that take no memory; a block of 64 cells is filled with the worst
+    case when the first window reaches it, so that time and memory follow the ground seen.
 
     safe_bits, known_bits: (rows, words) bit maps of the safe cells and of those with an elevation. blocks:
-    (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells whose
-    safety changed since `settle`.
+    (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
+    whose safety changed since `settle`.
     """
 
     def __init__(self, grid: Grid, parameters: Parameters) -> None:
         if max(grid.rows, grid.cols) > MOST_CELLS:
-            raise ValueError(f"a map has {MOST_CELLS} cells along a side at most, not {max(grid.rows, grid.cols)}")
+            raise ValueError(
+                f"a map has {MOST_CELLS} cells along a side at most, not {max(grid.rows, grid.cols)}"
+            )
         self.grid = grid
         self._parameters = parameters
+        self._worst, self._limit = np.float32(parameters.max_slope_deg), np.float32(parameters.safe_slope_deg)
         words = (grid.cols + 63) // 64 + 1
         self.heights, self.slopes, self.roughs = (
             untouched((grid.rows, 64 * words), np.float32) for _ in "hsr"
@@ -66,8 +69,8 @@ class SourceTerrain:
             return len(returns.kept())
         sums, unit_m, count_bits, used = returns.sums()
         changed = fuse(
-            sums, box.row0, box.col0, box.shape[0], returns.width, grid.cols, returns.low_m, unit_m, count_bits, grid.cell_m,
-            p.max_slope_deg, p.safe_slope_deg, p.fusing == "max",
+            sums, box.row0, box.col0, box.shape[0], returns.width, grid.cols, returns.low_m, unit_m,
+            count_bits, grid.cell_m, self._worst, self._limit, p.fusing == "max",
             self.heights, self.slopes, self.roughs, self.begun, self.safe_bits, self.known_bits, self.blocks,
         )  # fmt: skip
         self.seen = self.seen.union(box)
@@ -94,7 +97,7 @@ class SourceTerrain:
         words = slice(theirs.col0 // 64, -(-theirs.col1 // 64))
         new.begun[theirs.row0 : theirs.row1, words] = 1
         refresh(
-            theirs.row0, theirs.row1, words.start, words.stop, grid.cols, p.safe_slope_deg,
+            theirs.row0, theirs.row1, words.start, words.stop, grid.cols, self._limit,
             new.heights, new.slopes, new.roughs, new.safe_bits, new.known_bits, new.blocks,
         )  # fmt: skip
         new.seen = new.changed = theirs
@@ -150,7 +153,7 @@ class SourceTerrain:
 
     def _begun_cells(self, box: Box) -> NDArray[np.bool_]:
         cols = np.arange(box.col0, box.col1) // 64
-        return self.begun[box.row0 : box.row1][:, cols] == 1
+        return np.asarray(self.begun[box.row0 : box.row1][:, cols] == 1)
 
     @staticmethod
     def _cells(bits: NDArray[np.uint64], box: Box) -> NDArray[np.uint8]:

@@ -15,8 +15,8 @@ LEAST = 1 << 20  # bytes, below which an ordinary array will do
 def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """Return zeros of a shape and dtype, in pages of the system's smallest size.
 
-    `numpy.zeros` asks for huge pages where it can: each then takes 2 MiB and its clearing tens of milliseconds
-    when memory is in pieces, however little of it is written.
+    `numpy.zeros` asks for huge pages where it can: each then takes 2 MiB and its clearing tens of
+    milliseconds when memory is in pieces, however little of it is written.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if size < LEAST:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor
+from slz.kernels.bits import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
 from slz.kernels.jit import kernel
 from slz.kernels.tour import EAST, WEST
 
@@ -13,7 +15,7 @@ from slz.kernels.tour import EAST, WEST
 @kernel("int64(int32[:, ::1], uint8[::1], int64, int64, int64, uint64[:, ::1])")
 def fill(
     path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, row0: int, word0: int, content: Bits
-) -> int:
+) -> Any:
     """Set the cells on and inside a tour in a box that holds zeros; return how many there are.
 
     A row's cells are inside between a western and an eastern edge: mark where that changes, add up modulo 2.
@@ -33,7 +35,7 @@ def fill(
             content[r, w] = word
             count += popcount(word)
             inside = ALL if word >> LAST else NONE
-    return np.int64(count)
+    return signed(count)
 
 
 @kernel("uint64(uint64, uint64)")
@@ -49,7 +51,7 @@ def _down(room: np.uint64, set_: np.uint64) -> np.uint64:
 def _spread(room: Bits, part: Bits, r: int, other: int) -> bool:
     """Spread a part into row r from itself and from another row beside it; tell whether it grew there."""
     words = room.shape[1]
-    carry, grew, changed = NONE, False, False
+    carry, changed = NONE, False
     for w in range(words):
         free, old = room[r, w], part[r, w]
         near = part[other, w]
@@ -74,8 +76,7 @@ def _spread(room: Bits, part: Bits, r: int, other: int) -> bool:
             new = _down(free, new)
         carry = (new & ONE) << LAST
         part[r, w] = new
-        grew |= new != old
-    return changed or grew
+    return True
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")

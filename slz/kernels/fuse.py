@@ -1,7 +1,7 @@
 """One pass over the rows that a window hit: mean heights, slope, roughness, fusing, binary map.
 
-Three rows of heights and slopes roll along, so that nothing as large as the window is ever stored but its sums
-(SLZ paper Eq. 5-9, §3.2.3-3.2.4).
+Three rows of heights and slopes roll along, so that nothing as large as the window is ever stored but its
+sums (SLZ paper Eq. 5-9, §3.2.3-3.2.4).
 """
 
 from __future__ import annotations
@@ -53,7 +53,10 @@ def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
     return first // STEP * STEP, (stop + STEP - 1) // STEP * STEP
 
 
-@kernel("void(uint64[::1], float64, float64, uint64, uint64[::1], float64[::1], uint64[::1], float64[::1], float32[::1])")
+@kernel(
+    "void(uint64[::1], float64, float64, uint64, uint64[::1], float64[::1], uint64[::1], float64[::1],"
+    " float32[::1])"
+)
 def _mean_heights(
     sums: NDArray[np.uint64],
     low: float,
@@ -67,8 +70,8 @@ def _mean_heights(
 ) -> None:
     """Take sums (see `stream.scatter`) and leave zeros; the mean heights, NaN where nothing was hit (Eq. 5).
 
-    The pairs of scratch are the same memory: a number with the exponent of 2**52 before it is that number plus
-    2**52, which the compiler does four at a time, unlike converting it.
+    The pairs of scratch are the same memory: a number with the exponent of 2**52 before it is that number
+    plus 2**52, which the compiler does four at a time, unlike converting it.
     """
     mask = (np.uint64(1) << bits) - np.uint64(1)
     for i in range(np.uint64(len(sums))):
@@ -169,7 +172,9 @@ def _add_up(
             blocks[row, word, 1] -= np.int32(rough[row, c] * SUM_UNIT + HALF)
 
 
-@kernel("void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1], int64, int64, int64, float32)")
+@kernel(
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1], int64, int64, int64, float32)"
+)
 def _begin(
     height: Map,
     slope: Map,
@@ -255,7 +260,15 @@ def fuse(
             ends[i & 3, 0], ends[i & 3, 1] = a, b
             heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
             _mean_heights(
-                row[a:b], low, unit, bits, counts, real_counts, totals, real_totals, heights[new, a + 1 : b + 1]
+                row[a:b],
+                low,
+                unit,
+                bits,
+                counts,
+                real_counts,
+                totals,
+                real_totals,
+                heights[new, a + 1 : b + 1],
             )
         j = i - 1
         if j >= 0:
@@ -279,8 +292,8 @@ def fuse(
         _begin(height, slope, rough, begun, r, first + w0, first + w1, worst)
         here = slice(col0 + a, col0 + b)
         _join(
-            heights[j % 3, a + 1 : b + 1], slopes[j % 3, a + 1 : b + 1], roughs[a:b], worst, safe_slope, greatest,
-            height[r, here], slope[r, here], rough[r, here],
+            heights[j % 3, a + 1 : b + 1], slopes[j % 3, a + 1 : b + 1], roughs[a:b],
+            worst, safe_slope, greatest, height[r, here], slope[r, here], rough[r, here],
             safe_bytes[at + a : at + b], known_bytes[at + a : at + b],
         )  # fmt: skip
         if r == 0 or r == height.shape[0] - 1:
@@ -296,13 +309,13 @@ def fuse(
             if w == w1:
                 mask &= ALL >> np.uint64(63 - ((at + b - 1) & 63))
             c = first + w
-            old, new = safe[r, c], _word(safe_eights, np.uint64(w))
-            new = (old & ~mask) | (new & mask)
+            old = safe[r, c]
+            word = (old & ~mask) | (_word(safe_eights, np.uint64(w)) & mask)
             known[r, c] = (known[r, c] & ~mask) | (_word(known_eights, np.uint64(w)) & mask)
-            if new != old:
-                safe[r, c] = new
+            if word != old:
+                safe[r, c] = word
                 dirty0, dirty1, least, most = min(dirty0, r), r + 1, min(least, c), max(most, c)
-            _add_up(slope, rough, new, safe_slope, r, c, cols, blocks)
+            _add_up(slope, rough, word, safe_slope, r, c, cols, blocks)
     if dirty1 == 0:
         return 0, 0, 0, 0
     return dirty0, dirty1, 64 * least, 64 * (most + 1)

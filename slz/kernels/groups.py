@@ -106,8 +106,13 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
 def middle_height(
     part: Bits, height: NDArray[np.float32], row0: int, row1: int, col0: int, col1: int
 ) -> float:
-    """Return the median height of the cells of a part in a box, which may reach over its edges; NaN of none."""
-    row0, row1, col0, col1 = max(0, row0), min(part.shape[0], row1), max(0, col0), min(64 * part.shape[1], col1)
+    """Return the median height of the cells of a part in a box, which may reach beyond; NaN of none."""
+    row0, row1, col0, col1 = (
+        max(0, row0),
+        min(part.shape[0], row1),
+        max(0, col0),
+        min(64 * part.shape[1], col1),
+    )
     found, n = np.empty(max(0, (row1 - row0) * (col1 - col0)), np.float32), 0
     for r in range(row0, row1):
         for c in range(col0, col1):
@@ -118,8 +123,8 @@ def middle_height(
 
 
 @kernel(
-    "Tuple((float64[:, ::1], int64[:, ::1], float64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], float32[:, ::1],"
-    " float64, float64, float64, int64, int64)"
+    "Tuple((float64[:, ::1], int64[:, ::1], float64[:, ::1]))(uint64[:, ::1], uint64[:, ::1],"
+    " float32[:, ::1], float64, float64, float64, int64, int64)"
 )
 def obstacles(
     cells: Bits,
@@ -135,8 +140,8 @@ def obstacles(
 
     Returns
     -------
-    (n, 4) east, north, height of the highest cell and height over the ground; (n, 2) first and stop in the last:
-    (m, 2) east and north of the centres of the cells, group by group.
+    (n, 4) east, north, height of the highest cell and height over the ground; (n, 2) first and stop in the
+    last: (m, 2) east and north of the centres of the cells, group by group.
     """
     groups, listed = largest_groups(cells, most)
     n, centres = len(groups), np.empty((len(listed), 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, ONE, Bits, lowest, popcount
+from slz.kernels.bits import NONE, ONE, Bits, lowest, popcount, signed
 from slz.kernels.fuse import HALF, SUM_UNIT
 from slz.kernels.jit import kernel
 
@@ -25,7 +25,7 @@ def measure(
     slope: Map,
     rough: Map,
 ) -> tuple[int, int, int, int, int]:
-    """Return how many cells of a content are safe and unknown, the cells of its part, their slope and roughness.
+    """Return a content's safe and unknown cells, the cells of its part, their slope and roughness.
 
     The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words.
     """
@@ -46,18 +46,18 @@ def measure(
                 roughs += blocks[r, w, 1]
                 continue
             while own != NONE:
-                c = 64 * w + np.int64(lowest(own))
-                slopes += np.int32(slope[r, c] * SUM_UNIT + HALF)
-                roughs += np.int32(rough[r, c] * SUM_UNIT + HALF)
+                c = 64 * w + signed(lowest(own))
+                slopes += signed(slope[r, c] * SUM_UNIT + HALF)
+                roughs += signed(rough[r, c] * SUM_UNIT + HALF)
                 own &= own - ONE
-    return np.int64(n_safe), np.int64(n_unknown), np.int64(n_part), slopes, roughs
+    return signed(n_safe), signed(n_unknown), signed(n_part), slopes, roughs
 
 
 @kernel("float64[:, ::1](int32[:, ::1], float32[:, ::1], float64, float64, float64)")
 def corners(
     boundary: NDArray[np.int32], height: Map, west: float, south: float, cell: float
 ) -> NDArray[np.float64]:
-    """Return (m, 3) east, north and height of the boundary cells that `slz.boundary.without_collinear` keeps."""
+    """Return (m, 3) east, north, height of the boundary cells that `without_collinear` keeps."""
     n = len(boundary)
     out, m = np.empty((n, 3)), 0
     for i in range(n):

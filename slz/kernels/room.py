@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, ONE, Bits, leading, lowest, word_at
+from slz.kernels.bits import NONE, ONE, Bits, leading, lowest, signed, word_at
 from slz.kernels.erosion import grow
 from slz.kernels.jit import kernel
 
@@ -54,7 +54,7 @@ def largest_square(corners: Bits, side: int) -> int:
 
 @kernel("int64(uint64[:, ::1], int64, int64, int64, int64)")
 def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
-    """Return the square of the distance from a cell to the nearest outside, or less than `least2` if it is."""
+    """Return the squared distance from a cell to the nearest outside; any less than `least2` if it is."""
     best = most2
     dy = 0
     while dy * dy < best and best >= least2:
@@ -63,7 +63,7 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
             while dy * dy + dx * dx < best:
                 open_ = ~word_at(part, r, col + dx)
                 if open_ != NONE:
-                    dx += np.int64(lowest(open_))
+                    dx += signed(lowest(open_))
                     best = min(best, dy * dy + dx * dx)
                     break
                 dx += 64
@@ -71,7 +71,7 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
             while dy * dy + dx * dx < best:
                 open_ = ~word_at(part, r, col - dx - 63)
                 if open_ != NONE:
-                    dx += np.int64(leading(open_))
+                    dx += signed(leading(open_))
                     best = min(best, dy * dy + dx * dx)
                     break
                 dx += 64
@@ -107,7 +107,7 @@ def _listed(cells: Bits) -> NDArray[np.int64]:
                     more = np.zeros((2 * n, 3), np.int64)
                     more[:n] = out
                     out = more
-                out[n, 0], out[n, 1] = r, 64 * w + np.int64(lowest(word))
+                out[n, 0], out[n, 1] = r, 64 * w + signed(lowest(word))
                 n += 1
                 word &= word - ONE
     return out[:n].copy()
@@ -115,7 +115,7 @@ def _listed(cells: Bits) -> NDArray[np.int64]:
 
 @kernel("int64[:, ::1](uint64[:, ::1], int64)")
 def widest(part: Bits, side: int) -> NDArray[np.int64]:
-    """Return (n, 3) row, column and squared distance to the nearest cell outside, of the cells farthest from it.
+    """Return (n, 3) row, column and squared distance to the outside, of the cells farthest from it.
 
     Those whose distance is less than the greatest by at most half a cell, in the order of rows and columns.
 
@@ -171,7 +171,7 @@ def first_choice(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return which cell slopes least, to a tenth of a degree; of these the one nearest to the sensor, if known."""
+    """Return which cell slopes least, to a tenth of a degree; of these the nearest to the sensor."""
     best, least, nearest = 0, np.inf, np.inf
     for i in range(len(cells)):
         r, c = row0 + cells[i, 0], col0 + cells[i, 1]

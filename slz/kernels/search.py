@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, Bits, lowest
+from slz.kernels.bits import NONE, Bits, lowest, signed
 from slz.kernels.content import component, fill
 from slz.kernels.jit import kernel
 from slz.kernels.tour import first_of, tour, westmost
@@ -31,7 +31,7 @@ def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int)
     start, best = first, 9
     for i in range(first, n):
         if path[i, 0] == row and path[i, 1] == col:
-            direction = np.int64(edges[i]) & 15
+            direction = signed(edges[i]) & 15
             if 4 <= direction < best:  # nothing lies before the first cell: it looks from east on
                 start, best = i, direction
     if start > 0:
@@ -41,8 +41,8 @@ def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int)
 
 
 @kernel(
-    "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64,"
-    " int64, int64, int64, int64)"
+    "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1],"
+    " uint64[:, ::1], int64, int64, int64, int64, int64)"
 )
 def find(
     safe: Bits, seeds: Bits, taken: Bits, row0: int, row1: int, word0: int, word1: int, least: int
@@ -73,8 +73,10 @@ def find(
         for w in range(word0, word1):
             open_ = seeds[row, w] & ~taken[row, w]
             while open_ != NONE:
-                r, c = row, 64 * w + np.int64(lowest(open_))
-                while True:  # west to an edge; a hole's is followed to its first cell, which lies farther south
+                r, c = row, 64 * w + signed(lowest(open_))
+                while (
+                    True
+                ):  # west to an edge; a hole's is followed to its first cell, which lies farther south
                     n, area = tour(safe, r, westmost(safe, r, c), path, edges)
                     if n > len(path):
                         path, edges = _longer(path, edges, 0)
@@ -82,7 +84,7 @@ def find(
                     first = first_of(path, n)
                     if area > 0:
                         break
-                    r, c = np.int64(path[first, 0]), np.int64(path[first, 1])
+                    r, c = signed(path[first, 0]), signed(path[first, 1])
                 r0, r1 = path[:n, 0].min(), path[:n, 0].max() + 1
                 c0, c1 = path[:n, 1].min(), path[:n, 1].max() + 1
                 w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1

@@ -1,7 +1,7 @@
 """From a window's points to its cells by the sources' rules, in two phases (SLZ paper §3.2.1-3.2.2).
 
-The first phase streams through the points once and leaves 8 bytes of each: its cell and its height. The second
-takes those, still in the cache, to the histogram of heights and to the cells.
+The first phase streams through the points once and leaves 8 bytes of each: its cell and its height. The
+second takes those, still in the cache, to the histogram of heights and to the cells.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.bits import signed
 from slz.kernels.jit import kernel
 
 Points = NDArray[np.float64]
@@ -16,14 +17,17 @@ DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
 MOST_CELLS = 65_535  # along one side of a map: a cell's row and column are 16 bits each
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 CHUNK = 1024
+BAND_BITS = 5  # 32 rows
+BAND = 1 << BAND_BITS
+HIGH, LOW32 = np.uint64(32), np.uint64(0xFFFFFFFF)
 HALF, LOW16, NOTHING = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
 ONE, TWO, THREE, SIX, NINE, TWELVE = (np.uint64(k) for k in (1, 2, 3, 6, 9, 12))
 EDGE = 1e-7  # of a cell, below which a product may round to the other side of an edge than the quotient
 
 
 @kernel(
-    "boolean(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64, float64, float64, float64,"
-    " uint32[::1], float32[::1])"
+    "boolean(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64, float64,"
+    " float64, float64, uint32[::1], float32[::1])"
 )
 def _chunk(
     points: Points,
@@ -58,7 +62,7 @@ def _chunk(
         cells[i] = at if used else DROPPED
         heights[i] = np.float32(z - level) if used else np.float32(0.0)
         from_col, from_row = abs(across - col - 0.5), abs(up - row - 0.5)
-        near |= np.int64((from_col > 0.5 - EDGE) | (from_row > 0.5 - EDGE))
+        near |= signed((from_col > 0.5 - EDGE) | (from_row > 0.5 - EDGE))
     return near != 0
 
 
@@ -99,14 +103,14 @@ def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
         a1, b1 = z1 if z1 < a1 else a1, z1 if z1 > b1 else b1
         a2, b2 = z2 if z2 < a2 else a2, z2 if z2 > b2 else b2
         a3, b3 = z3 if z3 < a3 else a3, z3 if z3 > b3 else b3
-    for k in range(12 * whole + 2, len(points), 3):
-        a0, b0 = min(a0, points[k]), max(b0, points[k])
+    for rest in range(12 * whole + 2, len(points), 3):
+        a0, b0 = min(a0, points[rest]), max(b0, points[rest])
     return min(min(a0, a1), min(a2, a3)), max(max(b0, b1), max(b2, b3))
 
 
 @kernel(
-    "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:], float64, uint32[::1],"
-    " float32[::1])"
+    "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:],"
+    " float64, uint32[::1], float32[::1])"
 )
 def stream(
     points: Points,
@@ -173,8 +177,8 @@ def stream(
 
 
 @kernel(
-    "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, int64,"
-    " float64)"
+    "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
+    " int64, int64, float64)"
 )
 def interval(
     points: Points,
@@ -219,8 +223,8 @@ def interval(
 
 
 @kernel(
-    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, float64, int64, int64, int64,"
-    " int64, uint64[::1])"
+    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
+    " float64, int64, int64, int64, int64, uint64[::1])"
 )
 def scatter(
     points: Points,
@@ -258,4 +262,73 @@ def scatter(
         if at != OUTSIDE:
             k = (int(at >> HALF) - row0) * width + int(at & LOW16) - col0
             sums[k] += (np.uint64(int(over * scale + 0.5)) << bits) | np.uint64(1)
+    return used
+
+
+@kernel("int64[::1](uint32[::1], int64, int64)")
+def _band_starts(cells: NDArray[np.uint32], row0: int, rows: int) -> NDArray[np.int64]:
+    """Return where each band's points begin when they are sorted by bands."""
+    bands = (rows + BAND - 1) // BAND
+    count = np.zeros((4, bands), np.int64)
+    for i in range(len(cells)):
+        if cells[i] < OUTSIDE:
+            count[i & 3, (signed(cells[i] >> HALF) - row0) >> BAND_BITS] += 1
+    starts = np.zeros(bands + 1, np.int64)
+    for b in range(bands):
+        starts[b + 1] = starts[b] + count[0, b] + count[1, b] + count[2, b] + count[3, b]
+    return starts
+
+
+@kernel(
+    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
+    " float64, int64, int64, int64, int64, int64, uint64[::1], uint64[::1])"
+)
+def scatter_by_bands(
+    points: Points,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    level: float,
+    low: float,
+    high: float,
+    scale: float,
+    count_bits: int,
+    row0: int,
+    rows: int,
+    col0: int,
+    width: int,
+    sorted_: NDArray[np.uint64],
+    sums: NDArray[np.uint64],
+) -> int:
+    """Do what `scatter` does, for a box larger than the cache: first the points are sorted by bands of rows.
+
+    Parameters
+    ----------
+    sorted_
+        (n,) scratch: a point's place in the sums and its height, 32 bits each.
+    """
+    at = _band_starts(cells, row0, rows)
+    shift, used, bits = level - low, 0, np.uint64(count_bits)
+    top = high - low
+    near = (abs(low - level) + abs(high - level)) * 2.0**-22
+    ends = at[:-1].copy()
+    for i in range(len(cells)):
+        cell = cells[i]
+        if cell == DROPPED:
+            continue
+        over = float(heights[i]) + shift
+        if over < near or over > top - near:
+            z = points[3 * i + 2]
+            if z < low or z > high:
+                continue
+            over = z - low
+        used += 1
+        if cell != OUTSIDE:
+            row = signed(cell >> HALF) - row0
+            k = row * width + signed(cell & LOW16) - col0
+            band = row >> BAND_BITS
+            sorted_[ends[band]] = (np.uint64(k) << HIGH) | np.uint64(signed(over * scale + 0.5))
+            ends[band] += 1
+    for band in range(len(ends)):
+        for i in range(at[band], ends[band]):
+            sums[signed(sorted_[i] >> HIGH)] += ((sorted_[i] & LOW32) << bits) | np.uint64(1)
     return used

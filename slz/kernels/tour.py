@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import Bits, bit
+from slz.kernels.bits import Bits, bit, signed
 from slz.kernels.contour import COL_STEP, ROW_STEP
 from slz.kernels.jit import kernel
 
@@ -51,7 +53,7 @@ TABLE = _table()
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
-def _around(safe: Bits, row: int, col: int) -> int:
+def _around(safe: Bits, row: int, col: int) -> Any:
     """Return the 3 x 3 cells about a cell as nine bits; none of them may lie outside."""
     k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
     if shift <= np.uint64(61):
@@ -61,7 +63,7 @@ def _around(safe: Bits, row: int, col: int) -> int:
         south = (safe[row - 1, k] >> shift) | (safe[row - 1, k + 1] << rest)
         here = (safe[row, k] >> shift) | (safe[row, k + 1] << rest)
         north = (safe[row + 1, k] >> shift) | (safe[row + 1, k + 1] << rest)
-    return np.int64((south & SEVEN) | ((here & SEVEN) << np.uint64(3)) | ((north & SEVEN) << np.uint64(6)))
+    return signed((south & SEVEN) | ((here & SEVEN) << np.uint64(3)) | ((north & SEVEN) << np.uint64(6)))
 
 
 @kernel("UniTuple(int64, 2)(uint64[:, ::1], int64, int64, int32[:, ::1], uint8[::1])")
@@ -83,7 +85,7 @@ def tour(
     r, c, index, n, area, first = row, col, 0, 0, 0, -1
     most = len(path)
     while True:
-        entry = np.int64(TABLE[index, _around(safe, r, c)])
+        entry = signed(TABLE[index, _around(safe, r, c)])
         direction = entry & DIRECTION
         if direction == NOWHERE:
             path[0, 0], path[0, 1], edges[0] = r, c, entry

@@ -1,10 +1,11 @@
 """Times `slz bench` and the C++ baseline in turn, pinned to one core, and compares times and zones.
 
-python -m tests.bench.compare --baseline baseline.cpp --generator gen.py --work DIR [--configs abcde] [--scans disk,line]
-    [--mode source|default] [--rounds 3] [--core 1] [--windows 60]
+python -m tests.bench.compare --baseline baseline.cpp --generator gen.py --work DIR [--configs abcde]
+    [--scans disk,line] [--mode source|default] [--rounds 3] [--core 1] [--windows 60]
 
-The baseline and the generator of workloads are given by path; nothing of them is part of this repository. Ratios
-are of medians of windows; each round runs the baseline, the baseline over what was touched, and `slz bench`.
+The baseline and the generator of workloads are given by path; nothing of them is part of this repository.
+Ratios are of medians of windows; each round runs the baseline, `slz bench`, and the
+baseline over what was touched.
 """
 
 from __future__ import annotations
@@ -32,9 +33,11 @@ AREA_TOLERANCE = 1e-3
 CPU_CLOCK = """
 #include <chrono>
 #include <ctime>
-struct cpu_clock { static std::chrono::nanoseconds now_() { timespec t; clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+struct cpu_clock { static std::chrono::nanoseconds now_() {
+    timespec t; clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
     return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec); }
-  struct point { std::chrono::nanoseconds d; std::chrono::nanoseconds time_since_epoch() const { return d; } };
+  struct point { std::chrono::nanoseconds d;
+    std::chrono::nanoseconds time_since_epoch() const { return d; } };
   static point now() { return {now_()}; } };
 namespace std { namespace chrono { using cpu_clock = ::cpu_clock; } }
 #define steady_clock cpu_clock
@@ -84,7 +87,16 @@ def baseline(program: Path, points: Path, config: str, core: int, *flags: str) -
 
 def ours(points: Path, config: str, core: int, mode: str, windows: int, cpu: bool) -> Run:
     cell, zone, square, _ = CONFIGS[config]
-    own = ["--points", str(points), "--cell-m", str(cell), "--zone-m", str(zone), "--min-square-m", str(square)]
+    own = [
+        "--points",
+        str(points),
+        "--cell-m",
+        str(cell),
+        "--zone-m",
+        str(zone),
+        "--min-square-m",
+        str(square),
+    ]
     own += ["--min-boundary", str(LEAST_BOUNDARY), "--mode", mode, "--windows", str(windows), "--json"]
     command = ["taskset", "-c", str(core), sys.executable, "-m", "companion.cli", "bench", *own]
     said = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
@@ -107,14 +119,13 @@ def compare(config: str, scan: str, program: Path, points: Path, args: argparse.
         mine = ours(points, config, args.core, args.mode, args.windows, args.cpu)
         touched = baseline(program, points, config, args.core, "--touched", "--maxwin", str(args.windows))
         rounds.append((plain, touched, mine))
-    ratio, ratio_touched = (
-        statistics.median(r[k].median / r[2].median for r in rounds) for k in (0, 1)
-    )
+    ratio, ratio_touched = (statistics.median(r[k].median / r[2].median for r in rounds) for k in (0, 1))
     plain, touched, mine = sorted(rounds, key=lambda r: r[2].median)[len(rounds) // 2]
     same = args.mode != "source" or all(same_zones(r[2].zones, r[0].zones) for r in rounds)
     print(
         f"| {config} {scan} | {plain.median:.2f} | {touched.median:.2f} | {mine.median:.3f} | "
-        f"{mine.p99:.2f} ({mine.p99 / mine.median:.1f}x) | {mine.most:.2f} ({mine.most / mine.median:.1f}x) | "
+        f"{mine.p99:.2f} ({mine.p99 / mine.median:.1f}x) | "
+        f"{mine.most:.2f} ({mine.most / mine.median:.1f}x) | "
         f"{ratio:.1f} | {ratio_touched:.1f} | {len(mine.zones)} {'same' if same else 'DIFFERENT'} | "
         f"{mine.rss_mb:.0f} |",
         flush=True,

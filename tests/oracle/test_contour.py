@@ -11,11 +11,11 @@ from scipy import ndimage
 
 import params
 from slz.grid import Box, Grid
+from slz.kernels.bits import packed, unpacked
 from slz.kernels.content import component
 from slz.kernels.contour import components, flood, inside, squares, trace
 from slz.kernels.erosion import grow
 from slz.kernels.room import largest_square
-from slz.kernels.bits import packed, unpacked
 from slz.search import Candidate, search_components
 from slz.source_search import SourceSearch
 from slz.source_terrain import SourceTerrain

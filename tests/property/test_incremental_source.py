@@ -1,4 +1,4 @@
-"""Source mode, which searches only where the map changed, against a search of everything after every window."""
+"""Source mode, which searches only where the map changed, against a search of everything every time."""
 
 from __future__ import annotations
 
