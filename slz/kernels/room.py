@@ -10,7 +10,7 @@ from slz.kernels.erosion import grow
 from slz.kernels.jit import kernel
 
 RAYS = 16
-FEW = 200  # cells that are looked at one by one
+FEW = 24  # cells that are looked at one by one
 ROUNDS = 8  # in which the distance that the cells left must have is raised
 
 
