@@ -11,7 +11,18 @@ import pytest
 
 from companion import cli
 
-ARGUMENTS = ["--cell-m", "1", "--zone-m", "60", "--min-square-m", "5", "--min-boundary", "20", "--mode", "source"]
+ARGUMENTS = [  # of a small flight
+    "--cell-m",
+    "1",
+    "--zone-m",
+    "60",
+    "--min-square-m",
+    "5",
+    "--min-boundary",
+    "20",
+    "--mode",
+    "source",
+]
 
 
 def flight(path: Path, seconds: int = 3) -> Path:
