@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
 from slz.kernels.scatter import TILE, hit_tiles
+from slz.returns import Returns
 from slz.window import Window
 
 COARSEST = 2  # level of the far map whose cells are `far_cell_m` wide
@@ -19,6 +20,7 @@ FEWEST = 30  # returns that tell the height of the ground
 STEADY = 3  # windows in a row that must ask for another level
 TIMING_S = 0.005  # how well poses and returns are matched in time
 HYSTERESIS = 0.9
+SOME = 20_000  # returns that are enough to tell what a window was like
 MOST_SQUARES = 100_000_000
 SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in
 RETURNS_PER_SQUARE = 4  # on average, below which wider ones are taken
@@ -78,6 +80,17 @@ class Adapter:
             level = self._steady(self._wanted_level(density, height, speed))
             window_s = self._wanted_window(density / span_s, reach, speed)
         return Choice(density, height, speed, self._far, level, window_s)
+
+    def look_at_some(self, window: Window, returns: Returns) -> Choice:
+        """Return the choice in source mode, where only near and far change, from some of the returns.
+
+        Where the sensor's place is not known nothing changes and the density is not worked out: 0.
+        """
+        if not np.isfinite(window.sensor_enu_m).all():
+            return Choice(0.0, math.nan, self._speed(window), self._far, self._level, self._p.window_s)
+        every = max(1, returns.n // SOME)
+        choice = self.look(window, returns.kept(every))
+        return replace(choice, density_per_m2=every * choice.density_per_m2)
 
     def _speed(self, window: Window) -> float:
         """Return the speed since the last window of which the place is known."""

@@ -11,7 +11,6 @@ from slz.grid import Box
 from slz.landing_point import Terrain, best_point
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.search import Candidate
-from slz.source_terrain import SourceTerrain
 from slz.surroundings import Obstacle, grouped
 from slz.zone import Zone
 
@@ -27,8 +26,7 @@ def describe(
 ) -> Zone:
     """Work out everything that is reported of a candidate.
 
-    In source mode the zone is everything inside the contour, as in the paper; in default mode its safe cells.
-    Counts, certainty and obstacles are of the cells inside the contour in both.
+    The zone is its safe cells; counts, certainty and obstacles are of the cells inside the contour.
     """
     box, grid = candidate.box, terrain.grid
     state = terrain.state(box)
@@ -36,11 +34,8 @@ def describe(
     n_total = int(content.sum())
     n_safe = int((content & (state == SAFE)).sum())
     n_uncertain = int((content & (state == UNKNOWN)).sum())
-    if isinstance(terrain, SourceTerrain):
-        certainty = (n_safe if parameters.certainty_rule == "safe" else n_total - n_uncertain) / n_total
-    else:
-        certainty = float(terrain.layer("certainty", box)[content].mean())
-    cells = candidate.content if parameters.mode == "source" else candidate.component
+    certainty = float(terrain.layer("certainty", box)[content].mean())
+    cells = candidate.component
     own = candidate.component == 1
     corners = without_collinear(candidate.boundary_cells)
     return Zone(

@@ -86,7 +86,7 @@ def best_point(
         square_side_m=candidate.square_side * grid.cell_m,
         slope_deg=float(slope[first]),
         certainty=float(sure[first]),
-        horizon_deg=_horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=float(np.hypot(*(enu_m[:2] - sensor_enu_m[:2]))),
     )
 
@@ -234,14 +234,14 @@ def _plane(
     return np.asarray(fit[0] + fit[1] * east + fit[2] * north)
 
 
-def _horizon_towards(
+def horizon_towards(
     enu_m: NDArray[np.float64],
     sensor_enu_m: NDArray[np.float64],
     terrain: Terrain,
     parameters: Parameters,
 ) -> float:
     """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
-    if not np.isfinite(enu_m).all() or not np.isfinite(sensor_enu_m).all():
+    if math.isnan(sensor_enu_m[0]) or not (np.isfinite(enu_m).all() and np.isfinite(sensor_enu_m).all()):
         return float("nan")
     box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
     half_m = parameters.footprint_m / 2

@@ -5,17 +5,18 @@ from __future__ import annotations
 import itertools
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.adaptive import Adapter
+from slz.adaptive import Adapter, Choice
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
-from slz.grid import Box
+from slz.grid import Box, Grid
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
 from slz.nearby import nearby
@@ -24,16 +25,20 @@ from slz.outliers import (
     FLIGHT_GROUP,
     LoneReturns,
     gap_interval,
-    histogram_interval,
     in_a_group,
     in_company,
 )
 from slz.registration import offset
 from slz.report import MapReport, Report
+from slz.returns import Returns
+from slz.source_map import SourceMap
 from slz.window import Window
 from slz.zone_map import ZoneMap, far_parameters
 
 Points = NDArray[np.float64]
+AnyMap = ZoneMap | SourceMap
+M = TypeVar("M", ZoneMap, SourceMap)
+ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 
 
@@ -46,18 +51,27 @@ class Pipeline:
         All parameters; `mode` selects the sources' rules or the default ones.
     centre_enu_m
         East and north of the first zone's centre; None takes the first return (SLZ paper §3.1.2).
+    follow
+        Whether, in source mode, a return outside the zone moves it there (§3.2.5) or is passed over.
 
     Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
     """
 
-    def __init__(self, parameters: Parameters, centre_enu_m: tuple[float, float] | None = None) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        centre_enu_m: tuple[float, float] | None = None,
+        follow: bool = True,
+    ) -> None:
         self._parameters = parameters
         self._far_parameters = far_parameters(parameters)
         self._centre = centre_enu_m
+        self._follow = follow
         self._source = parameters.mode == "source"
+        self._returns = Returns()
         self._frame: LocalFrame | None = None
-        self._near: ZoneMap | None = None
-        self._far: ZoneMap | None = None
+        self._near: AnyMap | None = None
+        self._far: AnyMap | None = None
         self._adapter = Adapter(parameters)
         self._far_is_active = False
         self._numbers = itertools.count(1)
@@ -71,32 +85,11 @@ class Pipeline:
         difference of n_points and n_used.
         """
         clock = _Stages()
-        if window.frame != self._frame:
-            self._lone = LoneReturns()
         sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
         if not np.isfinite(sensor).all():
             sensor[:] = np.nan
-        points = self._without_outliers(window, sensor)
-        clock.lap("outliers")
-        near, far = self._maps_for(points, sensor, window)
-        used = within(points, sensor, reach_m(self._parameters))
-        choice = self._adapter.look(window, points[used])
-        far.at_level(choice.level)
-        clock.lap("choice")
-        points = self._registered(points, used, sensor, near)
-        used |= self._contradictions(points, sensor, near)
-        clock.lap("registration")
-        self._pin()
-        stamp_s = window.end_ns * 1e-9
-        moved = False
-        if not (self._source and choice.far):
-            moved = near.add(points[used], sensor, stamp_s)
-        if not self._source or choice.far:
-            far.add(points, sensor, stamp_s, near.tiles)
-        clock.lap("terrain")
-        near.find(sensor)
-        far.find(sensor)
-        clock.lap("zones")
+        step = self._by_the_sources if self._source else self._by_default
+        near, far, choice, n_used, moved = step(window, sensor, clock)
         self._selected = self._judge_selected(near, far)
         self._far_is_active = self._source and choice.far
         clock.lap("landing_point")
@@ -110,7 +103,7 @@ class Pipeline:
             choice=choice,
             selected=self._selected,
             n_points=len(window),
-            n_used=int(used.sum()),
+            n_used=n_used,
             new_map=moved,
             n_without_tile=near.n_without_tile,
             n_evicted=near.n_evicted,
@@ -118,6 +111,55 @@ class Pipeline:
             stage_ms=clock.ms,
             nearby=around,
         )
+
+    def _by_default(
+        self, window: Window, sensor: Points, clock: _Stages
+    ) -> tuple[ZoneMap, ZoneMap, Choice, int, bool]:
+        if window.frame != self._frame:
+            self._lone = LoneReturns()
+        points = self._without_outliers(window, sensor)
+        clock.lap("outliers")
+        near, far = self._maps_for(ZoneMap, window, lambda: points[:1])
+        used = within(points, sensor, reach_m(self._parameters))
+        choice = self._adapter.look(window, points[used])
+        far.at_level(choice.level)
+        clock.lap("choice")
+        points = self._registered(points, used, sensor, near)
+        used |= self._contradictions(points, sensor, near)
+        clock.lap("registration")
+        self._pin()
+        stamp_s = window.end_ns * 1e-9
+        moved = near.add(points[used], sensor, stamp_s)
+        far.add(points, sensor, stamp_s, near.tiles)
+        clock.lap("terrain")
+        near.find(sensor)
+        far.find(sensor)
+        clock.lap("zones")
+        return near, far, choice, int(used.sum()), moved
+
+    def _by_the_sources(
+        self, window: Window, sensor: Points, clock: _Stages
+    ) -> tuple[SourceMap, SourceMap, Choice, int, bool]:
+        """As the SLZ paper has it, one map at a time; time follows the returns and the ground they hit."""
+        near, far = self._maps_for(SourceMap, window, lambda: self._read(window, sensor, ANYWHERE).kept()[:1])
+        guess = far if self._far_is_active else near
+        returns = self._read(window, sensor, guess.terrain.grid)
+        clock.lap("outliers")
+        choice = self._adapter.look_at_some(window, returns)
+        active = far if choice.far else near
+        if active is not guess:
+            returns = self._read(window, sensor, active.terrain.grid)
+        clock.lap("choice")
+        outside = returns.first_outside() if self._follow else None
+        if outside is not None:
+            active.move(*outside)
+            returns = self._read(window, sensor, active.terrain.grid)
+        n_used = active.take(returns)
+        clock.lap("terrain")
+        near.find(sensor)
+        far.find(sensor)
+        clock.lap("zones")
+        return near, far, choice, n_used, outside is not None and active is near
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Keep a landing point under watch, or none; the next report says whether it is safe."""
@@ -178,9 +220,6 @@ class Pipeline:
         near = within(points, sensor_enu_m, p.max_range_m) & (np.abs(points[:, 2]) < MOST_HEIGHT_M)
         points = np.ascontiguousarray(points[near & np.isfinite(points).all(axis=1)])
         height_m = np.ascontiguousarray(points[:, 2])
-        if self._source:
-            low, high = histogram_interval(height_m, p.histogram_bins, p.histogram_threshold)
-            return np.ascontiguousarray(points[(low <= height_m) & (height_m <= high)])
         in_flight = bool(np.isfinite(sensor_enu_m).all())  # a stored cloud was cleaned by who made it
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
         low, high = gap_interval(height_m[keep], p.outlier_gap_m)
@@ -191,24 +230,32 @@ class Pipeline:
         again = self._lone.returning(points[~keep], sensor_enu_m, len(points))
         return np.vstack([points[keep], again])
 
-    def _maps_for(self, points: Points, sensor_enu_m: Points, window: Window) -> tuple[ZoneMap, ZoneMap]:
+    def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:
+        """Place a window's returns in a grid and drop the outliers among them (SLZ paper §3.2.1)."""
+        p = self._parameters
+        self._returns.read(window.points_enu_m, sensor_enu_m, p.max_range_m, grid)
+        self._returns.keep_heights(p.histogram_bins, p.histogram_threshold)
+        return self._returns
+
+    def _maps_for(self, kind: type[M], window: Window, first_point: Callable[[], Points]) -> tuple[M, M]:
         """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
-        if self._near is None or self._far is None or window.frame != self._frame:
-            if self._frame is not None:  # what was chosen lies in another frame
-                self._selected = None
-            self._frame = window.frame
-            self._adapter = Adapter(self._parameters)
-            first = points[0, :2] if len(points) else np.nan_to_num(sensor_enu_m[:2])
-            centre = self._centre or (float(first[0]), float(first[1]))
-            self._near = ZoneMap(self._parameters, centre, self._numbers)
-            self._far = ZoneMap(self._far_parameters, centre, self._numbers)
-        return self._near, self._far
+        if isinstance(self._near, kind) and isinstance(self._far, kind) and window.frame == self._frame:
+            return self._near, self._far
+        if self._frame is not None:  # what was chosen lies in another frame
+            self._selected = None
+        self._frame = window.frame
+        self._adapter = Adapter(self._parameters)
+        centre = self._centre
+        if centre is None:
+            first = next(iter(first_point()), np.nan_to_num(window.sensor_enu_m))
+            centre = float(first[0]), float(first[1])
+        near, far = (kind(p, centre, self._numbers) for p in (self._parameters, self._far_parameters))
+        self._near, self._far = near, far
+        return near, far
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
         """Return the points in the near map's heights, after following the drift of those to be used."""
         tiles = near.tiles
-        if tiles is None:
-            return points
         points = points - np.array([0.0, 0.0, tiles.datum_m])
         most_m = self._parameters.register_m
         if most_m > 0 and np.isfinite(sensor).all():
@@ -220,15 +267,15 @@ class Pipeline:
     def _contradictions(self, points: Points, sensor: Points, near: ZoneMap) -> NDArray[np.bool_]:
         """Tell which points, however far, stand on known ground of the near map: they count at once."""
         terrain = near.terrain
-        if not isinstance(terrain, EvidenceTerrain) or not np.isfinite(sensor).all():
+        if not np.isfinite(sensor).all():
             return np.zeros(len(points), bool)
         return terrain.tiles.contradicted_by(points, sensor, terrain.noise, self._parameters.relief_m)
 
-    def _judge_selected(self, near: ZoneMap, far: ZoneMap) -> SelectedPoint | None:
+    def _judge_selected(self, near: AnyMap, far: AnyMap) -> SelectedPoint | None:
         if self._selected is None:
             return None
         point = judge(self._selected.enu_m, near.terrain, far.terrain, self._parameters, self._selected)
-        zones = {"near": near, "far": far}.get(point.judged_by)
+        zones: AnyMap | None = {"near": near, "far": far}.get(point.judged_by)
         return replace(point, zone_id=zones.zone_at(point.enu_m) if zones else None)
 
     def _pin(self) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from params import Parameters
 from slz.zone import Zone
+
+Entry = tuple[tuple[float, ...], Zone]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +21,41 @@ class Criterion:
     text: str
 
 
+class Ranking:
+    """Ranks zones from window to window, and only anew when they changed."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._listed: list[Zone] = []
+        self._entries: dict[int, Entry] = {}
+        self._ranked: tuple[Zone, ...] = ()
+        self._placed: dict[tuple[int, int], tuple[Zone, Zone, Zone]] = {}
+
+    def of(self, zones: list[Zone]) -> tuple[Zone, ...]:
+        """Return what `rank` does."""
+        if len(zones) == len(self._listed) and all(map(operator.is_, zones, self._listed)):
+            return self._ranked
+        entries = {}
+        for zone in zones:
+            known = self._entries.get(zone.id)
+            entries[zone.id] = known if known and known[1] is zone else (_steps(zone, self._parameters), zone)
+        order = sorted(entries.values(), key=_place)[: self._parameters.max_zones]
+        ranked, placed = [], {}
+        above: Zone | None = None
+        for _, zone in order:
+            if above is None:
+                ranked.append(zone)
+            else:
+                known_pair = self._placed.get((above.id, zone.id))
+                if not (known_pair and known_pair[0] is above and known_pair[1] is zone):
+                    known_pair = above, zone, replace(zone, why=_why(zone, above, self._parameters))
+                placed[above.id, zone.id] = known_pair
+                ranked.append(known_pair[2])
+            above = zone
+        self._listed, self._entries, self._ranked, self._placed = zones, entries, tuple(ranked), placed
+        return self._ranked
+
+
 def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     """Return zones with the best to land in first, each told why it is not before the one before it.
 
@@ -25,22 +63,24 @@ def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     certainty, slope, the horizon on the way in, distance. Each counts in steps, so that a difference that
     does not matter leaves the word to what comes after it.
     """
-    listed = [(criteria(zone, parameters), zone) for zone in zones]
-    listed.sort(key=lambda entry: (*(-criterion.step for criterion in entry[0]), entry[1].id))
-    ranked = []
-    for place, (mine, zone) in enumerate(listed):
-        if place == 0:
-            ranked.append(zone)
-            continue
-        above, best = listed[place - 1]
-        decisive = next((i for i, c in enumerate(mine) if c.step != above[i].step), None)
-        why = (
-            "found later"
-            if decisive is None
-            else f"{mine[decisive].text}, zone {best.id} {above[decisive].text.split(' ', 1)[1]}"
-        )
-        ranked.append(replace(zone, why=why))
-    return tuple(ranked[: parameters.max_zones])
+    return Ranking(parameters).of(list(zones))
+
+
+def _place(entry: Entry) -> tuple[tuple[float, ...], int]:
+    return entry[0], entry[1].id
+
+
+def _steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
+    """Return what a zone is sorted by, the least first."""
+    return tuple(-criterion.step for criterion in criteria(zone, parameters))
+
+
+def _why(zone: Zone, above: Zone, parameters: Parameters) -> str:
+    """Return what places a zone behind another."""
+    for mine, theirs in zip(criteria(zone, parameters), criteria(above, parameters), strict=True):
+        if mine.step != theirs.step:
+            return f"{mine.text}, zone {above.id} {theirs.text.split(' ', 1)[1]}"
+    return "found later"
 
 
 def enough_m(parameters: Parameters) -> float:

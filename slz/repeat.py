@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box, Grid
+from slz.kernels.measure import inside_count
 from slz.search import Candidate
+from slz.source_search import Part
 from slz.zone import Zone
 
 Describe = Callable[[Candidate, int], Zone]
@@ -22,41 +25,52 @@ class RepeatFilter:
 
     RR, the share of the new boundary inside an old zone (Eq. 18), of 1 means the same zone: the new one is
     ignored, even one that shrank because something drove in. That is unsafe; `ZoneTracker` is the default.
+
+    changed: whether the last update added or replaced a zone.
     """
 
     def __init__(self, parameters: Parameters, numbers: Iterator[int]) -> None:
         self._parameters = parameters
         self._numbers = numbers
         self._zones: list[Zone] = []
+        self.changed = False
 
-    def update(self, candidates: Iterable[Candidate], describe: Describe) -> list[Zone]:
+    def update(self, parts: Iterable[Part], describe: Callable[[Part, int], Zone]) -> list[Zone]:
         """Take the zones found in the total map; return those in effect."""
-        for candidate in candidates:
-            action, position = self._compare(candidate)
+        self.changed = False
+        for part in parts:
+            action, position = self._compare(part)
             if action == "ignore":
                 continue
+            self.changed = True
             if action == "replace":
-                self._zones[position] = describe(candidate, self._zones[position].id)
+                self._zones[position] = describe(part, self._zones[position].id)
             else:
-                self._zones.append(describe(candidate, next(self._numbers)))
+                self._zones.append(describe(part, next(self._numbers)))
         return list(self._zones)
 
-    def _compare(self, candidate: Candidate) -> tuple[str, int]:
-        p = self._parameters
+    def _compare(self, part: Part) -> tuple[str, int]:
+        p, box, n = self._parameters, part.box, len(part.boundary_cells)
         first = max(0, len(self._zones) - p.repeat_depth)
         for position, old in enumerate(self._zones[first:], start=first):
-            if not _touch(candidate.box, old.box):
+            other = old.box
+            if not _touch(box, other):
                 continue
-            share = _share_inside(candidate, old)
-            if share == 1:
+            large = part.n_cells > p.area_ratio * (old.n_safe + old.n_unsafe + old.n_uncertain)
+            if not (large or _within(box, other)):
+                continue  # it can neither be the same nor replace it
+            allowed = n - math.ceil(p.repeat_ratio * n) if large else 0
+            inside = inside_count(part.boundary_cells, old.cells, other.row0, other.col0, allowed)
+            if inside == n:
                 return "ignore", position
-            if share > p.repeat_ratio and candidate.content.sum() > p.area_ratio * old.cells.sum():
+            if large and inside / n > p.repeat_ratio:
                 return "replace", position
         return "add", -1
 
     def moved(self, old: Grid, new: Grid) -> None:
         """Follow the map to a new zone; zones that lie outside it stay in effect."""
         self._zones = [regridded(zone, old, new) for zone in self._zones]
+        self.changed = True
 
 
 class ZoneTracker:
@@ -137,12 +151,8 @@ def _touch(a: Box, b: Box) -> bool:
     return a.row0 < b.row1 and b.row0 < a.row1 and a.col0 < b.col1 and b.col0 < a.col1
 
 
-def _share_inside(candidate: Candidate, old: Zone) -> float:
-    """RR of Eq. 18: the share of the new boundary points that lie in the old zone."""
-    local = candidate.boundary_cells - np.array([old.box.row0, old.box.col0], np.int32)
-    within = ((local >= 0) & (local < np.array(old.cells.shape))).all(axis=1)
-    n = int(old.cells[local[within, 0], local[within, 1]].sum())
-    return n / len(local)
+def _within(a: Box, b: Box) -> bool:
+    return b.row0 <= a.row0 and a.row1 <= b.row1 and b.col0 <= a.col0 and a.col1 <= b.col1
 
 
 def _common(candidate: Candidate, old: Zone) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.grid import Box, Grid
-from slz.kernels.contour import components, flood, inside, squares, trace
+from slz.kernels.contour import components, inside, squares, trace
 
 TRACE_TIMEOUT = 10_000_000
 CRUMB = 9  # cells, below which a part of a zone that hangs on a corner is left out
@@ -37,43 +37,15 @@ def side_in_cells(side_m: float, grid: Grid) -> int:
     return max(1, math.ceil(side_m / grid.cell_m - 1e-9))
 
 
-def search_source(
-    safe: NDArray[np.uint8], box: Box, least_side: int, least_boundary: int
-) -> Iterator[Candidate]:
-    """Yield zones by the paper's rule: everything inside a contour belongs to it and is skipped after.
-
-    So a court inside a ring of safe ground is never found on its own: use `search_components` for that.
-
-    Parameters
-    ----------
-    safe
-        (rows, cols) of the box, 1 where safe. Beyond it nothing is (Algorithm 1's unsafe margin).
-    """
-    safe = np.pad(safe, 1)
-    visited = np.zeros(safe.shape, np.int32)
-    rows, cols = np.nonzero(safe)
-    for row, col in zip(rows.tolist(), cols.tolist(), strict=True):
-        if visited[row, col]:
-            continue
-        boundary = trace(safe, row, col, TRACE_TIMEOUT)
-        if len(boundary) < least_boundary:
-            flood(safe, visited, row, col, 1)
-            continue
-        candidate = _candidate(safe, boundary)
-        part = visited[candidate.box.slices]
-        if candidate.square_side < least_side:
-            part[candidate.component == 1] = 1
-            continue
-        part[candidate.content == 1] = 1
-        yield _placed(candidate, box.row0 - 1, box.col0 - 1)
-
-
 def search_components(
     safe: NDArray[np.uint8], box: Box, least_side: int, least_boundary: int
 ) -> Iterator[Candidate]:
     """Yield every 8-connected component that holds a safe square, islands inside another zone included.
 
-    Parameters are those of `search_source`.
+    Parameters
+    ----------
+    safe
+        (rows, cols) of the box, 1 where safe. Beyond it nothing is (Algorithm 1's unsafe margin).
     """
     if not safe.any():
         return
@@ -114,16 +86,6 @@ def _without_crumbs(component: NDArray[np.bool_]) -> NDArray[np.uint8]:
     size = np.bincount(parts.ravel())
     size[0] = 0
     return np.asarray((size >= min(CRUMB, size.max()))[parts], np.uint8)
-
-
-def _candidate(safe: NDArray[np.uint8], boundary: NDArray[np.int32]) -> Candidate:
-    low, high = boundary.min(axis=0), boundary.max(axis=0) + 1
-    box = Box(int(low[0]), int(high[0]), int(low[1]), int(high[1]))
-    area = np.ascontiguousarray(safe[box.slices])
-    label = np.zeros(box.shape, np.int32)
-    flood(area, label, int(boundary[0, 0]) - box.row0, int(boundary[0, 1]) - box.col0, 1)
-    component = label.astype(np.uint8)
-    return Candidate(boundary, box, _content(boundary, box), component, int(squares(component).max()))
 
 
 def _content(boundary: NDArray[np.int32], box: Box) -> NDArray[np.uint8]:

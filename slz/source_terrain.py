@@ -6,109 +6,113 @@ hold NaN where the paper's hold nothing.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box, Grid, overlap
-from slz.kernels.gradient import gradient_slope_deg
-from slz.kernels.scatter import box_of, sum_and_count
+from slz.kernels.bits import unpacked
+from slz.kernels.fuse import fuse, refresh
+from slz.kernels.stream import MOST_CELLS
 from slz.maps import SAFE, UNKNOWN, UNSAFE
+from slz.returns import Returns
+from slz.untouched import untouched
+
+NOWHERE = np.full(3, np.nan)
+NOTHING = Box(0, 0, 0, 0)
 
 
 class SourceTerrain:
-    """Total DSM, slope, roughness and binary map of one zone, filled with the worst case."""
+    """Total DSM, slope, roughness and binary map of one zone, filled with the worst case.
+
+    The maps are flat and begin as zeros that take no memory; a block of 64 cells is filled with the worst
+    case when the first window reaches it, so that time and memory follow the ground seen.
+
+    safe_bits, known_bits: (rows, words) bit maps of the safe cells and of those with an elevation. blocks:
+    (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
+    whose safety changed since `settle`.
+    """
 
     def __init__(self, grid: Grid, parameters: Parameters) -> None:
+        if max(grid.rows, grid.cols) > MOST_CELLS:
+            raise ValueError(
+                f"a map has {MOST_CELLS} cells along a side at most, not {max(grid.rows, grid.cols)}"
+            )
         self.grid = grid
         self._parameters = parameters
-        shape = grid.rows, grid.cols
-        worst = np.float32(parameters.max_slope_deg)
-        self.height_m = np.full(shape, np.nan, np.float32)
-        self.slope_deg = np.full(shape, worst)
-        self.roughness = np.full(shape, worst)
-        self.binary = np.zeros(shape, np.uint8)
-        self.seen = Box(0, 0, 0, 0)
+        self._worst, self._limit = np.float32(parameters.max_slope_deg), np.float32(parameters.safe_slope_deg)
+        words = (grid.cols + 63) // 64 + 1
+        self.heights, self.slopes, self.roughs = (
+            untouched((grid.rows, 64 * words), np.float32) for _ in "hsr"
+        )
+        self.begun = untouched((grid.rows, words), np.uint8)
+        self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
+        self.blocks = untouched((grid.rows, words, 2), np.int32)
+        self.seen = self.changed = NOTHING
 
     def add(self, points_enu_m: NDArray[np.float64]) -> Box:
-        """Fuse one window of points; return the box that changed.
+        """Fuse one window of points; return the box that was hit.
 
         The sources ask neither where the sensor was nor how old a map is.
         """
-        grid, p = self.grid, self._parameters
-        edges = np.array([0, grid.rows, 0, grid.cols])
-        *hit, inside = box_of(points_enu_m, grid.west_m, grid.south_m, grid.cell_m, edges).tolist()
-        if not inside:
-            return Box(0, 0, 0, 0)
-        box = Box(*hit)
-        height = self._window_dsm(points_enu_m, box)
-        slope = gradient_slope_deg(height, grid.cell_m)
-        roughness = gradient_slope_deg(slope, grid.cell_m)
-        self._fuse(box, height, slope, roughness)
-        self._update_binary(box, p.safe_slope_deg)
+        returns = Returns()
+        returns.read(points_enu_m, NOWHERE, math.inf, self.grid)
+        self.take(returns)
+        return returns.box if returns.n > returns.n_outside else NOTHING
+
+    def take(self, returns: Returns) -> int:
+        """Fuse the returns of a window that were placed in this grid; return how many there are."""
+        p, grid, box = self._parameters, self.grid, returns.box
+        if returns.n == returns.n_outside:
+            return len(returns.kept())
+        sums, unit_m, count_bits, used = returns.sums()
+        changed = fuse(
+            sums, box.row0, box.col0, box.shape[0], returns.width, grid.cols, returns.low_m, unit_m,
+            count_bits, grid.cell_m, self._worst, self._limit, p.fusing == "max",
+            self.heights, self.slopes, self.roughs, self.begun, self.safe_bits, self.known_bits, self.blocks,
+        )  # fmt: skip
         self.seen = self.seen.union(box)
+        self.changed = self.changed.union(Box(*changed))
+        return used
+
+    def settle(self) -> Box:
+        """Return the box in which the safety of cells changed since the last call."""
+        box, self.changed = self.changed, NOTHING
         return box
-
-    def _window_dsm(self, points: NDArray[np.float64], box: Box) -> NDArray[np.float32]:
-        """Mean height of every cell of the box (SLZ paper Eq. 5)."""
-        total, count = np.zeros(box.shape), np.zeros(box.shape, np.int32)
-        g = self.grid
-        sum_and_count(points, g.west_m, g.south_m, g.cell_m, box.row0, box.col0, total, count)
-        with np.errstate(invalid="ignore"):
-            return (total / count).astype(np.float32)
-
-    def _fuse(
-        self,
-        box: Box,
-        height: NDArray[np.float32],
-        slope: NDArray[np.float32],
-        roughness: NDArray[np.float32],
-    ) -> None:
-        """Join a window with the total maps, by mean or maximum (SLZ paper §3.2.3).
-
-        Only slopes below the maximum are written: that is the source's rule, and it is unsafe.
-        """
-        join = np.maximum if self._parameters.fusing == "max" else _mean
-        worst = np.float32(self._parameters.max_slope_deg)
-        total_slope = self.slope_deg[box.slices]
-        total_height = self.height_m[box.slices]
-        total_rough = self.roughness[box.slices]
-        write = slope < worst
-        fresh = write & (total_slope >= worst)
-        old = write & ~fresh
-        total_slope[old] = join(total_slope[old], slope[old])
-        total_height[old] = join(total_height[old], height[old])
-        total_slope[fresh] = slope[fresh]
-        total_height[fresh] = height[fresh]
-        rough = write & ~np.isnan(roughness)
-        first = rough & (fresh | (total_rough == worst))
-        again = rough & ~first
-        total_rough[again] = join(total_rough[again], roughness[again])
-        total_rough[first] = roughness[first]
-
-    def _update_binary(self, box: Box, safe_slope_deg: float) -> None:
-        """Mark cells below the threshold, leaving the unsafe margin around the map (SLZ paper §3.2.4)."""
-        self.binary[box.slices] = self.slope_deg[box.slices] < np.float32(safe_slope_deg)
-        self.binary[0], self.binary[-1], self.binary[:, 0], self.binary[:, -1] = 0, 0, 0, 0
 
     def moved(self, grid: Grid) -> SourceTerrain:
         """Return the maps of a new zone, the common part copied (SLZ paper §3.2.5)."""
         new = SourceTerrain(grid, self._parameters)
         mine, theirs = overlap(self.grid, grid)
-        for name in ("height_m", "slope_deg", "roughness", "binary"):
-            getattr(new, name)[theirs.slices] = getattr(self, name)[mine.slices]
-        new._update_binary(theirs, self._parameters.safe_slope_deg)
-        new.seen = theirs
+        if theirs.empty:
+            return new
+        p = self._parameters
+        for name, empty in (("heights", np.nan), ("slopes", p.max_slope_deg), ("roughs", p.max_slope_deg)):
+            part = np.where(self._begun_cells(mine), getattr(self, name)[mine.slices], np.float32(empty))
+            wide = slice(theirs.col0 // 64 * 64, -(-theirs.col1 // 64) * 64)
+            getattr(new, name)[theirs.row0 : theirs.row1, wide] = empty
+            getattr(new, name)[theirs.slices] = part
+        words = slice(theirs.col0 // 64, -(-theirs.col1 // 64))
+        new.begun[theirs.row0 : theirs.row1, words] = 1
+        refresh(
+            theirs.row0, theirs.row1, words.start, words.stop, grid.cols, self._limit,
+            new.heights, new.slopes, new.roughs, new.safe_bits, new.known_bits, new.blocks,
+        )  # fmt: skip
+        new.seen = new.changed = theirs
         return new
+
+    # ---- what is read of it ---------------------------------------------------------------------
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
-        return self.binary[box.slices].copy()
+        return self._cells(self.safe_bits, box)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box."""
-        known = ~np.isnan(self.height_m[box.slices])
-        return np.where(self.binary[box.slices] == 1, SAFE, np.where(known, UNSAFE, UNKNOWN)).astype(np.uint8)
+        known = np.where(self._cells(self.known_bits, box) == 1, UNSAFE, UNKNOWN)
+        return np.where(self.safe(box) == 1, SAFE, known).astype(np.uint8)
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of a map over a box, NaN where unknown; the sources know no relief.
@@ -116,13 +120,45 @@ class SourceTerrain:
         Certainty is 1 for a safe cell, else 0: the sources have one of zones only.
         """
         if name == "certainty":
-            return self.binary[box.slices].astype(np.float32)
-        known = ~np.isnan(self.height_m[box.slices])
-        values = getattr(self, name, None)
+            return self.safe(box).astype(np.float32)
+        values = {"height_m": self.heights, "slope_deg": self.slopes, "roughness": self.roughs}.get(name)
         if values is None:
             return np.full(box.shape, np.nan, np.float32)
+        known = self._cells(self.known_bits, box) == 1
         return np.where(known, values[box.slices], np.float32(np.nan))
 
+    @property
+    def height_m(self) -> NDArray[np.float32]:
+        """The total DSM, NaN where nothing was written."""
+        return self._whole(self.heights, np.nan)
 
-def _mean(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.float32(0.5) * (a + b)
+    @property
+    def slope_deg(self) -> NDArray[np.float32]:
+        """The total slope map, the worst case where nothing was written."""
+        return self._whole(self.slopes, self._parameters.max_slope_deg)
+
+    @property
+    def roughness(self) -> NDArray[np.float32]:
+        """The total roughness map, the worst case where nothing was written."""
+        return self._whole(self.roughs, self._parameters.max_slope_deg)
+
+    @property
+    def binary(self) -> NDArray[np.uint8]:
+        """The binary map, 1 where safe."""
+        return self.safe(self.grid.everything)
+
+    def _whole(self, values: NDArray[np.float32], empty: float) -> NDArray[np.float32]:
+        everything = self.grid.everything
+        return np.where(self._begun_cells(everything), values[everything.slices], np.float32(empty))
+
+    def _begun_cells(self, box: Box) -> NDArray[np.bool_]:
+        cols = np.arange(box.col0, box.col1) // 64
+        return np.asarray(self.begun[box.row0 : box.row1][:, cols] == 1)
+
+    @staticmethod
+    def _cells(bits: NDArray[np.uint64], box: Box) -> NDArray[np.uint8]:
+        if box.empty:
+            return np.zeros(box.shape, np.uint8)
+        first, stop = box.col0 // 64, -(-box.col1 // 64)
+        words = np.ascontiguousarray(bits[box.row0 : box.row1, first:stop])
+        return np.ascontiguousarray(unpacked(words, box.col0 - 64 * first, box.col1 - box.col0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +56,7 @@ class Zone:
     roughness: float
     boundary_cells: NDArray[np.int32]
     corners_enu_m: NDArray[np.float64]
-    obstacles: tuple[Obstacle, ...]
+    obstacles: Sequence[Obstacle]
     best: LandingPoint
     why: str = ""
 

@@ -1,4 +1,4 @@
-"""The map of one resolution: its window, its terrain and the zones found in it."""
+"""The map of one resolution in default mode: its window, its terrain and the zones found in it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ from slz.adaptive import COARSEST
 from slz.content import describe
 from slz.evidence import EvidenceTerrain
 from slz.grid import Grid
-from slz.landing_point import Terrain
 from slz.ranking import rank
-from slz.repeat import RepeatFilter, ZoneTracker
-from slz.search import search_components, search_source, side_in_cells
-from slz.source_terrain import SourceTerrain
+from slz.repeat import ZoneTracker
+from slz.search import search_components, side_in_cells
 from slz.tiles import Tiles
 from slz.zone import Zone
 
@@ -39,19 +37,16 @@ class ZoneMap:
         self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
     ) -> None:
         self._parameters = parameters
-        self._source = parameters.mode == "source"
         grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
-        self.terrain: Terrain = (
-            SourceTerrain(grid, parameters) if self._source else EvidenceTerrain(grid, parameters)
-        )
-        self._names = RepeatFilter(parameters, numbers) if self._source else ZoneTracker(numbers)
+        self.terrain = EvidenceTerrain(grid, parameters)
+        self._names = ZoneTracker(numbers)
         self.zones: tuple[Zone, ...] = ()
         self.n_without_tile = self.n_evicted = 0
 
     @property
-    def tiles(self) -> Tiles | None:
-        """The evidence, in default mode."""
-        return self.terrain.tiles if isinstance(self.terrain, EvidenceTerrain) else None
+    def tiles(self) -> Tiles:
+        """The evidence."""
+        return self.terrain.tiles
 
     def add(
         self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
@@ -63,11 +58,8 @@ class ZoneMap:
         like
             Evidence whose zero of heights the points have, by default its own.
         """
-        moved = self._follow(points_enu_m, sensor_enu_m)
+        moved = self._follow(sensor_enu_m)
         terrain = self.terrain
-        if isinstance(terrain, SourceTerrain):
-            terrain.add(points_enu_m)
-            return moved
         if like is not None:
             terrain.tiles.datum_m = like.datum_m
         change = terrain.add(points_enu_m, sensor_enu_m, stamp_s)
@@ -79,10 +71,10 @@ class ZoneMap:
         row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
-    def _follow(self, points_enu_m: Points, sensor_enu_m: Points) -> bool:
+    def _follow(self, sensor_enu_m: Points) -> bool:
         """Move the window when it must (SLZ paper §3.2.5); tell whether it was moved."""
         old = self.terrain.grid
-        centre = self._next_centre(points_enu_m, sensor_enu_m, old)
+        centre = self._next_centre(sensor_enu_m, old)
         if centre is None:
             return False
         down, right = old.index(*centre)
@@ -94,41 +86,31 @@ class ZoneMap:
         self._become(self.terrain.moved(grid))
         return True
 
-    def _next_centre(
-        self, points_enu_m: Points, sensor_enu_m: Points, grid: Grid
-    ) -> tuple[float, float] | None:
+    def _next_centre(self, sensor_enu_m: Points, grid: Grid) -> tuple[float, float] | None:
         """Return the centre of the new zone, or None to stay.
 
-        The source moves to the first point outside. The default moves to the vehicle, when it comes nearer to
-        an edge than a quarter of the zone, so that one far return does not throw the map away.
+        The window moves to the vehicle, when it comes nearer to an edge than a quarter of the zone, so that
+        one far return does not throw the map away.
         """
-        if self._source:
-            x, y = points_enu_m[:, 0], points_enu_m[:, 1]
-            outside = (x < grid.west_m) | (y < grid.south_m) | (x >= grid.east_m) | (y >= grid.north_m)
-            if not outside.any():
-                return None
-            first = points_enu_m[int(np.argmax(outside))]
-            return float(first[0]), float(first[1])
         east, north = float(sensor_enu_m[0]), float(sensor_enu_m[1])
         room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
         return (east, north) if room < self._parameters.zone_m / 4 else None
 
     def at_level(self, level: int) -> None:
         """Draw the map at another level of the pyramid; zones keep their IDs."""
-        if isinstance(self.terrain, EvidenceTerrain) and self.terrain.level != level:
+        if self.terrain.level != level:
             self._become(self.terrain.at_level(level))
 
-    def _become(self, terrain: Terrain) -> None:
+    def _become(self, terrain: EvidenceTerrain) -> None:
         self._names.moved(self.terrain.grid, terrain.grid)
         self.terrain = terrain
 
     def find(self, sensor_enu_m: Points) -> None:
         """Search the total map for zones, name and rank them."""
         p, terrain = self._parameters, self.terrain
-        search = search_source if self._source else search_components
         seen = terrain.seen
         coarser = terrain.grid.cell_m / p.cell_m
-        found = search(
+        found = search_components(
             terrain.safe(seen),
             seen,
             side_in_cells(p.min_square_m, terrain.grid),

@@ -1,0 +1,97 @@
+"""Bit-packed maps: bit c & 63 of word (r, c >> 6) is cell (r, c). The base of the source mode's kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+Bits = NDArray[np.uint64]
+NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
+signed: Any = np.int64  # a word as a number that mixes with others
+ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
+GATHER = np.uint64(0x0102040810204080)  # brings the lowest bits of eight bytes into the highest byte
+TOP = np.uint64(56)
+EACH, DIAGONAL = np.uint64(0x0101010101010101), np.uint64(0x8040201008040201)
+BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
+
+
+def _operation(build: Callable[[Any, Any], Any]) -> Any:
+    """Return a kernel function of one word that is one machine instruction."""
+
+    def typed(_: Any, word: Any) -> Any:
+        def code(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return build(builder, args[0])
+
+        return types.uint64(types.uint64), code
+
+    return intrinsic(typed)
+
+
+popcount = _operation(lambda builder, word: builder.ctpop(word))
+lowest = _operation(lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)))
+leading = _operation(lambda builder, word: builder.ctlz(word, ir.Constant(ir.IntType(1), 0)))
+
+
+@kernel("uint64(uint64[:, :], int64, int64)")
+def bit(bits: Bits, row: int, col: int) -> Any:
+    """Return 1 where a cell is set, else 0."""
+    return (bits[row, col >> 6] >> np.uint64(col & 63)) & ONE
+
+
+@kernel("uint64(uint64[:, :], int64, int64)")
+def word_at(bits: Bits, row: int, col: int) -> Any:
+    """Return the 64 cells from a column on, which may lie outside; those outside are 0."""
+    if row < 0 or row >= bits.shape[0]:
+        return NONE
+    k, shift = col >> 6, np.uint64(col & 63)
+    low = bits[row, k] if 0 <= k < bits.shape[1] else NONE
+    if shift == NONE:
+        return low
+    high = bits[row, k + 1] if -1 <= k < bits.shape[1] - 1 else NONE
+    return (low >> shift) | (high << (np.uint64(64) - shift))
+
+
+@kernel("uint64(uint64)")
+def prefix_xor(word: Any) -> Any:
+    """Return the word whose bit i is the exclusive or of the bits up to i."""
+    for shift in (1, 2, 4, 8, 16, 32):
+        word ^= word << np.uint64(shift)
+    return word
+
+
+@kernel("void(uint64[:, ::1], uint64[:, ::1])")
+def _spread_out(bits: Bits, eights: Bits) -> None:
+    for r in range(bits.shape[0]):
+        for w in range(np.uint64(bits.shape[1])):
+            word = bits[r, w]
+            for b in range(np.uint64(8)):
+                eight = (word >> (b * np.uint64(8))) & np.uint64(0xFF)
+                apart = (eight * EACH) & DIAGONAL  # bit k of the eight, alone in byte k
+                eights[r, w * np.uint64(8) + b] = ((apart + BELOW) >> np.uint64(7)) & EACH
+
+
+def unpacked(bits: Bits, first: int, cols: int) -> NDArray[np.uint8]:
+    """Return cells as bytes, `cols` columns from column `first` on; a view of whole words."""
+    out = np.empty((len(bits), 64 * bits.shape[1]), np.uint8)
+    _spread_out(bits, out.view(np.uint64))
+    return out[:, first : first + cols]
+
+
+@kernel("uint64[:, :](uint8[:, :])")
+def packed(cells: NDArray[np.uint8]) -> Bits:
+    """Return cells given as bytes as a bit map."""
+    rows, cols = cells.shape
+    out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
+    for r in range(rows):
+        for c in range(cols):
+            if cells[r, c]:
+                out[r, c >> 6] |= ONE << np.uint64(c & 63)
+    return out

@@ -1,0 +1,353 @@
+"""One pass over the rows that a window hit: mean heights, slope, roughness, fusing, binary map.
+
+Three rows of heights and slopes roll along, so that nothing as large as the window is ever stored but its
+sums (SLZ paper Eq. 5-9, §3.2.3-3.2.4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.bits import ALL, GATHER, NONE, TOP, Bits
+from slz.kernels.jit import kernel
+
+Row = NDArray[np.float32]
+Map = NDArray[np.float32]
+
+NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float32(0.5)
+F0, F1 = np.float32(0.0), np.float32(1.0)
+TAN_1, TAN_3 = np.float32(0.4142135623730950), np.float32(2.414213562373095)  # of pi / 8 and 3 pi / 8
+QUARTER, RIGHT = np.float32(np.pi / 4), np.float32(np.pi / 2)
+A3, A5, A7, A9 = (
+    np.float32(a) for a in (-3.33329491539e-1, 1.99777106478e-1, -1.38776856032e-1, 8.05374449538e-2)
+)
+SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
+U0 = np.uint64(0)
+STEP = 32  # cells that the compiler may take at a time
+TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
+
+
+@kernel("float32(float32)")
+def atan(x: np.float32) -> np.float32:
+    """Return the arc tangent of a number >= 0, to 2e-7 of it (Cephes' polynomial); NaN of NaN."""
+    large, middle = x > TAN_3, x > TAN_1
+    above = -F1 if large else (x - F1 if middle else x)
+    below = x if large else (x + F1 if middle else F1)
+    base = RIGHT if large else (QUARTER if middle else F0)
+    r = above / below
+    z = r * r
+    return base + ((((A9 * z + A7) * z + A5) * z + A3) * z * r + r)
+
+
+@kernel("UniTuple(int64, 2)(uint64[::1])")
+def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
+    """Return from where to where a row was hit, by whole STEPs of cells; 0, 0 where it was not."""
+    first, stop = 0, len(sums)
+    while first < stop and sums[first] == U0:
+        first += 1
+    if first == stop:
+        return 0, 0
+    while sums[stop - 1] == U0:
+        stop -= 1
+    return first // STEP * STEP, (stop + STEP - 1) // STEP * STEP
+
+
+@kernel(
+    "void(uint64[::1], float64, float64, uint64, uint64[::1], float64[::1], uint64[::1], float64[::1],"
+    " float32[::1])"
+)
+def _mean_heights(
+    sums: NDArray[np.uint64],
+    low: float,
+    unit: float,
+    bits: np.uint64,
+    counts: NDArray[np.uint64],
+    real_counts: NDArray[np.float64],
+    totals: NDArray[np.uint64],
+    real_totals: NDArray[np.float64],
+    height: Row,
+) -> None:
+    """Take sums (see `stream.scatter`) and leave zeros; the mean heights, NaN where nothing was hit (Eq. 5).
+
+    The pairs of scratch are the same memory: a number with the exponent of 2**52 before it is that number
+    plus 2**52, which the compiler does four at a time, unlike converting it.
+    """
+    mask = (np.uint64(1) << bits) - np.uint64(1)
+    for i in range(np.uint64(len(sums))):
+        counts[i] = (sums[i] & mask) | TWO_52_BITS
+        totals[i] = (sums[i] >> bits) | TWO_52_BITS
+        sums[i] = U0
+    for i in range(np.uint64(len(sums))):
+        n, total = real_counts[i] - TWO_52, real_totals[i] - TWO_52
+        height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN
+
+
+@kernel("void(float32[::1], float32[::1], float32[::1], float32, float32[::1])")
+def _slopes(south: Row, here: Row, north: Row, k: np.float32, out: Row) -> None:
+    """Return the slope of a row from its neighbours (Eq. 6-9), NaN where one is NaN.
+
+    The rows of a step have a cell more at either end than `out`.
+    """
+    west, east, mid, below, above = here[:-2], here[2:], here[1:-1], south[1:-1], north[1:-1]
+    for i in range(np.uint64(len(out))):
+        dx, dy = (east[i] - west[i]) * k, (above[i] - below[i]) * k
+        angle = atan(np.sqrt(dx * dx + dy * dy)) * DEGREES
+        out[i] = angle if mid[i] == mid[i] else NAN
+
+
+@kernel(
+    "void(float32[::1], float32[::1], float32[::1], float32, float32, boolean, float32[::1], float32[::1],"
+    " float32[::1], uint8[::1], uint8[::1])"
+)
+def _join(
+    height: Row,
+    slope: Row,
+    rough: Row,
+    worst: np.float32,
+    safe_slope: np.float32,
+    greatest: bool,
+    total_height: Row,
+    total_slope: Row,
+    total_rough: Row,
+    safe: NDArray[np.uint8],
+    known: NDArray[np.uint8],
+) -> None:
+    """Join a row of a window with that of the total maps, by mean or maximum (§3.2.3)."""
+    for i in range(np.uint64(len(slope))):
+        h, s, r = height[i], slope[i], rough[i]
+        old_h, old_s, old_r = total_height[i], total_slope[i], total_rough[i]
+        write, fresh = s < worst, old_s >= worst
+        joint_s = (s if s > old_s else old_s) if greatest else HALF * (old_s + s)
+        joint_h = (h if h > old_h else old_h) if greatest else HALF * (old_h + h)
+        joint_r = (r if r > old_r else old_r) if greatest else HALF * (old_r + r)
+        new_s = (s if fresh else joint_s) if write else old_s
+        new_h = (h if fresh else joint_h) if write else old_h
+        first = fresh | (old_r == worst)
+        new_r = (r if first else joint_r) if write & (r == r) else old_r
+        total_slope[i], total_height[i], total_rough[i] = new_s, new_h, new_r
+        safe[i] = np.uint8(new_s < safe_slope)
+        known[i] = np.uint8(new_h == new_h)
+
+
+@kernel("uint64(uint64[::1], uint64)")
+def _word(eights: NDArray[np.uint64], k: np.uint64) -> np.uint64:
+    """Return the k-th 64 of a row of bytes of 0 and 1 as bits."""
+    word = NONE
+    for b in range(np.uint64(8)):
+        word |= ((eights[k * np.uint64(8) + b] * GATHER) >> TOP) << (b * np.uint64(8))
+    return word
+
+
+@kernel("int32(float32[::1], float32[::1], float32)")
+def _safe_sum(slope: Row, values: Row, safe_slope: np.float32) -> np.int32:
+    """Return the sum of the values of the safe ones of 64 cells, in units of 1 / SUM_UNIT."""
+    total = np.int32(0)
+    for i in range(np.uint64(64)):
+        total += np.int32(values[i] * SUM_UNIT + HALF) if slope[i] < safe_slope else np.int32(0)
+    return total
+
+
+@kernel("void(float32[:, ::1], float32[:, ::1], uint64, float32, int64, int64, int64, int32[:, :, ::1])")
+def _add_up(
+    slope: Map,
+    rough: Map,
+    safe: np.uint64,
+    safe_slope: np.float32,
+    row: int,
+    word: int,
+    cols: int,
+    blocks: NDArray[np.int32],
+) -> None:
+    """Bring the sums of a word's safe cells up to date."""
+    blocks[row, word, 0], blocks[row, word, 1] = 0, 0
+    if safe == NONE:
+        return
+    mine = slope[row, 64 * word : 64 * word + 64]
+    blocks[row, word, 0] = _safe_sum(mine, mine, safe_slope)
+    blocks[row, word, 1] = _safe_sum(mine, rough[row, 64 * word : 64 * word + 64], safe_slope)
+    for c in (0, cols - 1):  # not safe, however level
+        if c >> 6 == word and slope[row, c] < safe_slope:
+            blocks[row, word, 0] -= np.int32(slope[row, c] * SUM_UNIT + HALF)
+            blocks[row, word, 1] -= np.int32(rough[row, c] * SUM_UNIT + HALF)
+
+
+@kernel(
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1], int64, int64, int64, float32)"
+)
+def _begin(
+    height: Map,
+    slope: Map,
+    rough: Map,
+    begun: NDArray[np.uint8],
+    row: int,
+    first: int,
+    last: int,
+    worst: np.float32,
+) -> None:
+    """Fill blocks of 64 cells that nothing was written to yet with the worst case."""
+    for k in range(first, last + 1):
+        if not begun[row, k]:
+            begun[row, k] = 1
+            for c in range(64 * k, 64 * k + 64):
+                height[row, c], slope[row, c], rough[row, c] = NAN, worst, worst
+
+
+@kernel(
+    "UniTuple(int64, 4)(uint64[::1], int64, int64, int64, int64, int64, float64, float64, int64, float64,"
+    " float32, float32, boolean, float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1],"
+    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
+)
+def fuse(
+    sums: NDArray[np.uint64],
+    row0: int,
+    col0: int,
+    rows: int,
+    width: int,
+    cols: int,
+    low: float,
+    unit: float,
+    count_bits: int,
+    cell: float,
+    worst: np.float32,
+    safe_slope: np.float32,
+    greatest: bool,
+    height: Map,
+    slope: Map,
+    rough: Map,
+    begun: NDArray[np.uint8],
+    safe: Bits,
+    known: Bits,
+    blocks: NDArray[np.int32],
+) -> tuple[int, int, int, int]:
+    """Fuse the sums of a window, rows x width cells from (row0, col0) on, with the total maps.
+
+    Parameters
+    ----------
+    sums
+        (rows * width,) as `stream.scatter` leaves them; zeros are left. The width is a multiple of STEP; the
+        box may reach beyond the map's last column by less than that.
+    cols
+        Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
+    height, slope, rough
+        Total maps: NaN and the worst case where nothing was written, but only in blocks that are `begun`.
+    safe, known
+        Bit maps: slope below `safe_slope` but on the map's margin (§3.2.4), and any height.
+    blocks
+        (rows, words, 2) sums of slope and roughness of the safe cells of each word, see SUM_UNIT.
+
+    Returns
+    -------
+    row0, row1, col0, col1 of the cells whose safety changed, columns by whole words; row1 0 where none did.
+    """
+    k = np.float32(1.0 / (2.0 * cell))
+    first, at = col0 >> 6, col0 & 63
+    words = (at + width + 63) >> 6
+    heights, slopes = np.full((3, width + 2), NAN), np.full((3, width + 2), NAN)  # a margin at either end
+    roughs = np.full(width, NAN)
+    safe_bytes, known_bytes = np.zeros(64 * words, np.uint8), np.zeros(64 * words, np.uint8)
+    safe_eights, known_eights = safe_bytes.view(np.uint64), known_bytes.view(np.uint64)
+    counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
+    real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
+    bits, ends = np.uint64(count_bits), np.zeros((4, 2), np.int64)
+    dirty0, dirty1, least, most = height.shape[0], 0, safe.shape[1], -1
+    for i in range(rows + 2):
+        new = i % 3
+        ends[i & 3] = 0
+        if i < rows:
+            row = sums[i * width : (i + 1) * width]
+            a, b = _span(row)
+            ends[i & 3, 0], ends[i & 3, 1] = a, b
+            heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
+            _mean_heights(
+                row[a:b],
+                low,
+                unit,
+                bits,
+                counts,
+                real_counts,
+                totals,
+                real_totals,
+                heights[new, a + 1 : b + 1],
+            )
+        j = i - 1
+        if j >= 0:
+            a, b = ends[j & 3]
+            slopes[j % 3] = NAN
+            if 0 < j < rows - 1 and b > a:
+                _slopes(
+                    heights[(j - 1) % 3, a : b + 2], heights[j % 3, a : b + 2], heights[new, a : b + 2], k,
+                    slopes[j % 3, a + 1 : b + 1],
+                )  # fmt: skip
+        j = i - 2
+        if j < 1 or j >= rows - 1 or ends[j & 3, 1] == 0:
+            continue
+        a, b = ends[j & 3]
+        _slopes(
+            slopes[(j - 1) % 3, a : b + 2], slopes[j % 3, a : b + 2], slopes[(j + 1) % 3, a : b + 2], k,
+            roughs[a:b],
+        )  # fmt: skip
+        r = row0 + j
+        w0, w1 = (at + a) >> 6, (at + b - 1) >> 6
+        _begin(height, slope, rough, begun, r, first + w0, first + w1, worst)
+        here = slice(col0 + a, col0 + b)
+        _join(
+            heights[j % 3, a + 1 : b + 1], slopes[j % 3, a + 1 : b + 1], roughs[a:b],
+            worst, safe_slope, greatest, height[r, here], slope[r, here], rough[r, here],
+            safe_bytes[at + a : at + b], known_bytes[at + a : at + b],
+        )  # fmt: skip
+        if r == 0 or r == height.shape[0] - 1:
+            safe_bytes[:] = 0
+        if col0 + a == 0:
+            safe_bytes[0] = 0
+        if col0 + a < cols <= col0 + b:
+            safe_bytes[at + cols - 1 - col0] = 0
+        for w in range(w0, w1 + 1):
+            mask = ALL
+            if w == w0:
+                mask = ALL << np.uint64((at + a) & 63)
+            if w == w1:
+                mask &= ALL >> np.uint64(63 - ((at + b - 1) & 63))
+            c = first + w
+            old = safe[r, c]
+            word = (old & ~mask) | (_word(safe_eights, np.uint64(w)) & mask)
+            known[r, c] = (known[r, c] & ~mask) | (_word(known_eights, np.uint64(w)) & mask)
+            if word != old:
+                safe[r, c] = word
+                dirty0, dirty1, least, most = min(dirty0, r), r + 1, min(least, c), max(most, c)
+            _add_up(slope, rough, word, safe_slope, r, c, cols, blocks)
+    if dirty1 == 0:
+        return 0, 0, 0, 0
+    return dirty0, dirty1, 64 * least, 64 * (most + 1)
+
+
+@kernel(
+    "void(int64, int64, int64, int64, int64, float32, float32[:, ::1], float32[:, ::1], float32[:, ::1],"
+    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
+)
+def refresh(
+    row0: int,
+    row1: int,
+    word0: int,
+    word1: int,
+    cols: int,
+    safe_slope: np.float32,
+    height: Map,
+    slope: Map,
+    rough: Map,
+    safe: Bits,
+    known: Bits,
+    blocks: NDArray[np.int32],
+) -> None:
+    """Make the bit maps and sums of a box of words from maps that were copied (see `fuse`)."""
+    for r in range(row0, row1):
+        inner = 0 < r < height.shape[0] - 1
+        for w in range(word0, word1):
+            safe[r, w], known[r, w] = NONE, NONE
+            for c in range(64 * w, min(cols, 64 * w + 64)):
+                mark = np.uint64(1) << np.uint64(c & 63)
+                if inner and 0 < c < cols - 1 and slope[r, c] < safe_slope:
+                    safe[r, w] |= mark
+                if height[r, c] == height[r, c]:
+                    known[r, w] |= mark
+            _add_up(slope, rough, safe[r, w], safe_slope, r, w, cols, blocks)

@@ -1,0 +1,88 @@
+"""What the maps say of a contour's content and of the component in it, counted by words."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.bits import NONE, ONE, Bits, lowest, popcount, signed
+from slz.kernels.fuse import HALF, SUM_UNIT
+from slz.kernels.jit import kernel
+
+Map = NDArray[np.float32]
+
+
+@kernel("UniTuple(int64, 5)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
+        " int32[:, :, ::1], float32[:, ::1], float32[:, ::1])")  # fmt: skip
+def measure(
+    content: Bits,
+    part: Bits,
+    safe: Bits,
+    known: Bits,
+    row0: int,
+    word0: int,
+    blocks: NDArray[np.int32],
+    slope: Map,
+    rough: Map,
+) -> tuple[int, int, int, int, int]:
+    """Return a content's safe and unknown cells, the cells of its part, their slope and roughness.
+
+    The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words.
+    """
+    n_safe = n_unknown = n_part = np.uint64(0)
+    slopes = roughs = 0
+    for i in range(content.shape[0]):
+        r = row0 + i
+        for j in range(content.shape[1]):
+            inside, w = content[i, j], word0 + j
+            if inside == NONE:
+                continue
+            n_safe += popcount(inside & safe[r, w])
+            n_unknown += popcount(inside & ~known[r, w])
+            own = part[i, j]
+            n_part += popcount(own)
+            if own == safe[r, w]:
+                slopes += blocks[r, w, 0]
+                roughs += blocks[r, w, 1]
+                continue
+            while own != NONE:
+                c = 64 * w + signed(lowest(own))
+                slopes += signed(slope[r, c] * SUM_UNIT + HALF)
+                roughs += signed(rough[r, c] * SUM_UNIT + HALF)
+                own &= own - ONE
+    return signed(n_safe), signed(n_unknown), signed(n_part), slopes, roughs
+
+
+@kernel("float64[:, ::1](int32[:, ::1], float32[:, ::1], float64, float64, float64)")
+def corners(
+    boundary: NDArray[np.int32], height: Map, west: float, south: float, cell: float
+) -> NDArray[np.float64]:
+    """Return (m, 3) east, north, height of the boundary cells that `without_collinear` keeps."""
+    n = len(boundary)
+    out, m = np.empty((n, 3)), 0
+    for i in range(n):
+        before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
+        r, c = boundary[i, 0], boundary[i, 1]
+        r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
+        flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
+        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0
+        if not flat or turns or n == 1:
+            out[m, 0], out[m, 1], out[m, 2] = west + (c + 0.5) * cell, south + (r + 0.5) * cell, height[r, c]
+            m += 1
+    return out[:m].copy()
+
+
+@kernel("int64(int32[:, :], uint8[:, :], int64, int64, int64)")
+def inside_count(
+    boundary: NDArray[np.int32], cells: NDArray[np.uint8], row0: int, col0: int, most_outside: int
+) -> int:
+    """Return how many boundary cells are set in an array from (row0, col0) on; -1 if too many are not."""
+    rows, cols = cells.shape
+    outside = 0
+    for i in range(len(boundary)):
+        r, c = boundary[i, 0] - row0, boundary[i, 1] - col0
+        if r < 0 or c < 0 or r >= rows or c >= cols or not cells[r, c]:
+            outside += 1
+            if outside > most_outside:
+                return -1
+    return len(boundary) - outside

@@ -1,0 +1,125 @@
+"""Components that hold a safe square, found from where such squares fit (SLZ paper §3.3, Algorithm 1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.bits import NONE, Bits, lowest, signed
+from slz.kernels.content import component, fill
+from slz.kernels.jit import kernel
+from slz.kernels.tour import first_of, tour, westmost
+
+# Columns of the table of what was found.
+ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
+FIELDS = 8
+
+
+@kernel("Tuple((int32[:, ::1], uint8[::1]))(int32[:, ::1], uint8[::1], int64)")
+def _longer(
+    path: NDArray[np.int32], edges: NDArray[np.uint8], used: int
+) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    new_path, new_edges = np.empty((2 * len(path), 2), np.int32), np.empty(2 * len(edges), np.uint8)
+    new_path[:used], new_edges[:used] = path[:used], edges[:used]
+    return new_path, new_edges
+
+
+@kernel("void(int32[:, ::1], uint8[::1], int64, int64)")
+def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> None:
+    """Let a tour begin at its first cell, with the step that a tour begun there takes first."""
+    row, col = path[first, 0], path[first, 1]
+    start, best = first, 9
+    for i in range(first, n):
+        if path[i, 0] == row and path[i, 1] == col:
+            direction = signed(edges[i]) & 15
+            if 4 <= direction < best:  # nothing lies before the first cell: it looks from east on
+                start, best = i, direction
+    if start > 0:
+        cells, entries = path[:n].copy(), edges[:n].copy()
+        path[: n - start], path[n - start : n] = cells[start:], cells[:start]
+        edges[: n - start], edges[n - start : n] = entries[start:], entries[:start]
+
+
+@kernel(
+    "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1],"
+    " uint64[:, ::1], int64, int64, int64, int64, int64)"
+)
+def find(
+    safe: Bits, seeds: Bits, taken: Bits, row0: int, row1: int, word0: int, word1: int, least: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32], Bits, NDArray[np.int64]]:
+    """Return the components with a seed in a box that are not taken and have a boundary of `least` cells.
+
+    Parameters
+    ----------
+    safe
+        The binary map; nothing is set on its margin.
+    seeds
+        South-west corners of safe squares.
+    taken
+        Seeds not to begin from. Receives the content of what is returned, and components too short for it.
+
+    Returns
+    -------
+    A table, see its columns above; all boundaries, from each one's first cell on; all contents, each
+    (ROW1 - ROW0) rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the
+    box in which something was taken.
+    """
+    path, edges = np.empty((4096, 2), np.int32), np.empty(4096, np.uint8)
+    spread = np.array([row1, row0, word1, word0], np.int64)
+    table, count = np.empty((16, FIELDS), np.int64), 0
+    boundary, n_boundary = np.empty((4096, 2), np.int32), 0
+    words, n_words = np.empty(4096, np.uint64), 0
+    for row in range(row0, row1):
+        for w in range(word0, word1):
+            open_ = seeds[row, w] & ~taken[row, w]
+            while open_ != NONE:
+                r, c = row, 64 * w + signed(lowest(open_))
+                while (
+                    True
+                ):  # west to an edge; a hole's is followed to its first cell, which lies farther south
+                    n, area = tour(safe, r, westmost(safe, r, c), path, edges)
+                    if n > len(path):
+                        path, edges = _longer(path, edges, 0)
+                        continue
+                    first = first_of(path, n)
+                    if area > 0:
+                        break
+                    r, c = signed(path[first, 0]), signed(path[first, 1])
+                r0, r1 = path[:n, 0].min(), path[:n, 0].max() + 1
+                c0, c1 = path[:n, 1].min(), path[:n, 1].max() + 1
+                w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1
+                content = np.zeros((r1 - r0, w1 - w0), np.uint64)
+                n_cells = fill(path, edges, n, r0, w0, content)
+                if n < least:
+                    room = content & safe[r0:r1, w0:w1]
+                    content = component(room, path[first, 0] - r0, path[first, 1] - 64 * w0)
+                spread[0], spread[1] = min(spread[0], r0), max(spread[1], r1)
+                spread[2], spread[3] = min(spread[2], w0), max(spread[3], w1)
+                for i in range(r1 - r0):
+                    for j in range(w1 - w0):
+                        taken[r0 + i, w0 + j] |= content[i, j]
+                if n >= least:
+                    _turn(path, edges, n, first)
+                    if count == len(table):
+                        old = table
+                        table = np.empty((2 * count, FIELDS), np.int64)
+                        table[:count] = old
+                    entry = table[count]
+                    entry[ROW0], entry[ROW1], entry[COL0], entry[COL1] = r0, r1, c0, c1
+                    entry[N_CELLS], entry[N_BOUNDARY] = n_cells, n
+                    entry[BOUNDARY_AT], entry[CONTENT_AT] = n_boundary, n_words
+                    count += 1
+                    if n_boundary + n > len(boundary):
+                        more = np.empty((2 * (n_boundary + n), 2), np.int32)
+                        more[:n_boundary] = boundary[:n_boundary]
+                        boundary = more
+                    boundary[n_boundary : n_boundary + n] = path[:n]
+                    n_boundary += n
+                    if n_words + content.size > len(words):
+                        more_words = np.empty(2 * (n_words + content.size), np.uint64)
+                        more_words[:n_words] = words[:n_words]
+                        words = more_words
+                    words[n_words : n_words + content.size] = content.ravel()
+                    n_words += content.size
+                open_ = seeds[row, w] & ~taken[row, w]
+    return table[:count].copy(), boundary[:n_boundary].copy(), words[:n_words].copy(), spread

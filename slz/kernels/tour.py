@@ -1,0 +1,121 @@
+"""Moore-neighbour tracing on a bit map by a table (SLZ paper Table 1, Algorithm 1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.bits import Bits, bit, signed
+from slz.kernels.contour import COL_STEP, ROW_STEP
+from slz.kernels.jit import kernel
+
+NOWHERE, DIRECTION, WEST, EAST = 8, 15, 16, 32  # bits of an entry; the two highest are the next start
+SEVEN = np.uint64(7)
+
+
+def _table() -> NDArray[np.uint8]:
+    """Return, by (where the search starts - 1) / 2 and by the 3 x 3 cells, where the tour goes on.
+
+    Bit 3 (row + 1) + column + 1 of the cells is the neighbour at (row, column). An entry holds the direction,
+    whether the edges to the west and to the east of the cell border on what is outside the tour, and where
+    the search starts in the next cell, (start - 1) / 2.
+
+    A cell reached going north or north-east (start 1) has the outside to its west, one reached going south or
+    south-west (start 5) to its east; so have those whose neighbour there was looked at and is not set. Every
+    edge is met once on a tour.
+    """
+    table = np.zeros((4, 512), np.uint8)
+    for index in range(4):
+        for cells in range(512):
+            start, seen = 2 * index + 1, []
+            direction = NOWHERE
+            for k in range(8):
+                e = (start + k) & 7
+                if cells >> int(3 * (ROW_STEP[e] + 1) + COL_STEP[e] + 1) & 1:
+                    direction = e
+                    break
+                seen.append(e)
+            entry = direction
+            if 0 in seen or start == 1:
+                entry |= WEST
+            if 4 in seen or start == 5:
+                entry |= EAST
+            if direction < NOWHERE:
+                then = (direction + 6) & 7 if direction & 1 else (direction + 7) & 7
+                entry |= (then - 1) // 2 << 6
+            table[index, cells] = entry
+    return table
+
+
+TABLE = _table()
+
+
+@kernel("int64(uint64[:, ::1], int64, int64)")
+def _around(safe: Bits, row: int, col: int) -> Any:
+    """Return the 3 x 3 cells about a cell as nine bits; none of them may lie outside."""
+    k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
+    if shift <= np.uint64(61):
+        south, here, north = safe[row - 1, k] >> shift, safe[row, k] >> shift, safe[row + 1, k] >> shift
+    else:
+        rest = np.uint64(64) - shift
+        south = (safe[row - 1, k] >> shift) | (safe[row - 1, k + 1] << rest)
+        here = (safe[row, k] >> shift) | (safe[row, k + 1] << rest)
+        north = (safe[row + 1, k] >> shift) | (safe[row + 1, k + 1] << rest)
+    return signed((south & SEVEN) | ((here & SEVEN) << np.uint64(3)) | ((north & SEVEN) << np.uint64(6)))
+
+
+@kernel("UniTuple(int64, 2)(uint64[:, ::1], int64, int64, int32[:, ::1], uint8[::1])")
+def tour(
+    safe: Bits, row: int, col: int, path: NDArray[np.int32], edges: NDArray[np.uint8]
+) -> tuple[int, int]:
+    """Follow the edge of a component from a cell with nothing to its west, until the first step is repeated.
+
+    Parameters
+    ----------
+    path, edges
+        Receive the cells in order and their entries of the table.
+
+    Returns
+    -------
+    Cells, more than fit in `path` where it is too short; twice the area to the left of the cracks, positive
+    for the outside of a component, negative for a hole in it.
+    """
+    r, c, index, n, area, first = row, col, 0, 0, 0, -1
+    most = len(path)
+    while True:
+        entry = signed(TABLE[index, _around(safe, r, c)])
+        direction = entry & DIRECTION
+        if direction == NOWHERE:
+            path[0, 0], path[0, 1], edges[0] = r, c, entry
+            return 1, 1
+        if r == row and c == col:
+            if first < 0:
+                first = direction
+            elif first == direction:
+                return n, area
+        if n == most:
+            return n + 1, 0
+        path[n, 0], path[n, 1], edges[n] = r, c, entry
+        n += 1
+        area += (c + 1 if entry & EAST else 0) - (c if entry & WEST else 0)
+        r, c, index = r + ROW_STEP[direction], c + COL_STEP[direction], entry >> 6
+
+
+@kernel("int64(int32[:, ::1], int64)")
+def first_of(path: NDArray[np.int32], n: int) -> int:
+    """Return which of the first n cells comes first in the order of rows, then columns."""
+    best = 0
+    for i in range(n):
+        if path[i, 0] < path[best, 0] or (path[i, 0] == path[best, 0] and path[i, 1] < path[best, 1]):
+            best = i
+    return best
+
+
+@kernel("int64(uint64[:, ::1], int64, int64)")
+def westmost(safe: Bits, row: int, col: int) -> int:
+    """Return the westernmost cell of the run of set cells that a cell belongs to."""
+    while bit(safe, row, col - 1):
+        col -= 1
+    return col

@@ -1,0 +1,108 @@
+"""The returns of a window, placed in a map's cells, as the sources use them (SLZ paper §3.2.1-3.2.2)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Box, Grid
+from slz.kernels.fuse import STEP
+from slz.kernels.stream import DROPPED, OUTSIDE, interval, scatter, scatter_by_bands, stream
+
+Points = NDArray[np.float64]
+FINEST_BITS = 36  # of a metre, to which heights are rounded at best
+CACHED = 400_000  # cells, of whose sums those that points hit one after the other stay in the cache
+SUM_BITS = 51  # of a sum of heights, at most
+
+
+class Returns:
+    """A window's returns: 8 bytes of each, its cell and its height. One object serves all windows in turn.
+
+    Parameters are those of `read`. low_m, high_m: the heights accepted; all until `keep_heights`.
+    """
+
+    def __init__(self) -> None:
+        self._cells = np.empty(0, np.uint32)
+        self._heights = np.empty(0, np.float32)
+        self._sums, self._sorted = np.zeros(0, np.uint64), np.empty(0, np.uint64)
+        self.points = np.empty(0)
+        self.low_m = self.high_m = self._level = 0.0
+        self.n = self.n_outside = 0
+        self.box = Box(0, 0, 0, 0)
+
+    def read(self, points_enu_m: Points, sensor_enu_m: Points, range_m: float, grid: Grid) -> None:
+        """Place points in a grid; those not finite or beyond `range_m` of the sensor are dropped."""
+        n = len(points_enu_m)
+        if n > len(self._cells):
+            self._cells, self._heights = np.empty(n + n // 4, np.uint32), np.empty(n + n // 4, np.float32)
+        self.points = np.ascontiguousarray(points_enu_m).reshape(-1)
+        found = stream(
+            self.points, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, sensor_enu_m, range_m,
+            self._cells[:n], self._heights[:n],
+        ).tolist()  # fmt: skip
+        self._level, self.low_m, self.high_m = found[:3]
+        self.n, self.n_outside = int(found[3]), int(found[4])
+        row0, row1, col0, col1 = (int(edge) for edge in found[5:])
+        self.box = Box(row0, row1, col0, col1)
+
+    @property
+    def width(self) -> int:
+        """Columns of the sums: those of the box, and more to whole steps."""
+        return -(-self.box.shape[1] // STEP) * STEP
+
+    @property
+    def cells(self) -> NDArray[np.uint32]:
+        return self._cells[: len(self.points) // 3]
+
+    @property
+    def heights(self) -> NDArray[np.float32]:
+        return self._heights[: len(self.points) // 3]
+
+    def keep_heights(self, bins: int, threshold: float) -> None:
+        """Accept the heights of `slz.outliers.histogram_interval` only."""
+        if self.n:
+            self.low_m, self.high_m = interval(
+                self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, self.n, bins,
+                threshold,
+            )  # fmt: skip
+
+    def kept(self, every: int = 1) -> Points:
+        """Return (m, 3) the points accepted, of every so many."""
+        points = self.points.reshape(-1, 3)[::every]
+        height = points[:, 2]
+        used = (self.cells[::every] != DROPPED) & (self.low_m <= height) & (height <= self.high_m)
+        return np.asarray(points[used])
+
+    def first_outside(self) -> tuple[float, float] | None:
+        """Return east and north of the first accepted point outside the grid."""
+        if not self.n_outside:
+            return None
+        points = self.points.reshape(-1, 3)
+        height = points[:, 2]
+        away = (self.cells == OUTSIDE) & (self.low_m <= height) & (height <= self.high_m)
+        where = int(np.argmax(away))
+        return (float(points[where, 0]), float(points[where, 1])) if away[where] else None
+
+    def sums(self) -> tuple[NDArray[np.uint64], float, int, int]:
+        """Return the sums over the box (see `stream.scatter`), their unit (m), count bits, points.
+
+        Whoever takes the sums leaves zeros.
+        """
+        rows, width = self.box.shape[0], self.width
+        if rows * width > len(self._sums):
+            self._sums = np.zeros(rows * width + rows * width // 4, np.uint64)
+        count_bits = max(12, self.n.bit_length())
+        span_m = max(self.high_m - self.low_m, 1e-3)
+        most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)
+        scale = 2.0 ** min(FINEST_BITS, math.floor(most))
+        given = self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, scale, count_bits
+        row0, col0 = self.box.row0, self.box.col0
+        if rows * width <= CACHED or span_m * scale >= 2**31:
+            used = scatter(*given, row0, col0, width, self._sums)
+        else:
+            if self.n > len(self._sorted):
+                self._sorted = np.empty(self.n + self.n // 4, np.uint64)
+            used = scatter_by_bands(*given, row0, rows, col0, width, self._sorted, self._sums)
+        return self._sums, 1.0 / scale, count_bits, used

@@ -1,0 +1,92 @@
+"""Parameters of a zone of source mode (SLZ paper §3.4.1), and the best point in it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.kernels.bits import unpacked
+from slz.kernels.content import part_of
+from slz.kernels.fuse import SUM_UNIT
+from slz.kernels.measure import corners, measure
+from slz.kernels.room import first_choice, largest_square, widest
+from slz.landing_point import horizon_towards
+from slz.source_obstacles import SourceObstacles
+from slz.source_search import Part, SourceSearch
+from slz.source_terrain import SourceTerrain
+from slz.zone import LandingPoint, Zone
+
+Bits = NDArray[np.uint64]
+
+
+def describe_source(
+    part: Part,
+    terrain: SourceTerrain,
+    search: SourceSearch,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+    zone_id: int,
+) -> Zone:
+    """Work out everything that is reported of a zone: what lies inside its contour, as in the paper."""
+    box, grid, words = part.box, terrain.grid, part.words
+    first_row, first_col = part.boundary_cells[0].tolist()
+    own = part_of(part.content, terrain.safe_bits, box.row0, words.start, first_row, first_col)
+    n_safe, n_unknown, n_own, slopes, roughs = measure(
+        part.content, own, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
+        terrain.blocks, terrain.slopes, terrain.roughs,
+    )  # fmt: skip
+    here = slice(box.row0, box.row1), words
+    holes = part.content & terrain.known_bits[here] & ~terrain.safe_bits[here]
+    n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
+    return Zone(
+        id=zone_id,
+        box=box,
+        cells=unpacked(part.content, box.col0 & 63, box.col1 - box.col0),
+        area_m2=float(part.n_cells) * grid.cell_m**2,
+        certainty=n_certain / part.n_cells,  # Eq. 16 or 17
+        n_safe=n_safe,
+        n_unsafe=part.n_cells - n_safe - n_unknown,
+        n_uncertain=n_unknown,
+        slope_deg=slopes / (float(SUM_UNIT) * n_own),
+        roughness=roughs / (float(SUM_UNIT) * n_own),
+        boundary_cells=part.boundary_cells,
+        corners_enu_m=corners(part.boundary_cells, terrain.heights, grid.west_m, grid.south_m, grid.cell_m),
+        obstacles=SourceObstacles(holes, own, terrain.heights, box, grid),
+        best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),
+    )
+
+
+def _best_point(
+    part: Part,
+    own: Bits,
+    terrain: SourceTerrain,
+    search: SourceSearch,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+) -> LandingPoint:
+    """Return the point of a zone farthest from everything that is not the zone, see `best_point`."""
+    grid, box = terrain.grid, part.box
+    squares = search.squares[box.row0 : box.row1, part.words] & own
+    side = int(largest_square(squares, search.side))
+    found = widest(own, side)
+    row0, col0 = box.row0, 64 * part.words.start
+    at = first_choice(
+        found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,
+        sensor_enu_m[0], sensor_enu_m[1],
+    )  # fmt: skip
+    down, right, distance2 = found[at].tolist()
+    row, col = row0 + down, col0 + right
+    east, north = grid.centre(row, col)
+    enu_m = np.array([east, north, terrain.heights[row, col]], np.float64)
+    return LandingPoint(
+        enu_m=enu_m,
+        clearance_m=(math.sqrt(distance2) - 0.5) * grid.cell_m,
+        square_side_m=side * grid.cell_m,
+        slope_deg=float(terrain.slopes[row, col]),
+        certainty=1.0,
+        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        distance_m=math.hypot(east - sensor_enu_m[0], north - sensor_enu_m[1]),
+    )
