@@ -43,6 +43,8 @@ log = logging.getLogger(__name__)
 STEP_S = 0.05
 PATH_STEP_NS = 200_000_000
 OPEN_STEP_NS = 200_000_000
+# A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
+HEARD_NS = 2_500_000_000
 
 
 class Companion:
@@ -216,7 +218,15 @@ class Companion:
             selected=self.report.selected if fresh and self.report else None,
             battery_pct=vehicle.battery_pct,
             blocked=self._blocked,
+            heard=self._mode_is_known(now),
         )
+
+    def _mode_is_known(self, now: int) -> bool:
+        heard_ns = self.link.vehicle.last_heartbeat_ns
+        return heard_ns is not None and now - heard_ns < HEARD_NS
+
+    def _mode_is_reached(self) -> bool:
+        return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
 
     def _scans_are_fresh(self, now: int) -> bool:
         limit = self.parameters.lidar_timeout_s * 1e9
@@ -250,8 +260,10 @@ class Companion:
             self.worker.select(orders.select_enu_m)
         if orders.mode is not None:
             self._change_mode(orders.mode)
-        elif self.executive.phase not in FLYING and self._mode_change is not None:
-            self._mode_change.cancel()  # the pilot has it: ask no more
+        elif self._mode_change is not None and (
+            not situation.heard or self.executive.phase not in FLYING or self._mode_is_reached()
+        ):
+            self._mode_change.cancel()  # the pilot has it, may have it, or may change it now: ask no more
         vehicle = self.link.vehicle
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)

@@ -164,6 +164,8 @@ class Executive:
         if s.position_enu_m is not None and self._point is not None:
             self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
         orders = self._act(s)
+        if not s.heard:  # the pilot may have chosen another mode meanwhile
+            orders = replace(orders, mode=None)
         if orders.mode == "land":
             self._custody.asks_to_land(s)
         texts, self._texts = tuple(self._texts), []

@@ -64,7 +64,7 @@ class Flight:
         self.lidar_ok = True
         self.armed = True
         self.obeys = True
-        self.connected = True
+        self.connected = self.heard = True
         self.position = np.array([0.0, 0.0, height])
         self.velocity = self.velocity_wanted = np.zeros(3)
         self.selected: np.ndarray | None = None
@@ -102,6 +102,7 @@ class Flight:
             selected=selected,
             battery_pct=self.battery_pct,
             blocked=self.blocked(self),
+            heard=self.heard,
         )
 
     def step(self) -> Orders:

@@ -46,6 +46,23 @@ def test_a_position_found_again_is_used_again() -> None:
     assert flight.position[0] < -19
 
 
+# ---- link ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("connected", [True, False])
+def test_who_hears_nothing_asks_for_no_mode(connected: bool) -> None:
+    """The way out may still be open: what the pilot chose meanwhile would be undone, again and again."""
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 8)
+    flight.heard, flight.connected, flight.blind, flight.obeys = False, connected, True, False
+    before = len(flight.orders)
+    flight.run(20)
+    assert not any(orders.mode for *_, orders in flight.orders[before:])
+    flight.heard = flight.connected = flight.obeys = True
+    flight.run(1)
+    assert flight.mode == "GUIDED"
+
+
 # ---- dust ----------------------------------------------------------------------------------------
 
 
