@@ -157,6 +157,8 @@ class Companion:
         flying = self.executive.phase in FLYING
         text = "SLZ: companion stops, take over" if flying else "SLZ: companion stops"
         self.link.statustext(text, Severity.CRITICAL.value if flying else Severity.NOTICE.value)
+        if self._mode_change is not None:
+            self._mode_change.cancel()
         if flying and self.link.vehicle.guided:
             self.link.send(velocity_setpoint(self.link.vehicle, np.zeros(3), None))
         await asyncio.sleep(0.2)
@@ -245,7 +247,7 @@ class Companion:
         """Step the executive at 20 Hz and carry out its orders."""
         loop = asyncio.get_running_loop()
         next_s = loop.time()
-        while True:
+        while not self._stop.is_set():  # the stop's own setpoint is the last one
             self._tick()
             next_s = max(next_s + STEP_S, loop.time())
             await asyncio.sleep(next_s - loop.time())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import params
-from companion.app import Companion
+from companion.app import Companion, _Stopped
 from companion.clock import now_ns
 from companion.landing.situation import Orders, Phase
 from companion.link.command import CommandResult
@@ -78,3 +78,19 @@ async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
         assert not seat.ended
         await seat.tick(mode, heard_s_ago)
         assert seat.ended == ["GUIDED"]
+
+
+async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ArduPilot flies on for three seconds with the last velocity that it was given."""
+    async with cockpit(monkeypatch) as seat:
+        companion = seat.companion
+        await seat.tick("GUIDED")
+        seat.orders = Orders(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
+        deciding = asyncio.create_task(companion._decide())
+        await asyncio.sleep(0.12)
+        companion.stop()
+        with pytest.raises(_Stopped):
+            await companion._wait_for_stop()
+        deciding.cancel()
+        assert seat.velocities()[0] == (0.0, 4.0, 0.0)
+        assert seat.velocities()[-1] == (0.0, 0.0, 0.0)
