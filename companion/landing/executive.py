@@ -168,6 +168,8 @@ class Executive:
             orders = replace(orders, mode=None)
         if orders.mode == "land":
             self._custody.asks_to_land(s)
+        elif orders.mode == "guided":
+            self._custody.asks_for_guided()
         texts, self._texts = tuple(self._texts), []
         select, self._pending_select = self._pending_select, None
         return replace(orders, select_enu_m=select, texts=texts)

@@ -240,6 +240,18 @@ def test_a_landing_mode_that_the_pilot_chooses_later_is_the_pilot_s() -> None:
     assert not any(commands(orders) for *_, orders in flight.orders[before:])
 
 
+@pytest.mark.parametrize("height", [8.0, 1.0])
+def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(height: float) -> None:
+    flight = Flight([zone(1, 10, 0)], auto=False).run(1)
+    flight.executive.land_at_best(flight.situation())
+    flight.fly_to(Phase.FINAL).until(lambda f: f.mode == "LAND" and f.position[2] < height)
+    flight.mode = "GUIDED"
+    before = len(flight.orders)
+    flight.run(10)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert flight.executive.tally.hands_off == 1
+
+
 # ---- select, confirm -----------------------------------------------------------------------------
 
 
