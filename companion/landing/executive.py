@@ -136,6 +136,10 @@ class Executive:
         if self.phase is Phase.FINAL and self._height_left_m < self._p.commit_height_m:
             return Reply(False, "below commit height: landing")
         self._wish = None
+        if self.phase is Phase.SURVEY and not situation.guided:  # an emergency that has not taken over yet
+            self._say(Severity.NOTICE, f"emergency cancelled: {situation.mode} stays")
+            self._rest(Phase.IDLE, situation)
+            return Reply(True, "aborting")
         self._break_off(situation, "operator", hold=True)
         return Reply(True, "aborting")
 
@@ -248,6 +252,7 @@ class Executive:
     def _start_survey(self, s: Situation) -> None:
         if s.position_enu_m is None:
             self._say(Severity.WARNING, "no position: waiting")
+            self._corner = self._corners = None  # what an earlier flight left
         else:
             east, north, up = (float(v) for v in s.position_enu_m)
             self._height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
@@ -400,6 +405,8 @@ class Executive:
         """Hold by the autopilot's own estimate; a landing that can no longer be watched is broken off."""
         if self.phase is Phase.FINAL and self._committed:
             return Orders()
+        if self.phase is Phase.SURVEY and not s.guided:
+            return self._take_over(s)
         if self.phase in (Phase.DESCEND, Phase.FINAL):
             self._break_off(s, "position lost")
         self._waits_for("position", s)

@@ -201,6 +201,43 @@ def test_an_emergency_is_given_up_when_the_autopilot_refuses_the_mode() -> None:
     assert any("LOITER stays" in text for text in flight.texts)
 
 
+def test_an_emergency_without_a_position_is_given_up_too() -> None:
+    flight = Flight([zone(1, 60, 0)], auto=False)
+    flight.mode, flight.obeys = "LOITER", False
+    flight.run(1)
+    flight.blind = True
+    flight.executive.land_now(flight.situation())
+    flight.run(20)
+    assert flight.executive.phase is Phase.IDLE
+    assert not commands(flight.orders[-1][-1])
+
+
+def test_an_emergency_aborted_before_the_mode_changed_leaves_the_mode_alone() -> None:
+    flight = Flight([zone(1, 60, 0)], auto=False)
+    flight.mode, flight.obeys = "LOITER", False
+    flight.run(1)
+    flight.executive.land_now(flight.situation())
+    flight.run(0.5)
+    assert flight.executive.abort(flight.situation()).accepted
+    before = len(flight.orders)
+    flight.run(20)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+
+
+def test_an_order_without_a_position_begins_where_the_vehicle_is_then() -> None:
+    flight = Flight([], auto=False, height=60.0).run(1)
+    flight.executive.land_at_best(flight.situation())
+    flight.run(1)
+    flight.mode = "LOITER"
+    flight.run(1)
+    flight.mode, flight.position, flight.blind = "GUIDED", np.array([500.0, 0.0, 20.0]), True
+    flight.executive.land_at_best(flight.situation())
+    flight.run(1)
+    flight.blind = False
+    flight.run(5)
+    assert flight.position[2] == pytest.approx(20, abs=0.5)
+
+
 @pytest.mark.parametrize(("name", "value"), [("armed", False), ("connected", False)])
 def test_an_emergency_is_refused_where_nothing_flies(name: str, value: object) -> None:
     flight = Flight([zone(1, 0, 0)], auto=False).run(1)
