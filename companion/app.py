@@ -221,6 +221,7 @@ class Companion:
             battery_pct=vehicle.battery_pct,
             blocked=self._blocked,
             heard=self._mode_is_known(now),
+            epoch=self.history.epoch if pose is None else pose.epoch,
         )
 
     def _mode_is_known(self, now: int) -> bool:

@@ -81,6 +81,7 @@ class Executive:
         self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
+        self._last: Situation | None = None  # the newest one with a position
 
     # ---- operator -------------------------------------------------------------------------------
 
@@ -165,6 +166,7 @@ class Executive:
 
     def step(self, s: Situation) -> Orders:
         """Return the orders of this moment (call it at 10 Hz or faster)."""
+        self._follow_jumps(s)
         if s.position_enu_m is not None and self._point is not None:
             self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
         orders = self._act(s)
@@ -412,6 +414,30 @@ class Executive:
         self._waits_for("position", s)
         return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
+    def _follow_jumps(self, s: Situation) -> None:
+        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move."""
+        last = self._last
+        if s.position_enu_m is None:
+            return
+        self._last = s
+        if last is None or last.epoch == s.epoch or self.phase not in FLYING:
+            return
+        speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
+        way_m = speed_ms * ((s.now_ns - last.now_ns) * 1e-9)
+        jump_m = s.position_enu_m - _known(last.position_enu_m) - way_m
+        self._height_m += float(jump_m[2])
+        self._refused = [point + jump_m for point in self._refused]
+        if self._corner is not None:
+            self._corner = self._corner + jump_m[:2]
+            east, north = (float(v) for v in self._corner)
+            self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
+        if self._point is not None:
+            self._point = self._point + jump_m
+            self._ground_m = None if self._ground_m is None else self._ground_m + float(jump_m[2])
+        if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
+            self._pending_select = self.tally.chosen_enu_m = self._point
+        self._say(Severity.WARNING, "position jumped")
+
     def _waits_for(self, what: str, s: Situation) -> None:
         if self._lost_since_ns is None:
             self._lost_since_ns = s.now_ns
@@ -522,6 +548,10 @@ def _not_flying(s: Situation) -> Reply | None:
     if not s.armed or s.on_ground is True:
         return Reply(False, "not flying")
     return None
+
+
+def _or_zero(vector: Vector | None) -> Vector:
+    return np.zeros(3) if vector is None else vector
 
 
 def _known(vector: Vector | None) -> Vector:

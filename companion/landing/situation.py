@@ -47,6 +47,7 @@ class Situation:
     the autopilot does not say. lidar_ok: scans arrive and are placed. report: the newest one, or None.
     battery_pct: charge left, None when the autopilot does not say. blocked: something stands in the way that
     the last velocity led. heard: the mode is known to be this one, by a heartbeat a moment ago.
+    epoch: another one after each jump of the position estimate.
     """
 
     now_ns: int
@@ -65,6 +66,7 @@ class Situation:
     battery_pct: float | None = None
     blocked: bool = False
     heard: bool = True
+    epoch: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,33 @@ def test_a_position_found_again_is_used_again() -> None:
     assert flight.position[0] < -19
 
 
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH])
+def test_a_jump_of_the_estimated_height_does_not_move_the_vehicle(phase: Phase) -> None:
+    flight = Flight([zone(1, 80, 0)]).fly_to(phase).run(1)
+    flight.jump(0, 0, 12.0)
+    flight.run(10)
+    assert flight.position[2] == pytest.approx(30, abs=0.5)
+
+
+def test_a_jump_in_the_approach_does_not_move_the_place_it_flies_to() -> None:
+    flight = Flight([zone(1, 40, 0)]).fly_to(Phase.APPROACH).run(1)
+    flight.jump(9.0, -4.0, 1.0)
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[:2] == pytest.approx([40, 0], abs=0.5)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_a_jump_below_commit_height_does_not_move_the_target_away_from_the_vehicle() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 1.2)
+    flight.jump(5.0, 0, 3.0)
+    orders = flight.step()
+    assert orders.target_enu_m is not None
+    assert orders.target_enu_m - flight.estimate_is_off_m == pytest.approx([10, 0, 0], abs=0.2)
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
 # ---- link ----------------------------------------------------------------------------------------
 
 
