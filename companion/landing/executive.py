@@ -81,6 +81,7 @@ class Executive:
         self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
+        self._asked: Vector | None = None  # the newest point put under watch
         self._last: Situation | None = None  # the newest one with a position
 
     # ---- operator -------------------------------------------------------------------------------
@@ -103,9 +104,12 @@ class Executive:
 
     def land_at_selected(self, situation: Situation) -> Reply:
         """Take the order to land at the point under watch: the confirmation of a selection."""
-        if situation.selected is None:
+        selected = situation.selected
+        if self._asked is not None and (selected is None or not _same_place(selected.enu_m, self._asked)):
+            return Reply(False, "selection not judged yet: confirm again")
+        if selected is None:
             return Reply(False, "nothing selected")
-        return self.land_at_point(situation, situation.selected.enu_m)
+        return self.land_at_point(situation, selected.enu_m)
 
     def land_now(self, situation: Situation) -> Reply:
         """Take the order to land at the zone reached soonest, from any mode: the order itself hands over."""
@@ -119,9 +123,9 @@ class Executive:
 
     def watch(self, enu_m: Vector) -> Reply:
         """Keep a point under watch without flying to it."""
-        if self.phase in FLYING:
+        if self.phase in FLYING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
-        self._pending_select = enu_m
+        self._pending_select = self._asked = enu_m
         return Reply(True, "watching the point")
 
     def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
@@ -178,6 +182,7 @@ class Executive:
             self._custody.asks_for_guided()
         texts, self._texts = tuple(self._texts), []
         select, self._pending_select = self._pending_select, None
+        self._asked = select if select is not None else self._asked
         return replace(orders, select_enu_m=select, texts=texts)
 
     @property
@@ -494,7 +499,7 @@ class Executive:
         What the far map says is no ground to land on.
         """
         selected, point = s.selected, self._point
-        if selected is None or point is None or float(np.hypot(*(selected.enu_m[:2] - point[:2]))) > 0.01:
+        if selected is None or point is None or not _same_place(selected.enu_m, point):
             return PointState.UNKNOWN
         return PointState.UNKNOWN if selected.judged_by == "far" else selected.state
 
@@ -509,11 +514,7 @@ class Executive:
         """The point on the ground as last measured."""
         point = _known(self._point)
         selected = s.selected
-        if (
-            selected is not None
-            and np.isfinite(selected.height_m)
-            and float(np.hypot(*(selected.enu_m[:2] - point[:2]))) <= 0.01
-        ):
+        if selected is not None and np.isfinite(selected.height_m) and _same_place(selected.enu_m, point):
             self._ground_m = float(selected.height_m)
         if self._ground_m is None:
             return point
@@ -548,6 +549,10 @@ def _not_flying(s: Situation) -> Reply | None:
     if not s.armed or s.on_ground is True:
         return Reply(False, "not flying")
     return None
+
+
+def _same_place(a: Vector, b: Vector) -> bool:
+    return float(np.hypot(*(a[:2] - b[:2]))) <= 0.01
 
 
 def _or_zero(vector: Vector | None) -> Vector:

@@ -331,6 +331,33 @@ def test_a_zone_is_selected_and_then_confirmed() -> None:
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
 
 
+def test_a_confirmation_never_means_the_selection_before() -> None:
+    flight = Flight([zone(1, 20, 0), zone(2, -10, 0)], auto=False).run(1)
+    flight.executive.watch_zone(flight.situation(), 1)
+    flight.run(5)
+    flight.executive.watch_zone(flight.situation(), 2)
+    reply = flight.executive.land_at_selected(flight.situation())
+    assert not reply.accepted
+    assert "confirm again" in reply.reason
+    flight.run(2)
+    assert flight.executive.land_at_selected(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-10, abs=0.5)
+
+
+def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
+    flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)]).fly_to(Phase.DESCEND)
+    assert not flight.executive.watch_zone(flight.situation(), 2).accepted
+    flight.executive.abort(flight.situation())
+    flight.run(3)
+    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    flight.run(3)
+    assert flight.executive.phase is Phase.HOLD
+    assert flight.executive.land_at_selected(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-10, abs=0.5)
+
+
 def test_a_far_zone_is_looked_at_when_the_survey_found_no_near_one() -> None:
     flight = Flight([])
     flight.far_zones = [zone(8, 70, 0)]
