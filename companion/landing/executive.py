@@ -74,6 +74,7 @@ class Executive:
         self._blocked_since_ns: int | None = None
         self._safe_since_ns: int | None = None
         self._lost_since_ns: int | None = None
+        self._lost = ""
         self._late_ns = 0
         self._started_ns = 0
         self._ground_m: float | None = None
@@ -383,6 +384,8 @@ class Executive:
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
         position = _known(s.position_enu_m)
+        if s.lidar_ok or self._lost == "position":
+            self._lost_since_ns = None
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         if not s.guided:
             return Orders(mode="guided", velocity_enu_ms=up)
@@ -444,8 +447,9 @@ class Executive:
         self._say(Severity.WARNING, "position jumped")
 
     def _waits_for(self, what: str, s: Situation) -> None:
-        if self._lost_since_ns is None:
-            self._lost_since_ns = s.now_ns
+        self._safe_since_ns = None
+        if self._lost_since_ns is None or self._lost != what:
+            self._lost, self._lost_since_ns = what, s.now_ns
             self._say(Severity.WARNING, f"{what} lost: holding")
         elif s.now_ns - self._lost_since_ns > LOST_NS and self.phase is not Phase.HOLD:
             self._say(Severity.CRITICAL, f"{what} still lost: take over")

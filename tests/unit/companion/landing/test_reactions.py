@@ -46,6 +46,34 @@ def test_a_position_found_again_is_used_again() -> None:
     assert flight.position[0] < -19
 
 
+def test_a_position_lost_twice_for_a_moment_is_not_lost_for_long() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], climb_speed_ms=1.0).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 5)
+    for seconds in (11, 1):
+        flight.blind = True
+        flight.run(0.2)
+        flight.blind = False
+        flight.run(seconds)
+    assert flight.executive.phase is Phase.CLIMB
+    assert not any("take over" in text for text in flight.texts)
+    flight.fly_to(Phase.LANDED)
+
+
+def test_after_a_lost_lidar_the_point_must_be_safe_for_two_seconds_again() -> None:
+    flight = Flight([zone(1, 10, 0)])
+    flight.state = lambda _h, _point: PointState.UNKNOWN
+    flight.fly_to(Phase.APPROACH).run(12)
+    flight.state = lambda _h, _point: PointState.SAFE
+    flight.run(1)
+    flight.lidar_ok = False
+    flight.run(5)
+    flight.lidar_ok = True
+    flight.run(1)
+    assert flight.executive.phase is Phase.APPROACH
+    flight.run(2)
+    assert flight.executive.phase is Phase.DESCEND
+
+
 @pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH])
 def test_a_jump_of_the_estimated_height_does_not_move_the_vehicle(phase: Phase) -> None:
     flight = Flight([zone(1, 80, 0)]).fly_to(phase).run(1)
