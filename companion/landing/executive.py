@@ -88,8 +88,8 @@ class Executive:
     # ---- operator -------------------------------------------------------------------------------
 
     def land_at_best(self, situation: Situation) -> Reply:
-        """Take the order to land at the best zone."""
-        return self._hand_over(situation, Wish())
+        """Take the order to land at the best zone, with a low battery at the one reached soonest."""
+        return self._hand_over(situation, Wish(urgent=self._is_low(situation)))
 
     def land_in_zone(self, situation: Situation, zone_id: int) -> Reply:
         """Take the order to land in a zone by its ID."""
@@ -253,7 +253,7 @@ class Executive:
             self._steady_since_ns = s.now_ns
         elif s.now_ns - self._steady_since_ns > STEADY_NS:
             self._refused.clear()
-            self._wish = Wish()
+            self._wish = Wish(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
 
@@ -399,7 +399,7 @@ class Executive:
             return Orders(velocity_enu_ms=STOPPED)
         self._say(Severity.INFO, "choosing again")
         if self._wish is not None:
-            self._wish = Wish(urgent=self._wish.urgent)
+            self._wish = Wish(urgent=self._wish.urgent or self._is_low(s))
         self._go(Phase.SURVEY, s)
         self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)
         return Orders(velocity_enu_ms=STOPPED)
@@ -457,18 +457,30 @@ class Executive:
 
     def _heed_battery(self, s: Situation) -> None:
         """Once the charge is low, land at the zone reached soonest; before a hand-over only say so."""
-        if s.battery_pct is None:
+        if s.battery_pct is None or self._p.battery_land_pct == 0:
             return
         if s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
             self._battery_said = False
         if s.battery_pct > self._p.battery_land_pct or self._battery_said:
             return
         self._battery_said = True
-        if self.phase in (Phase.SURVEY, Phase.CLIMB) and self._wish is not None:
+        if self.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB) and self._wish is not None:
             self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
             self._wish = Wish(urgent=True)
+            if self.phase is Phase.APPROACH and self._is_nearer_elsewhere(s):
+                self._go(Phase.SURVEY, s)
         elif s.armed and s.on_ground is not True:
             self._say(Severity.CRITICAL, "battery low: land")
+
+    def _is_low(self, s: Situation) -> bool:
+        return s.battery_pct is not None and 0 < self._p.battery_land_pct >= s.battery_pct
+
+    def _is_nearer_elsewhere(self, s: Situation) -> bool:
+        if s.report is None or s.position_enu_m is None or self._point is None:
+            return False
+        here, point = s.position_enu_m[:2], self._point[:2]
+        zone = soonest(s.report, self._refused, self._p, s.position_enu_m)
+        return zone is not None and np.hypot(*(zone.best.enu_m[:2] - here)) < np.hypot(*(point - here))
 
     # ---- parts ----------------------------------------------------------------------------------
 

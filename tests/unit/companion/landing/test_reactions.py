@@ -154,6 +154,39 @@ def test_a_low_battery_in_the_survey_lands_at_the_nearest_zone_at_once() -> None
     assert flight.time_s < 120
 
 
+def test_a_low_battery_in_the_approach_lands_at_a_nearer_zone() -> None:
+    flight = Flight([zone(1, 190, 0, clearance=9), zone(2, -8, 0)]).fly_to(Phase.APPROACH).run(2)
+    flight.battery_pct = 14.0
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-8, abs=0.5)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_a_low_battery_in_the_approach_changes_nothing_where_the_point_is_the_nearest() -> None:
+    flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -80, 0)]).fly_to(Phase.APPROACH).run(2)
+    flight.battery_pct = 14.0
+    flight.fly_to(Phase.LANDED)
+    assert flight.phases.count(Phase.SURVEY) == 1
+
+
+@pytest.mark.parametrize("auto", [True, False])
+def test_a_hand_over_with_a_low_battery_lands_at_the_nearest_zone_at_once(auto: bool) -> None:
+    flight = Flight([zone(1, 90, 0, clearance=9), zone(2, -8, 0)], auto=auto, survey_s=600.0)
+    flight.battery_pct = 14.0
+    flight.run(1)
+    if not auto:
+        flight.executive.land_at_best(flight.situation())
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-8, abs=0.5)
+
+
+def test_a_battery_that_is_never_low_is_not_low_when_empty() -> None:
+    flight = Flight([zone(1, 0, 0)], auto=False, battery_land_pct=0.0)
+    flight.battery_pct = 0.0
+    flight.run(3)
+    assert not flight.texts
+
+
 def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() -> None:
     flight = Flight([zone(1, 0, 0)], auto=False)
     flight.battery_pct = 10.0
