@@ -43,6 +43,8 @@ log = logging.getLogger(__name__)
 STEP_S = 0.05
 PATH_STEP_NS = 200_000_000
 OPEN_STEP_NS = 200_000_000
+# A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
+HEARD_NS = 2_500_000_000
 
 
 class Companion:
@@ -155,6 +157,8 @@ class Companion:
         flying = self.executive.phase in FLYING
         text = "SLZ: companion stops, take over" if flying else "SLZ: companion stops"
         self.link.statustext(text, Severity.CRITICAL.value if flying else Severity.NOTICE.value)
+        if self._mode_change is not None:
+            self._mode_change.cancel()
         if flying and self.link.vehicle.guided:
             self.link.send(velocity_setpoint(self.link.vehicle, np.zeros(3), None))
         await asyncio.sleep(0.2)
@@ -216,7 +220,16 @@ class Companion:
             selected=self.report.selected if fresh and self.report else None,
             battery_pct=vehicle.battery_pct,
             blocked=self._blocked,
+            heard=self._mode_is_known(now),
+            epoch=self.history.epoch if pose is None else pose.epoch,
         )
+
+    def _mode_is_known(self, now: int) -> bool:
+        heard_ns = self.link.vehicle.last_heartbeat_ns
+        return heard_ns is not None and now - heard_ns < HEARD_NS
+
+    def _mode_is_reached(self) -> bool:
+        return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
 
     def _scans_are_fresh(self, now: int) -> bool:
         limit = self.parameters.lidar_timeout_s * 1e9
@@ -235,7 +248,7 @@ class Companion:
         """Step the executive at 20 Hz and carry out its orders."""
         loop = asyncio.get_running_loop()
         next_s = loop.time()
-        while True:
+        while not self._stop.is_set():  # the stop's own setpoint is the last one
             self._tick()
             next_s = max(next_s + STEP_S, loop.time())
             await asyncio.sleep(next_s - loop.time())
@@ -250,8 +263,10 @@ class Companion:
             self.worker.select(orders.select_enu_m)
         if orders.mode is not None:
             self._change_mode(orders.mode)
-        elif self.executive.phase not in FLYING and self._mode_change is not None:
-            self._mode_change.cancel()  # the pilot has it: ask no more
+        elif self._mode_change is not None and (
+            not situation.heard or self.executive.phase not in FLYING or self._mode_is_reached()
+        ):
+            self._mode_change.cancel()  # the pilot has it, may have it, or may change it now: ask no more
         vehicle = self.link.vehicle
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)

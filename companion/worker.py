@@ -81,6 +81,8 @@ class PipelineWorker:
                 self.invalid = True
                 log.exception("the pipeline failed on a window; its last answer is withdrawn")
                 continue
+            if self._forget:  # the estimate moved meanwhile: this tells of places that lie elsewhere now
+                continue
             self.invalid = False
             self.reports += 1
             self._windower.window_s = report.choice.window_s

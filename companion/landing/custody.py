@@ -10,33 +10,42 @@ SETTLE_NS = 3_000_000_000  # a mode asked for shows so late at worst
 class Custody:
     """Tells our own changes of mode from the pilot's.
 
-    The guided mode is ours; a landing mode after we asked for it; and so is the mode that we asked the
-    vehicle to leave, until it has obeyed.
+    The guided mode is ours, but not when it shows, unasked for, after the landing mode that we asked for;
+    a landing mode after we asked for it; and so is the mode that we asked the vehicle to leave, until it has
+    obeyed.
     """
 
     def __init__(self) -> None:
         self._land_ns: int | None = None
         self._leaving: str | None = None
+        self._lands = False  # as we asked it to, and it was not asked for anything else since
 
     def asks_to_land(self, s: Situation) -> None:
         """Note that the landing mode is asked for now."""
-        self._land_ns, self._leaving = s.now_ns, None
+        self._land_ns, self._leaving, self._lands = s.now_ns, None, False
 
     def asks_to_leave(self, s: Situation) -> None:
         """Note that the guided mode is asked for now."""
         self._leaving = None if s.guided else s.mode
 
+    def asks_for_guided(self) -> None:
+        """Note that the landing mode is to be left now."""
+        self._lands = False
+
     def given_up(self) -> None:
         """Forget what was asked for."""
-        self._land_ns = self._leaving = None
+        self._land_ns, self._leaving, self._lands = None, None, False
 
     def lost(self, s: Situation) -> bool:
         """Tell whether somebody else chose the mode that the vehicle is in."""
         if s.guided:
             self._leaving = None
+            if self._lands:
+                return True
             if self._land_ns is not None and s.now_ns - self._land_ns > SETTLE_NS:
                 self._land_ns = None
             return False
         if s.landing and self._land_ns is not None:
+            self._lands = True
             return False
         return s.mode != self._leaving

@@ -74,6 +74,7 @@ class Executive:
         self._blocked_since_ns: int | None = None
         self._safe_since_ns: int | None = None
         self._lost_since_ns: int | None = None
+        self._lost = ""
         self._late_ns = 0
         self._started_ns = 0
         self._ground_m: float | None = None
@@ -81,12 +82,14 @@ class Executive:
         self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
+        self._asked: Vector | None = None  # the newest point put under watch
+        self._last: Situation | None = None  # the newest one with a position
 
     # ---- operator -------------------------------------------------------------------------------
 
     def land_at_best(self, situation: Situation) -> Reply:
-        """Take the order to land at the best zone."""
-        return self._hand_over(situation, Wish())
+        """Take the order to land at the best zone, with a low battery at the one reached soonest."""
+        return self._hand_over(situation, Wish(urgent=self._is_low(situation)))
 
     def land_in_zone(self, situation: Situation, zone_id: int) -> Reply:
         """Take the order to land in a zone by its ID."""
@@ -102,9 +105,12 @@ class Executive:
 
     def land_at_selected(self, situation: Situation) -> Reply:
         """Take the order to land at the point under watch: the confirmation of a selection."""
-        if situation.selected is None:
+        selected = situation.selected
+        if self._asked is not None and (selected is None or not _same_place(selected.enu_m, self._asked)):
+            return Reply(False, "selection not judged yet: confirm again")
+        if selected is None:
             return Reply(False, "nothing selected")
-        return self.land_at_point(situation, situation.selected.enu_m)
+        return self.land_at_point(situation, selected.enu_m)
 
     def land_now(self, situation: Situation) -> Reply:
         """Take the order to land at the zone reached soonest, from any mode: the order itself hands over."""
@@ -118,9 +124,9 @@ class Executive:
 
     def watch(self, enu_m: Vector) -> Reply:
         """Keep a point under watch without flying to it."""
-        if self.phase in FLYING:
+        if self.phase in FLYING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
-        self._pending_select = enu_m
+        self._pending_select = self._asked = enu_m
         return Reply(True, "watching the point")
 
     def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
@@ -136,6 +142,10 @@ class Executive:
         if self.phase is Phase.FINAL and self._height_left_m < self._p.commit_height_m:
             return Reply(False, "below commit height: landing")
         self._wish = None
+        if self.phase is Phase.SURVEY and not situation.guided:  # an emergency that has not taken over yet
+            self._say(Severity.NOTICE, f"emergency cancelled: {situation.mode} stays")
+            self._rest(Phase.IDLE, situation)
+            return Reply(True, "aborting")
         self._break_off(situation, "operator", hold=True)
         return Reply(True, "aborting")
 
@@ -161,13 +171,19 @@ class Executive:
 
     def step(self, s: Situation) -> Orders:
         """Return the orders of this moment (call it at 10 Hz or faster)."""
+        self._follow_jumps(s)
         if s.position_enu_m is not None and self._point is not None:
             self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
         orders = self._act(s)
+        if not s.heard:  # the pilot may have chosen another mode meanwhile
+            orders = replace(orders, mode=None)
         if orders.mode == "land":
             self._custody.asks_to_land(s)
+        elif orders.mode == "guided":
+            self._custody.asks_for_guided()
         texts, self._texts = tuple(self._texts), []
         select, self._pending_select = self._pending_select, None
+        self._asked = select if select is not None else self._asked
         return replace(orders, select_enu_m=select, texts=texts)
 
     @property
@@ -237,13 +253,14 @@ class Executive:
             self._steady_since_ns = s.now_ns
         elif s.now_ns - self._steady_since_ns > STEADY_NS:
             self._refused.clear()
-            self._wish = Wish()
+            self._wish = Wish(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
 
     def _start_survey(self, s: Situation) -> None:
         if s.position_enu_m is None:
             self._say(Severity.WARNING, "no position: waiting")
+            self._corner = self._corners = None  # what an earlier flight left
         else:
             east, north, up = (float(v) for v in s.position_enu_m)
             self._height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
@@ -367,6 +384,8 @@ class Executive:
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
         position = _known(s.position_enu_m)
+        if s.lidar_ok or self._lost == "position":
+            self._lost_since_ns = None
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         if not s.guided:
             return Orders(mode="guided", velocity_enu_ms=up)
@@ -380,7 +399,7 @@ class Executive:
             return Orders(velocity_enu_ms=STOPPED)
         self._say(Severity.INFO, "choosing again")
         if self._wish is not None:
-            self._wish = Wish(urgent=self._wish.urgent)
+            self._wish = Wish(urgent=self._wish.urgent or self._is_low(s))
         self._go(Phase.SURVEY, s)
         self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)
         return Orders(velocity_enu_ms=STOPPED)
@@ -396,14 +415,41 @@ class Executive:
         """Hold by the autopilot's own estimate; a landing that can no longer be watched is broken off."""
         if self.phase is Phase.FINAL and self._committed:
             return Orders()
+        if self.phase is Phase.SURVEY and not s.guided:
+            return self._take_over(s)
         if self.phase in (Phase.DESCEND, Phase.FINAL):
             self._break_off(s, "position lost")
         self._waits_for("position", s)
         return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
+    def _follow_jumps(self, s: Situation) -> None:
+        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move."""
+        last = self._last
+        if s.position_enu_m is None:
+            return
+        self._last = s
+        if last is None or last.epoch == s.epoch or self.phase not in FLYING:
+            return
+        speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
+        way_m = speed_ms * ((s.now_ns - last.now_ns) * 1e-9)
+        jump_m = s.position_enu_m - _known(last.position_enu_m) - way_m
+        self._height_m += float(jump_m[2])
+        self._refused = [point + jump_m for point in self._refused]
+        if self._corner is not None:
+            self._corner = self._corner + jump_m[:2]
+            east, north = (float(v) for v in self._corner)
+            self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
+        if self._point is not None:
+            self._point = self._point + jump_m
+            self._ground_m = None if self._ground_m is None else self._ground_m + float(jump_m[2])
+        if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
+            self._pending_select = self.tally.chosen_enu_m = self._point
+        self._say(Severity.WARNING, "position jumped")
+
     def _waits_for(self, what: str, s: Situation) -> None:
-        if self._lost_since_ns is None:
-            self._lost_since_ns = s.now_ns
+        self._safe_since_ns = None
+        if self._lost_since_ns is None or self._lost != what:
+            self._lost, self._lost_since_ns = what, s.now_ns
             self._say(Severity.WARNING, f"{what} lost: holding")
         elif s.now_ns - self._lost_since_ns > LOST_NS and self.phase is not Phase.HOLD:
             self._say(Severity.CRITICAL, f"{what} still lost: take over")
@@ -411,18 +457,30 @@ class Executive:
 
     def _heed_battery(self, s: Situation) -> None:
         """Once the charge is low, land at the zone reached soonest; before a hand-over only say so."""
-        if s.battery_pct is None:
+        if s.battery_pct is None or self._p.battery_land_pct == 0:
             return
         if s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
             self._battery_said = False
         if s.battery_pct > self._p.battery_land_pct or self._battery_said:
             return
         self._battery_said = True
-        if self.phase in (Phase.SURVEY, Phase.CLIMB) and self._wish is not None:
+        if self.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB) and self._wish is not None:
             self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
             self._wish = Wish(urgent=True)
+            if self.phase is Phase.APPROACH and self._is_nearer_elsewhere(s):
+                self._go(Phase.SURVEY, s)
         elif s.armed and s.on_ground is not True:
             self._say(Severity.CRITICAL, "battery low: land")
+
+    def _is_low(self, s: Situation) -> bool:
+        return s.battery_pct is not None and 0 < self._p.battery_land_pct >= s.battery_pct
+
+    def _is_nearer_elsewhere(self, s: Situation) -> bool:
+        if s.report is None or s.position_enu_m is None or self._point is None:
+            return False
+        here, point = s.position_enu_m[:2], self._point[:2]
+        zone = soonest(s.report, self._refused, self._p, s.position_enu_m)
+        return zone is not None and np.hypot(*(zone.best.enu_m[:2] - here)) < np.hypot(*(point - here))
 
     # ---- parts ----------------------------------------------------------------------------------
 
@@ -457,7 +515,7 @@ class Executive:
         What the far map says is no ground to land on.
         """
         selected, point = s.selected, self._point
-        if selected is None or point is None or float(np.hypot(*(selected.enu_m[:2] - point[:2]))) > 0.01:
+        if selected is None or point is None or not _same_place(selected.enu_m, point):
             return PointState.UNKNOWN
         return PointState.UNKNOWN if selected.judged_by == "far" else selected.state
 
@@ -472,11 +530,7 @@ class Executive:
         """The point on the ground as last measured."""
         point = _known(self._point)
         selected = s.selected
-        if (
-            selected is not None
-            and np.isfinite(selected.height_m)
-            and float(np.hypot(*(selected.enu_m[:2] - point[:2]))) <= 0.01
-        ):
+        if selected is not None and np.isfinite(selected.height_m) and _same_place(selected.enu_m, point):
             self._ground_m = float(selected.height_m)
         if self._ground_m is None:
             return point
@@ -511,6 +565,14 @@ def _not_flying(s: Situation) -> Reply | None:
     if not s.armed or s.on_ground is True:
         return Reply(False, "not flying")
     return None
+
+
+def _same_place(a: Vector, b: Vector) -> bool:
+    return float(np.hypot(*(a[:2] - b[:2]))) <= 0.01
+
+
+def _or_zero(vector: Vector | None) -> Vector:
+    return np.zeros(3) if vector is None else vector
 
 
 def _known(vector: Vector | None) -> Vector:

@@ -46,7 +46,8 @@ class Situation:
     guided, landing: the autopilot's mode is the one that obeys us, or its landing mode. on_ground: None when
     the autopilot does not say. lidar_ok: scans arrive and are placed. report: the newest one, or None.
     battery_pct: charge left, None when the autopilot does not say. blocked: something stands in the way that
-    the last velocity led.
+    the last velocity led. heard: the mode is known to be this one, by a heartbeat a moment ago.
+    epoch: another one after each jump of the position estimate.
     """
 
     now_ns: int
@@ -64,6 +65,8 @@ class Situation:
     selected: SelectedPoint | None
     battery_pct: float | None = None
     blocked: bool = False
+    heard: bool = True
+    epoch: int = 0
 
 
 @dataclass(frozen=True, slots=True)

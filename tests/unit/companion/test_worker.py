@@ -97,3 +97,23 @@ async def test_a_point_selected_is_judged_with_the_next_window() -> None:
     worker.close()
     assert reports[0].selected is None
     assert reports[1].selected is not None
+
+
+async def test_a_report_of_the_map_before_a_jump_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    reports: list[Report] = []
+    worker = PipelineWorker(SMALL, reports.append)
+    process = Pipeline.process
+
+    def jump_meanwhile(self: Pipeline, window: Window) -> Report:
+        monkeypatch.setattr(Pipeline, "process", process)
+        report = process(self, window)
+        worker.restart()
+        for second in (5, 6):
+            worker.offer(scan(second))
+        return report
+
+    monkeypatch.setattr(Pipeline, "process", jump_meanwhile)
+    for second in (0, 1):
+        worker.offer(scan(second))
+    await drive(worker, lambda: bool(reports))
+    assert reports[0].stamp_ns > 4e9

@@ -64,7 +64,9 @@ class Flight:
         self.lidar_ok = True
         self.armed = True
         self.obeys = True
-        self.connected = True
+        self.connected = self.heard = True
+        self.epoch = 0
+        self.estimate_is_off_m = np.zeros(3)
         self.position = np.array([0.0, 0.0, height])
         self.velocity = self.velocity_wanted = np.zeros(3)
         self.selected: np.ndarray | None = None
@@ -94,7 +96,7 @@ class Flight:
             landing=self.mode == "LAND",
             mode=self.mode,
             on_ground=bool(self.position[2] < 0.05),
-            position_enu_m=None if self.blind else self.position.copy(),
+            position_enu_m=None if self.blind else self.position + self.estimate_is_off_m,
             velocity_enu_ms=None if self.blind else self.velocity.copy(),
             height_above_home_m=float(self.position[2]),
             lidar_ok=self.lidar_ok,
@@ -102,6 +104,8 @@ class Flight:
             selected=selected,
             battery_pct=self.battery_pct,
             blocked=self.blocked(self),
+            heard=self.heard,
+            epoch=self.epoch,
         )
 
     def step(self) -> Orders:
@@ -127,6 +131,12 @@ class Flight:
         self.position[2] = max(0.0, self.position[2])
         self.time_s += STEP_S
         return orders
+
+    def jump(self, *by_m: float) -> None:
+        """Let the position estimate jump; the vehicle stays, and the map begins anew."""
+        self.estimate_is_off_m = self.estimate_is_off_m + by_m
+        self.epoch += 1
+        self.selected = None
 
     def until(self, done: Callable[[Flight], bool], limit_s: float = 300.0) -> Flight:
         end = self.time_s + limit_s

@@ -46,6 +46,78 @@ def test_a_position_found_again_is_used_again() -> None:
     assert flight.position[0] < -19
 
 
+def test_a_position_lost_twice_for_a_moment_is_not_lost_for_long() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], climb_speed_ms=1.0).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 5)
+    for seconds in (11, 1):
+        flight.blind = True
+        flight.run(0.2)
+        flight.blind = False
+        flight.run(seconds)
+    assert flight.executive.phase is Phase.CLIMB
+    assert not any("take over" in text for text in flight.texts)
+    flight.fly_to(Phase.LANDED)
+
+
+def test_after_a_lost_lidar_the_point_must_be_safe_for_two_seconds_again() -> None:
+    flight = Flight([zone(1, 10, 0)])
+    flight.state = lambda _h, _point: PointState.UNKNOWN
+    flight.fly_to(Phase.APPROACH).run(12)
+    flight.state = lambda _h, _point: PointState.SAFE
+    flight.run(1)
+    flight.lidar_ok = False
+    flight.run(5)
+    flight.lidar_ok = True
+    flight.run(1)
+    assert flight.executive.phase is Phase.APPROACH
+    flight.run(2)
+    assert flight.executive.phase is Phase.DESCEND
+
+
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH])
+def test_a_jump_of_the_estimated_height_does_not_move_the_vehicle(phase: Phase) -> None:
+    flight = Flight([zone(1, 80, 0)]).fly_to(phase).run(1)
+    flight.jump(0, 0, 12.0)
+    flight.run(10)
+    assert flight.position[2] == pytest.approx(30, abs=0.5)
+
+
+def test_a_jump_in_the_approach_does_not_move_the_place_it_flies_to() -> None:
+    flight = Flight([zone(1, 40, 0)]).fly_to(Phase.APPROACH).run(1)
+    flight.jump(9.0, -4.0, 1.0)
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[:2] == pytest.approx([40, 0], abs=0.5)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_a_jump_below_commit_height_does_not_move_the_target_away_from_the_vehicle() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 1.2)
+    flight.jump(5.0, 0, 3.0)
+    orders = flight.step()
+    assert orders.target_enu_m is not None
+    assert orders.target_enu_m - flight.estimate_is_off_m == pytest.approx([10, 0, 0], abs=0.2)
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
+# ---- link ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("connected", [True, False])
+def test_who_hears_nothing_asks_for_no_mode(connected: bool) -> None:
+    """The way out may still be open: what the pilot chose meanwhile would be undone, again and again."""
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 8)
+    flight.heard, flight.connected, flight.blind, flight.obeys = False, connected, True, False
+    before = len(flight.orders)
+    flight.run(20)
+    assert not any(orders.mode for *_, orders in flight.orders[before:])
+    flight.heard = flight.connected = flight.obeys = True
+    flight.run(1)
+    assert flight.mode == "GUIDED"
+
+
 # ---- dust ----------------------------------------------------------------------------------------
 
 
@@ -80,6 +152,39 @@ def test_a_low_battery_in_the_survey_lands_at_the_nearest_zone_at_once() -> None
     assert flight.position[0] == pytest.approx(-8, abs=0.5)
     assert any("battery low" in text for text in flight.texts)
     assert flight.time_s < 120
+
+
+def test_a_low_battery_in_the_approach_lands_at_a_nearer_zone() -> None:
+    flight = Flight([zone(1, 190, 0, clearance=9), zone(2, -8, 0)]).fly_to(Phase.APPROACH).run(2)
+    flight.battery_pct = 14.0
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-8, abs=0.5)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_a_low_battery_in_the_approach_changes_nothing_where_the_point_is_the_nearest() -> None:
+    flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -80, 0)]).fly_to(Phase.APPROACH).run(2)
+    flight.battery_pct = 14.0
+    flight.fly_to(Phase.LANDED)
+    assert flight.phases.count(Phase.SURVEY) == 1
+
+
+@pytest.mark.parametrize("auto", [True, False])
+def test_a_hand_over_with_a_low_battery_lands_at_the_nearest_zone_at_once(auto: bool) -> None:
+    flight = Flight([zone(1, 90, 0, clearance=9), zone(2, -8, 0)], auto=auto, survey_s=600.0)
+    flight.battery_pct = 14.0
+    flight.run(1)
+    if not auto:
+        flight.executive.land_at_best(flight.situation())
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-8, abs=0.5)
+
+
+def test_a_battery_that_is_never_low_is_not_low_when_empty() -> None:
+    flight = Flight([zone(1, 0, 0)], auto=False, battery_land_pct=0.0)
+    flight.battery_pct = 0.0
+    flight.run(3)
+    assert not flight.texts
 
 
 def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() -> None:
@@ -184,6 +289,43 @@ def test_an_emergency_is_given_up_when_the_autopilot_refuses_the_mode() -> None:
     assert any("LOITER stays" in text for text in flight.texts)
 
 
+def test_an_emergency_without_a_position_is_given_up_too() -> None:
+    flight = Flight([zone(1, 60, 0)], auto=False)
+    flight.mode, flight.obeys = "LOITER", False
+    flight.run(1)
+    flight.blind = True
+    flight.executive.land_now(flight.situation())
+    flight.run(20)
+    assert flight.executive.phase is Phase.IDLE
+    assert not commands(flight.orders[-1][-1])
+
+
+def test_an_emergency_aborted_before_the_mode_changed_leaves_the_mode_alone() -> None:
+    flight = Flight([zone(1, 60, 0)], auto=False)
+    flight.mode, flight.obeys = "LOITER", False
+    flight.run(1)
+    flight.executive.land_now(flight.situation())
+    flight.run(0.5)
+    assert flight.executive.abort(flight.situation()).accepted
+    before = len(flight.orders)
+    flight.run(20)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+
+
+def test_an_order_without_a_position_begins_where_the_vehicle_is_then() -> None:
+    flight = Flight([], auto=False, height=60.0).run(1)
+    flight.executive.land_at_best(flight.situation())
+    flight.run(1)
+    flight.mode = "LOITER"
+    flight.run(1)
+    flight.mode, flight.position, flight.blind = "GUIDED", np.array([500.0, 0.0, 20.0]), True
+    flight.executive.land_at_best(flight.situation())
+    flight.run(1)
+    flight.blind = False
+    flight.run(5)
+    assert flight.position[2] == pytest.approx(20, abs=0.5)
+
+
 @pytest.mark.parametrize(("name", "value"), [("armed", False), ("connected", False)])
 def test_an_emergency_is_refused_where_nothing_flies(name: str, value: object) -> None:
     flight = Flight([zone(1, 0, 0)], auto=False).run(1)
@@ -223,6 +365,18 @@ def test_a_landing_mode_that_the_pilot_chooses_later_is_the_pilot_s() -> None:
     assert not any(commands(orders) for *_, orders in flight.orders[before:])
 
 
+@pytest.mark.parametrize("height", [8.0, 1.0])
+def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(height: float) -> None:
+    flight = Flight([zone(1, 10, 0)], auto=False).run(1)
+    flight.executive.land_at_best(flight.situation())
+    flight.fly_to(Phase.FINAL).until(lambda f: f.mode == "LAND" and f.position[2] < height)
+    flight.mode = "GUIDED"
+    before = len(flight.orders)
+    flight.run(10)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert flight.executive.tally.hands_off == 1
+
+
 # ---- select, confirm -----------------------------------------------------------------------------
 
 
@@ -233,6 +387,33 @@ def test_a_zone_is_selected_and_then_confirmed() -> None:
     assert flight.executive.watch_zone(flight.situation(), 2).accepted
     flight.run(5)
     assert not any(commands(orders) for *_, orders in flight.orders)
+    assert flight.executive.land_at_selected(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-10, abs=0.5)
+
+
+def test_a_confirmation_never_means_the_selection_before() -> None:
+    flight = Flight([zone(1, 20, 0), zone(2, -10, 0)], auto=False).run(1)
+    flight.executive.watch_zone(flight.situation(), 1)
+    flight.run(5)
+    flight.executive.watch_zone(flight.situation(), 2)
+    reply = flight.executive.land_at_selected(flight.situation())
+    assert not reply.accepted
+    assert "confirm again" in reply.reason
+    flight.run(2)
+    assert flight.executive.land_at_selected(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(-10, abs=0.5)
+
+
+def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
+    flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)]).fly_to(Phase.DESCEND)
+    assert not flight.executive.watch_zone(flight.situation(), 2).accepted
+    flight.executive.abort(flight.situation())
+    flight.run(3)
+    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    flight.run(3)
+    assert flight.executive.phase is Phase.HOLD
     assert flight.executive.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)

@@ -1,0 +1,96 @@
+"""What the application does with the executive's orders, without sockets."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import params
+from companion.app import Companion, _Stopped
+from companion.clock import now_ns
+from companion.landing.situation import Orders, Phase
+from companion.link.command import CommandResult
+from companion.link.vehicle import VehicleState
+
+FLYING = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True, reported_landed="in_air")
+
+
+class Cockpit:
+    """A companion whose orders are given by the test, and what it sends."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.companion = Companion(
+            "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False
+        )
+        self.sent: list[Any] = []
+        self.asked: list[str] = []
+        self.ended: list[str] = []
+        self.orders = Orders()
+        monkeypatch.setattr(self.companion.link, "send", self.sent.append)
+        monkeypatch.setattr(self.companion.link, "set_mode", self._set_mode)
+        monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.orders)
+        self.companion.executive.phase = Phase.CLIMB
+
+    async def _set_mode(self, name: str) -> CommandResult:
+        self.asked.append(name)
+        try:
+            await asyncio.sleep(60)  # no answer comes
+        except asyncio.CancelledError:
+            self.ended.append(name)
+            raise
+        return CommandResult(0, "timeout")
+
+    async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
+        heard_ns = now_ns() - round(heard_s_ago * 1e9)
+        self.companion.link._inbox.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
+        self.companion._tick()
+        await asyncio.sleep(0.01)
+
+    def velocities(self) -> list[tuple[float, float, float]]:
+        kind = "SET_POSITION_TARGET_LOCAL_NED"
+        return [(m.vx, m.vy, m.vz) for m in self.sent if m.get_type() == kind]
+
+
+@asynccontextmanager
+async def cockpit(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Cockpit]:
+    made = Cockpit(monkeypatch)
+    yield made
+    if made.companion._mode_change is not None:
+        made.companion._mode_change.cancel()
+    made.companion.worker.close()
+
+
+@pytest.mark.parametrize(("mode", "heard_s_ago"), [("GUIDED", 0.0), ("LAND", 3.0)])
+async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
+    monkeypatch: pytest.MonkeyPatch, mode: str, heard_s_ago: float
+) -> None:
+    """A try after that would undo what the pilot chose in between."""
+    async with cockpit(monkeypatch) as seat:
+        seat.orders = Orders(mode="guided", velocity_enu_ms=np.zeros(3))
+        await seat.tick("LAND")
+        assert seat.asked == ["GUIDED"]
+        seat.orders = Orders(velocity_enu_ms=np.zeros(3))
+        await seat.tick("LAND")
+        assert not seat.ended
+        await seat.tick(mode, heard_s_ago)
+        assert seat.ended == ["GUIDED"]
+
+
+async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ArduPilot flies on for three seconds with the last velocity that it was given."""
+    async with cockpit(monkeypatch) as seat:
+        companion = seat.companion
+        await seat.tick("GUIDED")
+        seat.orders = Orders(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
+        deciding = asyncio.create_task(companion._decide())
+        await asyncio.sleep(0.12)
+        companion.stop()
+        with pytest.raises(_Stopped):
+            await companion._wait_for_stop()
+        deciding.cancel()
+        assert seat.velocities()[0] == (0.0, 4.0, 0.0)
+        assert seat.velocities()[-1] == (0.0, 0.0, 0.0)
