@@ -247,7 +247,7 @@ class Pipeline:
         self._adapter = Adapter(self._parameters)
         centre = self._centre
         if centre is None:
-            first = next(iter(first_point()), np.nan_to_num(window.sensor_enu_m))
+            first = next(iter(first_point()), np.nan_to_num(window.sensor_enu_m, posinf=0, neginf=0))
             centre = float(first[0]), float(first[1])
         near, far = (kind(p, centre, self._numbers) for p in (self._parameters, self._far_parameters))
         self._near, self._far = near, far
