@@ -78,7 +78,7 @@ class Executive:
         self._late_ns = 0
         self._started_ns = 0
         self._ground_m: float | None = None
-        self._height_left_m = float("inf")
+        self._height_left_m = self._away_m = float("inf")
         self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
@@ -174,6 +174,7 @@ class Executive:
         self._follow_jumps(s)
         if s.position_enu_m is not None and self._point is not None:
             self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
+            self._away_m = float(np.hypot(*(s.position_enu_m[:2] - self._point[:2])))
         orders = self._act(s)
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             orders = replace(orders, mode=None)
@@ -190,7 +191,9 @@ class Executive:
     def mapping(self) -> bool:
         """Whether scans belong into the map: not where rotors blow up dust, close to the point."""
         low = self._height_left_m < self._p.dust_height_m
-        return not (low and self.phase in (Phase.DESCEND, Phase.FINAL, Phase.LANDED))
+        if self.phase is Phase.LANDED:  # the next flight may lead lower than the point
+            return not (low and self._away_m < self._p.footprint_m + self._p.dust_height_m)
+        return not (low and self.phase in (Phase.DESCEND, Phase.FINAL))
 
     def _act(self, s: Situation) -> Orders:
         self._heed_battery(s)

@@ -141,6 +141,16 @@ def test_after_a_landing_mapping_begins_again_with_the_next_flight() -> None:
     assert flight.executive.mapping
 
 
+def test_below_the_point_of_the_landing_before_the_next_flight_is_mapped() -> None:
+    """From a roof or a hill down, before any order."""
+    flight = Flight([zone(1, 0, 0)]).fly_to(Phase.LANDED)
+    flight.mode, flight.position = "LOITER", np.array([60.0, 0.0, 15.0])
+    flight.estimate_is_off_m = np.array([0.0, 0.0, -25.0])
+    flight.run(1)
+    assert flight.executive.phase is Phase.LANDED
+    assert flight.executive.mapping
+
+
 # ---- battery -------------------------------------------------------------------------------------
 
 
