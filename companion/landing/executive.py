@@ -264,9 +264,12 @@ class Executive:
         if s.position_enu_m is None:
             self._say(Severity.WARNING, "no position: waiting")
             self._corner = self._corners = None  # what an earlier flight left
+            self._height_m = -math.inf
         else:
             east, north, up = (float(v) for v in s.position_enu_m)
-            self._height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
+            height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
+            # An order after an abort close to the ground does not end the climb away from it.
+            self._height_m = max(height_m, self._height_m) if self.phase in FLYING else height_m
             self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
             self._corner = np.array([east, north])
             self._risen_m = 0.0

@@ -429,6 +429,16 @@ def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
 
 
+def test_an_order_after_an_abort_does_not_end_the_climb() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -60, 0)], survey_height_m=3.0).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 5)
+    flight.executive.abort(flight.situation())
+    flight.run(0.5)
+    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    flight.until(lambda f: f.position[0] < -55)
+    assert flight.position[2] == pytest.approx(30, abs=1)
+
+
 def test_a_far_zone_is_looked_at_when_the_survey_found_no_near_one() -> None:
     flight = Flight([])
     flight.far_zones = [zone(8, 70, 0)]
