@@ -380,7 +380,9 @@ class Executive:
             if reason:
                 return self._break_off(s, reason)
         slow = s.guided and s.now_ns - self._since_ns > SECOND
-        return Orders(mode="land" if slow else None, target_enu_m=self._target(s))
+        if slow:  # refused, or lost on the way: what it was told last must not lead it on
+            return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=self._target(s))
+        return Orders(target_enu_m=self._target(s))
 
     @property
     def _committed(self) -> bool:

@@ -387,6 +387,25 @@ def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(he
     assert flight.executive.tally.hands_off == 1
 
 
+def test_a_landing_mode_right_after_the_abort_of_a_landing_is_the_pilot_s() -> None:
+    flight = Flight([zone(1, 10, 0)], final_height_m=25.0).fly_to(Phase.FINAL).run(0.3)
+    flight.executive.abort(flight.situation())
+    flight.run(1)
+    assert flight.mode == "GUIDED"
+    flight.mode = "LAND"
+    before = len(flight.orders)
+    flight.run(5)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+
+
+def test_a_landing_mode_that_is_refused_leaves_the_vehicle_where_it_is() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
+    flight.obeys = False
+    flight.fly_to(Phase.FINAL).run(30)
+    assert flight.executive.phase is Phase.FINAL
+    assert flight.position[2] > 10
+
+
 # ---- select, confirm -----------------------------------------------------------------------------
 
 
