@@ -41,6 +41,7 @@ from slz import Report, Scan, TerrainMaps, Zone
 log = logging.getLogger(__name__)
 
 STEP_S = 0.05
+ASK_AGAIN_S = 1.0  # for a mode that was refused
 PATH_STEP_NS = 200_000_000
 OPEN_STEP_NS = 200_000_000
 # A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
@@ -308,6 +309,7 @@ class Companion:
         result = await self.link.set_mode(mode)
         if not result.ok:
             log.warning("mode %s: %s", mode, result.outcome)
+            await asyncio.sleep(ASK_AGAIN_S)
 
     def _status(self) -> Status:
         """Return what ground stations are told."""

@@ -18,11 +18,12 @@ class Custody:
     def __init__(self) -> None:
         self._land_ns: int | None = None
         self._leaving: str | None = None
+        self._shown = False  # the landing mode, since we asked for it
         self._lands = False  # as we asked it to, and it was not asked for anything else since
 
     def asks_to_land(self, s: Situation) -> None:
         """Note that the landing mode is asked for now."""
-        self._land_ns, self._leaving, self._lands = s.now_ns, None, False
+        self._land_ns, self._leaving, self._lands, self._shown = s.now_ns, None, False, False
 
     def asks_to_leave(self, s: Situation) -> None:
         """Note that the guided mode is asked for now."""
@@ -42,10 +43,11 @@ class Custody:
             self._leaving = None
             if self._lands:
                 return True
-            if self._land_ns is not None and s.now_ns - self._land_ns > SETTLE_NS:
+            late = self._land_ns is not None and s.now_ns - self._land_ns > SETTLE_NS
+            if self._shown or late:
                 self._land_ns = None
             return False
         if s.landing and self._land_ns is not None:
-            self._lands = True
+            self._shown = self._lands = True
             return False
         return s.mode != self._leaving

@@ -78,7 +78,7 @@ class Executive:
         self._late_ns = 0
         self._started_ns = 0
         self._ground_m: float | None = None
-        self._height_left_m = float("inf")
+        self._height_left_m = self._away_m = float("inf")
         self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
@@ -174,6 +174,7 @@ class Executive:
         self._follow_jumps(s)
         if s.position_enu_m is not None and self._point is not None:
             self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
+            self._away_m = float(np.hypot(*(s.position_enu_m[:2] - self._point[:2])))
         orders = self._act(s)
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             orders = replace(orders, mode=None)
@@ -190,7 +191,9 @@ class Executive:
     def mapping(self) -> bool:
         """Whether scans belong into the map: not where rotors blow up dust, close to the point."""
         low = self._height_left_m < self._p.dust_height_m
-        return not (low and self.phase in (Phase.DESCEND, Phase.FINAL, Phase.LANDED))
+        if self.phase is Phase.LANDED:  # the next flight may lead lower than the point
+            return not (low and self._away_m < self._p.footprint_m + self._p.dust_height_m)
+        return not (low and self.phase in (Phase.DESCEND, Phase.FINAL))
 
     def _act(self, s: Situation) -> Orders:
         self._heed_battery(s)
@@ -261,9 +264,12 @@ class Executive:
         if s.position_enu_m is None:
             self._say(Severity.WARNING, "no position: waiting")
             self._corner = self._corners = None  # what an earlier flight left
+            self._height_m = -math.inf
         else:
             east, north, up = (float(v) for v in s.position_enu_m)
-            self._height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
+            height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
+            # An order after an abort close to the ground does not end the climb away from it.
+            self._height_m = max(height_m, self._height_m) if self.phase in FLYING else height_m
             self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
             self._corner = np.array([east, north])
             self._risen_m = 0.0
@@ -374,7 +380,9 @@ class Executive:
             if reason:
                 return self._break_off(s, reason)
         slow = s.guided and s.now_ns - self._since_ns > SECOND
-        return Orders(mode="land" if slow else None, target_enu_m=self._target(s))
+        if slow:  # refused, or lost on the way: what it was told last must not lead it on
+            return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=self._target(s))
+        return Orders(target_enu_m=self._target(s))
 
     @property
     def _committed(self) -> bool:

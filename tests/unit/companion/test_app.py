@@ -94,3 +94,21 @@ async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) ->
         deciding.cancel()
         assert seat.velocities()[0] == (0.0, 4.0, 0.0)
         assert seat.velocities()[-1] == (0.0, 0.0, 0.0)
+
+
+async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+
+        async def refuse(name: str) -> CommandResult:
+            seat.asked.append(name)
+            return CommandResult(0, "denied", 1)
+
+        monkeypatch.setattr(seat.companion.link, "set_mode", refuse)
+        monkeypatch.setattr("companion.app.ASK_AGAIN_S", 0.2, raising=False)
+        seat.orders = Orders(mode="guided")
+        for _ in range(10):
+            await seat.tick("LOITER")
+        assert len(seat.asked) == 1
+        await asyncio.sleep(0.2)
+        await seat.tick("LOITER")
+        assert len(seat.asked) == 2

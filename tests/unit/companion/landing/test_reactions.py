@@ -141,6 +141,16 @@ def test_after_a_landing_mapping_begins_again_with_the_next_flight() -> None:
     assert flight.executive.mapping
 
 
+def test_below_the_point_of_the_landing_before_the_next_flight_is_mapped() -> None:
+    """From a roof or a hill down, before any order."""
+    flight = Flight([zone(1, 0, 0)]).fly_to(Phase.LANDED)
+    flight.mode, flight.position = "LOITER", np.array([60.0, 0.0, 15.0])
+    flight.estimate_is_off_m = np.array([0.0, 0.0, -25.0])
+    flight.run(1)
+    assert flight.executive.phase is Phase.LANDED
+    assert flight.executive.mapping
+
+
 # ---- battery -------------------------------------------------------------------------------------
 
 
@@ -377,6 +387,25 @@ def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(he
     assert flight.executive.tally.hands_off == 1
 
 
+def test_a_landing_mode_right_after_the_abort_of_a_landing_is_the_pilot_s() -> None:
+    flight = Flight([zone(1, 10, 0)], final_height_m=25.0).fly_to(Phase.FINAL).run(0.3)
+    flight.executive.abort(flight.situation())
+    flight.run(1)
+    assert flight.mode == "GUIDED"
+    flight.mode = "LAND"
+    before = len(flight.orders)
+    flight.run(5)
+    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+
+
+def test_a_landing_mode_that_is_refused_leaves_the_vehicle_where_it_is() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
+    flight.obeys = False
+    flight.fly_to(Phase.FINAL).run(30)
+    assert flight.executive.phase is Phase.FINAL
+    assert flight.position[2] > 10
+
+
 # ---- select, confirm -----------------------------------------------------------------------------
 
 
@@ -417,6 +446,16 @@ def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
     assert flight.executive.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
+
+
+def test_an_order_after_an_abort_does_not_end_the_climb() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -60, 0)], survey_height_m=3.0).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 5)
+    flight.executive.abort(flight.situation())
+    flight.run(0.5)
+    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    flight.until(lambda f: f.position[0] < -55)
+    assert flight.position[2] == pytest.approx(30, abs=1)
 
 
 def test_a_far_zone_is_looked_at_when_the_survey_found_no_near_one() -> None:
