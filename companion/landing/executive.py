@@ -193,7 +193,7 @@ class Executive:
         low = self._height_left_m < self._p.dust_height_m
         if self.phase is Phase.LANDED:  # the next flight may lead lower than the point
             return not (low and self._away_m < self._p.footprint_m + self._p.dust_height_m)
-        return not (low and self.phase in (Phase.DESCEND, Phase.FINAL))
+        return not (low and self.phase is Phase.FINAL)
 
     def _act(self, s: Situation) -> Orders:
         self._heed_battery(s)

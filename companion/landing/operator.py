@@ -68,6 +68,8 @@ class Operator:
         lat, lon, alt = command.x, command.y, command.z
         if frame is None:
             return Reply(False, "no position yet")
+        if command.frame not in (None, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
+            return Reply(False, "a point needs frame GLOBAL")
         if not (math.isfinite(lat) and math.isfinite(lon) and abs(lat) <= 90 and abs(lon) <= 180):
             return Reply(False, "x, y are no latitude, longitude")
         enu = frame.enu_m(lat, lon, alt if math.isfinite(alt) else frame.alt_m)
