@@ -55,9 +55,9 @@ class AutopilotClock:
         self.implausible = 0
         self.delays_ns: deque[int] = deque(maxlen=DELAYS)
         self._arrivals = LeastDelay()
+        self._resets = 0
         self._doubts = 0
         self._heard = False
-        self.delays_ns.clear()
 
     @property
     def source(self) -> Source:
@@ -70,6 +70,10 @@ class AutopilotClock:
         """Return our time of a message stamped `boot_ms` that arrived now; None if that cannot be."""
         self._heard = True
         autopilot_ns = boot_ms * 1_000_000
+        if (
+            self.timesync.resets != self._resets
+        ):  # the least delay so far is that of the clock before its jump
+            self._resets, self._arrivals = self.timesync.resets, LeastDelay()
         stamp = autopilot_ns + self._arrivals.add(autopilot_ns, now_ns)
         if self.timesync.synced:
             stamp = self.timesync.to_local_ns(autopilot_ns)

@@ -75,7 +75,7 @@ class TimeSync:
         """Return the stamp to send as ts1 (with tc1 = 0) if a request is due."""
         if self._next_ns is not None and now_ns < self._next_ns:
             return None
-        self._next_ns = now_ns + (FAST_NS if self._sent < FAST_COUNT else SLOW_NS)
+        self._next_ns = now_ns + (FAST_NS if self._sent < FAST_COUNT or self._jumps else SLOW_NS)
         self._sent += 1
         stamp = now_ns - now_ns % 1000 + self._salt
         for old in [old for old, sent in self._pending.items() if now_ns - sent > REPLY_TIMEOUT_NS]:
@@ -106,6 +106,7 @@ class TimeSync:
         if self.synced and self._contradicts(exchange):
             self._jumps.append(exchange)
             if len(self._jumps) < JUMP_COUNT:
+                self._next_ns = exchange.local_ns + FAST_NS  # stamps are wrong until the jump is believed
                 return
             jumps = self._jumps
             self.resets += 1

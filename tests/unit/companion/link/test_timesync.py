@@ -103,10 +103,32 @@ def test_a_jump_of_the_autopilot_s_clock_is_followed_after_three_exchanges() -> 
     assert abs(sync.to_local_ns(now + 100 * MS) - now) < 100
 
 
+@pytest.mark.parametrize("jump_ms", [-50, 30, 400])
+def test_a_jump_is_asked_after_at_once_and_no_stamp_is_wrong_for_long(jump_ms: int) -> None:
+    """Stamps lie where they were, or where the jump moved them, from a second and a half on."""
+    clock = AutopilotClock()
+
+    def autopilot(t: float) -> float:
+        return t - 9 * S + (jump_ms * MS if t >= 40 * S else 0)
+
+    now, wrong_s = 10 * S, 0.0
+    while now < 50 * S:
+        now = exchange(clock.timesync, now, 0.02, autopilot)
+        boot_ms = round(autopilot(now) / MS)
+        stamp = clock.stamp_ns(boot_ms, now + 5 * MS)
+        if stamp is not None and now > 20 * S and abs(stamp - now) > 6 * MS:
+            wrong_s = (now - 40 * S) / S
+    assert clock.timesync.resets >= 1
+    assert wrong_s < 1.6
+    assert stamp is not None
+
+
 def test_one_wrong_answer_is_no_jump() -> None:
     sync = TimeSync()
     now = exchange(sync, 10 * S, 20, lambda t: t)
-    now = exchange(sync, now, 1, lambda t: t + 3 * S)
+    while (stamp := sync.request(now)) is None:
+        now += 50 * MS
+    sync.reply(now + 3 * S, stamp, now + 2 * MS)
     now = exchange(sync, now, 5, lambda t: t)
     assert sync.resets == 0
     assert abs(sync.to_local_ns(now) - now) < 100
