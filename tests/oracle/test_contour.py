@@ -19,6 +19,7 @@ from slz.kernels.room import largest_square
 from slz.search import Candidate, search_components
 from slz.source_search import SourceSearch
 from slz.source_terrain import SourceTerrain
+from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]
 EIGHT = np.ones((3, 3))
@@ -49,30 +50,6 @@ def ring_with_islands() -> Map:
     return safe
 
 
-def slow_trace(safe: Map, row: int, col: int) -> list[tuple[int, int]]:
-    """Moore tracing from the place come from, until a step of the first cell is taken a second time."""
-    ring = [(0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1)]  # clockwise from west
-    here, back = (row, col), (row, col - 1)
-    path: list[tuple[int, int]] = []
-    first = None
-    while True:
-        start = ring.index((back[0] - here[0], back[1] - here[1]))
-        for k in range(1, 9):
-            down, right = ring[(start + k) % 8]
-            there = here[0] + down, here[1] + right
-            if safe[there]:
-                break
-            back = there
-        else:
-            return [here]
-        if here == (row, col):
-            if first == there:
-                return path
-            first = first or there
-        path.append(here)
-        here = there
-
-
 def first_cells(label: NDArray[np.int32], count: int) -> list[tuple[int, int]]:
     found = []
     for number in range(1, count + 1):
@@ -87,7 +64,7 @@ def test_the_tracing_is_moore_s_and_what_it_encloses_is_the_component_with_its_h
     label, count = ndimage.label(safe, EIGHT)
     for number, (row, col) in enumerate(first_cells(label, count), start=1):
         boundary = trace(safe, row, col, MANY)
-        assert [tuple(cell) for cell in boundary.tolist()] == slow_trace(safe, row, col)
+        assert [tuple(cell) for cell in boundary.tolist()] == moore(safe, row, col)
         content = inside(boundary, 1, safe.shape[0] + 2, safe.shape[1] + 2)[1:-1, 1:-1]
         np.testing.assert_array_equal(content == 1, ndimage.binary_fill_holes(label == number))
 
@@ -104,7 +81,7 @@ def test_the_tracing_of_a_long_contour_is_complete() -> None:
     safe[3:39, 1:-1:2] = 1
     boundary = trace(safe, 1, 1, MANY)
     assert len(boundary) > 5000
-    assert [tuple(cell) for cell in boundary.tolist()] == slow_trace(safe, 1, 1)
+    assert [tuple(cell) for cell in boundary.tolist()] == moore(safe, 1, 1)
 
 
 def slow_squares(safe: Map) -> NDArray[np.int32]:
@@ -178,7 +155,7 @@ def check(
         whole(candidate.content, box, safe.shape), ndimage.binary_fill_holes(component)
     )
     assert candidate.square_side == slow_squares(kept.astype(np.uint8)).max()
-    path = slow_trace(component.astype(np.uint8), *(int(i) for i in np.argwhere(component)[0]))
+    path = moore(component, *(int(i) for i in np.argwhere(component)[0]))
     assert [tuple(cell) for cell in candidate.boundary_cells.tolist()] == path
 
 
@@ -203,7 +180,7 @@ def test_every_component_with_room_is_found_once(
         row, col = np.argwhere(component)[0]
         if slow_squares(component.astype(np.uint8)).max() < least_side:
             continue
-        if len(slow_trace(safe, int(row), int(col))) >= least_boundary:
+        if len(moore(safe, int(row), int(col))) >= least_boundary:
             expected.append(number)
     found = list(search_components(safe[seen.slices], seen, least_side, least_boundary))
     numbers = [int(label[tuple(candidate.boundary_cells[0])]) for candidate in found]
@@ -250,7 +227,7 @@ def test_the_source_s_search_finds_in_raster_order_what_is_in_no_contour_found_b
     expected = []
     for number, (row, col) in enumerate(first_cells(label, count), start=1):
         component = label == number
-        if taken[row, col] or len(slow_trace(safe, row, col)) < least_boundary:
+        if taken[row, col] or len(moore(safe, row, col)) < least_boundary:
             continue
         if slow_squares(component.astype(np.uint8)).max() < least_side:
             continue
