@@ -6,16 +6,14 @@ before the operator handed over, and nothing after the mode changed under it.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from companion.landing.choice import choose, soonest
 from companion.landing.custody import Custody
-from companion.landing.guidance import heading_rad, level, towards
-from companion.landing.pattern import expanding_square
+from companion.landing.guidance import level, towards
+from companion.landing.route import Route, Way
 from companion.landing.situation import (
     FLYING,
     Orders,
@@ -29,7 +27,6 @@ from companion.landing.situation import (
 )
 from params import Parameters
 from slz import PointState, Zone
-from slz.pipeline import reach_m
 
 SECOND = 1_000_000_000
 STEADY_NS = 2 * SECOND  # so long airborne and level before auto starts; so long safe before the descent
@@ -38,9 +35,7 @@ LOST_NS = 10 * SECOND  # without LiDAR or position before the pilot is called
 TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 STUCK_NS = 60 * SECOND  # longer than the way should take
-BLOCKED_NS = 2 * SECOND
 RECHARGED_PCT = 10.0
-STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way
 
 STOPPED = np.zeros(3)
 
@@ -67,11 +62,7 @@ class Executive:
         self._wish: Wish | None = None
         self._point: Vector | None = None
         self._refused: list[Vector] = []
-        self._corners: Iterator[tuple[float, float]] | None = None
-        self._corner: Vector | None = None
-        self._height_m = 0.0
-        self._risen_m = 0.0
-        self._blocked_since_ns: int | None = None
+        self._route = Route(parameters)
         self._safe_since_ns: int | None = None
         self._lost_since_ns: int | None = None
         self._lost = ""
@@ -263,16 +254,11 @@ class Executive:
     def _start_survey(self, s: Situation) -> None:
         if s.position_enu_m is None:
             self._say(Severity.WARNING, "no position: waiting")
-            self._corner = self._corners = None  # what an earlier flight left
-            self._height_m = -math.inf
+            self._route.forget()
         else:
-            east, north, up = (float(v) for v in s.position_enu_m)
-            height_m = up + max(0.0, self._p.survey_height_m - s.height_above_home_m)
             # An order after an abort close to the ground does not end the climb away from it.
-            self._height_m = max(height_m, self._height_m) if self.phase in FLYING else height_m
-            self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
-            self._corner = np.array([east, north])
-            self._risen_m = 0.0
+            least_m = self._route.height_m if self.phase in FLYING else -np.inf
+            self._route.begin(s.position_enu_m, s.height_above_home_m, least_m)
         self._say(Severity.INFO, "surveying")
         self._go(Phase.SURVEY, s)
 
@@ -280,7 +266,7 @@ class Executive:
         position = _known(s.position_enu_m)
         if not s.guided:
             return self._take_over(s)
-        if self._corner is None or self._corners is None:
+        if not self._route.begun:
             self._start_survey(s)
             return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
@@ -291,11 +277,8 @@ class Executive:
         zone = self._choice(s)
         if zone is not None:
             return self._approach_point(s, zone.best.enu_m, zone.id)
-        offset = self._corner - position[:2]
-        if float(np.hypot(*offset)) < 3.0 or self._stands_in_the_way(s):
-            self._corner = np.array(next(self._corners))
-            offset = self._corner - position[:2]
-        return self._fly(s, offset, self._p.survey_speed_ms)
+        offset = self._route.to_corner(position, self._way(s))
+        return self._route.fly(position, offset, self._p.survey_speed_ms)
 
     def _choice(self, s: Situation) -> Zone | None:
         """Return where to land, once the survey has lasted: a near zone, else a far one to be looked at."""
@@ -349,11 +332,11 @@ class Executive:
             self._late_ns = s.now_ns + STUCK_NS + round(2e9 * self._height_left_m / self._p.descent_speed_ms)
         if over and judged is PointState.UNKNOWN and s.now_ns - self._since_ns > UNSEEN_NS:
             return self._break_off(s, "point not seen")
-        if self._stands_in_the_way(s):
+        if self._way(s) is Way.TOO_HIGH:
             return self._break_off(s, "way blocked")
         if s.now_ns > self._late_ns:
             return self._break_off(s, "point not reached")
-        return self._fly(s, offset, self._p.approach_speed_ms)
+        return self._route.fly(position, offset, self._p.approach_speed_ms)
 
     def _descend(self, s: Situation) -> Orders:
         """Sink over the point under watch, streaming the landing target, until LAND can take over."""
@@ -397,7 +380,7 @@ class Executive:
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         if not s.guided:
             return Orders(mode="guided", velocity_enu_ms=up)
-        if self._height_m - float(position[2]) > 1.0:
+        if self._route.height_m - float(position[2]) > 1.0:
             return Orders(velocity_enu_ms=up)
         if self.phase is Phase.HOLD:
             return Orders(velocity_enu_ms=STOPPED)
@@ -441,12 +424,8 @@ class Executive:
         speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
         way_m = speed_ms * ((s.now_ns - last.now_ns) * 1e-9)
         jump_m = s.position_enu_m - _known(last.position_enu_m) - way_m
-        self._height_m += float(jump_m[2])
+        self._route.move(jump_m)
         self._refused = [point + jump_m for point in self._refused]
-        if self._corner is not None:
-            self._corner = self._corner + jump_m[:2]
-            east, north = (float(v) for v in self._corner)
-            self._corners = expanding_square(east, north, 1.6 * reach_m(self._p))
         if self._point is not None:
             self._point = self._point + jump_m
             self._ground_m = None if self._ground_m is None else self._ground_m + float(jump_m[2])
@@ -492,30 +471,11 @@ class Executive:
 
     # ---- parts ----------------------------------------------------------------------------------
 
-    def _fly(self, s: Situation, offset_m: Vector, speed_ms: float) -> Orders:
-        position = _known(s.position_enu_m)
-        climb = level(self._height_m - float(position[2]), self._p.climb_speed_ms)
-        horizontal = towards(offset_m, speed_ms)
-        course = heading_rad(horizontal) if float(np.hypot(*offset_m)) > 6.0 else None
-        yaw = None if course is None else course + math.radians(self._p.crab_deg)
-        return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
-
-    def _stands_in_the_way(self, s: Situation) -> bool:
-        """Pass over what is in the way, in steps; tell when it is too high for that."""
-        if not s.blocked:
-            self._blocked_since_ns = None
-            return False
-        if self._blocked_since_ns is None:
-            self._blocked_since_ns = s.now_ns
-        if s.now_ns - self._blocked_since_ns < BLOCKED_NS:
-            return False
-        self._blocked_since_ns = None
-        if self._risen_m >= MOST_UP_M:
-            return True
-        self._risen_m += STEP_UP_M
-        self._height_m += STEP_UP_M
-        self._say(Severity.INFO, "obstacle ahead: climbing")
-        return False
+    def _way(self, s: Situation) -> Way:
+        way = self._route.way(s)
+        if way is Way.CLIMBING:
+            self._say(Severity.INFO, "obstacle ahead: climbing")
+        return way
 
     def _judgement(self, s: Situation) -> PointState:
         """State of our point in the newest report; unknown while that report is about another point.
@@ -560,7 +520,8 @@ class Executive:
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
         self._since_ns = s.now_ns
-        self._steady_since_ns = self._blocked_since_ns = self._lost_since_ns = None
+        self._steady_since_ns = self._lost_since_ns = None
+        self._route.unblocked()
 
     def _say(self, severity: Severity, text: str) -> None:
         self._texts.append((severity, f"SLZ: {text}"))
