@@ -24,6 +24,10 @@ BATCH_S = 0.01
 BATCH_PACKETS = 64
 RECEIVE_BUFFER = 8 << 20
 RATE_NS = 1_000_000_000
+BIND_ERRORS = {
+    errno.EADDRINUSE: "the port is in use",
+    errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
+}
 EXAMPLE = "livox:HOST:PORT, such as livox:0.0.0.0:56301"
 
 OnReturns = Callable[[Returns], None]
@@ -100,7 +104,7 @@ class LivoxDriver(asyncio.DatagramProtocol):
             sock.bind(self._address)
         except OSError as error:
             sock.close()
-            why = "the port is in use" if error.errno == errno.EADDRINUSE else str(error.strerror or error)
+            why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
             raise UsageError(f"LiDAR livox:{host}:{port}: {why}") from None
         return sock
 
