@@ -151,6 +151,7 @@ def run(
     state_dir: Annotated[
         Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")
     ] = None,
+    record: Annotated[Path | None, typer.Option(help="Record the flight: FILE.mcap.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -164,9 +165,35 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
-    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key)
+    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record)
     if as_json:
         print(json.dumps(summary))
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="Recording of slz run --record.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the maps at the end.")] = None,
+    speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
+    start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
+    until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run a recorded flight again; exit 1 if its zones are not those of the flight."""
+    _log(verbose)
+    from companion.replay import command
+
+    with _progress(as_json) as step:
+        summary = command.run(file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0))
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        title = f"{summary['windows']} windows, {summary['identical']} as in flight"
+        _out().print(_zone_table(summary["zones"], title))
+    if summary["different"] and not setting and start == 0:
+        sys.exit(1)
 
 
 @app.command()

@@ -11,7 +11,7 @@ from typing import Any
 from companion.clock import now_ns
 from companion.errors import CompanionError, UsageError
 from companion.sensors.livox import LivoxDecoder
-from companion.sensors.stream import OnReturns, PacketStream
+from companion.sensors.stream import Decoder, OnReturns, PacketStream
 from params import Parameters
 
 BATCH_S = 0.01
@@ -40,8 +40,21 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLi
     host, _, port = address.rpartition(":")
     if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
-    stream = PacketStream(LivoxDecoder(), parameters, on_returns)
+    stream = PacketStream(decoder_for(kind), parameters, on_returns)
     return UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
+
+
+def decoder_for(kind: str) -> Decoder:
+    """Return the decoder of a kind of sensor, as in its URL.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    if kind != "livox":
+        raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
+    return LivoxDecoder()
 
 
 class UdpLidar(asyncio.DatagramProtocol):
