@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.arducopter import Field
+from tests.e2e.arducopter import ArduCopterField
 
 pytestmark = [pytest.mark.arducopter, pytest.mark.realtime, pytest.mark.timeout(900)]
 
@@ -24,12 +24,10 @@ def binary(request: pytest.FixtureRequest) -> Path:
 
 
 def test_it_lands_where_it_chose_on_safe_ground(binary: Path, tmp_path: Path) -> None:
-    with Field(binary, tmp_path, scene="stadium", seed=1) as field:
+    with ArduCopterField(binary, tmp_path, scene="stadium", seed=1) as field:
         field.run_companion("survey_s=15", "zone_m=200")
         field.pilot.take_off(HEIGHT_M)
-        field.pilot.until(lambda: field.pilot.mode == "LAND", 300, "LAND")
-        field.pilot.until(lambda: not field.pilot.armed, 120, "landing")
-        outcome = field.ended()
+        outcome = field.land()
     assert outcome.summary["landed"]
     assert outcome.safe
     assert outcome.error_m is not None
@@ -38,7 +36,7 @@ def test_it_lands_where_it_chose_on_safe_ground(binary: Path, tmp_path: Path) ->
 
 
 def test_a_lidar_silent_at_six_metres_makes_it_climb_and_call_the_pilot(binary: Path, tmp_path: Path) -> None:
-    with Field(binary, tmp_path, scene="stadium", seed=1) as field:
+    with ArduCopterField(binary, tmp_path, scene="stadium", seed=1) as field:
         pilot = field.pilot
         field.run_companion("survey_s=15", "zone_m=200")
         pilot.take_off(HEIGHT_M)
