@@ -77,7 +77,7 @@ class ArduCopterPilot(Pilot):
 class ArduCopterField(Field):
     """A flight with ArduCopter; the pilot, the LiDAR and the companion each have a port of it."""
 
-    landing_mode = "LAND"
+    landing_mode, guided_mode = "LAND", "GUIDED"
 
     def autopilot_words(self) -> list[str]:
         (self.folder / "frame.parm").write_text(FRAME, "utf-8")

@@ -179,7 +179,8 @@ class Field(ABC):
     """
 
     landing_mode: str
-    """Name of the mode that lands on the target."""
+    guided_mode: str
+    """Names of the mode that lands on the target, and of the one that obeys the companion."""
 
     def __init__(self, binary: Path, folder: Path, *, scene: str, seed: int, instance: int = 0) -> None:
         self.folder, self.scene, self.seed = folder, scene, seed

@@ -107,7 +107,7 @@ class Px4Pilot(Pilot):
 class Px4Field(Field):
     """A flight with PX4; the binary is `bin/px4` of a build folder, beside which its `etc` lies."""
 
-    landing_mode = "AUTO.PRECLAND"
+    landing_mode, guided_mode = "AUTO.PRECLAND", "OFFBOARD"
 
     def autopilot_words(self) -> list[str]:
         etc = self.binary.parent.parent / "etc"

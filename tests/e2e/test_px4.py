@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 import pytest
 
+from tests.e2e.autopilot_flights import HEIGHT_M, climbs_without_lidar, lands_where_it_chose
 from tests.e2e.field import HOME
 from tests.e2e.px4 import SIH_NOISE, Px4Field
 
 pytestmark = [pytest.mark.px4, pytest.mark.realtime, pytest.mark.timeout(900)]
 
-HEIGHT_M = 25.0
 ERROR_M = 0.5
 SETTINGS = "survey_s=15", "zone_m=200", *SIH_NOISE
 
@@ -26,38 +25,12 @@ def binary(request: pytest.FixtureRequest) -> Path:
 
 
 def test_it_lands_where_it_chose_on_safe_ground(binary: Path, tmp_path: Path) -> None:
-    with Px4Field(binary, tmp_path, scene="stadium", seed=1) as field:
-        field.run_companion(*SETTINGS)
-        field.pilot.take_off(HEIGHT_M)
-        outcome = field.land()
-    assert outcome.summary["landed"]
-    assert outcome.safe
-    assert outcome.error_m is not None
-    assert outcome.error_m <= ERROR_M
-    assert not [text for text in outcome.said if "anding target" in text]
+    said = lands_where_it_chose(Px4Field(binary, tmp_path, scene="stadium", seed=1), ERROR_M, *SETTINGS)
+    assert not [text for text in said if "anding target" in text]
 
 
 def test_a_lidar_silent_at_six_metres_makes_it_climb_and_call_the_pilot(binary: Path, tmp_path: Path) -> None:
-    with Px4Field(binary, tmp_path, scene="stadium", seed=1) as field:
-        pilot = field.pilot
-        field.run_companion(*SETTINGS)
-        pilot.take_off(HEIGHT_M)
-        pilot.until(lambda: pilot.mode == "AUTO.PRECLAND" and pilot.height_m < 6.0, 400, "landing at 6 m")
-        field.lidar.send_signal(signal.SIGSTOP)
-        lowest_m = pilot.height_m
-
-        def climbs() -> bool:
-            nonlocal lowest_m
-            lowest_m = min(lowest_m, pilot.height_m)
-            return pilot.mode == "OFFBOARD" and pilot.height_m > 12.0
-
-        pilot.until(climbs, 60, "climb")
-        pilot.until(lambda: pilot.hears("take over"), 60, "call for the pilot")
-        field.lidar.send_signal(signal.SIGCONT)
-        assert pilot.armed
-        assert pilot.mode == "OFFBOARD"
-        assert lowest_m > 3.0
-        assert pilot.hears("LiDAR lost")
+    climbs_without_lidar(Px4Field(binary, tmp_path, scene="stadium", seed=1), *SETTINGS)
 
 
 def test_the_pilot_who_changes_the_mode_has_the_vehicle(binary: Path, tmp_path: Path) -> None:
