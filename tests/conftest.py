@@ -10,7 +10,10 @@ from hypothesis import settings
 settings.register_profile("fixed", derandomize=True)
 settings.load_profile("fixed")
 
-AUTOPILOTS = {"arducopter": "an ArduCopter SITL binary", "px4": "the build folder of a PX4 SITL"}
+AUTOPILOTS = {
+    "arducopter": "an ArduCopter SITL binary",
+    "px4": "the binary of a PX4 SITL (bin/px4 of its build folder)",
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
