@@ -9,8 +9,7 @@ from typing import Any, Protocol
 
 from companion.link.event import Event
 from companion.sensors.clock import SensorClock
-from companion.sensors.livox import RawReturns
-from companion.sensors.returns import Returns
+from companion.sensors.returns import RawReturns, Returns
 from params import Parameters
 
 log = logging.getLogger(__name__)
@@ -103,8 +102,7 @@ class PacketStream:
         raw = self._decoder.drain()
         if len(raw):
             self._rate.add(now_ns, len(raw))
-            stamps_ns = raw.stamp_ns + self._clock.offset_ns(int(raw.stamp_ns[-1]))
-            self._on_returns(Returns(raw.xyz_m, stamps_ns, raw.intensity))
+            self._on_returns(raw.later(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of packets and returns, and of what was dropped and why."""
