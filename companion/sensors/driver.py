@@ -12,6 +12,7 @@ from companion.clock import now_ns
 from companion.errors import CompanionError, UsageError
 from companion.sensors.livox import LivoxDecoder
 from companion.sensors.stream import Decoder, OnReturns, PacketStream
+from companion.sensors.velodyne import VelodyneDecoder
 from params import Parameters
 
 BATCH_S = 0.01
@@ -21,11 +22,14 @@ BIND_ERRORS = {
     errno.EADDRINUSE: "the port is in use",
     errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
 }
-EXAMPLE = "livox:HOST:PORT, such as livox:0.0.0.0:56301"
+EXAMPLE = "livox:HOST:PORT, such as livox:0.0.0.0:56301, or velodyne:HOST:PORT"
+DEFAULT_PORTS = {"livox": None, "velodyne": 2368}
 
 
 def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
+
+    A Velodyne's port may be left out for the maker's own.
 
     Raises
     ------
@@ -33,11 +37,12 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLi
         The URL is malformed or names a sensor that is not supported.
     """
     kind, _, address = url.partition(":")
-    if kind in ("velodyne", "ouster"):
-        raise UsageError(f"LiDAR {url!r}: {kind} is not supported yet: write {EXAMPLE}")
-    if kind != "livox":
+    if kind not in DEFAULT_PORTS:
         raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
-    host, _, port = address.rpartition(":")
+    default = DEFAULT_PORTS[kind]
+    host, colon, port = address.rpartition(":")
+    if default is not None and not (colon and port):
+        host, port = (host if colon else address), str(default)
     if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
     stream = PacketStream(decoder_for(kind), parameters, on_returns)
@@ -52,9 +57,12 @@ def decoder_for(kind: str) -> Decoder:
     UsageError
         There is none.
     """
-    if kind != "livox":
-        raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
-    return LivoxDecoder()
+    match kind:
+        case "livox":
+            return LivoxDecoder()
+        case "velodyne":
+            return VelodyneDecoder()
+    raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
 
 
 class UdpLidar(asyncio.DatagramProtocol):
@@ -114,7 +122,7 @@ class UdpLidar(asyncio.DatagramProtocol):
         except OSError as error:
             sock.close()
             why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
-            raise UsageError(f"LiDAR livox:{host}:{port}: {why}") from None
+            raise UsageError(f"LiDAR {self.stream.kind}:{host}:{port}: {why}") from None
         return sock
 
     def datagram_received(self, data: bytes, addr: Any) -> None:

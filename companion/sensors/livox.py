@@ -14,6 +14,7 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -52,6 +53,8 @@ class LivoxCounters:
 @dataclass(slots=True)
 class LivoxDecoder:
     """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
+
+    kind: ClassVar[str] = "livox"
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
     _packets: list[bytes] = field(default_factory=list)

@@ -70,6 +70,21 @@ class Returns:
         return len(self.stamp_ns)
 
 
+def nothing() -> RawReturns:
+    """Return no point at all."""
+    none = np.empty(0, np.uint8)
+    return RawReturns(np.empty((0, 3), np.float32), np.empty(0, np.int64), none, none, none, none)
+
+
+def join_raw(parts: Sequence[RawReturns]) -> RawReturns:
+    """Return all points of `parts`, at least one, in their order."""
+    if len(parts) == 1:
+        return parts[0]
+    return RawReturns(
+        *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(RawReturns))
+    )
+
+
 def join(parts: Sequence[Returns]) -> Returns:
     """Return all returns of `parts`, at least one, in their order."""
     if len(parts) == 1:
