@@ -76,7 +76,8 @@ class Replay:
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
         self._assembler = ScanAssembler(parameters, self.history, self._on_scan)
-        self._stream = PacketStream(decoder_for(header.lidar), parameters, self._assembler.add)
+        decoder = decoder_for(header.lidar, header.lidar_setup)
+        self._stream = PacketStream(decoder, parameters, self._assembler.add)
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._document = b""

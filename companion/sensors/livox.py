@@ -55,6 +55,7 @@ class LivoxDecoder:
     """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
 
     kind: ClassVar[str] = "livox"
+    setup: ClassVar[str] = ""
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
     _packets: list[bytes] = field(default_factory=list)

@@ -6,7 +6,7 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 from companion.link.event import Event
 from companion.sensors.clock import SensorClock
@@ -26,11 +26,16 @@ Batch = list[tuple[int, bytes]]  # arrival and packet
 class Decoder(Protocol):
     """What decodes a sensor's packets."""
 
-    kind: ClassVar[str]
-    """Kind of sensor, as in its URL."""
-
     counters: Any
     """Dataclass of what came, and what was dropped and why."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of sensor, as in its URL."""
+
+    @property
+    def setup(self) -> str:
+        """What beside its packets decodes them: the sensor's own description, or nothing."""
 
     def check(self, packet: bytes) -> int | None:
         """Return the sensor's time of a packet's last point (ns), or None, counted, for what is none."""
@@ -88,6 +93,11 @@ class PacketStream:
     def kind(self) -> str:
         """Kind of sensor, as in its URL."""
         return self._decoder.kind
+
+    @property
+    def setup(self) -> str:
+        """What beside its packets decodes them."""
+        return self._decoder.setup
 
     def __len__(self) -> int:
         """Return the number of packets that wait to be decoded."""

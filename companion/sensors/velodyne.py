@@ -65,6 +65,7 @@ class VelodyneDecoder:
     """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
 
     kind: ClassVar[str] = "velodyne"
+    setup: ClassVar[str] = ""
 
     counters: VelodyneCounters = field(default_factory=VelodyneCounters)
     _packets: list[bytes] = field(default_factory=list)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import random
 from collections.abc import Callable
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from companion.sensors.lookalike import lookalike
 from companion.sensors.returns import Returns
 from companion.sensors.stream import PacketStream
 from params import Parameters
+from tests.unit.companion.sensors import ouster_packets
 from tests.unit.companion.sensors.packets import imu_packet, points_packet
 from tests.unit.companion.sensors.velodyne_packets import DUAL, VLP32C, only, velodyne_packet
 
@@ -31,10 +33,23 @@ def velodyne(number: int, at_ns: int) -> bytes:
     return velodyne_packet(only(0, 0, 1000 + number), stamp_us=at_ns // 1000 % 3_600_000_000)
 
 
+def ouster(number: int, at_ns: int) -> bytes:
+    return ouster_packets.ouster_packet(
+        ouster_packets.only(0, 0, 1000 + number),
+        stamp_ns=at_ns,
+        column_ns=1,
+        frame=number // 32,
+        column=number % 32 * 16,
+    )
+
+
 Packet = Callable[[int, int], bytes]
 """Number and time on the sensor's clock -> a packet of one return, taken at that time."""
 SENSORS: dict[str, Packet] = {"livox": livox, "velodyne": velodyne}
-SLOW = settings(derandomize=True, max_examples=30, deadline=None)
+SETUPS = {"ouster": ouster_packets.metadata()}
+if find_spec("ouster") is not None:
+    SENSORS["ouster"] = ouster
+SLOW = settings(derandomize=True, max_examples=12, deadline=None)
 kinds = pytest.mark.parametrize("kind", SENSORS)
 
 
@@ -44,7 +59,7 @@ class Rig:
     def __init__(self, kind: str) -> None:
         self.packet = SENSORS[kind]
         self.batches: list[Returns] = []
-        self.stream = PacketStream(decoder_for(kind), Parameters(), self.batches.append)
+        self.stream = PacketStream(decoder_for(kind, SETUPS.get(kind, "")), Parameters(), self.batches.append)
 
     def send(self, number: int, at_ns: int, arrival_ns: int) -> None:
         self.stream.take(self.packet(number, at_ns), "sensor", arrival_ns)
