@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from sitl.livox_packets import DataType
-from sitl.mid360 import Clock, Mid360, Noise
+from sitl.mid360 import Mid360
 from sitl.mid360_pattern import angles_rad
 from sitl.mount import Mount
+from sitl.optics import Noise
 from sitl.primitives import Box, Ground, Kind
+from sitl.sensor_clock import Clock
 from sitl.world import World
 
 F64 = NDArray[np.float64]
