@@ -54,7 +54,7 @@ def describe_source(
         roughness=roughs / (float(SUM_UNIT) * n_own),
         boundary_cells=part.boundary_cells,
         corners_enu_m=corners(part.boundary_cells, terrain.heights, grid.west_m, grid.south_m, grid.cell_m),
-        obstacles=SourceObstacles(holes, own, terrain.heights, box, grid),
+        obstacles=SourceObstacles(holes, own, terrain.height_copies.of(box), box, grid),
         best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),
     )
 

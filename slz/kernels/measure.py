@@ -58,18 +58,21 @@ def corners(
     boundary: NDArray[np.int32], height: Map, west: float, south: float, cell: float
 ) -> NDArray[np.float64]:
     """Return (m, 3) east, north, height of the boundary cells that `without_collinear` keeps."""
-    n = len(boundary)
-    out, m = np.empty((n, 3)), 0
+    n, m = len(boundary), 0
+    kept = np.empty(n, np.int32)
     for i in range(n):
         before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
         r, c = boundary[i, 0], boundary[i, 1]
         r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
         flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
         turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0
-        if not flat or turns or n == 1:
-            out[m, 0], out[m, 1], out[m, 2] = west + (c + 0.5) * cell, south + (r + 0.5) * cell, height[r, c]
-            m += 1
-    return out[:m].copy()
+        kept[m] = i
+        m += not flat or turns or n == 1
+    out = np.empty((m, 3))
+    for k in range(m):
+        r, c = boundary[kept[k], 0], boundary[kept[k], 1]
+        out[k, 0], out[k, 1], out[k, 2] = west + (c + 0.5) * cell, south + (r + 0.5) * cell, height[r, c]
+    return out
 
 
 @kernel("int64(int32[:, :], uint8[:, :], int64, int64, int64)")

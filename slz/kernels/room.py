@@ -38,7 +38,7 @@ def _both(row: Word, other: Word) -> np.uint64:
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], UniTuple(int64, 4), int64, uint64[:, ::1])")
 def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
-    """Turn south-west corners of squares into those of squares larger by so many cells, no more than they are.
+    """Turn south-west corners of squares into those of squares larger by at most as many cells again.
 
     Nothing is read or written outside the span; that of what is left is returned, empty where nothing is.
     """
@@ -59,8 +59,10 @@ def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     return first, last, left, right
 
 
-@kernel("Tuple((int64, int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1], UniTuple(int64, 4)))(uint64[:, ::1],"
-        " int64)")  # fmt: skip
+@kernel(
+    "Tuple((int64, int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1], UniTuple(int64, 4)))"
+    "(uint64[:, ::1], int64)"
+)
 def _largest(corners: Bits, side: int) -> tuple[int, int, Bits, Span, Bits, Span]:
     """Return the side of the largest square, the greatest double of `side` with a square and its corners.
 
@@ -147,10 +149,10 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     if w < span[2] or w >= span[3]:
         return False
     mask = (ALL >> np.uint64(64 - side)) << np.uint64(col & 63)
+    some = NONE
     for r in range(max(row, span[0]), min(row + side, span[1])):
-        if cells[r, w] & mask != NONE:
-            return True
-    return False
+        some |= cells[r, w] & mask
+    return some != NONE
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")

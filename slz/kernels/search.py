@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.bits import NONE, Bits, lowest, signed
 from slz.kernels.content import component, fill
 from slz.kernels.jit import kernel
-from slz.kernels.tour import first_of, tour, westmost
+from slz.kernels.tour import extent, tour, westmost
 
 # Columns of the table of what was found.
 ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
@@ -81,12 +81,10 @@ def find(
                     if n > len(path):
                         path, edges = _longer(path, edges, 0)
                         continue
-                    first = first_of(path, n)
+                    r0, r1, c0, c1, first = extent(path, n)
                     if area > 0:
                         break
                     r, c = signed(path[first, 0]), signed(path[first, 1])
-                r0, r1 = path[:n, 0].min(), path[:n, 0].max() + 1
-                c0, c1 = path[:n, 1].min(), path[:n, 1].max() + 1
                 w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1
                 content = np.zeros((r1 - r0, w1 - w0), np.uint64)
                 n_cells = fill(path, edges, n, r0, w0, content)
