@@ -14,6 +14,8 @@ from scipy import ndimage
 from params import Parameters
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box
+from slz.kernels.bits import packed
+from slz.kernels.room import farthest
 from slz.maps import SAFE, UNSAFE
 from slz.search import Candidate
 from slz.source_terrain import SourceTerrain
@@ -69,8 +71,8 @@ def best_point(
     the nearest to the vehicle is taken.
     """
     grid, box = terrain.grid, candidate.box
-    distance = ndimage.distance_transform_edt(np.pad(candidate.component, 1))[1:-1, 1:-1]
-    widest = np.argwhere(distance >= float(distance.max()) - 0.5)
+    found = farthest(packed(candidate.component), candidate.square_side)
+    widest, distance = found[:, :2], np.sqrt(found[:, 2])
     rows, cols = widest[:, 0], widest[:, 1]
     slope = np.nan_to_num(terrain.layer("slope_deg", box)[rows, cols], nan=90.0)
     sure = terrain.layer("certainty", box)[rows, cols]
@@ -82,7 +84,7 @@ def best_point(
     enu_m = np.array([*centres[first], ground_m(terrain, cell)])
     return LandingPoint(
         enu_m=enu_m,
-        clearance_m=(float(distance[rows[first], cols[first]]) - 0.5) * grid.cell_m,
+        clearance_m=(float(distance[first]) - 0.5) * grid.cell_m,
         square_side_m=candidate.square_side * grid.cell_m,
         slope_deg=float(slope[first]),
         certainty=float(sure[first]),

@@ -209,6 +209,24 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, inner: int, most2
     return blocks[order]
 
 
+@kernel("int64(int64)")
+def _half(side: int) -> int:
+    """Return half of the square, less its middle, about the middle of any circle as wide as a larger square."""
+    return max(0, int(np.ceil(((side - 1) // 2 + 0.5) / np.sqrt(2.0) - 1)))
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64)")
+def _among(part: Bits, cells: Bits, span: Span, of: int, side: int) -> NDArray[np.int64]:
+    """Return the cells farthest from the outside, from the south-west corners of squares of a smaller side."""
+    half = _half(side)
+    wanted = 2 * half + 1
+    while of < wanted:
+        step, larger = min(of, wanted - of), np.empty_like(part)
+        span = _larger(cells, span, step, larger)
+        cells, of = larger, of + step
+    return _farthest(part, cells, span, half, (side - 1) // 2, 2 * (side + 2) * (side + 2))
+
+
 @kernel("Tuple((int64, int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
 def room(part: Bits, corners: Bits, least: int) -> tuple[int, NDArray[np.int64]]:
     """Return the side of a part's largest square, and its cells farthest from the outside.
@@ -227,18 +245,18 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, NDArray[np.int64]]
     the greatest by at most half a cell, in the order of rows and columns.
     """
     side, double, cells, span, before, before_span = _largest(corners, least)
-    inner = (side - 1) // 2
-    half = max(0, int(np.ceil((inner + 0.5) / np.sqrt(2.0) - 1)))
-    wanted = 2 * half + 1
+    wanted = 2 * _half(side) + 1
     if double > wanted:
         cells, span, double = before, before_span, double >> 1
     if double > wanted or double < least:
         cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
-    while double < wanted:
-        step, larger = min(double, wanted - double), np.empty_like(part)
-        span = _larger(cells, span, step, larger)
-        cells, double = larger, double + step
-    return side, _farthest(part, cells, span, half, inner, 2 * (side + 2) * (side + 2))
+    return side, _among(part, cells, span, double, side)
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], int64)")
+def farthest(part: Bits, side: int) -> NDArray[np.int64]:
+    """Return the second of what `room` does, of a part whose largest square has a side."""
+    return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, side)
 
 
 @kernel("int64(int64[:, ::1], float32[:, ::1], int64, int64, float64, float64, float64, float64, float64)")
