@@ -269,7 +269,7 @@ def _pieces(box: Box) -> Iterator[tuple[Key, tuple[slice, slice], tuple[slice, s
 
 
 def _common(tile: int, first: int, stop: int) -> tuple[slice, slice]:
-    """Return the rows, or columns, from one to another that a tile holds, counted within it and from the first."""
+    """Return the rows, or columns, of a tile from one to another, counted in it and from the first."""
     start = tile * TILE
     low, high = max(first, start), min(stop, start + TILE)
     return slice(low - start, high - start), slice(low - first, high - first)

@@ -282,7 +282,7 @@ def _solve(
 
 @kernel("void(float32[::1], float64[::1], float64[::1], int64, float64, float64[::1])")
 def _lowest(values: Row, tilt: Reals, east: Reals, right: int, cell_m: float, low: Reals) -> None:
-    """Lower what is lowest about planes to what lies so many cells to the right; a tilt of NaN changes nothing."""
+    """Lower what is lowest about planes to what lies so many cells to the right; no tilt, no change."""
     for c in range(np.uint64(len(low))):
         over = values[c] - (tilt[c] + east[c] * right * cell_m)
         low[c] = over if over < low[c] else low[c]
@@ -313,7 +313,7 @@ def _reliefs(
     most: float,
     out: NDArray[np.float64],
 ) -> None:
-    """Leave the lowest and highest of the footprints of a row's cells about their planes, and of the inner cells.
+    """Leave the lowest and highest of a row's footprints about their planes, and of their inner cells.
 
     Of a footprint whose inner relief exceeds `most` the rows that follow are passed over.
     """

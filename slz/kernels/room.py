@@ -152,7 +152,7 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     some = NONE
     for r in range(max(row, span[0]), min(row + side, span[1])):
         some |= cells[r, w] & mask
-    return some != NONE
+    return bool(some != NONE)
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
@@ -211,13 +211,13 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, inner: int, most2
 
 @kernel("int64(int64)")
 def _half(side: int) -> int:
-    """Return half of the square, less its middle, about the middle of any circle as wide as a larger square."""
+    """Return how far a square reaches that fits about any circle's middle as wide as a larger square."""
     return max(0, int(np.ceil(((side - 1) // 2 + 0.5) / np.sqrt(2.0) - 1)))
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64)")
 def _among(part: Bits, cells: Bits, span: Span, of: int, side: int) -> NDArray[np.int64]:
-    """Return the cells farthest from the outside, from the south-west corners of squares of a smaller side."""
+    """Return the cells farthest from the outside, from the corners of squares of a smaller side."""
     half = _half(side)
     wanted = 2 * half + 1
     while of < wanted:

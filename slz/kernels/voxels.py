@@ -45,7 +45,9 @@ def _within(keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, l
 
 
 @kernel("UniTuple(int64, 2)(float64[:], float64[:], float64, int64)")
-def _need(point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int) -> tuple[int, int]:
+def _need(
+    point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int
+) -> tuple[int, int]:
     """Return how many points a return must lie with, and how many layers up and down these are sought."""
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
     near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
@@ -190,7 +192,7 @@ def _by_columns(
                 if surface[v] < 0:
                     surface[v] = _around(starts, layers, counts, column, deep, z + FINE + 1, z + COARSE)
                 if surface[v] >= SURFACE:
-                    company = 0  # alone on its level, close below a surface
+                    company = np.int64(0)  # alone on its level, close below a surface
         keep[i] = company >= need
     return keep
 
