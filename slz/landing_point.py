@@ -247,8 +247,10 @@ def horizon_towards(
         return float("nan")
     box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
     half_m = parameters.footprint_m / 2
-    view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m)
-    east, north = sensor_enu_m[:2] - enu_m[:2]
+    east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
+    way = math.hypot(east, north)
+    towards = (east / way, north / way) if way > 0 else (0.0, 0.0)
+    view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m, towards)
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
     ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]
     return float(np.nanmax(ahead)) if np.isfinite(ahead).any() else float("nan")
