@@ -1,4 +1,4 @@
-"""Budgets of time and memory: `pytest -m bench -s tests/bench/test_budgets.py`, pinned to a core with taskset.
+"""Budgets of time and memory: `taskset -c 1 pytest -m bench -s tests/bench/test_budgets.py`.
 
 Times are of the processor, not of the wall, and the best of several runs where one figure is asked for, so
 that other programs count little. Every figure is printed beside its budget.
