@@ -41,15 +41,19 @@ def measure(
             n_unknown += popcount(inside & ~known[r, w])
             own = part[i, j]
             n_part += popcount(own)
-            if own == safe[r, w]:
+            if own == NONE:
+                continue
+            rest, sign = safe[r, w] & ~own, -1
+            if popcount(rest) > popcount(own):  # few of the word's are in the part: they, not the others
+                rest, sign = own, 1
+            else:
                 slopes += blocks[r, w, 0]
                 roughs += blocks[r, w, 1]
-                continue
-            while own != NONE:
-                c = 64 * w + signed(lowest(own))
-                slopes += signed(slope[r, c] * SUM_UNIT + HALF)
-                roughs += signed(rough[r, c] * SUM_UNIT + HALF)
-                own &= own - ONE
+            while rest != NONE:
+                c = 64 * w + signed(lowest(rest))
+                slopes += sign * signed(slope[r, c] * SUM_UNIT + HALF)
+                roughs += sign * signed(rough[r, c] * SUM_UNIT + HALF)
+                rest &= rest - ONE
     return signed(n_safe), signed(n_unknown), signed(n_part), slopes, roughs
 
 
