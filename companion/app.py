@@ -8,6 +8,7 @@ import logging
 from collections import deque
 from collections.abc import Coroutine
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
+from companion.recorder.recorder import Recorder
 from companion.sensors.driver import open_lidar
 from companion.services import Services
 from companion.settings import Settings
@@ -61,11 +63,13 @@ class Companion:
         Signs the MAVLink link.
     state
         Where to remember what is set in flight; None forgets it.
+    record
+        File to record the flight in.
 
     Raises
     ------
     UsageError
-        A URL is wrong or its port is in use.
+        A URL is wrong or its port is in use, or the recording cannot be made.
     """
 
     def __init__(
@@ -77,8 +81,12 @@ class Companion:
         auto: bool,
         signing: Signing | None = None,
         state: StateDir | None = None,
+        record: Path | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
+        self.recorder: Recorder | None = None
+        self._record_into = record
+        self._sensor = lidar_url.partition(":")[0]
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
         operator = Operator(self)
@@ -110,10 +118,20 @@ class Companion:
         self._flown = False
         self._epoch = self.history.epoch
 
+    def _record(self, path: Path) -> None:
+        recorder = self.recorder = Recorder(path, self._sensor, self.settings.running)
+        self.link.on_frame.subscribe(recorder.frame_in)
+        self.link.on_sent.subscribe(recorder.frame_out)
+        self.link.on_time_asked.subscribe(recorder.time_asked)
+        self.lidar.stream.batches.subscribe(recorder.packets)
+        self.worker.on_window.subscribe(recorder.window)
+
     # ---- life -----------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
+        if self._record_into is not None:
+            self._record(self._record_into)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
         try:
@@ -134,6 +152,8 @@ class Companion:
         finally:
             gc.unfreeze()
             self.maps = self.worker.close()
+            if self.recorder is not None:
+                self.recorder.close()
             self.summary = self._summary()
 
     def stop(self) -> None:
@@ -177,9 +197,12 @@ class Companion:
             self.report = self._last_report_ns = None
             return
         self._last_scan_ns = now_ns()
+        pose = None if self.recorder is None else self.history.latest(self._last_scan_ns)
+        if self.recorder is not None and pose is not None:
+            self.recorder.pose(pose, scan.frame)
         self.obstacles.add(scan)
         if self.executive.mapping and not self._stands_after_flight():
-            self.worker.offer(scan)
+            self.worker.offer(scan, self.assembler.scans)
 
     def _stands_after_flight(self) -> bool:
         """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""
@@ -189,6 +212,8 @@ class Companion:
 
     def _on_report(self, report: Report) -> None:
         self.report = report
+        if self.recorder is not None:
+            self.recorder.report(report)
         self.streams.take(report)
         self._last_report_ns = now_ns()
         for zone in report.zones:
@@ -237,7 +262,7 @@ class Companion:
         return self._last_scan_ns is not None and now - self._last_scan_ns < limit
 
     def _report_is_fresh(self, now: int) -> bool:
-        limit = (2 * self.parameters.window_s + 1.0) * 1e9
+        limit = (self.worker.window_s + self.parameters.window_s + 1.0) * 1e9
         return self._last_report_ns is not None and now - self._last_report_ns < limit
 
     def _fresh_report(self) -> Report | None:
@@ -367,6 +392,7 @@ class Companion:
             "link": asdict(self.link.statistics()),
             "lidar": self.lidar.statistics(),
             "fusion": self.assembler.statistics(),
+            "recording": None if self.recorder is None else self.recorder.statistics(),
         }
 
     def _found(self) -> dict[str, Any]:

@@ -151,6 +151,7 @@ def run(
     state_dir: Annotated[
         Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")
     ] = None,
+    record: Annotated[Path | None, typer.Option(help="Record the flight: FILE.mcap.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -164,9 +165,53 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
-    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key)
+    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record)
     if as_json:
         print(json.dumps(summary))
+
+
+@app.command()
+def replay(
+    file: Annotated[Path, typer.Argument(help="Recording of slz run --record.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the maps at the end.")] = None,
+    speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
+    start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
+    until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run a recorded flight again; exit 1 if its zones are not those of the flight."""
+    _log(verbose)
+    from companion.replay import command
+
+    with _progress(as_json) as step:
+        summary = command.run(file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0))
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        title = f"{summary['windows']} windows, {summary['identical']} as in flight"
+        _out().print(_zone_table(summary["zones"], title))
+    if summary["different"] and not setting and start == 0:
+        sys.exit(1)
+
+
+@app.command()
+def calibrate(
+    file: Annotated[Path, typer.Argument(help="Recording of slz run --record.")],
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Find the LiDAR's boresight and time offset from a recorded flight over ground seen several times."""
+    _log(verbose)
+    from companion.calibrate import command
+
+    summary = command.run(file, setting)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        _out().print(_calibration_table(summary))
 
 
 @app.command()
@@ -325,6 +370,17 @@ class _progress:  # noqa: N801 - a context manager used as a function
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
+
+
+def _calibration_table(found: dict[str, Any]) -> Table:
+    title = f"returns agree to {found['after_m'] * 100:.1f} cm, before {found['before_m'] * 100:.1f} cm"
+    table = Table("", "correction", "standard error", title=title)
+    for name, value in found["correction"].items():
+        error = found["standard_error"][name]
+        table.add_row(name, *(("not shown", "") if value is None else (f"{value:+.3f}", f"{error:.3f}")))
+    for name, value in found["parameters"].items():
+        table.add_row(f"--set {name}={value:g}", "", "")
+    return table
 
 
 def _zone_table(zones: list[dict[str, Any]], title: str) -> Table:

@@ -29,6 +29,7 @@ def run(
     out: Path | None,
     state: StateDir,
     key_file: Path | None = None,
+    record: Path | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -45,7 +46,9 @@ def run(
     signing = None if key_file is None else start_signing(key_file, state)
 
     async def fly() -> dict[str, Any]:
-        companion = Companion(mavlink_url, lidar_url, parameters, auto=auto, signing=signing, state=state)
+        companion = Companion(
+            mavlink_url, lidar_url, parameters, auto=auto, signing=signing, state=state, record=record
+        )
         return await _run(companion, out)
 
     return asyncio.run(fly())

@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.link.event import Event
+from companion.window_event import WindowEvent, runs
 from params import Parameters
 from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
 from slz.warm_up import warm_up
@@ -24,15 +26,23 @@ class PipelineWorker:
 
     A window that comes while another is computed waits; a third replaces the waiting one, and its points are
     counted as dropped. An exception in the pipeline makes `invalid` true until a window succeeds again.
+
+    Attributes
+    ----------
+    on_window
+        Event of a window that the pipeline takes now.
     """
 
     def __init__(self, parameters: Parameters, on_report: Callable[[Report], None]) -> None:
         self._parameters = parameters
         self._on_report = on_report
+        self._numbers: list[int] = []
         self._windower = Windower(parameters.window_s)
         self._pipeline = Pipeline(parameters)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
-        self._waiting: tuple[Window, float] | None = None
+        self._waiting: tuple[Window, list[int], float] | None = None
+        self._windows = 0
+        self.on_window: Event[[WindowEvent, Window]] = Event()
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
         self._forget = False
@@ -45,21 +55,28 @@ class PipelineWorker:
         """Load or compile all kernels; call it before the heartbeat says ready."""
         await asyncio.get_running_loop().run_in_executor(self._thread, warm_up, self._parameters)
 
-    def offer(self, scan: Scan) -> None:
-        """Take a scan; never blocks."""
+    def offer(self, scan: Scan, number: int = 0) -> None:
+        """Take a scan, by its number among all; never blocks."""
         window = self._windower.add(scan)
+        numbers, self._numbers = self._numbers, [number] if window is not None else [*self._numbers, number]
         if window is None:
             return
         if self._waiting is not None:
             self.dropped_windows += 1
-        self._waiting = (window, time.perf_counter())
+        self._waiting = (window, numbers, time.perf_counter())
         self._wake.set()
 
     def restart(self) -> None:
         """Forget the map: the position estimate was moved, and what was mapped lies elsewhere now."""
         self._forget = True
         self._waiting = None
+        self._numbers = []
         self._windower = Windower(self._parameters.window_s)
+
+    @property
+    def window_s(self) -> float:
+        """Span of the window that is being gathered: the pipeline adapts it."""
+        return self._windower.window_s
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Put a landing point under watch from the next window on."""
@@ -73,10 +90,14 @@ class PipelineWorker:
             self._wake.clear()
             if self._waiting is None:
                 continue
-            (window, arrived), self._waiting = self._waiting, None
+            (window, numbers, arrived), self._waiting = self._waiting, None
             selects, self._select = self._select, []
+            anew, self._forget = self._forget, False
+            points = tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in selects)
+            self.on_window.emit(WindowEvent(self._windows, runs(numbers), points, anew), window)
+            self._windows += 1
             try:
-                report = await loop.run_in_executor(self._thread, self._process, window, selects)
+                report = await loop.run_in_executor(self._thread, self._process, window, selects, anew)
             except Exception:
                 self.invalid = True
                 log.exception("the pipeline failed on a window; its last answer is withdrawn")
@@ -89,9 +110,8 @@ class PipelineWorker:
             self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
             self._on_report(report)
 
-    def _process(self, window: Window, selects: list[NDArray[np.float64] | None]) -> Report:
-        if self._forget:
-            self._forget = False
+    def _process(self, window: Window, selects: list[NDArray[np.float64] | None], anew: bool) -> Report:
+        if anew:
             self._pipeline = Pipeline(self._parameters)
         for point in selects:
             self._pipeline.select(point)

@@ -260,6 +260,12 @@ class Parameters(BaseModel):
         float, _in(1, 50), Spec("SLZ_OBST_HZ", "Hz", OURS, "Rate of OBSTACLE_DISTANCE.", live=True)
     ] = 12.0
 
+    record_mb: Annotated[
+        float,
+        _in(1, 1_000_000),
+        Spec("SLZ_REC_MB", "MiB", OURS, "A recording grows to this size at most."),
+    ] = 16384.0
+
     # ---- rally points ---------------------------------------------------------------------------
     rally: Annotated[
         Literal["off", "on"],

@@ -14,7 +14,7 @@ from companion.doctor.machine_check import machine_findings
 from companion.doctor.parameter_check import ParameterReader, parameter_findings
 from companion.link.link import Link
 from companion.link.streams import wanted
-from companion.sensors.driver import LivoxDriver, open_lidar
+from companion.sensors.driver import UdpLidar, open_lidar
 from params import Parameters, required
 
 log = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class Examination:
         streams = wanted(link.vehicle.autopilot, self.parameters.pose_rate_hz)
         return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
 
-    def _lidar(self, lidar: LivoxDriver, seconds: float) -> list[Finding]:
+    def _lidar(self, lidar: UdpLidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()
         return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
 

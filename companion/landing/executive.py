@@ -35,6 +35,7 @@ LOST_NS = 10 * SECOND  # without LiDAR or position before the pilot is called
 TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 STUCK_NS = 60 * SECOND  # longer than the way should take
+LANDING_MS = 0.5  # the slowest that autopilots sink at the end of a landing
 RECHARGED_PCT = 10.0
 
 STOPPED = np.zeros(3)
@@ -308,7 +309,7 @@ class Executive:
         self._say(Severity.INFO, f"approaching {where}")
         self._go(Phase.APPROACH, s)
         way_m = float(np.hypot(*(self._point[:2] - _known(s.position_enu_m)[:2])))
-        self._late_ns = s.now_ns + round(2e9 * way_m / self._p.approach_speed_ms) + STUCK_NS
+        self._late_ns = _late_ns(s, way_m / self._p.approach_speed_ms)
         return Orders(velocity_enu_ms=STOPPED)
 
     def _approach(self, s: Situation) -> Orders:
@@ -329,7 +330,7 @@ class Executive:
         elif s.now_ns - self._safe_since_ns > STEADY_NS:
             self._say(Severity.INFO, "descending")
             self._go(Phase.DESCEND, s)
-            self._late_ns = s.now_ns + STUCK_NS + round(2e9 * self._height_left_m / self._p.descent_speed_ms)
+            self._late_ns = _late_ns(s, self._height_left_m / self._p.descent_speed_ms)
         if over and judged is PointState.UNKNOWN and s.now_ns - self._since_ns > UNSEEN_NS:
             return self._break_off(s, "point not seen")
         if self._way(s) is Way.TOO_HIGH:
@@ -350,6 +351,7 @@ class Executive:
         if self._height_left_m <= self._p.final_height_m and steady and distance < 0.7:
             self._say(Severity.INFO, "final: LAND")
             self._go(Phase.FINAL, s)
+            self._late_ns = _late_ns(s, self._height_left_m / LANDING_MS)
             return Orders(mode="land", target_enu_m=self._target(s))
         floor = self._p.final_height_m - 1.0 - self._height_left_m
         sink = level(min(0.0, floor), self._p.descent_speed_ms) if distance < 1.5 else 0.0
@@ -358,10 +360,13 @@ class Executive:
 
     def _final(self, s: Situation) -> Orders:
         """Watch the autopilot land; break off when the point turns unsafe, as long as it can be seen."""
+        late = s.now_ns > self._late_ns
         if not self._committed:
-            reason = self._why_not(s)
+            reason = self._why_not(s) or ("does not land" if late else None)
             if reason:
                 return self._break_off(s, reason)
+        elif late:
+            self._call("not landing", s)
         slow = s.guided and s.now_ns - self._since_ns > SECOND
         if slow:  # refused, or lost on the way: what it was told last must not lead it on
             return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=self._target(s))
@@ -378,9 +383,12 @@ class Executive:
         if s.lidar_ok or self._lost == "position":
             self._lost_since_ns = None
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
+        left_m = self._route.height_m - float(position[2])
+        if left_m > 1.0 and s.now_ns > self._late_ns:
+            self._call("not climbing", s)
         if not s.guided:
             return Orders(mode="guided", velocity_enu_ms=up)
-        if self._route.height_m - float(position[2]) > 1.0:
+        if left_m > 1.0:
             return Orders(velocity_enu_ms=up)
         if self.phase is Phase.HOLD:
             return Orders(velocity_enu_ms=STOPPED)
@@ -432,6 +440,11 @@ class Executive:
         if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
             self._pending_select = self.tally.chosen_enu_m = self._point
         self._say(Severity.WARNING, "position jumped")
+
+    def _call(self, trouble: str, s: Situation) -> None:
+        """Call the pilot about a vehicle that does not do as told, again and again; go on asking it."""
+        self._say(Severity.CRITICAL, f"{trouble}: take over")
+        self._late_ns = s.now_ns + STUCK_NS
 
     def _waits_for(self, what: str, s: Situation) -> None:
         self._safe_since_ns = None
@@ -513,6 +526,9 @@ class Executive:
             self._refused.append(self._point)
         landing = self.phase is Phase.FINAL
         self._go(Phase.HOLD if hold else Phase.CLIMB, s)
+        if s.position_enu_m is not None:
+            left_m = max(0.0, self._route.height_m - float(s.position_enu_m[2]))
+            self._late_ns = _late_ns(s, left_m / self._p.climb_speed_ms)
         if landing:
             return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
         return Orders(velocity_enu_ms=STOPPED)
@@ -534,6 +550,11 @@ def _not_flying(s: Situation) -> Reply | None:
     if not s.armed or s.on_ground is True:
         return Reply(False, "not flying")
     return None
+
+
+def _late_ns(s: Situation, expected_s: float) -> int:
+    """Return when something that should take so long has gone wrong."""
+    return s.now_ns + STUCK_NS + round(2e9 * expected_s)
 
 
 def _same_place(a: Vector, b: Vector) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from companion.clock import now_ns
 from companion.landing.operator import ABORT, CONFIRM, LAND_AT_BEST, LAND_NOW, SELECT, Operator
 from companion.settings import Change
@@ -74,7 +76,7 @@ class OrderParameters:
             return Change(False, f"{row.mavlink}: must be 0 to {row.high:g}")
         at_ns, last = now_ns(), self._last
         if last is not None and last[:2] == (name, value) and at_ns - last[2] < REPEAT_NS:
-            return Change(last[3].accepted, "")
+            return replace(last[3], reason="") if last[3].accepted else last[3]  # a refusal is told again
         what, which = (SELECT, value) if name == "select" else (ORDERS[value], 0)
         reply = self._operator.order(what, which)
         change = Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")

@@ -63,6 +63,9 @@ class Link:
         Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
     on_position
         Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
+    on_frame, on_sent, on_time_asked
+        Events of the wire, for recordings: (message, now_ns) before it is taken; (frame); (now_ns) of each
+        request for the autopilot's time.
 
     Raises
     ------
@@ -90,6 +93,9 @@ class Link:
         self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
         self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
         self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
+        self.on_frame: Event[[Any, int]] = Event()
+        self.on_sent: Event[[bytes]] = Event()
+        self.on_time_asked: Event[[int]] = Event()
         self._inbox.outgoing.subscribe(self.send)
         self._inbox.reason.subscribe(self._tell_reason)
         self._inbox.acknowledged.subscribe(self._commander.acknowledge)
@@ -176,7 +182,9 @@ class Link:
 
     def send(self, message: Any) -> None:
         """Send a message as this component; dropped and counted while no channel is open."""
-        self._transport.write(self._codec.encode(message))
+        frame = self._codec.encode(message)
+        self._transport.write(frame)
+        self.on_sent.emit(frame)
 
     async def command(
         self,
@@ -284,6 +292,7 @@ class Link:
                 self._failure.set_exception(error)
 
     def _take(self, message: Any, at_ns: int) -> None:
+        self.on_frame.emit(message, at_ns)
         name = message.get_type()
         from_vehicle = self._inbox.take(message, at_ns)
         if from_vehicle:
@@ -307,6 +316,7 @@ class Link:
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
                 self._set_connected(False)
             if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
+                self.on_time_asked.emit(at_ns)
                 self.send(mavlink.MAVLink_timesync_message(0, stamp))
             await asyncio.sleep(TICK_S)
 

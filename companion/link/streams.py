@@ -35,14 +35,13 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         Stream("ATTITUDE_QUATERNION", mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
         Stream("GLOBAL_POSITION_INT", mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, pose_rate_hz),
         Stream("EXTENDED_SYS_STATE", mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-        Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1.0),
+        Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 5.0),  # which tells the mode
         Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
         Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
         Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]
     if autopilot == "px4":  # its landing target is taken in its local frame
         streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        streams.append(Stream("GPS_GLOBAL_ORIGIN", mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0))
     return tuple(streams)
 
 

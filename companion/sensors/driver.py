@@ -5,31 +5,26 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import logging
 import socket
-from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 from companion.clock import now_ns
 from companion.errors import CompanionError, UsageError
-from companion.sensors.clock import SensorClock
 from companion.sensors.livox import LivoxDecoder
-from companion.sensors.returns import Returns
+from companion.sensors.stream import Decoder, OnReturns, PacketStream
 from params import Parameters
-
-log = logging.getLogger(__name__)
 
 BATCH_S = 0.01
 BATCH_PACKETS = 64
 RECEIVE_BUFFER = 8 << 20
-RATE_NS = 1_000_000_000
+BIND_ERRORS = {
+    errno.EADDRINUSE: "the port is in use",
+    errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
+}
 EXAMPLE = "livox:HOST:PORT, such as livox:0.0.0.0:56301"
 
-OnReturns = Callable[[Returns], None]
 
-
-def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> LivoxDriver:
+def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
 
     Raises
@@ -45,28 +40,46 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> Livox
     host, _, port = address.rpartition(":")
     if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
-    return LivoxDriver(host.strip("[]") or "0.0.0.0", int(port), parameters, on_returns)
+    stream = PacketStream(decoder_for(kind), parameters, on_returns)
+    return UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
 
 
-class LivoxDriver(asyncio.DatagramProtocol):
-    """Receives point packets on a UDP port and hands on their returns in batches of 10 ms.
+def decoder_for(kind: str) -> Decoder:
+    """Return the decoder of a kind of sensor, as in its URL.
 
-    It listens to one sensor: another host's packets are counted as foreign until the first has been silent
-    for `lidar_timeout_s`, for two sensors' clocks and counts would mix.
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    if kind != "livox":
+        raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
+    return LivoxDecoder()
+
+
+class UdpLidar(asyncio.DatagramProtocol):
+    """Receives packets on a UDP port, in batches of 10 ms.
+
+    Attributes
+    ----------
+    stream
+        What becomes of the packets.
     """
 
-    def __init__(self, host: str, port: int, parameters: Parameters, on_returns: OnReturns) -> None:
+    def __init__(self, host: str, port: int, stream: PacketStream) -> None:
         self._address = (host, port)
-        self._on_returns = on_returns
-        self._decoder = LivoxDecoder()
-        self._clock = SensorClock(round(parameters.lidar_delay_ms * 1e6))
         self._timer: asyncio.TimerHandle | None = None
         self._failure: asyncio.Future[None] | None = None
-        self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
-        self._host: str | None = None
-        self._foreign = 0
-        self._rate = _Rate()
-        self.last_arrival_ns: int | None = None
+        self.stream = stream
+
+    @property
+    def last_arrival_ns(self) -> int | None:
+        """Arrival of the newest sound packet, None before any."""
+        return self.stream.last_arrival_ns
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters of packets and returns, and of what was dropped and why."""
+        return self.stream.statistics()
 
     async def run(self) -> None:
         """Receive until cancelled.
@@ -100,27 +113,19 @@ class LivoxDriver(asyncio.DatagramProtocol):
             sock.bind(self._address)
         except OSError as error:
             sock.close()
-            why = "the port is in use" if error.errno == errno.EADDRINUSE else str(error.strerror or error)
+            why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
             raise UsageError(f"LiDAR livox:{host}:{port}: {why}") from None
         return sock
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Keep a packet for the next batch."""
-        stamp_ns = self._decoder.check(data)
-        if stamp_ns is None:
-            return
-        arrival_ns = now_ns()
-        if not self._is_ours(addr[0], arrival_ns):
-            self._foreign += 1
-            return
-        if self._clock.is_jump(stamp_ns, arrival_ns):
-            self._flush()  # the packets before have the clock of before
-        self._clock.observe(stamp_ns, arrival_ns)
-        self._decoder.take(data)
-        self.last_arrival_ns = arrival_ns
-        if len(self._decoder) >= BATCH_PACKETS:
+        try:
+            self.stream.take(data, addr[0], now_ns())
+        except Exception as error:
+            self._fail(error)
+        if len(self.stream) >= BATCH_PACKETS:
             self._flush()
-        elif self._timer is None:
+        elif self._timer is None and len(self.stream):
             self._timer = asyncio.get_running_loop().call_later(BATCH_S, self._flush)
 
     def error_received(self, exc: Exception) -> None:
@@ -131,53 +136,15 @@ class LivoxDriver(asyncio.DatagramProtocol):
         if exc is not None:
             self._fail(CompanionError(f"LiDAR socket {self._address[0]}:{self._address[1]} failed: {exc}"))
 
-    def _is_ours(self, host: str, arrival_ns: int) -> bool:
-        silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns
-        if host != self._host and silent:
-            log.info("LiDAR at %s", host)
-            self._host = host
-        return host == self._host
-
     def _flush(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         try:
-            raw = self._decoder.drain()
-            if len(raw):
-                self._rate.add(now_ns(), len(raw))
-                stamps_ns = raw.stamp_ns + self._clock.offset_ns(int(raw.stamp_ns[-1]))
-                self._on_returns(Returns(raw.xyz_m, stamps_ns, raw.intensity))
+            self.stream.flush(now_ns())
         except Exception as error:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
         if self._failure is not None and not self._failure.done():
             self._failure.set_exception(error)
-
-    def statistics(self) -> dict[str, int | float | None]:
-        """Return counters of packets and returns, and of what was dropped and why."""
-        return asdict(self._decoder.counters) | {
-            "foreign": self._foreign,
-            "clock_resets": self._clock.resets,
-            "last_arrival_ns": self.last_arrival_ns,
-            "rate_hz": self._rate.hz,
-        }
-
-
-class _Rate:
-    """Returns a second, over the last whole second in which any came."""
-
-    def __init__(self) -> None:
-        self.hz = 0.0
-        self._since_ns: int | None = None
-        self._count = 0
-
-    def add(self, now_ns: int, count: int) -> None:
-        if self._since_ns is None:
-            self._since_ns = now_ns
-        elapsed_ns = now_ns - self._since_ns
-        if elapsed_ns >= RATE_NS:
-            self.hz = self._count * 1e9 / elapsed_ns
-            self._since_ns, self._count = now_ns, 0
-        self._count += count

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ class Mission:
         seed: int = 1,
         auto: bool = True,
         height_m: float = 25.0,
+        record: Path | None = None,
         **settings: Any,
     ) -> None:
         self.mavlink_port, self.lidar_port = free_port(), free_port()
@@ -48,6 +50,7 @@ class Mission:
         self.parameters = params.build({"survey_s": 15.0, "zone_m": 200.0, **settings})
         self.loop = LockstepLoop(self.sim.advance)
         self.auto = auto
+        self.record = record
         self.companion = self.new_companion()
         self.task: asyncio.Task[None] | None = None
 
@@ -57,6 +60,7 @@ class Mission:
             f"livox:127.0.0.1:{self.lidar_port}",
             self.parameters,
             auto=self.auto,
+            record=self.record,
         )
 
     def fly(self, script: Callable[[Mission], Awaitable[None]]) -> Mission:

@@ -1,19 +1,24 @@
 """The main job, flown."""
 
 import asyncio
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.landing.situation import Phase
+from companion.replay import command as replay
 from sitl.intruder import Intruder
 from sitl.modes import Mode
 from tests.e2e.harness import Mission
 
 
 @pytest.mark.parametrize(("scene", "seed"), [("stadium", 1), ("stadium", 2), ("plain", 3)])
-def test_surveys_chooses_and_lands_on_safe_ground(scene: str, seed: int) -> None:
-    mission = Mission(scene, seed=seed)
+def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
+    scene: str, seed: int, tmp_path: Path
+) -> None:
+    recording = tmp_path / "flight.mcap"
+    mission = Mission(scene, seed=seed, record=recording)
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.LANDED)
@@ -22,6 +27,10 @@ def test_surveys_chooses_and_lands_on_safe_ground(scene: str, seed: int) -> None
     mission.fly(script)
     assert mission.touchdown_safe()
     assert mission.touchdown_error_m() <= 0.5
+    again = replay.run(recording, [], None, 0.0, (0.0, 1e9))
+    assert again["identical"] == again["windows"] == mission.companion.worker.reports > 20
+    assert (again["different"], again["lost_messages"], again["cut"]) == (0, 0, "")
+    assert again["zones"] == mission.companion.summary["zones"]
 
 
 def test_a_car_on_the_point_makes_it_land_elsewhere() -> None:

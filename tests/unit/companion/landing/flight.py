@@ -63,7 +63,7 @@ class Flight:
         self.state: Callable[[float, np.ndarray], PointState] = lambda _height, _point: PointState.SAFE
         self.lidar_ok = True
         self.armed = True
-        self.obeys = True
+        self.obeys = self.sinks = True
         self.connected = self.heard = True
         self.epoch = 0
         self.estimate_is_off_m = np.zeros(3)
@@ -124,7 +124,7 @@ class Flight:
             if self.blocked(self):
                 self.velocity = self.velocity * [0, 0, 1]
         elif self.mode == "LAND":
-            self.velocity = np.array([0.0, 0.0, -1.0])
+            self.velocity = np.array([0.0, 0.0, -1.0 if self.sinks else 0.0])
         elif self.mode not in ("GUIDED", "LAND"):
             self.velocity = np.zeros(3)
         self.position = self.position + self.velocity * STEP_S

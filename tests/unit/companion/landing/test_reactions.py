@@ -12,6 +12,36 @@ def commands(orders: Orders) -> bool:
     return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
 
 
+# ---- a vehicle that does not obey ------------------------------------------------------------------
+
+
+def test_a_landing_that_does_not_sink_is_broken_off() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.sinks = False
+    flight.until(lambda f: f.executive.phase is Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["does not land"]
+    assert flight.mode == "GUIDED"
+
+
+def test_a_landing_that_hangs_below_commit_height_calls_the_pilot() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 1.0)
+    flight.sinks = False
+    flight.run(150)
+    assert flight.executive.phase is Phase.FINAL
+    assert 1 <= sum("not landing: take over" in text for text in flight.texts) <= 3
+
+
+def test_a_vehicle_that_does_not_climb_calls_the_pilot_and_is_asked_on() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.state = lambda _height, _point: PointState.UNSAFE
+    flight.sinks = flight.obeys = False
+    flight.run(150)
+    assert flight.executive.phase is Phase.CLIMB
+    assert 1 <= sum("not climbing: take over" in text for text in flight.texts) <= 3
+    assert flight.orders[-1][3].mode == "guided"
+
+
 # ---- position ------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,120 @@
+"""Reads a recording in the order in which it was written, up to where it ends, however it ended."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
+from mcap.records import Channel, DataEnd, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+import params
+from companion.errors import UsageError
+from companion.recorder import journal
+from params import ParameterError, Parameters
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a recording says of itself: kind of sensor, parameters, time of day less the companion's clock."""
+
+    lidar: str
+    values: dict[str, Any]
+    clock_offset_ns: int
+
+    def parameters(self, settings: Iterable[str] = ()) -> Parameters:
+        """Return the flight's parameters, some replaced by `name=value`.
+
+        Raises
+        ------
+        ParameterError
+            A setting is wrong, or does not go with the others.
+        """
+        return params.load("quadcopter", settings, self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """One message that a replay needs, on the companion's clock."""
+
+    topic: str
+    at_ns: int
+    data: bytes
+
+
+class Recording:
+    """A file of `slz run --record`.
+
+    Attributes
+    ----------
+    header
+        What it says of itself.
+    cut
+        Why its end is missing, empty where it is whole; known once all messages were read.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, is no MCAP file, or not of this program.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.cut = ""
+        header = next((r for r in self._records() if isinstance(r, Header)), None)
+        if header is None:
+            raise UsageError(f"{path} is no recording of slz: it has no metadata '{journal.METADATA}'")
+        self.header = header
+
+    def messages(self) -> Iterator[Raw]:
+        """Return the messages that a replay needs, in the order of the flight."""
+        offset_ns = self.header.clock_offset_ns
+        for record in self._records():
+            if isinstance(record, Raw):
+                yield Raw(record.topic, record.at_ns - offset_ns, record.data)
+
+    def _records(self) -> Iterator[Raw | Header]:
+        try:
+            with self._path.open("rb") as file:
+                yield from self._read(file)
+        except OSError as error:
+            raise UsageError(f"{self._path} cannot be read: {error.strerror or error}") from None
+
+    def _read(self, file: BinaryIO) -> Iterator[Raw | Header]:
+        topics: dict[int, str] = {}
+        whole = False
+        try:
+            for record in StreamReader(file, validate_crcs=True).records:
+                if isinstance(record, Channel) and record.topic in journal.TOPICS:
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message) and record.channel_id in topics:
+                    yield Raw(topics[record.channel_id], record.log_time, record.data)
+                elif isinstance(record, Metadata) and record.name == journal.METADATA:
+                    yield self._header(record.metadata)
+                whole = whole or isinstance(record, DataEnd)
+        except InvalidMagic:
+            if not whole:
+                raise UsageError(f"{self._path} is no MCAP file") from None
+        except (EndOfFile, RecordLengthLimitExceeded):
+            self.cut = "" if whole else "it ends in the middle, as after a loss of power"
+        except (McapError, struct.error, ValueError, RuntimeError, EOFError, MemoryError) as error:
+            self.cut = "" if whole else f"it is damaged or cut off: {error}"
+
+    def _header(self, metadata: dict[str, str]) -> Header:
+        try:
+            version = int(metadata["version"])
+            values = json.loads(metadata["parameters"])
+            header = Header(metadata["lidar"], values, int(metadata["clock_offset_ns"]))
+            params.build(values)
+        except ParameterError as error:
+            raise UsageError(f"{self._path}: {error}") from None
+        except (KeyError, TypeError, ValueError) as error:
+            raise UsageError(f"{self._path}: its metadata cannot be read: {error!r}") from None
+        if version != journal.VERSION:
+            raise UsageError(f"{self._path} is of version {version}, this program reads {journal.VERSION}")
+        return header

@@ -1,0 +1,141 @@
+"""Packets of one LiDAR in, batches of returns on the companion's clock out; without I/O."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, Protocol
+
+from companion.link.event import Event
+from companion.sensors.clock import SensorClock
+from companion.sensors.livox import RawReturns
+from companion.sensors.returns import Returns
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+RATE_NS = 1_000_000_000
+
+OnReturns = Callable[[Returns], None]
+Batch = list[tuple[int, bytes]]  # arrival and packet
+
+
+class Decoder(Protocol):
+    """What decodes a sensor's packets."""
+
+    counters: Any
+    """Dataclass of what came, and what was dropped and why."""
+
+    def check(self, packet: bytes) -> int | None:
+        """Return the sensor's time of a packet's last point (ns), or None, counted, for what is none."""
+
+    def take(self, packet: bytes) -> None:
+        """Keep a packet that `check` found sound."""
+
+    def drain(self) -> RawReturns:
+        """Decode the packets kept."""
+
+    def __len__(self) -> int:
+        """Return the number of packets kept."""
+
+
+class PacketStream:
+    """Checks, dates and decodes packets.
+
+    It listens to one sensor: another host's packets are counted as foreign until the first has been silent
+    for `lidar_timeout_s`, for two sensors' clocks and counts would mix.
+
+    Parameters
+    ----------
+    decoder
+        Of this kind of sensor.
+    parameters
+        `lidar_delay_ms` and `lidar_timeout_s`.
+    on_returns
+        Called with every batch.
+
+    Attributes
+    ----------
+    batches
+        Event of the packets of a batch, before it is decoded.
+    last_arrival_ns
+        Of a sound packet; None before any.
+    """
+
+    def __init__(self, decoder: Decoder, parameters: Parameters, on_returns: OnReturns) -> None:
+        self._decoder = decoder
+        self._on_returns = on_returns
+        self._clock = SensorClock(round(parameters.lidar_delay_ms * 1e6))
+        self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
+        self._host: str | None = None
+        self._foreign = 0
+        self._kept: Batch = []
+        self._rate = _Rate()
+        self.batches: Event[[Batch]] = Event()
+        self.last_arrival_ns: int | None = None
+
+    def __len__(self) -> int:
+        """Return the number of packets that wait to be decoded."""
+        return len(self._decoder)
+
+    def take(self, packet: bytes, host: str, arrival_ns: int) -> None:
+        """Keep a packet for the next batch; what is none is counted and dropped."""
+        stamp_ns = self._decoder.check(packet)
+        if stamp_ns is None:
+            return
+        if not self._is_ours(host, arrival_ns):
+            self._foreign += 1
+            return
+        if self._clock.is_jump(stamp_ns, arrival_ns):
+            self.flush(arrival_ns)  # the packets before have the clock of before
+        self._clock.observe(stamp_ns, arrival_ns)
+        self._decoder.take(packet)
+        self._kept.append((arrival_ns, packet))
+        self.last_arrival_ns = arrival_ns
+
+    def flush(self, now_ns: int) -> None:
+        """Decode what was kept and hand it on."""
+        if not self._kept:
+            return
+        self.batches.emit(self._kept)
+        self._kept = []
+        raw = self._decoder.drain()
+        if len(raw):
+            self._rate.add(now_ns, len(raw))
+            stamps_ns = raw.stamp_ns + self._clock.offset_ns(int(raw.stamp_ns[-1]))
+            self._on_returns(Returns(raw.xyz_m, stamps_ns, raw.intensity))
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters of packets and returns, and of what was dropped and why."""
+        return asdict(self._decoder.counters) | {
+            "foreign": self._foreign,
+            "clock_resets": self._clock.resets,
+            "last_arrival_ns": self.last_arrival_ns,
+            "rate_hz": self._rate.hz,
+        }
+
+    def _is_ours(self, host: str, arrival_ns: int) -> bool:
+        silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns
+        if host != self._host and silent:
+            log.info("LiDAR at %s", host)
+            self._host = host
+        return host == self._host
+
+
+class _Rate:
+    """Returns a second, over the last whole second in which any came."""
+
+    def __init__(self) -> None:
+        self.hz = 0.0
+        self._since_ns: int | None = None
+        self._count = 0
+
+    def add(self, now_ns: int, count: int) -> None:
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        elapsed_ns = now_ns - self._since_ns
+        if elapsed_ns >= RATE_NS:
+            self.hz = self._count * 1e9 / elapsed_ns
+            self._since_ns, self._count = now_ns, 0
+        self._count += count

@@ -1,0 +1,34 @@
+"""Which scans made up a window, and what the pipeline was told before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class WindowEvent:
+    """A window that the pipeline took.
+
+    number: windows before it. scans: the first and last number of each unbroken run of scans in it. selects:
+    points put under watch before it, None for none. anew: whether the map was begun anew before it.
+    """
+
+    number: int
+    scans: tuple[tuple[int, int], ...]
+    selects: tuple[tuple[float, float, float] | None, ...] = ()
+    anew: bool = False
+
+    def numbers(self) -> list[int]:
+        """Return the numbers of its scans."""
+        return [n for first, last in self.scans for n in range(first, last + 1)]
+
+
+def runs(numbers: list[int]) -> tuple[tuple[int, int], ...]:
+    """Return the first and last of each unbroken run of rising numbers."""
+    found: list[tuple[int, int]] = []
+    for n in numbers:
+        if found and n == found[-1][1] + 1:
+            found[-1] = (found[-1][0], n)
+        else:
+            found.append((n, n))
+    return tuple(found)
