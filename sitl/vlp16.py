@@ -77,7 +77,8 @@ class Vlp16(PulseLidar):
 
     def azimuth_deg(self, index: I64) -> F64:
         """Return azimuths of pulses, clockwise seen from above, 0 to 360."""
-        return self.fired_ns(index) % TURN_NS * (360.0 / TURN_NS)
+        turned: F64 = self.fired_ns(index) % TURN_NS * (360.0 / TURN_NS)
+        return turned
 
     def directions(self, index: I64) -> F64:
         azimuth = np.radians(self.azimuth_deg(index))
