@@ -19,6 +19,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 	@# Alone, for its viewer and tools pin packages that ours do not go with; we use its core, which needs none.
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps ouster-sdk
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps MAVProxy==1.8.75
 	@touch $@
 
 lint: setup

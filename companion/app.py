@@ -262,7 +262,7 @@ class Companion:
         return self._last_scan_ns is not None and now - self._last_scan_ns < limit
 
     def _report_is_fresh(self, now: int) -> bool:
-        limit = (2 * self.parameters.window_s + 1.0) * 1e9
+        limit = (self.worker.window_s + self.parameters.window_s + 1.0) * 1e9
         return self._last_report_ns is not None and now - self._last_report_ns < limit
 
     def _fresh_report(self) -> Report | None:

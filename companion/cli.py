@@ -197,6 +197,24 @@ def replay(
 
 
 @app.command()
+def calibrate(
+    file: Annotated[Path, typer.Argument(help="Recording of slz run --record.")],
+    setting: Settings = [],  # noqa: B006
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Find the LiDAR's boresight and time offset from a recorded flight over ground seen several times."""
+    _log(verbose)
+    from companion.calibrate import command
+
+    summary = command.run(file, setting)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        _out().print(_calibration_table(summary))
+
+
+@app.command()
 def doctor(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
     lidar: Annotated[str, typer.Option(help="livox:HOST:PORT")],
@@ -352,6 +370,17 @@ class _progress:  # noqa: N801 - a context manager used as a function
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
+
+
+def _calibration_table(found: dict[str, Any]) -> Table:
+    title = f"returns agree to {found['after_m'] * 100:.1f} cm, before {found['before_m'] * 100:.1f} cm"
+    table = Table("", "correction", "standard error", title=title)
+    for name, value in found["correction"].items():
+        error = found["standard_error"][name]
+        table.add_row(name, *(("not shown", "") if value is None else (f"{value:+.3f}", f"{error:.3f}")))
+    for name, value in found["parameters"].items():
+        table.add_row(f"--set {name}={value:g}", "", "")
+    return table
 
 
 def _zone_table(zones: list[dict[str, Any]], title: str) -> Table:

@@ -73,6 +73,11 @@ class PipelineWorker:
         self._numbers = []
         self._windower = Windower(self._parameters.window_s)
 
+    @property
+    def window_s(self) -> float:
+        """Span of the window that is being gathered: the pipeline adapts it."""
+        return self._windower.window_s
+
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Put a landing point under watch from the next window on."""
         self._select = [enu_m]

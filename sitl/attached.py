@@ -1,7 +1,8 @@
 """A LiDAR on a vehicle that another simulator flies: the scene and the packets are ours, the pose is theirs.
 
-Time is the autopilot's: what the sensor saw between two poses is sent when the second has arrived, so every
-point has the pose of its own moment, and a simulator slower than real time slows the LiDAR with it.
+What the sensor saw between two poses is sent when the second has arrived, so every point has the pose of its
+own moment. Its stamps are those of a clock of its own (`sensor_time`), which a simulator that stands still
+stops.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from sitl.attached_log import AttachedLog
 from sitl.pose_source import Place, Pose, PoseSource, streams
 from sitl.pose_track import PoseTrack
 from sitl.scenes import Scene
+from sitl.sensor_time import SensorTime
 from sitl.wire import Peer, Wire
 
 COMPONENT = mavlink.MAV_COMP_ID_PERIPHERAL
@@ -77,7 +79,7 @@ class AttachedLidar:
         self._lidar_to = lidar_to
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._track = PoseTrack()
-        self._shift_ns: int | None = None  # sensor's time less the autopilot's
+        self._time = SensorTime()
         self._last_ns = 0
         self._peer: Peer | None = None
         self._heard_s: float | None = None
@@ -125,14 +127,15 @@ class AttachedLidar:
             self.origin_lla = self._origin(pose, waited)
             if self.origin_lla is None:
                 return
-        if self._shift_ns is None:
-            self._shift_ns = self._last_ns - pose.boot_ns + 1
-        at_ns = pose.boot_ns + self._shift_ns
+        arrival_ns = round(now_s * 1e9)
+        if not self._time.running:
+            self._time.begin(pose.boot_ns, arrival_ns, self._last_ns + 1)
+        at_ns = self._time.at(pose.boot_ns, arrival_ns)
         if self._track.stamps:
             step_ns = at_ns - self._track.stamps[-1]
             if step_ns < -GAP_NS:  # the autopilot rebooted; the sensor did not
-                self._shift_ns = self._last_ns - pose.boot_ns + GAP_NS
                 at_ns, step_ns = self._last_ns + GAP_NS, GAP_NS + 1
+                self._time.begin(pose.boot_ns, arrival_ns, at_ns)
             if step_ns <= 0:
                 return
             if step_ns > GAP_NS:

@@ -40,6 +40,8 @@ class AttachedLog:
         elif not self._flying and self._stood_m is not None and enu_m[2] - self._stood_m > FLOWN_M:
             self._flying = True
             self.takeoff = self.takeoff or place
+        elif self._stood_m is None and source.on_ground is False:
+            self._flying = True  # it was up before it was followed
         if at_ns >= self._next_ns:
             self._next_ns = at_ns + STEP_NS
             rounded = {name: round(value, 3) for name, value in place.items()}

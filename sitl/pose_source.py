@@ -49,7 +49,8 @@ def streams(kind: Kind) -> tuple[Stream, ...]:
     """Return what an autopilot is asked for, the most needed first.
 
     ArduPilot sends messages of one rate together, so that SIM_STATE, which has no stamp, follows an
-    ATTITUDE_QUATERNION of the same time.
+    ATTITUDE_QUATERNION of the same time. PX4 sends them one after the other: HIL_STATE_QUATERNION, which has
+    none either, follows 4 ms later.
     """
     own: tuple[Stream, ...] = ()
     if kind == "ardupilot":
@@ -143,8 +144,13 @@ class PoseSource:
         return self._true("SIM_STATE", self._attitude[0], place, _unit(m.q1, m.q2, m.q3, m.q4))
 
     def _hil_state(self, m: Any) -> Pose | None:
+        boot_ns = m.time_usec * 1000
+        if boot_ns == 0:  # PX4 leaves it out
+            if self._attitude is None:
+                return None
+            boot_ns = self._attitude[0]
         place = _place(m.lat, m.lon, m.alt / 1000)
-        return self._true("HIL_STATE_QUATERNION", m.time_usec * 1000, place, _unit(*m.attitude_quaternion))
+        return self._true("HIL_STATE_QUATERNION", boot_ns, place, _unit(*m.attitude_quaternion))
 
     def _true(self, name: str, boot_ns: int, place: Place | None, quat: F64 | None) -> Pose | None:
         if quat is None or place is None:

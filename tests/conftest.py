@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-settings.register_profile("fixed", derandomize=True)
+settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
 
-AUTOPILOTS = {"arducopter": "an ArduCopter SITL binary", "px4": "the build folder of a PX4 SITL"}
+AUTOPILOTS = {
+    "arducopter": "an ArduCopter SITL binary",
+    "px4": "the binary of a PX4 SITL (bin/px4 of its build folder)",
+}
+MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Let the user name programs to test with; without them their tests are skipped."""
     for name, what in AUTOPILOTS.items():
         parser.addoption(f"--{name}", type=Path, default=None, metavar="PATH", help=f"{what} to fly with")
-    parser.addoption("--mavproxy", metavar="PATH", help="mavproxy.py for the tests with it as ground station")
+    parser.addoption(
+        "--mavproxy", type=Path, default=MAVPROXY, metavar="PATH", help="mavproxy.py to test with"
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -40,8 +47,8 @@ def state_home(tmp_path_factory: pytest.TempPathFactory) -> object:
 
 @pytest.fixture
 def mavproxy(request: pytest.FixtureRequest) -> Path:
-    """Return the program that --mavproxy names; skip without it."""
-    path = request.config.getoption("--mavproxy")
-    if path is None:
-        pytest.skip("needs --mavproxy PATH (pip install --no-deps MAVProxy)")
-    return Path(path)
+    """Return the program, by default the one that `make setup` installs; skip without it."""
+    path: Path = request.config.getoption("--mavproxy")
+    if not path.is_file():
+        pytest.skip(f"there is no {path}: pip install --no-deps MAVProxy")
+    return path.resolve()

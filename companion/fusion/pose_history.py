@@ -45,6 +45,8 @@ class PoseHistory:
         `pose_timeout_s` is the longest gap that is interpolated over, and the age at which a pose is stale.
     frame
         Map frame; if None, the first position becomes its origin.
+    capacity
+        Samples of each kind that are kept.
 
     Attributes
     ----------
@@ -56,10 +58,12 @@ class PoseHistory:
         Jumps of the estimate; samples that were out of order, repeated or not finite.
     """
 
-    def __init__(self, parameters: Parameters, frame: LocalFrame | None = None) -> None:
+    def __init__(
+        self, parameters: Parameters, frame: LocalFrame | None = None, capacity: int = CAPACITY
+    ) -> None:
         self._limit_ns = round(parameters.pose_timeout_s * 1e9)
-        self._attitudes = Track(4, CAPACITY)
-        self._positions = Track(POSITION_WIDTH, CAPACITY)
+        self._attitudes = Track(4, capacity)
+        self._positions = Track(POSITION_WIDTH, capacity)
         self._rates = np.zeros(3)
         self.frame = frame
         self.epoch = 0

@@ -42,7 +42,6 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
     ]
     if autopilot == "px4":  # its landing target is taken in its local frame
         streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-        streams.append(Stream("GPS_GLOBAL_ORIGIN", mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, 1.0))
     return tuple(streams)
 
 

@@ -51,7 +51,6 @@ class VehicleState:
     battery_pct: float | None = None
     battery_v: float | None = None
     home_lla: Vector | None = None
-    origin_lla: Vector | None = None
     position_lla: Vector | None = None
     position_boot_ms: int = 0
     relative_alt_m: float | None = None
@@ -188,10 +187,6 @@ def _home_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     return replace(state, home_lla=_lla(m.latitude, m.longitude, m.altitude) or state.home_lla)
 
 
-def _origin(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    return replace(state, origin_lla=_lla(m.latitude, m.longitude, m.altitude) or state.origin_lla)
-
-
 def _global_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     lla = _lla(m.lat, m.lon, m.alt)
     if lla is None:
@@ -245,7 +240,6 @@ _REDUCERS: dict[str, Callable[[VehicleState, Any, int], VehicleState]] = {
     "SYS_STATUS": _sys_status,
     "BATTERY_STATUS": _battery_status,
     "HOME_POSITION": _home_position,
-    "GPS_GLOBAL_ORIGIN": _origin,
     "GLOBAL_POSITION_INT": _global_position,
     "LOCAL_POSITION_NED": _local_position,
     "ATTITUDE_QUATERNION": _attitude,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
 from mcap.records import Channel, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
 
@@ -100,12 +101,13 @@ class Recording:
                 elif isinstance(record, Metadata) and record.name == journal.METADATA:
                     yield self._header(record.metadata)
                 whole = whole or isinstance(record, DataEnd)
-        except McapError as error:
-            if not topics and not whole:
-                raise UsageError(f"{self._path} is no MCAP file: {error}") from None
+        except InvalidMagic:
+            if not whole:
+                raise UsageError(f"{self._path} is no MCAP file") from None
+        except (EndOfFile, RecordLengthLimitExceeded):
             self.cut = "" if whole else "it ends in the middle, as after a loss of power"
-        except (ValueError, RuntimeError, EOFError, MemoryError) as error:  # from a decompressor
-            self.cut = f"it is damaged: {error}"
+        except (McapError, struct.error, ValueError, RuntimeError, EOFError, MemoryError) as error:
+            self.cut = "" if whole else f"it is damaged or cut off: {error}"
 
     def _header(self, metadata: dict[str, str]) -> Header:
         try:

@@ -12,15 +12,11 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.fusion.assembler import ScanAssembler
-from companion.fusion.pose_history import PoseHistory
-from companion.link.codec import Codec
-from companion.link.inbox import Inbox
-from companion.link.operator import CommandServer
 from companion.recorder import journal
 from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
-from companion.sensors.driver import decoder_for
-from companion.sensors.stream import PacketStream
+from companion.replay.senses import Senses
+from companion.sensors.returns import Returns
 from companion.window_event import WindowEvent
 from params import Parameters
 from slz import Pipeline, Report, Scan, TerrainMaps
@@ -29,7 +25,6 @@ from slz.window import join
 log = logging.getLogger(__name__)
 
 MOST_SCANS = 4000  # kept for the windows to come, three minutes
-ORDERS = ("COMMAND_LONG", "COMMAND_INT")
 
 
 @dataclass(slots=True)
@@ -69,15 +64,8 @@ class Replay:
 
     def __init__(self, header: Header, parameters: Parameters) -> None:
         self.parameters = parameters
-        codec = Codec(parameters.component_id)
-        self._reader = mavlink.MAVLink(None)
-        self._inbox = Inbox(codec, CommandServer())
-        self.history = PoseHistory(parameters)
-        self._inbox.attitude.subscribe(self.history.add_attitude)
-        self._inbox.position.subscribe(self.history.add_position)
-        self._assembler = ScanAssembler(parameters, self.history, self._on_scan)
-        decoder = decoder_for(header.lidar, header.lidar_setup)
-        self._stream = PacketStream(decoder, parameters, self._assembler.add)
+        self._senses = Senses(header, parameters, self._on_returns)
+        self._assembler = ScanAssembler(parameters, self._senses.history, self._on_scan)
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._document = b""
@@ -87,17 +75,12 @@ class Replay:
     def take(self, message: Raw, mapping: bool = True) -> Report | None:
         """Take the next message; return what came of it if it was a window, and windows are to be mapped."""
         try:
-            match message.topic:
-                case journal.MAVLINK_IN:
-                    self._frame(message)
-                case journal.LIDAR:
-                    self._packets(message)
-                case journal.EVENT:
-                    return self._event(message, mapping)
-                case journal.REPORT:
-                    self._compare(message.data)
-                case journal.GAP:
-                    self.outcome.lost += int(json.loads(message.data)["lost"])
+            if message.topic == journal.REPORT:
+                self._compare(message.data)
+            elif message.topic == journal.GAP:
+                self.outcome.lost += int(json.loads(message.data)["lost"])
+            elif (event := self._senses.take(message)) is not None:
+                return self._window(event, mapping)
         except (BadRecordError, mavlink.MAVError, json.JSONDecodeError, KeyError) as error:
             self.outcome.bad += 1
             log.warning("a message on %s cannot be read: %s", message.topic, error)
@@ -109,25 +92,11 @@ class Replay:
 
     # ---- what happened --------------------------------------------------------------------------
 
-    def _frame(self, message: Raw) -> None:
-        frame = self._reader.decode(bytearray(message.data))
-        if frame.get_type() not in ORDERS:  # what the operator asked for, the windows tell
-            self._inbox.take(frame, message.at_ns)
-
-    def _packets(self, message: Raw) -> None:
-        for arrival_ns, packet in journal.unpack_batch(message.data):
-            self._stream.take(packet, "", arrival_ns)
-        self._stream.flush(message.at_ns)
+    def _on_returns(self, returns: Returns) -> None:
+        self._assembler.add(returns)
 
     def _on_scan(self, scan: Scan) -> None:
         self._scans.append((self._assembler.scans, scan))
-
-    def _event(self, message: Raw, mapping: bool) -> Report | None:
-        event = journal.unpack_event(message.data)
-        if isinstance(event, int):
-            self._inbox.clock.timesync.request(event)
-            return None
-        return self._window(event, mapping)
 
     def _window(self, event: WindowEvent, mapping: bool) -> Report | None:
         if event.anew:

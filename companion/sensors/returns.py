@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,18 @@ class Returns:
                     f"{name} must be contiguous {shape} {np.dtype(dtype)}, not {array.shape} {array.dtype}"
                 )
             array.setflags(write=False)
+
+    @classmethod
+    def plain(
+        cls, xyz_sensor_m: NDArray[np.float32], stamp_ns: NDArray[np.int64], intensity: NDArray[np.uint8]
+    ) -> Self:
+        """Return returns of a sensor that has one line and one return a ray."""
+        one = np.ones(len(stamp_ns), np.uint8)
+        return cls(xyz_sensor_m, stamp_ns, intensity, np.zeros(len(stamp_ns), np.uint8), one, one)
+
+    def part(self, which: slice | NDArray[np.bool_]) -> Returns:
+        """Return some of the returns, in their order."""
+        return Returns(*(np.ascontiguousarray(getattr(self, f.name)[which]) for f in fields(Returns)))
 
     def __len__(self) -> int:
         return len(self.stamp_ns)

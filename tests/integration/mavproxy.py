@@ -8,7 +8,7 @@ from asyncio.subprocess import PIPE, STDOUT, Process
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-LIMIT_S = 40.0
+LIMIT_S = 90.0
 
 
 class Station:

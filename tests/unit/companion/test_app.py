@@ -112,3 +112,17 @@ async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch
         await asyncio.sleep(0.2)
         await seat.tick("LOITER")
         assert len(seat.asked) == 2
+
+
+@pytest.mark.parametrize(
+    ("window_s", "age_s", "fresh"), [(1.0, 2.9, True), (1.0, 3.1, False), (2.0, 3.9, True)]
+)
+async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
+    monkeypatch: pytest.MonkeyPatch, window_s: float, age_s: float, fresh: bool
+) -> None:
+    """The pipeline gathers up to two seconds where returns are few."""
+    async with cockpit(monkeypatch) as seat:
+        seat.companion.worker._windower.window_s = window_s
+        now = now_ns()
+        seat.companion._last_report_ns = now - round(age_s * 1e9)
+        assert seat.companion._report_is_fresh(now) is fresh

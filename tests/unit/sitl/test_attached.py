@@ -253,5 +253,16 @@ def test_the_log_holds_the_true_touchdown(bench: Bench, tmp_path: Path, scene: S
     assert flight["takeoff"]["u"] - scene.world.height_m(*scene.home_enu[:2]) == pytest.approx(2.1, abs=0.05)
 
 
+def test_a_flight_that_is_followed_from_the_air_on_has_its_touchdown(bench: Bench) -> None:
+    armed = bench.sender.heartbeat(armed=True)
+    bench.tell(armed, bench.sender.home(), bench.sender.landed(IN_AIR))
+    for up in (6.0, 2.0, 0.0):
+        bench.pose(up=up)
+    bench.tell(bench.sender.landed(ON_GROUND))
+    bench.pose(up=0.0, east=1.5)
+    assert bench.attached.log.takeoff is None
+    assert len(bench.attached.log.touchdowns) == 1
+
+
 def test_the_share_of_level_ground_is_that_of_the_scene(bench: Bench) -> None:
     assert 0.05 < bench.attached.flat_share() < 0.95

@@ -43,6 +43,18 @@ def test_the_true_pose_of_px4_has_its_own_stamp() -> None:
     assert source.standing_m == 0
 
 
+def test_without_a_stamp_it_has_the_time_of_the_attitude_before_it() -> None:
+    source, sender = PoseSource(), Sender(PX4)
+    frames = (
+        sender.heartbeat(),
+        sender.hil_state(0, HOME),  # no stamp yet
+        sender.attitude(7332),
+        sender.hil_state(0, HOME),
+    )
+    (pose,) = poses(source, *frames)
+    assert pose.boot_ns == 7_332_000_000
+
+
 def test_the_estimate_serves_when_no_true_pose_comes() -> None:
     source, sender = PoseSource(), Sender()
     first = poses(source, sender.heartbeat(), sender.attitude(1000), sender.global_position(1000, HOME))

@@ -14,13 +14,13 @@ from tests.unit.companion.recorder.test_writer import METADATA, frame, open_writ
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "a.mcap"
     out = open_writer(path)
     for k in range(300):
         out.put(frame(k, k))
     out.close()
-    return path.read_bytes()
+    return path
 
 
 def read(path: Path) -> list[int]:
@@ -38,18 +38,19 @@ def is_a_beginning_or_refused(path: Path) -> bool:
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1, exclude_max=True))
 def test_a_recording_cut_off_anywhere_gives_what_is_before_or_one_clear_error(
-    whole: bytes, tmp_path: Path, share: float
+    whole: Path, tmp_path: Path, share: float
 ) -> None:
     path = tmp_path / "cut.mcap"
-    path.write_bytes(whole[: int(share * len(whole))])
+    content = whole.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
     assert is_a_beginning_or_refused(path)
 
 
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, 10_000), bit=st.integers(0, 7))
-def test_a_flipped_bit_is_found_or_does_no_harm(whole: bytes, tmp_path: Path, at: int, bit: int) -> None:
+def test_a_flipped_bit_is_found_or_does_no_harm(whole: Path, tmp_path: Path, at: int, bit: int) -> None:
     path = tmp_path / "flipped.mcap"
-    bad = bytearray(whole)
+    bad = bytearray(whole.read_bytes())
     bad[at % len(bad)] ^= 1 << bit
     path.write_bytes(bad)
     assert is_a_beginning_or_refused(path)

@@ -1,0 +1,1 @@
+"""Boresight and time offset of the LiDAR, found from a recorded flight."""

@@ -1,0 +1,91 @@
+"""`slz calibrate`: boresight and time offset from a recorded flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.calibrate.agreement import NAMES, Fit, TooLittleError, solve
+from companion.calibrate.flown import FlownReturns, corrected, mount_angles
+from companion.errors import CompanionError
+from companion.fusion.mount import Mount
+from companion.replay.reading import Recording
+from companion.replay.senses import Senses
+from companion.sensors.returns import Returns, join
+from params import Parameters
+
+MOST_RETURNS = 600_000
+MOST_POSES = 400_000  # two hours at 50 Hz
+# A correction less certain than this (degrees, ms) is not believed: the flight does not show it.
+BELIEVED = np.array([0.1, 0.1, 0.1, 2.0])
+ADVICE = "fly figures of eight over ground with slopes or houses, turning, at changing height and speed"
+
+
+def run(path: Path, settings: Iterable[str]) -> dict[str, Any]:
+    """Find what to correct and return the summary.
+
+    Raises
+    ------
+    UsageError
+        The file is no recording, or a setting is wrong.
+    CompanionError
+        The flight does not show any ground twice, or shows nothing of what is sought.
+    """
+    recording = Recording(path)
+    parameters = recording.header.parameters(settings)
+    flown = _read(recording, parameters)
+    try:
+        fit = solve(flown.place, flown.stamp_s, np.zeros(4, bool))
+        unsure = fit.sigma > BELIEVED
+        if unsure.any() and not unsure.all():
+            fit = solve(flown.place, flown.stamp_s, unsure)
+    except TooLittleError as error:
+        raise CompanionError(f"{path}: {error}; {ADVICE}") from None
+    if unsure.all():
+        raise CompanionError(f"{path}: the flight does not show boresight or time offset; {ADVICE}")
+    return _summary(path, fit, unsure, parameters)
+
+
+def _summary(path: Path, fit: Fit, unsure: np.ndarray[Any, Any], parameters: Parameters) -> dict[str, Any]:
+    angles = mount_angles(corrected(Mount(parameters).rotation_frd_from_sensor, fit.correction))
+    new = {name: round(value, 3) for name, value in angles.items()}
+    new["lidar_delay_ms"] = round(parameters.lidar_delay_ms + float(fit.correction[3]), 2)
+    return {
+        "file": str(path),
+        "correction": {
+            name: None if left_out else round(float(value), 4)
+            for name, value, left_out in zip(NAMES, fit.correction, unsure, strict=True)
+        },
+        "standard_error": {
+            name: None if left_out else round(float(value), 4)
+            for name, value, left_out in zip(NAMES, fit.sigma, unsure, strict=True)
+        },
+        "not_shown": [name for name, left_out in zip(NAMES, unsure, strict=True) if left_out],
+        "before_m": round(fit.before_m, 4),
+        "after_m": round(fit.after_m, 4),
+        "planes": fit.cubes,
+        "returns": fit.returns,
+        "parameters": new,
+    }
+
+
+def _read(recording: Recording, parameters: Parameters) -> FlownReturns:
+    """Return the flight's returns, some of them where there are many, and its poses."""
+    parts: list[Returns] = []
+    senses = Senses(recording.header, parameters, parts.append, MOST_POSES)
+    for message in recording.messages():
+        senses.take(message)
+    if not parts or senses.history.frame is None:
+        raise CompanionError("the recording holds no returns or no positions")
+    flown = FlownReturns(_thinned(join(parts)), senses.history, parameters)
+    if not len(flown):
+        raise CompanionError("the recording holds no return that is in range and has a pose")
+    return flown
+
+
+def _thinned(returns: Returns) -> Returns:
+    step = max(1, len(returns) // MOST_RETURNS)
+    return returns.part(slice(None, None, step))

@@ -1,0 +1,69 @@
+"""What the vehicle measured, from a recording: its poses, and its returns on the companion's clock."""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.fusion.pose_history import CAPACITY, PoseHistory
+from companion.link.codec import Codec
+from companion.link.inbox import Inbox
+from companion.link.operator import CommandServer
+from companion.recorder import journal
+from companion.replay.reading import Header, Raw
+from companion.sensors.driver import decoder_for
+from companion.sensors.stream import OnReturns, PacketStream
+from companion.window_event import WindowEvent
+from params import Parameters
+
+ORDERS = ("COMMAND_LONG", "COMMAND_INT")
+
+
+class Senses:
+    """The same decoders and clocks as in flight, fed with what was recorded.
+
+    Parameters
+    ----------
+    on_returns
+        Called with every batch, as the driver calls it.
+    capacity
+        Poses kept.
+
+    Attributes
+    ----------
+    history
+        The vehicle's poses.
+    """
+
+    def __init__(
+        self, header: Header, parameters: Parameters, on_returns: OnReturns, capacity: int = CAPACITY
+    ) -> None:
+        self._reader = mavlink.MAVLink(None)
+        self._inbox = Inbox(Codec(parameters.component_id), CommandServer())
+        self._stream = PacketStream(decoder_for(header.lidar, header.lidar_setup), parameters, on_returns)
+        self.history = PoseHistory(parameters, capacity=capacity)
+        self._inbox.attitude.subscribe(self.history.add_attitude)
+        self._inbox.position.subscribe(self.history.add_position)
+
+    def take(self, message: Raw) -> WindowEvent | None:
+        """Take the next message; return the window's event if it is one.
+
+        Raises
+        ------
+        BadRecordError, MAVError
+            It cannot be read.
+        """
+        match message.topic:
+            case journal.MAVLINK_IN:
+                frame = self._reader.decode(bytearray(message.data))
+                if frame.get_type() not in ORDERS:  # what the operator asked for, the windows tell
+                    self._inbox.take(frame, message.at_ns)
+            case journal.LIDAR:
+                for arrival_ns, packet in journal.unpack_batch(message.data):
+                    self._stream.take(packet, "", arrival_ns)
+                self._stream.flush(message.at_ns)
+            case journal.EVENT:
+                event = journal.unpack_event(message.data)
+                if isinstance(event, WindowEvent):
+                    return event
+                self._inbox.clock.timesync.request(event)
+        return None

@@ -1,0 +1,52 @@
+"""The sensor's own clock: it runs with real time, whatever the simulator's does."""
+
+from __future__ import annotations
+
+SECOND_NS = 1_000_000_000
+# The loop that follows the simulator's rate settles within a second or two.
+PULL_PER_S = 2.0
+RATE_PULL_PER_S2 = 1.0
+# A message held up on its way pulls no more than this.
+MOST_NS = 20_000_000
+# Farther off than this the simulator stood still meanwhile, and the sensor with it.
+PAUSE_NS = 1_000_000_000
+
+
+class SensorTime:
+    """Turns an autopilot's time since boot into the time of a clock of real seconds.
+
+    A simulator that is to run in real time may be some percent slow, which no quartz in a sensor is; a
+    receiver that allows for quartzes would place such stamps a tenth of a second off. So the rate between the
+    two is followed, smoothly: what holds up a message on its way must not move the stamps.
+    """
+
+    def __init__(self) -> None:
+        self._boot_ns: int | None = None
+        self._arrival_ns = 0  # the arrival, on the sensor's clock, less the real time
+        self._offset_ns = 0.0  # the sensor's clock less the time since boot
+        self._rate = 0.0
+
+    @property
+    def running(self) -> bool:
+        """Whether it has begun."""
+        return self._boot_ns is not None
+
+    def begin(self, boot_ns: int, arrival_ns: int, at_ns: int) -> None:
+        """Begin, or begin anew: the time since boot told at a real time is this one of the sensor."""
+        self._boot_ns, self._arrival_ns = boot_ns, at_ns - arrival_ns
+        self._offset_ns, self._rate = float(at_ns - boot_ns), 0.0
+
+    def at(self, boot_ns: int, arrival_ns: int) -> int:
+        """Return the sensor's time of a time since boot that was told at a real time."""
+        step_s = max(0, boot_ns - (self._boot_ns or 0)) / SECOND_NS
+        self._boot_ns = max(boot_ns, self._boot_ns or 0)
+        self._offset_ns += self._rate * step_s
+        error_ns = arrival_ns + self._arrival_ns - boot_ns - self._offset_ns
+        if abs(error_ns) > PAUSE_NS:
+            self._arrival_ns -= round(error_ns)
+            error_ns = 0.0
+        pull_ns = max(-MOST_NS, min(MOST_NS, error_ns))
+        share = min(step_s, 0.1)
+        self._rate += RATE_PULL_PER_S2 * share * pull_ns
+        self._offset_ns += PULL_PER_S * share * pull_ns
+        return boot_ns + round(self._offset_ns)

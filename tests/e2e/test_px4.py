@@ -1,0 +1,80 @@
+"""The main job on a real PX4, judged by the pose that its simulator says is true."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.autopilot_flights import HEIGHT_M, climbs_without_lidar, lands_where_it_chose
+from tests.e2e.field import HOME
+from tests.e2e.px4 import SIH_NOISE, Px4Field, Px4Pilot
+
+pytestmark = [pytest.mark.px4, pytest.mark.realtime, pytest.mark.timeout(900)]
+
+ERROR_M = 0.5
+SETTINGS = "survey_s=15", "zone_m=200", *SIH_NOISE
+
+
+@pytest.fixture
+def binary(request: pytest.FixtureRequest) -> Path:
+    """Return the binary that the user named."""
+    path: Path = request.config.getoption("--px4")
+    assert path.is_file(), f"--px4 {path}: no such file"
+    return path
+
+
+def test_it_lands_where_it_chose_on_safe_ground(binary: Path, tmp_path: Path) -> None:
+    said = lands_where_it_chose(Px4Field(binary, tmp_path, scene="stadium", seed=1), ERROR_M, *SETTINGS)
+    assert not [text for text in said if "anding target" in text]
+
+
+def test_a_lidar_silent_at_six_metres_makes_it_climb_and_call_the_pilot(binary: Path, tmp_path: Path) -> None:
+    climbs_without_lidar(Px4Field(binary, tmp_path, scene="stadium", seed=1), *SETTINGS)
+
+
+def test_the_pilot_who_changes_the_mode_has_the_vehicle(binary: Path, tmp_path: Path) -> None:
+    """In the approach and, after a second hand-over, in the autopilot's landing."""
+    with Px4Field(binary, tmp_path, scene="stadium", seed=1) as field:
+        pilot = field.pilot
+        field.run_companion(*SETTINGS)
+        pilot.take_off(HEIGHT_M)
+        pilot.until(lambda: pilot.hears("approaching"), 120, "approach")
+        pilot.wait(lambda: False, 2.0)
+        pilot.set_mode("AUTO.LOITER")
+        pilot.until(lambda: pilot.mode == "AUTO.LOITER", 5, "AUTO.LOITER")
+        before = len(pilot.modes)
+        pilot.wait(lambda: False, 10.0)
+        assert pilot.modes[before:] == []
+        assert pilot.hears("hands off")
+        pilot.hand_over()
+        pilot.until(lambda: pilot.mode == "AUTO.PRECLAND" and pilot.height_m < 8.0, 400, "landing at 8 m")
+        pilot.set_mode("AUTO.LOITER")
+        pilot.until(lambda: pilot.mode == "AUTO.LOITER", 5, "AUTO.LOITER")
+        before = len(pilot.modes)
+        pilot.wait(lambda: False, 10.0)
+        assert pilot.modes[before:] == []
+        assert pilot.armed
+        assert pilot.height_m > 3.0
+        assert field.ended().summary["pilot_took_over"] == 2
+
+
+def test_rtl_stays_near_with_the_rally_points_that_the_companion_gave(binary: Path, tmp_path: Path) -> None:
+    """A point in frame 5 or 6 would be acknowledged too, and send it towards latitude 0, longitude 0."""
+    with Px4Field(binary, tmp_path, scene="stadium", seed=1) as field:
+        pilot = field.pilot
+        assert isinstance(pilot, Px4Pilot)
+        field.run_companion(*SETTINGS, "rally=on")
+        pilot.take_off(HEIGHT_M)
+        for _ in range(30):
+            points = pilot.rally_points()
+            if points:
+                break
+            pilot.wait(lambda: False, 2.0)
+        assert points
+        assert all(point.z < 100 for point in points)
+        pilot.set_mode("AUTO.RTL")
+        pilot.until(lambda: pilot.mode == "AUTO.RTL", 5, "AUTO.RTL")
+        pilot.wait(lambda: pilot.away_m() > 400, 45.0)
+        goals = [HOME[:2], *((point.x * 1e-7, point.y * 1e-7) for point in points)]
+        assert min(pilot.away_m(goal) for goal in goals) < 5.0

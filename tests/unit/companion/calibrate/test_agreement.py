@@ -1,0 +1,108 @@
+"""Planted errors of boresight and time are found from simulated flights, or not guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from companion.calibrate.agreement import TooLittleError, solve
+from companion.calibrate.flown import FlownReturns, corrected, mount_angles
+from companion.fusion.mount import Mount
+from companion.fusion.pose_history import PoseHistory
+from companion.sensors.returns import Returns
+from params import Parameters
+from sitl import scenes
+from sitl.mid360 import Mid360
+from sitl.mount import Mount as TrueMount
+from tests.unit.companion.fusion.flights import HOME
+
+Floats = NDArray[np.float64]
+MS = 1_000_000
+BEGIN_NS = 1_000 * MS
+
+
+def figure_of_eight(t: Floats) -> tuple[Floats, Floats, Rotation]:
+    position = np.stack([30 * np.sin(0.25 * t), 25 * np.sin(0.4 * t + 1), 26 + 5 * np.sin(0.3 * t)], -1)
+    velocity = np.stack([7.5 * np.cos(0.25 * t), 10 * np.cos(0.4 * t + 1), 1.5 * np.cos(0.3 * t)], -1)
+    angles = np.stack([0.35 * t, 0.12 * np.sin(0.9 * t), 0.12 * np.sin(0.7 * t + 0.5)], -1)
+    return position, velocity, Rotation.from_euler("ZYX", angles)
+
+
+def straight(t: Floats) -> tuple[Floats, Floats, Rotation]:
+    position = np.stack([np.zeros_like(t), 4 * t - 40, np.full_like(t, 25.0)], -1)
+    velocity = np.stack([np.zeros_like(t), np.full_like(t, 4.0), np.zeros_like(t)], -1)
+    return position, velocity, Rotation.from_euler("ZYX", np.zeros((*np.shape(t), 3)))
+
+
+def flown(
+    path: Callable[[Floats], tuple[Floats, Floats, Rotation]],
+    scene: str,
+    seconds: float,
+    turn_deg: tuple[float, float, float],
+    delay_ms: float,
+) -> FlownReturns:
+    """Return what a LiDAR measured whose mount is turned, and whose stamps are late, by so much."""
+    parameters = Parameters()
+    rotation = corrected(Mount(parameters).rotation_frd_from_sensor, np.array([*turn_deg, 0.0]))
+    angles = mount_angles(rotation)
+    mount = TrueMount(
+        (parameters.lidar_x_m, parameters.lidar_y_m, parameters.lidar_z_m),
+        angles["lidar_roll_deg"],
+        angles["lidar_pitch_deg"],
+        angles["lidar_yaw_deg"],
+    )
+    lidar = Mid360(np.random.default_rng(1), mount, point_rate_hz=10_000)
+
+    def pose_at(ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        position, _, attitude = path(ns * 1e-9)
+        x, y, z, w = attitude.as_quat().T
+        return position, np.stack([w, x, y, z], -1)
+
+    points, tags, times = lidar.look(0, round(seconds * 1e9), pose_at, scenes.build(scene, 1).world)
+    seen = points.any(axis=1) & (tags == 0)
+    stamps = times[seen] + BEGIN_NS + round(delay_ms * 1e6)
+    returns = Returns.plain(points[seen].astype(np.float32), stamps, np.zeros(len(stamps), np.uint8))
+    history = PoseHistory(parameters, HOME, capacity=8192)
+    for k in range(-10, round(seconds * 50) + 10):
+        position, (east, north, up), attitude = path(np.float64(k * 0.02))
+        x, y, z, w = attitude.as_quat().ravel()
+        at_ns = BEGIN_NS + k * 20 * MS
+        history.add_attitude(at_ns, (w, x, y, z), (0.0, 0.0, 0.0))
+        lat, lon, alt = (float(v) for v in HOME.lla(position))
+        history.add_position(at_ns, lat, lon, alt, (north, east, -up))
+    return FlownReturns(returns, history, parameters)
+
+
+def test_a_degree_of_boresight_and_fifteen_milliseconds_are_found() -> None:
+    planted = (0.6, -0.7, 0.4)  # one degree in all
+    flight = flown(figure_of_eight, "buildings", 40.0, planted, 15.0)
+    fit = solve(flight.place, flight.stamp_s, np.zeros(4, bool))
+    assert fit.correction[:3] == pytest.approx(planted, abs=0.05)
+    assert fit.correction[3] == pytest.approx(15.0, abs=1.0)
+    assert fit.after_m < 0.035 < 0.1 < fit.before_m
+    assert (fit.sigma < [0.05, 0.05, 0.05, 1.0]).all()
+
+
+def test_a_straight_flight_over_a_plain_shows_too_little_and_says_so() -> None:
+    flight = flown(straight, "plain", 20.0, (0.0, 0.0, 0.0), 0.0)
+    fit = solve(flight.place, flight.stamp_s, np.zeros(4, bool))
+    assert fit.sigma[3] > 2.0
+    assert fit.sigma[2] > 0.1
+
+
+def test_ground_seen_once_is_refused() -> None:
+    flight = flown(straight, "plain", 2.0, (0.0, 0.0, 0.0), 0.0)
+    with pytest.raises(TooLittleError, match="two passes"):
+        solve(flight.place, flight.stamp_s, np.zeros(4, bool))
+
+
+def test_angles_of_a_mount_are_its_parameters() -> None:
+    for values in ((0.0, 112.5, 0.0), (3.0, 20.0, -40.0)):
+        names = ("lidar_roll_deg", "lidar_pitch_deg", "lidar_yaw_deg")
+        mount = Mount(Parameters(**dict(zip(names, values, strict=True))))
+        again = Mount(Parameters(**mount_angles(mount.rotation_frd_from_sensor)))
+        np.testing.assert_allclose(again.rotation_frd_from_sensor, mount.rotation_frd_from_sensor, atol=1e-12)
