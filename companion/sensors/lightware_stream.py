@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from companion.link.event import Event
 from companion.sensors.lightware import LightwareDecoder
-from companion.sensors.returns import plain
+from companion.sensors.returns import Returns
 from companion.sensors.stream import Batch, OnReturns
 from params import Parameters
 
@@ -79,7 +79,7 @@ class LightwareStream:
                 points.append(found)
                 stamps.append((arrival_ns - self._delay_ns - age).astype(np.int64))
         if points:
-            self._on_returns(plain(np.concatenate(points), np.concatenate(stamps)))
+            self._on_returns(Returns.plain(np.concatenate(points), np.concatenate(stamps)))
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of readings and returns, and of what was dropped and why."""

@@ -68,14 +68,10 @@ class Flight:
 
 
 def returns_of(xyz: Floats, stamps: NDArray[np.int64]) -> Returns:
-    zeros, ones = np.zeros(len(stamps), np.uint8), np.ones(len(stamps), np.uint8)
-    return Returns(
+    return Returns.plain(
         np.ascontiguousarray(xyz, np.float32),
         np.ascontiguousarray(stamps, np.int64),
-        intensity=zeros,
-        ring=zeros,
-        echo=ones,
-        echoes=ones,
+        np.zeros(len(stamps), np.uint8),
     )
 
 
