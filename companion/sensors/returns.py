@@ -69,11 +69,14 @@ class Returns:
 
     @classmethod
     def plain(
-        cls, xyz_sensor_m: NDArray[np.float32], stamp_ns: NDArray[np.int64], intensity: NDArray[np.uint8]
+        cls,
+        xyz_sensor_m: NDArray[np.float32],
+        stamp_ns: NDArray[np.int64],
+        intensity: NDArray[np.uint8] | None = None,
     ) -> Self:
-        """Return returns of a sensor that has one line and one return a ray."""
-        one = np.ones(len(stamp_ns), np.uint8)
-        return cls(xyz_sensor_m, stamp_ns, intensity, np.zeros(len(stamp_ns), np.uint8), one, one)
+        """Return returns of a sensor that has one line and one return a ray, and maybe tells no intensity."""
+        none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
+        return cls(xyz_sensor_m, stamp_ns, none if intensity is None else intensity, none, one, one)
 
     def part(self, which: slice | NDArray[np.bool_]) -> Returns:
         """Return some of the returns, in their order."""
