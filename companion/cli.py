@@ -241,12 +241,15 @@ def doctor(
 
 @app.command("map")
 def map_(
-    files: Annotated[list[Path], typer.Argument(help="LAS or LAZ files.")],
+    files: Annotated[list[Path], typer.Argument(help="LAS, LAZ, COPC, PCD, PLY or text: x y z.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     cell_m: Annotated[float | None, typer.Option(help="Side of a cell, m (0.5).")] = None,
     min_square_m: Annotated[float | None, typer.Option(help="Side of the safe square, m (3).")] = None,
     max_slope_deg: Annotated[float | None, typer.Option(help="Steepest safe slope, degrees (10).")] = None,
     crs: Annotated[str | None, typer.Option(help="CRS of files that name none, such as EPSG:2992.")] = None,
+    classified: Annotated[
+        bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
+    ] = False,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
@@ -262,7 +265,7 @@ def map_(
     own = [f"{name}={value}" for name, value in given.items() if value is not None]
     parameters = params.load(profile, [*own, *setting])
     with _progress(as_json) as step:
-        summary = survey.run(files, out, parameters, step, crs)
+        summary = survey.run(files, out, parameters, step, crs, classified)
     if as_json:
         print(json.dumps(summary))
     else:
