@@ -86,7 +86,6 @@ class Companion:
         self.settings = Settings(parameters, state)
         self.recorder: Recorder | None = None
         self._record_into = record
-        self._sensor = lidar_url.partition(":")[0]
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
         operator = Operator(self)
@@ -119,11 +118,12 @@ class Companion:
         self._epoch = self.history.epoch
 
     def _record(self, path: Path) -> None:
-        recorder = self.recorder = Recorder(path, self._sensor, self.settings.running)
+        stream = self.lidar.stream
+        recorder = self.recorder = Recorder(path, stream.kind, self.settings.running, stream.setup)
         self.link.on_frame.subscribe(recorder.frame_in)
         self.link.on_sent.subscribe(recorder.frame_out)
         self.link.on_time_asked.subscribe(recorder.time_asked)
-        self.lidar.stream.batches.subscribe(recorder.packets)
+        stream.batches.subscribe(recorder.packets)
         self.worker.on_window.subscribe(recorder.window)
 
     # ---- life -----------------------------------------------------------------------------------

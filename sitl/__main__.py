@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl import attach, scenes, truth
+from sitl import attach, lidars, ouster, ouster_packets, scenes, truth
 from sitl.intruder import HIGHEST_M, Intruder
 from sitl.key import read_key
 from sitl.lockstep import LockstepServer
@@ -45,6 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         options = _parse(sys.argv[1:] if arguments is None else arguments)
         _try_folder(options.truth)
+        _write_metadata(options.lidar_metadata)
         program = _whole_vehicle(options) if options.autopilot is None else _lidar_alone(options)
     except (ValueError, WireError) as error:
         print(f"slz sim: {error}", file=sys.stderr)
@@ -112,8 +113,19 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         help="where the scene lies; default with --autopilot: its home there",
     )
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--lidar", default="mid360", choices=("mid360", "none"))
-    parser.add_argument("--lidar-to", default="127.0.0.1:56301", metavar="HOST:PORT")
+    parser.add_argument(
+        "--lidar",
+        default="mid360",
+        choices=(*lidars.PORTS, "none"),
+        help="Livox Mid-360, Velodyne VLP-16 or Ouster OS1-32; the last two with their axis forward "
+        "(slz run --set lidar_pitch_deg=90)",
+    )
+    parser.add_argument(
+        "--lidar-to", default=None, metavar="HOST:PORT", help="default: 127.0.0.1 and the sensor's own port"
+    )
+    parser.add_argument(
+        "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
+    )
     parser.add_argument("--point-rate", type=float, default=200_000.0, help="LiDAR points per second")
     parser.add_argument(
         "--mavlink", action="append", metavar="URL", help="repeatable; tcpin:, udpin:, udpout: or a device"
@@ -147,6 +159,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     if options.autopilot is not None:
         attach.refuse_foreign(options, parser.get_default)
     _check(options)
+    if options.lidar_to is None:
+        options.lidar_to = f"127.0.0.1:{lidars.PORTS.get(options.lidar, lidars.PORTS['mid360'])}"
     return options
 
 
@@ -164,6 +178,8 @@ def _check(options: argparse.Namespace) -> None:
             raise _UsageError(
                 f"--{name.replace('_', '-')} {value:g}: must be a number from {low:g} to {high:.10g}"
             )
+    if options.lidar_metadata is not None and options.lidar != "ouster":
+        raise _UsageError("--lidar-metadata: only --lidar ouster has metadata")
     rate = options.point_rate
     if not rate.is_integer() or 10**9 % int(rate):
         raise _UsageError(f"--point-rate {rate:.10g}: must be a whole number that divides 10^9")
@@ -177,6 +193,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         mavlink=options.mavlink or default,
         seed=options.seed,
         origin_lla=_origin(options.origin),
+        lidar="mid360" if options.lidar == "none" else options.lidar,
         lidar_to=None if options.lidar == "none" else _address(options.lidar_to),
         point_rate_hz=round(options.point_rate),
         wind_ms=options.wind,
@@ -236,6 +253,16 @@ def _try_folder(folder: Path | None) -> None:
             pass
     except OSError as error:
         raise _UsageError(f"--truth {folder}: {error.strerror or error}") from None
+
+
+def _write_metadata(path: Path | None) -> None:
+    """Write what an Ouster tells of itself, which its driver needs."""
+    if path is None:
+        return
+    try:
+        path.write_text(ouster_packets.metadata(ouster.ELEVATION_DEG, ouster.COLUMNS))
+    except OSError as error:
+        raise _UsageError(f"--lidar-metadata {path}: {error.strerror or error}") from None
 
 
 def _ready(

@@ -39,6 +39,7 @@ def build(
             scenes.build(options.scene, options.seed),
             wire,
             seed=options.seed,
+            lidar="mid360" if options.lidar == "none" else options.lidar,
             lidar_to=lidar_to,
             point_rate_hz=round(options.point_rate),
             origin_lla=origin,

@@ -15,8 +15,8 @@ import numpy as np
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl import lidars
 from sitl.attached_log import AttachedLog
-from sitl.mid360 import Mid360
 from sitl.pose_source import Place, Pose, PoseSource, streams
 from sitl.pose_track import PoseTrack
 from sitl.scenes import Scene
@@ -34,14 +34,14 @@ FLAT_M = 0.3
 
 
 class AttachedLidar:
-    """Follows an autopilot and sends what a Mid-360 on its vehicle sees of a scene.
+    """Follows an autopilot and sends what a LiDAR on its vehicle sees of a scene.
 
     Parameters
     ----------
     scene, wire
         What is seen; where the autopilot speaks.
-    lidar_to
-        Where the packets go, None for nowhere.
+    lidar, lidar_to
+        One of `lidars.PORTS`; where its packets go, None for nowhere.
     origin_lla
         Of the scene; None lays the scene's home under the vehicle, or under its autopilot's home.
     say
@@ -61,6 +61,7 @@ class AttachedLidar:
         wire: Wire,
         *,
         seed: int = 1,
+        lidar: str = "mid360",
         lidar_to: tuple[str, int] | None = None,
         point_rate_hz: int = 200_000,
         origin_lla: Place | None = None,
@@ -71,7 +72,7 @@ class AttachedLidar:
         self.source = PoseSource()
         self.origin_lla = origin_lla
         self.log = AttachedLog(scene)
-        self.lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
+        self.lidar = lidars.build(lidar, np.random.default_rng(seed), point_rate_hz)
         self.skipped_ns = 0
         self.poses = 0
         self._say = say

@@ -8,12 +8,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from sitl import scenes
+from sitl import lidars, scenes
 from sitl.autopilot import Autopilot
 from sitl.estimator import EstimateErrors, Estimator
 from sitl.flight_log import FlightLog
 from sitl.intruder import Intruder
-from sitl.mid360 import Mid360
 from sitl.pilot import Pilot
 from sitl.pose_track import PoseTrack
 from sitl.scenes import Scene
@@ -39,6 +38,7 @@ class Simulation:
         *,
         seed: int = 1,
         origin_lla: tuple[float, float, float] = DEFAULT_ORIGIN,
+        lidar: str = "mid360",
         lidar_to: tuple[str, int] | None = None,
         point_rate_hz: int = 200_000,
         errors: EstimateErrors | None = None,
@@ -58,7 +58,7 @@ class Simulation:
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
         self.autopilot.truth_source = lambda: self.vehicle.truth
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
-        self.lidar = Mid360(streams[2], point_rate_hz=point_rate_hz) if lidar_to else None
+        self.lidar = lidars.build(lidar, streams[2], point_rate_hz) if lidar_to else None
         self.lidar_on = True
         self.log = FlightLog(self)
         self.intruder: Intruder | None = None

@@ -37,6 +37,8 @@ class Recorder:
         Kind of the sensor, as in the LiDAR's URL.
     parameters
         In force now; `record_mb` bounds the file.
+    setup
+        What beside the sensor's packets decodes them.
 
     Raises
     ------
@@ -44,7 +46,7 @@ class Recorder:
         The file is there or cannot be made.
     """
 
-    def __init__(self, path: Path, lidar: str, parameters: Parameters) -> None:
+    def __init__(self, path: Path, lidar: str, parameters: Parameters, setup: str = "") -> None:
         self._clock_offset_ns: int | None = None
         self._lost = 0
         self._last_pose_ns = self._last_fix_ns = 0
@@ -52,6 +54,7 @@ class Recorder:
         metadata = {
             "version": str(journal.VERSION),
             "lidar": lidar,
+            "lidar_setup": setup,
             "parameters": json.dumps(values),
             "clock_offset_ns": str(self._offset_ns()),
         }

@@ -21,11 +21,15 @@ from params import ParameterError, Parameters
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a recording says of itself: kind of sensor, parameters, time of day less the companion's clock."""
+    """What a recording says of itself: kind of sensor, parameters, time of day less the companion's clock.
+
+    lidar_setup: the sensor's own description, where its packets alone do not tell.
+    """
 
     lidar: str
     values: dict[str, Any]
     clock_offset_ns: int
+    lidar_setup: str = ""
 
     def parameters(self, settings: Iterable[str] = ()) -> Parameters:
         """Return the flight's parameters, some replaced by `name=value`.
@@ -109,7 +113,8 @@ class Recording:
         try:
             version = int(metadata["version"])
             values = json.loads(metadata["parameters"])
-            header = Header(metadata["lidar"], values, int(metadata["clock_offset_ns"]))
+            setup = metadata.get("lidar_setup", "")
+            header = Header(metadata["lidar"], values, int(metadata["clock_offset_ns"]), setup)
             params.build(values)
         except ParameterError as error:
             raise UsageError(f"{self._path}: {error}") from None

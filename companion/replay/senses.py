@@ -39,7 +39,8 @@ class Senses:
     ) -> None:
         self._reader = mavlink.MAVLink(None)
         self._inbox = Inbox(Codec(parameters.component_id), CommandServer())
-        self._stream = PacketStream(decoder_for(header.lidar), parameters, on_returns)
+        decoder = decoder_for(header.lidar, header.lidar_setup)
+        self._stream = PacketStream(decoder, parameters, on_returns)
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)

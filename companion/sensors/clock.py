@@ -8,7 +8,7 @@ from itertools import pairwise
 WINDOW_NS = 10_000_000_000
 BLOCK_NS = 500_000_000
 ENOUGH_NS = 4_000_000_000
-JUMP_NS = 1_000_000_000
+JUMP_NS = 800_000_000
 REORDERED_NS = 20_000_000
 GAP_NS = 100_000_000
 MAX_DRIFT = 200e-6
@@ -23,7 +23,7 @@ class SensorClock:
     The least of every half second is kept for ten seconds; the line that touches them from below is the
     offset and its drift. Hence no stamp ever maps to a time after its arrival.
 
-    A sensor that starts anew, or whose clock is set by more than a second, starts this anew. Late packets do
+    A sensor that starts anew, or whose clock is set by a second, starts this anew. Late packets do
     not: their stamps go on where the last one ended.
 
     Parameters

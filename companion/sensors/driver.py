@@ -6,12 +6,15 @@ import asyncio
 import contextlib
 import errno
 import socket
+from pathlib import Path
 from typing import Any
 
 from companion.clock import now_ns
 from companion.errors import CompanionError, UsageError
 from companion.sensors.livox import LivoxDecoder
+from companion.sensors.ouster import OusterDecoder
 from companion.sensors.stream import Decoder, OnReturns, PacketStream
+from companion.sensors.velodyne import VelodyneDecoder
 from params import Parameters
 
 BATCH_S = 0.01
@@ -21,40 +24,67 @@ BIND_ERRORS = {
     errno.EADDRINUSE: "the port is in use",
     errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
 }
-EXAMPLE = "livox:HOST:PORT, such as livox:0.0.0.0:56301"
+EXAMPLE = "livox:HOST:PORT (livox:0.0.0.0:56301), velodyne:HOST:PORT or ouster:HOST:PORT?meta=FILE.json"
+METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
+DEFAULT_PORTS = {"livox": None, "velodyne": 2368, "ouster": 7502}
 
 
 def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
 
+    A Velodyne's and an Ouster's port may be left out for the maker's own.
+
     Raises
     ------
     UsageError
-        The URL is malformed or names a sensor that is not supported.
+        The URL is malformed or names a sensor that is not supported, or the sensor's description is missing.
     """
-    kind, _, address = url.partition(":")
-    if kind in ("velodyne", "ouster"):
-        raise UsageError(f"LiDAR {url!r}: {kind} is not supported yet: write {EXAMPLE}")
-    if kind != "livox":
+    kind, _, rest = url.partition(":")
+    if kind not in DEFAULT_PORTS:
         raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
-    host, _, port = address.rpartition(":")
+    address, _, query = rest.partition("?")
+    default = DEFAULT_PORTS[kind]
+    host, colon, port = address.rpartition(":")
+    if default is not None and not (colon and port):
+        host, port = (host if colon else address), str(default)
     if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
-    stream = PacketStream(decoder_for(kind), parameters, on_returns)
+    stream = PacketStream(decoder_for(kind, _setup(url, kind, query)), parameters, on_returns)
     return UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
 
 
-def decoder_for(kind: str) -> Decoder:
-    """Return the decoder of a kind of sensor, as in its URL.
+def _setup(url: str, kind: str, query: str) -> str:
+    """Return the sensor's description that a URL's query names."""
+    name, _, path = query.partition("=")
+    if kind != "ouster":
+        if query:
+            raise UsageError(f"LiDAR {url!r}: ?{query} is not understood: write {EXAMPLE}")
+        return ""
+    if name != "meta" or not path:
+        raise UsageError(f"LiDAR {url!r} names no metadata: write {METADATA}")
+    try:
+        return Path(path).read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "is no text"
+        raise UsageError(f"LiDAR {url!r}: {path}: {why}") from None
+
+
+def decoder_for(kind: str, setup: str = "") -> Decoder:
+    """Return the decoder of a kind of sensor, as in its URL, with the sensor's description if it has one.
 
     Raises
     ------
     UsageError
-        There is none.
+        There is none, or the description cannot be read.
     """
-    if kind != "livox":
-        raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
-    return LivoxDecoder()
+    match kind:
+        case "livox":
+            return LivoxDecoder()
+        case "velodyne":
+            return VelodyneDecoder()
+        case "ouster":
+            return OusterDecoder(setup)
+    raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
 
 
 class UdpLidar(asyncio.DatagramProtocol):
@@ -114,7 +144,7 @@ class UdpLidar(asyncio.DatagramProtocol):
         except OSError as error:
             sock.close()
             why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
-            raise UsageError(f"LiDAR livox:{host}:{port}: {why}") from None
+            raise UsageError(f"LiDAR {self.stream.kind}:{host}:{port}: {why}") from None
         return sock
 
     def datagram_received(self, data: bytes, addr: Any) -> None:

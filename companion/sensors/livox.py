@@ -3,7 +3,9 @@
 A packet is a header of 36 bytes, little endian, and `dot_num` points. `length` counts the whole packet. The
 checksum covers everything from the time stamp on. `timestamp` is the first point's time, `time_interval` the
 time from the first point to the last. `udp_cnt` counts packets, from zero in every frame or without an end.
-Points are given forward, left, up of the sensor's centre.
+Points are given forward, left, up of the sensor's centre. The Mid-360's four laser lines fire in turn, so a
+point's line is its place in the packet modulo four, as the maker's own driver has it; each ray gives one
+return.
 """
 
 from __future__ import annotations
@@ -12,11 +14,12 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.sensors.livox_points import decode_points
+from companion.sensors.returns import RawReturns
 
 # version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
 # crc32, timestamp (ns)
@@ -47,21 +50,12 @@ class LivoxCounters:
     low_confidence: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class RawReturns:
-    """Decoded points on the sensor's clock: (n, 3) float32 m, (n,) int64 ns, (n,) uint8."""
-
-    xyz_m: NDArray[np.float32]
-    stamp_ns: NDArray[np.int64]
-    intensity: NDArray[np.uint8]
-
-    def __len__(self) -> int:
-        return len(self.stamp_ns)
-
-
 @dataclass(slots=True)
 class LivoxDecoder:
     """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
+
+    kind: ClassVar[str] = "livox"
+    setup: ClassVar[str] = ""
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
     _packets: list[bytes] = field(default_factory=list)
@@ -114,14 +108,16 @@ class LivoxDecoder:
         xyz = np.empty((most, 3), np.float32)
         stamps = np.empty(most, np.int64)
         intensity = np.empty(most, np.uint8)
+        ring = np.empty(most, np.uint8)
         data = np.frombuffer(b"".join(self._packets), np.uint8)
-        kept, absent, doubtful = decode_points(data, spans, xyz, stamps, intensity)
+        kept, absent, doubtful = decode_points(data, spans, xyz, stamps, intensity, ring)
         self._packets.clear()
         self._spans.clear()
         self.counters.returns += kept
         self.counters.no_return += absent
         self.counters.low_confidence += doubtful
-        return RawReturns(xyz[:kept], stamps[:kept], intensity[:kept])
+        one = np.ones(kept, np.uint8)
+        return RawReturns(xyz[:kept], stamps[:kept], intensity[:kept], ring[:kept], one, one)
 
     def decode(self, packets: Sequence[bytes]) -> RawReturns:
         """Check and decode packets together; without any return the arrays are empty."""

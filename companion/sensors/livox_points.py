@@ -14,6 +14,7 @@ CENTIDEGREE = math.pi / 18000
 # Tag bits 0-1: the return lies on the line between two close objects; bits 2-3: rain, fog or dust; bits 4-5:
 # other. 0 is high confidence, 1 moderate, 2 low, 3 reserved: the upper bit of a pair tells low confidence.
 DOUBTFUL = 0b101010
+LINES = 4
 
 
 @kernel()
@@ -52,13 +53,17 @@ def _metres(data: NDArray[np.uint8], at: int, kind: int) -> tuple[float, float, 
     return across * math.cos(phi), across * math.sin(phi), depth * math.cos(theta)
 
 
-@kernel("UniTuple(int64, 3)(Array(uint8, 1, 'C', readonly=True), i8[:, ::1], f4[:, ::1], i8[::1], u1[::1])")
+@kernel(
+    "UniTuple(int64, 3)"
+    "(Array(uint8, 1, 'C', readonly=True), i8[:, ::1], f4[:, ::1], i8[::1], u1[::1], u1[::1])"
+)
 def decode_points(
     data: NDArray[np.uint8],
     spans: NDArray[np.int64],
     xyz_m: NDArray[np.float32],
     stamps_ns: NDArray[np.int64],
     intensity: NDArray[np.uint8],
+    ring: NDArray[np.uint8],
 ) -> tuple[int, int, int]:
     """Decode packets that follow each other in `data`.
 
@@ -68,8 +73,8 @@ def decode_points(
         (bytes,) uint8, whole packets, checked.
     spans
         (packets, 4): data type, points, first point's stamp (ns), time from first to last point (ns).
-    xyz_m, stamps_ns, intensity
-        Filled from the front: (points, 3) m, (points,) ns, (points,).
+    xyz_m, stamps_ns, intensity, ring
+        Filled from the front: (points, 3) m, (points,) ns, (points,), (points,) laser line.
 
     Returns
     -------
@@ -94,6 +99,7 @@ def decode_points(
                 xyz_m[kept, 0], xyz_m[kept, 1], xyz_m[kept, 2] = x, y, z
                 stamps_ns[kept] = stamp + np.int64(i * step)
                 intensity[kept] = data[at + size - 2]
+                ring[kept] = i % LINES
                 kept += 1
             at += size
     return kept, absent, doubtful

@@ -3,10 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class RawReturns:
+    """Decoded points on the sensor's clock.
+
+    xyz_m : (n, 3) float32, forward, left, up of the sensor. stamp_ns : (n,) int64. The rest as in `Returns`.
+    """
+
+    xyz_m: NDArray[np.float32]
+    stamp_ns: NDArray[np.int64]
+    intensity: NDArray[np.uint8]
+    ring: NDArray[np.uint8]
+    echo: NDArray[np.uint8]
+    echoes: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    def later(self, offset_ns: int) -> Returns:
+        """Return the same on a clock that is ahead of the sensor's by `offset_ns`."""
+        return Returns(
+            self.xyz_m, self.stamp_ns + offset_ns, self.intensity, self.ring, self.echo, self.echoes
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,12 +38,17 @@ class Returns:
     """A batch of returns.
 
     xyz_sensor_m : (n, 3) float32, forward, left, up of the sensor. stamp_ns : (n,) int64, companion clock.
-    intensity : (n,) uint8. The arrays must be contiguous, and become read-only.
+    intensity : (n,) uint8. ring : (n,) uint8, laser line, from the lowest up where lines lie one above the
+    other. echo : (n,) uint8, number of the return along its ray, 1 is the first. echoes : (n,) uint8, how
+    many the ray gave. The arrays must be contiguous, and become read-only.
     """
 
     xyz_sensor_m: NDArray[np.float32]
     stamp_ns: NDArray[np.int64]
     intensity: NDArray[np.uint8]
+    ring: NDArray[np.uint8]
+    echo: NDArray[np.uint8]
+    echoes: NDArray[np.uint8]
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
@@ -27,6 +56,9 @@ class Returns:
             ("xyz_sensor_m", self.xyz_sensor_m, (n, 3), np.float32),
             ("stamp_ns", self.stamp_ns, (n,), np.int64),
             ("intensity", self.intensity, (n,), np.uint8),
+            ("ring", self.ring, (n,), np.uint8),
+            ("echo", self.echo, (n,), np.uint8),
+            ("echoes", self.echoes, (n,), np.uint8),
         ):
             if array.shape != shape or array.dtype != dtype or not array.flags.c_contiguous:
                 raise ValueError(
@@ -37,13 +69,35 @@ class Returns:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
+    def picked(self, which: NDArray[np.bool_] | slice) -> Returns:
+        """Return some of the returns, in their order."""
+        return Returns(*(np.ascontiguousarray(getattr(self, f.name)[which]) for f in fields(Returns)))
+
+
+def plain(xyz_sensor_m: NDArray[np.float32], stamp_ns: NDArray[np.int64]) -> Returns:
+    """Return points of a sensor that tells no more than where they are: the only return of each ray."""
+    none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
+    xyz = np.ascontiguousarray(xyz_sensor_m, np.float32)
+    return Returns(xyz, np.ascontiguousarray(stamp_ns), none, none.copy(), one, one.copy())
+
+
+def nothing() -> RawReturns:
+    """Return no point at all."""
+    none = np.empty(0, np.uint8)
+    return RawReturns(np.empty((0, 3), np.float32), np.empty(0, np.int64), none, none, none, none)
+
+
+def join_raw(parts: Sequence[RawReturns]) -> RawReturns:
+    """Return all points of `parts`, at least one, in their order."""
+    if len(parts) == 1:
+        return parts[0]
+    return RawReturns(
+        *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(RawReturns))
+    )
+
 
 def join(parts: Sequence[Returns]) -> Returns:
     """Return all returns of `parts`, at least one, in their order."""
     if len(parts) == 1:
         return parts[0]
-    return Returns(
-        np.concatenate([part.xyz_sensor_m for part in parts]),
-        np.concatenate([part.stamp_ns for part in parts]),
-        np.concatenate([part.intensity for part in parts]),
-    )
+    return Returns(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Returns)))

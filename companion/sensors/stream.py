@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Protocol
 
 from companion.link.event import Event
 from companion.sensors.clock import SensorClock
-from companion.sensors.livox import RawReturns
-from companion.sensors.returns import Returns
+from companion.sensors.lookalike import NAMES, lookalike
+from companion.sensors.returns import RawReturns, Returns
 from params import Parameters
 
 log = logging.getLogger(__name__)
 
 RATE_NS = 1_000_000_000
+REMEMBERED = 64  # packets among which a repeated one is looked for
 
 OnReturns = Callable[[Returns], None]
 Batch = list[tuple[int, bytes]]  # arrival and packet
@@ -26,6 +28,14 @@ class Decoder(Protocol):
 
     counters: Any
     """Dataclass of what came, and what was dropped and why."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of sensor, as in its URL."""
+
+    @property
+    def setup(self) -> str:
+        """What beside its packets decodes them: the sensor's own description, or nothing."""
 
     def check(self, packet: bytes) -> int | None:
         """Return the sensor's time of a packet's last point (ns), or None, counted, for what is none."""
@@ -44,7 +54,8 @@ class PacketStream:
     """Checks, dates and decodes packets.
 
     It listens to one sensor: another host's packets are counted as foreign until the first has been silent
-    for `lidar_timeout_s`, for two sensors' clocks and counts would mix.
+    for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet that the network delivers
+    twice is taken once. Packets of another maker are counted, and the first is logged.
 
     Parameters
     ----------
@@ -70,10 +81,23 @@ class PacketStream:
         self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
         self._host: str | None = None
         self._foreign = 0
+        self._repeated = 0
+        self._wrong_sensor = 0
+        self._recent: deque[int] = deque(maxlen=REMEMBERED)
         self._kept: Batch = []
         self._rate = _Rate()
         self.batches: Event[[Batch]] = Event()
         self.last_arrival_ns: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """Kind of sensor, as in its URL."""
+        return self._decoder.kind
+
+    @property
+    def setup(self) -> str:
+        """What beside its packets decodes them."""
+        return self._decoder.setup
 
     def __len__(self) -> int:
         """Return the number of packets that wait to be decoded."""
@@ -83,9 +107,13 @@ class PacketStream:
         """Keep a packet for the next batch; what is none is counted and dropped."""
         stamp_ns = self._decoder.check(packet)
         if stamp_ns is None:
+            self._suspect(packet, host)
             return
         if not self._is_ours(host, arrival_ns):
             self._foreign += 1
+            return
+        if self._is_repeated(packet):
+            self._repeated += 1
             return
         if self._clock.is_jump(stamp_ns, arrival_ns):
             self.flush(arrival_ns)  # the packets before have the clock of before
@@ -103,13 +131,14 @@ class PacketStream:
         raw = self._decoder.drain()
         if len(raw):
             self._rate.add(now_ns, len(raw))
-            stamps_ns = raw.stamp_ns + self._clock.offset_ns(int(raw.stamp_ns[-1]))
-            self._on_returns(Returns(raw.xyz_m, stamps_ns, raw.intensity))
+            self._on_returns(raw.later(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of packets and returns, and of what was dropped and why."""
         return asdict(self._decoder.counters) | {
             "foreign": self._foreign,
+            "repeated": self._repeated,
+            "wrong_sensor": self._wrong_sensor,
             "clock_resets": self._clock.resets,
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate.hz,
@@ -121,6 +150,25 @@ class PacketStream:
             log.info("LiDAR at %s", host)
             self._host = host
         return host == self._host
+
+    def _is_repeated(self, packet: bytes) -> bool:
+        digest = hash(packet)
+        repeated = digest in self._recent
+        if not repeated:
+            self._recent.append(digest)
+        return repeated
+
+    def _suspect(self, packet: bytes, host: str) -> None:
+        """Say once what sends to this port if it is another maker's sensor."""
+        found = lookalike(packet)
+        if found is None or found == self.kind:
+            return
+        if not self._wrong_sensor:
+            log.error(
+                "packets from %s look like those of %s, not of %s: is %s: meant in the LiDAR's URL?",
+                *(host, NAMES[found], NAMES[self.kind], found),
+            )
+        self._wrong_sensor += 1
 
 
 class _Rate:

@@ -26,7 +26,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import scenes
 from sitl.livox_packets import HEADER, HEADER_BYTES
-from sitl.mid360 import Clock, Mid360
+from sitl.mid360 import Mid360
+from sitl.sensor_clock import Clock
 
 F64 = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.pose_history import PoseHistory
-from companion.sensors.returns import Returns
 from params import Parameters
 from slz import LocalFrame
+from tests.unit.companion.fusion.flights import returns_of
 
 MS = 1_000_000
 HOME = LocalFrame(47.0, 8.0, 400.0)
@@ -37,11 +37,7 @@ def placed(
         east, north, up = turn_enu.apply(velocity_enu)
         history.add_position(stamp, lat, lon, alt, (north, east, -up))
     rng = np.random.default_rng(0)
-    returns = Returns(
-        rng.uniform(2, 20, (50, 3)).astype(np.float32),
-        np.linspace(1 * MS, 179 * MS, 50).astype(np.int64),
-        np.zeros(50, np.uint8),
-    )
+    returns = returns_of(rng.uniform(2, 20, (50, 3)), np.linspace(1 * MS, 179 * MS, 50).astype(np.int64))
     scan = Georeferencer(parameters).georeference(returns, history)
     assert scan is not None
     assert len(scan) == 50

@@ -17,8 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl import scenes
 from sitl.attached import AttachedLidar
 from sitl.livox_packets import CARTESIAN_32, HEADER, HEADER_BYTES
-from sitl.mid360 import Noise
 from sitl.mount import Mount
+from sitl.optics import Noise
 from sitl.scenes import Scene
 from sitl.wire import MemoryWire, Peer
 from tests.unit.sitl.autopilot_messages import HOME, IN_AIR, ON_GROUND, Sender, beside_home

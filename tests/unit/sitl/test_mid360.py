@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -12,35 +11,21 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from sitl.livox_packets import DataType
-from sitl.mid360 import Clock, Mid360, Noise
+from sitl.mid360 import Mid360
 from sitl.mid360_pattern import angles_rad
 from sitl.mount import Mount
-from sitl.primitives import Box, Ground, Kind
+from sitl.optics import Noise
+from sitl.primitives import Box, Kind
+from sitl.sensor_clock import Clock
 from sitl.world import World
+from tests.unit.sitl.still_world import flat_world, hover
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-PoseAt = Callable[[I64], tuple[F64, F64]]
 MS = 1_000_000
 CLOCK = Clock(offset_ns=1_000_000, drift_ppb=0)
 CENTRED = Mount(lever_frd_m=(0.0, 0.0, 0.0))
 RECORD = np.dtype([("xyz", "<i4", 3), ("reflectivity", "u1"), ("tag", "u1")])
-
-
-def flat_world(kind: Kind = Kind.GRASS) -> World:
-    ground = Ground(-100.0, -100.0, 4.0, np.zeros((51, 51)), np.full((50, 50), kind, np.uint8))
-    return World(ground)
-
-
-def hover(x: float = 0.0, y: float = 0.0, z: float = 10.0, heading_deg: float = 0.0) -> PoseAt:
-    half = np.radians(heading_deg) / 2
-
-    def pose_at(stamps: I64) -> tuple[F64, F64]:
-        n = len(stamps)
-        quat = np.tile([np.cos(half), 0.0, 0.0, np.sin(half)], (n, 1))
-        return np.tile([x, y, z], (n, 1)), quat
-
-    return pose_at
 
 
 def decode(packets: list[bytes]) -> tuple[F64, I64, NDArray[np.void]]:

@@ -68,10 +68,14 @@ class Flight:
 
 
 def returns_of(xyz: Floats, stamps: NDArray[np.int64]) -> Returns:
+    zeros, ones = np.zeros(len(stamps), np.uint8), np.ones(len(stamps), np.uint8)
     return Returns(
         np.ascontiguousarray(xyz, np.float32),
         np.ascontiguousarray(stamps, np.int64),
-        np.zeros(len(stamps), np.uint8),
+        intensity=zeros,
+        ring=zeros,
+        echo=ones,
+        echoes=ones,
     )
 
 

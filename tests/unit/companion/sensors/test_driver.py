@@ -66,8 +66,8 @@ def play(port: int) -> Iterator[Callable[[Scenario], None]]:
         ("livox:0.0.0.0:²", "port"),
         ("livox:", "port"),
         ("", "livox:HOST:PORT"),
-        ("velodyne:0.0.0.0:2368", "not supported yet"),
-        ("ouster:0.0.0.0:7502", "not supported yet"),
+        ("velodyne:0.0.0.0:0", "port"),
+        ("velodyne:0.0.0.0:x", "port"),
         ("cloud.laz", "livox:HOST:PORT"),
     ],
 )
@@ -82,6 +82,20 @@ def test_a_port_in_use_is_one_clear_line(port: int) -> None:
         other.bind(("127.0.0.1", port))
         with pytest.raises(UsageError, match=f"{port}.*in use"):
             asyncio.run(open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print).run())
+
+
+@pytest.mark.parametrize(
+    ("url", "address"),
+    [
+        ("velodyne:192.0.2.1:4000", ("192.0.2.1", 4000)),
+        ("velodyne:192.0.2.1", ("192.0.2.1", 2368)),
+        ("velodyne:192.0.2.1:", ("192.0.2.1", 2368)),
+        ("velodyne::4000", ("0.0.0.0", 4000)),
+        ("velodyne:", ("0.0.0.0", 2368)),
+    ],
+)
+def test_a_maker_s_own_port_may_be_left_out(url: str, address: tuple[str, int]) -> None:
+    assert open_lidar(url, Parameters(), print)._address == address
 
 
 def test_a_host_may_be_left_out(port: int) -> None:

@@ -67,6 +67,12 @@ def test_stamps_follow_the_point_when_others_before_it_are_dropped() -> None:
     assert LivoxDecoder().decode([packet]).stamp_ns.tolist() == [5_000_200_000]
 
 
+def test_the_four_lines_fire_in_turn_and_each_ray_gives_one_return() -> None:
+    raw = LivoxDecoder().decode([points_packet([*ONE * 3, (0, 0, 0, 0, 0), *ONE * 2])])
+    assert raw.ring.tolist() == [0, 1, 2, 0, 1]
+    assert set(raw.echo) == set(raw.echoes) == {1}
+
+
 def test_a_batch_equals_its_packets_one_by_one() -> None:
     rng = np.random.default_rng(3)
     packets = []
@@ -78,7 +84,7 @@ def test_a_batch_equals_its_packets_one_by_one() -> None:
         packets.append(points_packet(points, kind=kind, stamp_ns=10**9 + i * 500_000, count=i))
     together = LivoxDecoder().decode(packets)
     alone = [LivoxDecoder().decode([packet]) for packet in packets]
-    for name in ("xyz_m", "stamp_ns", "intensity"):
+    for name in ("xyz_m", "stamp_ns", "intensity", "ring", "echo", "echoes"):
         np.testing.assert_array_equal(
             getattr(together, name), np.concatenate([getattr(one, name) for one in alone])
         )

@@ -2,30 +2,40 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from companion.sensors.returns import Returns, join
+from companion.sensors.returns import RawReturns, Returns, join
+
+
+def columns(n: int) -> dict[str, Any]:
+    counts = {name: np.arange(1, n + 1, dtype=np.uint8) for name in ("intensity", "ring", "echo", "echoes")}
+    return {"xyz_sensor_m": np.ones((n, 3), np.float32), "stamp_ns": np.arange(n, dtype=np.int64), **counts}
 
 
 def batch(n: int) -> Returns:
-    return Returns(np.ones((n, 3), np.float32), np.arange(n, dtype=np.int64), np.zeros(n, np.uint8))
+    return Returns(**columns(n))
 
 
 @pytest.mark.parametrize(
-    ("xyz", "stamps", "intensity"),
+    "wrong",
     [
-        (np.ones((2, 3)), np.zeros(2, np.int64), np.zeros(2, np.uint8)),
-        (np.ones((3, 3), np.float32), np.zeros(2, np.int64), np.zeros(2, np.uint8)),
-        (np.ones((2, 2), np.float32), np.zeros(2, np.int64), np.zeros(2, np.uint8)),
-        (np.ones((2, 3), np.float32), np.zeros(2), np.zeros(2, np.uint8)),
-        (np.ones((2, 3), np.float32), np.zeros(2, np.int64), np.zeros(3, np.uint8)),
-        (np.ones((4, 3), np.float32)[::2], np.zeros(2, np.int64), np.zeros(2, np.uint8)),
+        {"xyz_sensor_m": np.ones((2, 3))},
+        {"xyz_sensor_m": np.ones((3, 3), np.float32)},
+        {"xyz_sensor_m": np.ones((2, 2), np.float32)},
+        {"xyz_sensor_m": np.ones((4, 3), np.float32)[::2]},
+        {"stamp_ns": np.zeros(2)},
+        {"intensity": np.zeros(3, np.uint8)},
+        {"ring": np.zeros(2)},
+        {"echo": np.zeros(1, np.uint8)},
+        {"echoes": np.zeros(4, np.uint8)[::2]},
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(xyz: object, stamps: object, intensity: object) -> None:
+def test_arrays_that_do_not_fit_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="must be"):
-        Returns(xyz, stamps, intensity)  # type: ignore[arg-type]
+        Returns(**(columns(2) | wrong))
 
 
 def test_nobody_changes_returns_later() -> None:
@@ -33,6 +43,15 @@ def test_nobody_changes_returns_later() -> None:
         batch(2).xyz_sensor_m[0, 0] = 5
 
 
-def test_join_keeps_the_order() -> None:
+def test_join_keeps_the_order_of_every_column() -> None:
     joined = join([batch(2), batch(3)])
     assert joined.stamp_ns.tolist() == [0, 1, 0, 1, 2]
+    for name in ("intensity", "ring", "echo", "echoes"):
+        assert getattr(joined, name).tolist() == [1, 2, 1, 2, 3]
+
+
+def test_another_clock_changes_nothing_but_the_stamps() -> None:
+    xyz, stamps, *rest = columns(2).values()
+    returns = RawReturns(xyz, stamps, *rest).later(10**18)
+    assert returns.stamp_ns.tolist() == [10**18, 10**18 + 1]
+    assert [returns.intensity, returns.ring, returns.echo, returns.echoes] == rest

@@ -1,0 +1,73 @@
+"""Kernel that turns the ranges of Ouster packets into points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+
+@kernel(
+    "UniTuple(int64, 2)(u4[:, :, ::1], u1[:, :, ::1], i8[::1], i8[::1], f4[:, :, ::1], f4[:, :, ::1], "
+    "f4[:, ::1], i8[::1], u1[::1], u1[::1], u1[::1], u1[::1])"
+)
+def place_pixels(
+    range_mm: NDArray[np.uint32],
+    bright: NDArray[np.uint8],
+    number: NDArray[np.int64],
+    column_ns: NDArray[np.int64],
+    direction: NDArray[np.float32],
+    offset_m: NDArray[np.float32],
+    xyz_m: NDArray[np.float32],
+    stamp_ns: NDArray[np.int64],
+    intensity: NDArray[np.uint8],
+    ring: NDArray[np.uint8],
+    echo: NDArray[np.uint8],
+    echoes: NDArray[np.uint8],
+) -> tuple[int, int]:
+    """Place what columns measured; a range of zero is no return.
+
+    Parameters
+    ----------
+    range_mm, bright
+        (columns, rows, 1 or 2 returns).
+    number, column_ns
+        (columns,), number in the frame and stamp.
+    direction, offset_m
+        (columns of a frame, rows, 3), a point is offset + range * direction.
+    xyz_m, stamp_ns, intensity, ring, echo, echoes
+        Filled from the front; as in `RawReturns`.
+
+    Returns
+    -------
+    tuple
+        Points, rays without a return.
+    """
+    kept, absent = 0, 0
+    columns, rows, most = range_mm.shape
+    for column in range(columns):
+        at = number[column]
+        for row in range(rows):
+            count = 0
+            for k in range(most):
+                count += range_mm[column, row, k] > 0
+            if count == 0:
+                absent += 1
+                continue
+            for k in range(most):
+                mm = range_mm[column, row, k]
+                if mm == 0:
+                    continue
+                range_m = np.float32(mm) * np.float32(1e-3)
+                for axis in range(3):
+                    xyz_m[kept, axis] = offset_m[at, row, axis] + range_m * direction[at, row, axis]
+                stamp_ns[kept] = column_ns[column]
+                intensity[kept] = bright[column, row, k]
+                ring[kept] = rows - 1 - row
+                other = range_mm[column, row, 1 - k] if count == 2 else mm
+                # The nearer of two is the first, whichever the sensor put first.
+                echo[kept] = 2 if mm > other or (count == 2 and mm == other and k == 1) else 1
+                echoes[kept] = count
+                kept += 1
+    return kept, absent

@@ -1,0 +1,106 @@
+"""What keeps a LiDAR's measurement from being exact: range and reflectivity limits, noise, false returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What keeps a real sensor from being exact; probabilities are per pulse."""
+
+    range_sigma_m: float = 0.02
+    angle_sigma_deg: float = 0.15
+    dropout: float = 0.005
+    ghost: float = 1e-4
+    dust: float = 1e-4
+    tagged: float = 0.7
+    """Share of ghosts and dust that the sensor marks, if it marks any."""
+
+    @classmethod
+    def none(cls) -> Noise:
+        """Return a perfect sensor (limits of range and of reflectivity stay)."""
+        return cls(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far a sensor sees: blind below `blind_m`, nothing beyond `most_m`, two ranges by reflectivity."""
+
+    blind_m: float
+    most_m: float
+    at_10_percent_m: float
+    at_80_percent_m: float
+
+    def detected(self, range_m: F64, bright: F64, normal: F64, uniform: F64, noise: Noise) -> Flags:
+        """Say which pulses come back bright enough, with a soft edge.
+
+        Parameters
+        ----------
+        range_m, bright
+            (n,), true range and reflectance times the cosine of incidence.
+        normal, uniform
+            (n,) random numbers.
+        """
+        exponent = np.log(self.at_80_percent_m / self.at_10_percent_m) / np.log(0.8 / 0.1)
+        limit = self.at_10_percent_m * (np.maximum(bright, 1e-6) / 0.1) ** exponent
+        limit *= 1.0 + 0.04 * np.clip(normal, -3.0, 3.0)
+        in_range = (range_m >= self.blind_m) & (range_m <= limit)
+        detected: Flags = in_range & (uniform >= noise.dropout)
+        return detected
+
+
+@dataclass(frozen=True, slots=True)
+class Echoes:
+    """What pulses measured.
+
+    range_m : (n,) of what is reported. behind_m : (n,) of what a second return would tell. Zero is no return;
+    `behind_m` is `range_m` unless dust lies before something. ghost, dust : (n,) which are
+    false; marked : (n,) whether the sensor would know.
+    """
+
+    range_m: F64
+    behind_m: F64
+    ghost: Flags
+    dust: Flags
+    marked: Flags
+
+
+def range_error(range_m: F64, normal: F64, noise: Noise) -> F64:
+    """Range noise: sigma from 10 m on, half as much again at 0.2 m."""
+    sigma = noise.range_sigma_m * (1.0 + 0.5 * np.exp(-np.nan_to_num(range_m) / 2.0))
+    return sigma * normal
+
+
+def false_returns(measured: F64, seen: Flags, uniform: F64, noise: Noise) -> Echoes:
+    """Add multi-path ghosts (too far) and dust or rain (a few metres ahead, too near).
+
+    `uniform` are random numbers (n, 4), of which the last three are used.
+    """
+    marked = uniform[:, 2] < noise.tagged
+    ghost = seen & (uniform[:, 1] < noise.ghost)
+    measured = np.where(ghost, measured * (1.05 + 0.6 * uniform[:, 3]), measured)
+    dust = uniform[:, 1] > 1.0 - noise.dust
+    nearer = 0.3 + 8.0 * uniform[:, 3] ** 2
+    dust &= ~seen | (nearer < measured)
+    return Echoes(np.where(dust, nearer, measured), measured, ghost, dust, marked)
+
+
+def tilt(unit: F64, normal: F64, sigma_deg: float) -> F64:
+    """Tilt unit vectors at random; sigma is that of the whole angle, shared by two axes."""
+    if sigma_deg == 0.0:
+        return unit
+    z = np.array([0.0, 0.0, 1.0])
+    across = np.cross(z, unit)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    up = np.cross(unit, across)
+    scale = np.radians(sigma_deg) / np.sqrt(2.0)
+    tilted = unit + scale * (normal[:, :1] * across + normal[:, 1:] * up)
+    out: F64 = tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
+    return out

@@ -1,0 +1,138 @@
+"""Ouster lidar data packets, byte for byte, and the metadata that describes them (firmware manual, v2.5).
+
+Profile RNG19_RFL8_SIG16_NIR16. Everything is little-endian. A packet is a header of 32 bytes, 16 columns of
+one header of 12 bytes and `rows` pixels of 12 bytes, and a footer of 32 bytes, zero:
+
+==============  ======  ====  ===========================================================
+field           offset  size  meaning
+==============  ======  ====  ===========================================================
+packet_type          0     2  1, lidar
+frame_id             2     2  goes round after 65535
+init_id              4     3  changes whenever the sensor is set up anew
+serial_number        7     5
+timestamp            0     8  of a column: when it was measured, ns
+measurement_id       8     2  of a column: its number in the frame
+status              10     2  of a column: bit 0, valid
+range                0     4  of a pixel: 19 bits, mm
+reflectivity         4     1  of a pixel
+signal               6     2  of a pixel: photons
+near_ir              8     2  of a pixel: photons
+==============  ======  ====  ===========================================================
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+
+PACKET_COLUMNS = 16
+MOST_MM = (1 << 19) - 1
+UP_MM = 36.18
+PROFILE = "RNG19_RFL8_SIG16_NIR16"
+SERIAL, INIT_ID = 992_247_000_001, 7
+PIXEL = np.dtype(
+    {
+        "names": ["range", "reflectivity", "signal", "near_ir"],
+        "formats": ["<u4", "u1", "<u2", "<u2"],
+        "offsets": [0, 4, 6, 8],
+        "itemsize": 12,
+    }
+)
+
+
+def packet_type(rows: int) -> np.dtype[np.void]:
+    """Return the layout of a packet of a sensor with so many rows."""
+    column = [("timestamp", "<u8"), ("measurement_id", "<u2"), ("status", "<u2"), ("pixels", PIXEL, rows)]
+    return np.dtype(
+        [
+            ("packet_type", "<u2"),
+            ("frame_id", "<u2"),
+            ("init_id", "u1", 3),
+            ("serial_number", "u1", 5),
+            ("reserved", "u1", 20),
+            ("columns", column, PACKET_COLUMNS),
+            ("footer", "u1", 32),
+        ]
+    )
+
+
+def encode_packet(
+    layout: np.dtype[np.void], frame: int, first_column: int, stamps_ns: I64, range_m: F64, reflectivity: U8
+) -> bytes:
+    """Encode one packet.
+
+    Parameters
+    ----------
+    layout
+        See ``packet_type``.
+    frame, first_column
+        Number of the frame, and of the first column in it.
+    stamps_ns
+        (16,) of the columns.
+    range_m, reflectivity
+        (16, rows), the highest row first; a range of zero is no return.
+    """
+    packet = np.zeros((), layout)
+    packet["packet_type"], packet["frame_id"] = 1, frame % 65_536
+    packet["init_id"] = list(INIT_ID.to_bytes(3, "little"))
+    packet["serial_number"] = list(SERIAL.to_bytes(5, "little"))
+    columns = packet["columns"]
+    columns["timestamp"] = stamps_ns
+    columns["measurement_id"] = first_column + np.arange(PACKET_COLUMNS)
+    columns["status"] = 1
+    mm = np.maximum(np.rint(range_m * 1000.0), 0)
+    columns["pixels"]["range"] = np.where(mm > MOST_MM, 0, mm)
+    columns["pixels"]["reflectivity"] = reflectivity
+    columns["pixels"]["signal"] = 10 * reflectivity.astype(np.uint16)
+    return packet.tobytes()
+
+
+def metadata(elevation_deg: F64, columns: int) -> str:
+    """Return what the sensor's HTTP API tells of it, JSON.
+
+    Its beams start on the axis of rotation (a real OS1's 12 to 16 mm from it), `UP_MM` above the base.
+    """
+    rows = len(elevation_deg)
+    identity = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    return json.dumps(
+        {
+            "sensor_info": {
+                "prod_line": f"OS-1-{rows}",
+                "prod_sn": str(SERIAL),
+                "prod_pn": "",
+                "image_rev": "",
+                "build_rev": "v2.5.3",
+                "build_date": "",
+                "status": "RUNNING",
+                "initialization_id": INIT_ID,
+            },
+            "config_params": {"udp_profile_lidar": PROFILE, "lidar_mode": f"{columns}x10"},
+            "lidar_data_format": {
+                "columns_per_frame": columns,
+                "columns_per_packet": PACKET_COLUMNS,
+                "pixels_per_column": rows,
+                "pixel_shift_by_row": [0] * rows,
+                "column_window": [0, columns - 1],
+                "udp_profile_lidar": PROFILE,
+                "udp_profile_imu": "LEGACY",
+                "fps": 10,
+            },
+            "beam_intrinsics": {
+                "beam_altitude_angles": [float(angle) for angle in elevation_deg],
+                "beam_azimuth_angles": [0.0] * rows,
+                "lidar_origin_to_beam_origin_mm": 0.0,
+                "beam_to_lidar_transform": identity,
+            },
+            "lidar_intrinsics": {
+                "lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, UP_MM, 0, 0, 0, 1]
+            },
+            "imu_intrinsics": {"imu_to_sensor_transform": identity},
+            "calibration_status": {},
+        }
+    )

@@ -1,0 +1,84 @@
+"""Velodyne VLP-16 data packets, byte for byte (user manual 63-9243, section 9).
+
+Everything is little-endian. A packet of 1206 bytes is 12 blocks of 100 bytes, a stamp and two factory bytes:
+
+==========  ======  ====  ===============================================================
+field       offset  size  meaning
+==========  ======  ====  ===============================================================
+flag             0     2  of each block: 0xEEFF (the bytes FF EE)
+azimuth          2     2  of the block's first laser, 0.01 degree, 0 to 35999
+channels         4    96  32 times distance (2 bytes, 2 mm) and reflectivity (1 byte)
+stamp         1200     4  first firing of the packet, microseconds past the hour
+mode          1204     1  0x37 strongest, 0x38 last, 0x39 dual
+model         1205     1  0x22 VLP-16
+==========  ======  ====  ===============================================================
+
+In single mode a block holds two firing sequences of 16 lasers. In dual mode two blocks of one azimuth follow
+each other, first the last returns, then the strongest; where those are the same, the second strongest.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+
+LASERS, BLOCKS, CHANNELS = 16, 12, 32
+DISTANCE_M = 0.002
+MOST_DISTANCE = 0xFFFF
+HOUR_US = 3_600_000_000
+MODEL = 0x22
+PACKET = np.dtype(
+    [
+        (
+            "blocks",
+            [
+                ("flag", "<u2"),
+                ("azimuth", "<u2"),
+                ("channels", [("distance", "<u2"), ("reflectivity", "u1")], CHANNELS),
+            ],
+            BLOCKS,
+        ),
+        ("stamp", "<u4"),
+        ("mode", "u1"),
+        ("model", "u1"),
+    ]
+)
+
+
+class ReturnMode(IntEnum):
+    """Which returns of a ray are sent."""
+
+    STRONGEST = 0x37
+    LAST = 0x38
+    DUAL = 0x39
+
+
+def encode_packet(
+    stamp_ns: int, azimuth_deg: F64, range_m: F64, reflectivity: U8, mode: ReturnMode = ReturnMode.STRONGEST
+) -> bytes:
+    """Encode one packet.
+
+    Parameters
+    ----------
+    stamp_ns
+        Of the first firing, any clock; what is past the hour is sent.
+    azimuth_deg
+        (12,) of each block's first laser.
+    range_m, reflectivity
+        (12, 32), zero is no return.
+    """
+    packet = np.zeros((), PACKET)
+    packet["blocks"]["flag"] = 0xEEFF
+    packet["blocks"]["azimuth"] = np.rint(azimuth_deg * 100.0).astype(np.int64) % 36_000
+    distance = np.maximum(np.rint(range_m / DISTANCE_M), 0)
+    packet["blocks"]["channels"]["distance"] = np.where(distance > MOST_DISTANCE, 0, distance)
+    packet["blocks"]["channels"]["reflectivity"] = np.where(distance > 0, reflectivity, 0)
+    packet["stamp"] = stamp_ns // 1000 % HOUR_US
+    packet["mode"], packet["model"] = int(mode), MODEL
+    return packet.tobytes()

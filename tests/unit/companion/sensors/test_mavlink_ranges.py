@@ -1,0 +1,84 @@
+"""Ranges of the autopilot's own sensors as returns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.fusion.mount import Mount
+from companion.link.autopilot_clock import AutopilotClock
+from companion.sensors.mavlink_ranges import MavlinkRanges
+from companion.sensors.returns import Returns
+from params import Parameters
+
+NOW = 5_000_000_000
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.batches: list[Returns] = []
+        self.parameters = Parameters()
+        self.ranges = MavlinkRanges(self.parameters, AutopilotClock(), self.batches.append)
+
+    def body(self) -> np.ndarray:
+        """Return what came, placed on the vehicle by the mount."""
+        mount = Mount(self.parameters)
+        points = np.concatenate([batch.xyz_sensor_m for batch in self.batches])
+        return points @ mount.rotation_frd_from_sensor.T + mount.lever_frd_m
+
+
+def beam(
+    cm: int, orientation: int, low: int = 20, high: int = 5000
+) -> mavlink.MAVLink_distance_sensor_message:
+    return mavlink.MAVLink_distance_sensor_message(1000, low, high, cm, 0, 1, orientation, 0)
+
+
+def ring(distances: list[int], **fields: object) -> mavlink.MAVLink_obstacle_distance_message:
+    values = {"increment": 5, "increment_f": 0.0, "angle_offset": 0.0, "frame": 12} | fields
+    return mavlink.MAVLink_obstacle_distance_message(
+        1_000_000, 0, distances + [65535] * (72 - len(distances)), values["increment"], 20, 5000,
+        values["increment_f"], values["angle_offset"], values["frame"],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("orientation", "frd"),
+    [(25, (0, 0, 8)), (24, (0, 0, -8)), (0, (8, 0, 0)), (2, (0, 8, 0)), (6, (0, -8, 0))],
+)
+def test_a_range_lies_where_its_sensor_looks(orientation: int, frd: tuple[float, float, float]) -> None:
+    bench = Bench()
+    bench.ranges.take(beam(800, orientation), NOW)
+    np.testing.assert_allclose(bench.body(), [frd], atol=1e-5)
+    assert bench.batches[0].stamp_ns.tolist() == [NOW]
+
+
+@pytest.mark.parametrize("cm", [20, 5000, 0, 65535])
+def test_a_range_at_its_limits_is_no_return(cm: int) -> None:
+    bench = Bench()
+    bench.ranges.take(beam(cm, 25), NOW)
+    assert not bench.batches
+    assert bench.ranges.counters.no_return == 1
+
+
+@pytest.mark.parametrize(
+    "message",
+    [beam(800, 99), ring([500], frame=1), ring([500], increment=0), ring([500], increment_f=float("nan"))],
+)
+def test_directions_that_nobody_can_know_are_counted(message: object) -> None:
+    bench = Bench()
+    bench.ranges.take(message, NOW)
+    assert not bench.batches
+    assert bench.ranges.counters.malformed == 1
+
+
+def test_sectors_lie_clockwise_from_the_offset() -> None:
+    bench = Bench()
+    bench.ranges.take(ring([65535, 1000, 1000], increment_f=45.0, angle_offset=45.0), NOW)
+    np.testing.assert_allclose(bench.body(), [[0, 10, 0], [-7.0711, 7.0711, 0]], atol=1e-3)
+
+
+def test_other_messages_are_passed_over() -> None:
+    bench = Bench()
+    bench.ranges.take(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3), NOW)
+    assert bench.ranges.counters.packets == 0
