@@ -26,7 +26,7 @@ def decode(message: Any, stamp_ns: int) -> tuple[Returns, bool]:
     """Return a cloud's points in the order of their times, and whether they have times of their own.
 
     stamp_ns: the message's; points without a time get it. A time is taken as it can only be meant: whole
-    numbers are nanoseconds, others seconds or nanoseconds, since 1970 or since the stamp, whichever lies within
+    numbers are nanoseconds, others seconds or nanoseconds, since 1970 or since the stamp, whichever is within
     ten seconds of it.
 
     Raises

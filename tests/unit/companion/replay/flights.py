@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ BEGIN_NS = 1_750_000_000_000_000_000  # time of day of the flight's beginning
 SECONDS, RATE_HZ, POSE_MS, SCAN_MS = 5.0, 20_000, 40, 100
 CLOUD_FIELDS = (("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("intensity", 12, 7), ("t", 16, 6))
 CLOUD_STEP = 20
+STEP_NS = 50_000_000
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
@@ -42,21 +44,27 @@ def _pose_at(ns: NDArray[np.int64]) -> tuple[Floats, Floats]:
     return path(ns * 1e-9)
 
 
-def packets(seed: int = 1) -> Iterator[tuple[int, bytes]]:
+@cache
+def packets(seed: int = 1) -> tuple[tuple[int, bytes], ...]:
     """Return the Mid-360's packets with their times since the beginning (ns)."""
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=RATE_HZ)
     world = scenes.build("plain", 1).world
-    for begin in range(0, round(SECONDS * 1e9), 10_000_000):
-        for packet in lidar.step(begin, begin + 10_000_000, _pose_at, world):
-            yield begin + 10_000_000, packet
+    begins = range(0, round(SECONDS * 1e9), STEP_NS)
+    return tuple(
+        (begin + STEP_NS, packet)
+        for begin in begins
+        for packet in lidar.step(begin, begin + STEP_NS, _pose_at, world)
+    )
 
 
+@cache
 def returns(seed: int = 1) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Return the Mid-360's points (n, 3), forward, left, up, and their times since the beginning (ns)."""
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=RATE_HZ)
-    points, tags, times = lidar.look(0, round(SECONDS * 1e9), _pose_at, scenes.build("plain", 1).world)
-    seen = points.any(axis=1) & (tags == 0)
-    return points[seen].astype(np.float32), times[seen]
+    shots = lidar.look(0, round(SECONDS * 1e9), _pose_at, scenes.build("plain", 1).world)
+    false = shots.echoes.ghost | shots.echoes.dust
+    seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
+    return lidar.points_m(shots)[seen].astype(np.float32), lidar.stamps_ns(shots)[seen]
 
 
 # ---- telemetry log and capture --------------------------------------------------------------------------
@@ -133,7 +141,7 @@ class Bag:
     second_cloud: bool = False
 
 
-def write_bag(out: Path, what: Bag = Bag()) -> Path:  # noqa: B008
+def write_bag(out: Path, what: Bag = Bag()) -> Path:
     """Write a bag of clouds at 10 Hz and poses at 25 Hz, in the order of a robot's recorder."""
     plugin = StoragePlugin.MCAP if what.mcap else StoragePlugin.SQLITE3
     kinds = {
@@ -175,7 +183,7 @@ def _header(at_ns: int, frame: str) -> Any:
     return header(time(at_ns // 10**9, at_ns % 10**9), frame)
 
 
-def cloud(points: NDArray[np.float32], after_ns: NDArray[np.int64], at_ns: int, what: Bag = Bag()) -> Any:  # noqa: B008
+def cloud(points: NDArray[np.float32], after_ns: NDArray[np.int64], at_ns: int, what: Bag = Bag()) -> Any:
     """Return a PointCloud2, its points backwards in time."""
     kind, field = _types("sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/PointField")
     fields = [field(*entry, 1) for entry in CLOUD_FIELDS if what.timed or entry[0] != "t"]

@@ -191,7 +191,7 @@ def attempt(path: Path) -> Cloud | None:
 NO_FIXTURE_CHECK = [HealthCheck.function_scoped_fixture]
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=NO_FIXTURE_CHECK)
+@settings(deadline=None, max_examples=60, suppress_health_check=NO_FIXTURE_CHECK)
 @given(name=st.sampled_from(sorted(KINDS)), share=st.floats(0, 1, exclude_max=True))
 def test_a_file_cut_off_anywhere_is_one_clear_line_or_its_beginning(
     tmp_path: Path, name: str, share: float
@@ -203,7 +203,7 @@ def test_a_file_cut_off_anywhere_is_one_clear_line_or_its_beginning(
         assert len(cloud.points) == len(POINTS)
 
 
-@settings(deadline=None, max_examples=200, suppress_health_check=NO_FIXTURE_CHECK)
+@settings(deadline=None, max_examples=80, suppress_health_check=NO_FIXTURE_CHECK)
 @given(name=st.sampled_from(sorted(KINDS)), at=st.integers(0, 10**6), bits=st.integers(1, 255))
 def test_flipped_bits_are_one_clear_line_or_other_points(
     tmp_path: Path, name: str, at: int, bits: int
@@ -213,7 +213,7 @@ def test_flipped_bits_are_one_clear_line_or_other_points(
     attempt(put(tmp_path, name, bytes(content)))
 
 
-@settings(deadline=None, max_examples=100, suppress_health_check=NO_FIXTURE_CHECK)
+@settings(deadline=None, max_examples=40, suppress_health_check=NO_FIXTURE_CHECK)
 @given(suffix=st.sampled_from([".pcd", ".ply", ".xyz", ".csv"]), content=st.binary(max_size=300))
 def test_noise_is_one_clear_line(tmp_path: Path, suffix: str, content: bytes) -> None:
     attempt(put(tmp_path, f"noise{suffix}", content))
