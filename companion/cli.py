@@ -173,8 +173,23 @@ def run(
 
 @app.command()
 def replay(
-    file: Annotated[Path, typer.Argument(help="Recording of slz run --record.")],
+    file: Annotated[
+        Path, typer.Argument(help="Recording of slz run --record, ROS 2 bag, or FLIGHT.tlog with --points.")
+    ],
     out: Annotated[Path | None, typer.Option(help="Folder for the maps at the end.")] = None,
+    points: Annotated[
+        str | None, typer.Option(help="Topic of the points of a bag; FILE.pcap of the LiDAR beside a .tlog.")
+    ] = None,
+    pose: Annotated[
+        list[str], typer.Option(help="Topic of the poses of a bag; or twice: NavSatFix and Imu.")
+    ] = [],  # noqa: B006
+    lidar: Annotated[
+        str | None, typer.Option(help="livox, velodyne or ouster?meta=FILE; told by the packets else.")
+    ] = None,
+    origin: Annotated[
+        str | None, typer.Option(help="LAT,LON,ALT where the local frame of a bag's poses begins.")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="Profile for files of other programs.")] = "quadcopter",
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
     until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
@@ -185,13 +200,20 @@ def replay(
     """Run a recorded flight again; exit 1 if its zones are not those of the flight."""
     _log(verbose)
     from companion.replay import command
+    from companion.replay.flown import Beside
+
+    beside = Beside(points, tuple(pose), lidar, origin, profile)
 
     with _progress(as_json) as step:
-        summary = command.run(file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0))
+        summary = command.run(
+            file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), beside
+        )
     if as_json:
         print(json.dumps(summary))
     else:
-        title = f"{summary['windows']} windows, {summary['identical']} as in flight"
+        title = f"{summary['windows']} windows"
+        if "source" not in summary:
+            title += f", {summary['identical']} as in flight"
         _out().print(_zone_table(summary["zones"], title))
     if summary["different"] and not setting and start == 0:
         sys.exit(1)
@@ -242,12 +264,15 @@ def doctor(
 
 @app.command("map")
 def map_(
-    files: Annotated[list[Path], typer.Argument(help="LAS or LAZ files.")],
+    files: Annotated[list[Path], typer.Argument(help="LAS, LAZ, COPC, PCD, PLY or text: x y z.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     cell_m: Annotated[float | None, typer.Option(help="Side of a cell, m (0.5).")] = None,
     min_square_m: Annotated[float | None, typer.Option(help="Side of the safe square, m (3).")] = None,
     max_slope_deg: Annotated[float | None, typer.Option(help="Steepest safe slope, degrees (10).")] = None,
     crs: Annotated[str | None, typer.Option(help="CRS of files that name none, such as EPSG:2992.")] = None,
+    classified: Annotated[
+        bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
+    ] = False,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
@@ -263,7 +288,7 @@ def map_(
     own = [f"{name}={value}" for name, value in given.items() if value is not None]
     parameters = params.load(profile, [*own, *setting])
     with _progress(as_json) as step:
-        summary = survey.run(files, out, parameters, step, crs)
+        summary = survey.run(files, out, parameters, step, crs, classified)
     if as_json:
         print(json.dumps(summary))
     else:

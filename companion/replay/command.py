@@ -1,9 +1,10 @@
-"""`slz replay`: a recorded flight, run again."""
+"""`slz replay`: a recorded flight, run again, our own or another program's."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,16 @@ import numpy as np
 
 from companion import folder
 from companion.errors import UsageError
+from companion.replay.flown import Beside, kind_of, opened
 from companion.replay.reading import Recording
-from companion.replay.replay import Replay
+from companion.replay.replay import Outcome, Replay
+from companion.replay.rerun import Feed, Rerun
 from companion.summary import choice_summary, zone_summary
+from params import Parameters
+from slz import Report, TerrainMaps
 from slz.warm_up import warm_up
+
+Step = tuple[int, Callable[[bool], Report | None]]  # time (ns), and what takes it: to be mapped or not
 
 
 def run(
@@ -24,6 +31,7 @@ def run(
     speed: float,
     span_s: tuple[float, float],
     step: Callable[[float, str], None] = lambda _share, _text: None,
+    beside: Beside = Beside(),  # noqa: B008 - it is frozen
 ) -> dict[str, Any]:
     """Replay a recording and return the summary.
 
@@ -39,41 +47,105 @@ def run(
         Windows from and until so many seconds after the recording's beginning; those before are not mapped.
     step
         Told of every window: seconds since the beginning, and what was found.
+    beside
+        What a recording of another program needs.
 
     Raises
     ------
     UsageError
         The recording or a setting is of no use, or the folder cannot be written.
     """
-    recording = Recording(path)
     settings = tuple(settings)
+    if kind_of(path) != "own":
+        return _run_others(path, settings, out, speed, span_s, step, beside)
+    if not beside.is_empty:
+        raise UsageError(f"{path}: a recording of slz holds all it needs: leave out --points and the like")
+    recording = Recording(path)
     parameters = recording.header.parameters(settings)
     replay = Replay(recording.header, parameters)
     if out is not None:
         folder.prepare(out)
     warm_up(parameters)
+    steps = ((message.at_ns, partial(replay.take, message)) for message in recording.messages())
+    if not _play(steps, speed, span_s, step):
+        raise UsageError(f"{path} holds no message to replay")
+    files = {} if out is None else _draw(out, replay.maps(), replay.report, replay.outcome, parameters)
+    return _summary(path, recording.cut, replay.outcome, replay.report, settings, files)
+
+
+def _run_others(
+    path: Path,
+    settings: tuple[str, ...],
+    out: Path | None,
+    speed: float,
+    span_s: tuple[float, float],
+    step: Callable[[float, str], None],
+    beside: Beside,
+) -> dict[str, Any]:
+    feed, rerun = opened(path, settings, beside)
+    if out is not None:
+        folder.prepare(out)
+    steps = ((at_ns, partial(rerun.take, act)) for at_ns, act in feed.steps(rerun))
+    _play(steps, speed, span_s, step)
+    rerun.finish()
+    if not rerun.assembler.scans:
+        raise UsageError(f"{path}: {_why_nothing(feed, rerun)}")
+    outcome = rerun.outcome
+    outcome.bad = feed.bad
+    files = {} if out is None else _draw(out, rerun.maps(), rerun.report, outcome, rerun.parameters)
+    told = {"source": feed.told(), "returns": {"read": rerun.returns} | rerun.assembler.statistics()}
+    return _summary(path, feed.cut, outcome, rerun.report, settings, files) | told
+
+
+def _play(
+    steps: Iterator[Step], speed: float, span_s: tuple[float, float], step: Callable[[float, str], None]
+) -> bool:
+    """Take all steps within a span, at a speed; return whether there was any."""
     begun_ns: int | None = None
     started_s = time.monotonic()
-    for message in recording.messages():
-        begun_ns = message.at_ns if begun_ns is None else begun_ns
-        at_s = (message.at_ns - begun_ns) * 1e-9
+    for at_ns, take in steps:
+        begun_ns = at_ns if begun_ns is None else begun_ns
+        at_s = (at_ns - begun_ns) * 1e-9
         if at_s > span_s[1]:
             break
         if speed > 0:
             time.sleep(max(0.0, at_s / speed - (time.monotonic() - started_s)))
-        report = replay.take(message, mapping=at_s >= span_s[0])
+        report = take(at_s >= span_s[0])
         if report is not None:
             step(at_s, f"{len(report.zones)} zones")
-    if begun_ns is None:
-        raise UsageError(f"{path} holds no message to replay")
-    files = {} if out is None else _draw(replay, out)
-    return _summary(path, recording, replay, settings, files)
+    return begun_ns is not None
+
+
+def _why_nothing(feed: Feed, rerun: Rerun) -> str:
+    """Say why no return could be placed."""
+    spoiled = f"; {feed.bad} messages cannot be read" if feed.bad else ""
+    if not rerun.returns or rerun.span_ns is None:
+        return f"it holds no return of the LiDAR{spoiled}"
+    if rerun.poses_ns is None:
+        return f"it holds no attitude, or no position, of the vehicle{spoiled}"
+    (first, last), (begun, ended) = rerun.span_ns, rerun.poses_ns
+    if last < begun or first > ended:
+        return (
+            f"returns of {_clock(first)} to {_clock(last)} have no poses, which are of {_clock(begun)} to"
+            f" {_clock(ended)}: their clocks are not the same"
+        )
+    counts = rerun.assembler.statistics()
+    return (
+        f"none of {rerun.returns} returns could be placed: {counts['out_of_range']} out of range,"
+        f" {counts['without_pose']} without poses around them, {counts['stale']} too far from any pose"
+    )
+
+
+def _clock(at_ns: int) -> str:
+    """Return a time of day (UTC), or seconds where it is none."""
+    if at_ns < 10**18:
+        return f"{at_ns * 1e-9:.3f} s"
+    return time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(at_ns // 1_000_000_000))
 
 
 def _summary(
-    path: Path, recording: Recording, replay: Replay, given: tuple[str, ...], files: dict[str, str]
+    path: Path, cut: str, o: Outcome, report: Report | None, given: tuple[str, ...], files: dict[str, str]
 ) -> dict[str, Any]:
-    o, report = replay.outcome, replay.report
     return {
         "file": str(path),
         "windows": o.windows,
@@ -84,7 +156,7 @@ def _summary(
         "failed": o.failed,
         "lost_messages": o.lost,
         "unreadable_messages": o.bad,
-        "cut": recording.cut,
+        "cut": cut,
         "set": list(given),
         "zones": [] if report is None else [zone_summary(zone, report.frame) for zone in report.zones],
         "choice": None if report is None else choice_summary(report),
@@ -92,13 +164,14 @@ def _summary(
     }
 
 
-def _draw(replay: Replay, out: Path) -> dict[str, str]:
+def _draw(
+    out: Path, maps: TerrainMaps | None, report: Report | None, outcome: Outcome, parameters: Parameters
+) -> dict[str, str]:
     from companion.figures import save_flight
 
-    maps, report = replay.maps(), replay.report
     if maps is None or report is None:
         return {}
     chosen = None if report.selected is None else report.selected.enu_m
-    flown = np.array(replay.outcome.path_enu_m).reshape(-1, 3)
-    files = save_flight(out, maps, report.zones, flown, chosen, None, replay.parameters)
+    flown = np.array(outcome.path_enu_m).reshape(-1, 3)
+    files = save_flight(out, maps, report.zones, flown, chosen, None, parameters)
     return {file.stem: str(file) for file in files}

@@ -1,28 +1,24 @@
-"""Stored clouds: LAS and LAZ files in, points in their own CRS out."""
+"""Stored clouds: files in, points in their own CRS out."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import laspy
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.errors import UsageError
-from companion.interrupt import Interrupted
 from companion.survey import memory
-from companion.survey.reference import Reference, from_option, of_header
-from companion.survey.signature import look
-
-CHUNK = 1_000_000
-# ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
-LOW_NOISE, HIGH_NOISE, WATER = 7, 18, 9
+from companion.survey.kind import kind_of
+from companion.survey.las import open_las
+from companion.survey.pcd import open_pcd
+from companion.survey.ply import open_ply
+from companion.survey.reference import Reference, from_option
+from companion.survey.source import Source
+from companion.survey.text import open_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +26,8 @@ class Cloud:
     """Points of one or more files.
 
     points : (n, 3) float64, x y z in the units of `reference`, finite. gps_s : (n,) float64 or None where
-    a file has no usable time. dropped: points left out, by reason.
+    a file has no usable time. dropped: points left out, by reason. step: distance of neighbouring coordinates
+    x or y, in units, where a file holds 32-bit floating point numbers; 0 where none does.
     """
 
     points: NDArray[np.float64]
@@ -38,72 +35,87 @@ class Cloud:
     reference: Reference
     n_read: int
     dropped: dict[str, int]
-
-
-@dataclass(frozen=True, slots=True)
-class _Header:
-    path: Path
-    n_points: int
-    reference: Reference
-    has_time: bool
-    standard_time: bool
+    step: float = 0.0
 
 
 def read(
     files: Sequence[Path], crs: str | None = None, progress: Callable[[float], None] = lambda share: None
 ) -> Cloud:
-    """Read LAS or LAZ files of one CRS.
+    """Read files of one CRS, whatever kinds they are of.
 
     Parameters
     ----------
     files
         Paths; coordinates stay in the files' units.
     crs
-        Overrides what the files say.
+        Overrides what the files say, and says what PCD, PLY and text cannot.
     progress
         Called with the share of points read.
 
     Raises
     ------
     UsageError
-        A file is missing, empty, not LAS, truncated, corrupt, without CRS or of another CRS, or no point
-        of it is usable.
+        A file is missing, empty, of no known kind, truncated, corrupt, without CRS or of another CRS, or no
+        point of it is usable.
     """
     if not files:
-        raise UsageError("no files: name one or more .las or .laz files")
+        raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
     _refuse_twice(files)
     given = from_option(crs) if crs else None
-    headers = [_header(path, given) for path in files]
-    for header in headers[1:]:
-        if not header.reference.same_as(headers[0].reference):
+    sources = [open_source(path, given) for path in files]
+    for source in sources[1:]:
+        if not source.reference.same_as(sources[0].reference):
             raise UsageError(
-                f"{header.path}: its CRS {header.reference.name} differs from {headers[0].reference.name} of"
-                f" {headers[0].path}: reproject one of them"
+                f"{source.path}: its CRS {source.reference.name} differs from {sources[0].reference.name} of"
+                f" {sources[0].path}: reproject one of them"
             )
-    n_points = sum(header.n_points for header in headers)
+    n_points = sum(source.n_points for source in sources)
     memory.check_points(n_points)
-    timed = all(header.has_time for header in headers) and len({h.standard_time for h in headers}) == 1
+    timed = sources[0].clock is not None and len({source.clock for source in sources}) == 1
     points = np.empty((n_points, 3))
     gps_s = np.empty(n_points) if timed else None
     dropped: Counter[str] = Counter()
     n_read = n = 0
-    for header in headers:
-        before = n
-        for chunk in _chunks(header):
-            n_read += len(chunk)
-            xyz, keep = _usable(chunk, dropped)
-            points[n : n + len(xyz)] = xyz
-            if gps_s is not None:
-                gps_s[n : n + len(xyz)] = np.asarray(chunk.gps_time)[keep]
-            n += len(xyz)
-            progress(n_read / n_points)
-        if n == before:
+    step = 0.0
+    for source in sources:
+        begin, read_before = n, n_read
+        for chunk in source.chunks():
+            n_read += chunk.n_read
+            dropped.update(chunk.dropped)
+            end = n + len(chunk.points)
+            points[n:end] = chunk.points
+            if gps_s is not None and chunk.gps_s is not None:
+                gps_s[n:end] = chunk.gps_s
+            n = end
+            progress(min(n_read / n_points, 1.0))
+        if n == begin:
             raise UsageError(
-                f"{header.path}: none of its {header.n_points} points is usable{_reasons(dropped)}"
+                f"{source.path}: none of its {n_read - read_before} points is usable{_reasons(dropped)}"
             )
+        if source.single:
+            step = max(step, float(np.spacing(np.float32(np.abs(points[begin:n, :2]).max()))))
     return Cloud(
-        points[:n], None if gps_s is None else gps_s[:n], headers[0].reference, n_read, dict(dropped)
+        points[:n], None if gps_s is None else gps_s[:n], sources[0].reference, n_read, dict(dropped), step
     )
+
+
+def open_source(path: Path, given: Reference | None) -> Source:
+    """Open a cloud of any kind; `given` is the CRS that the user named.
+
+    Raises
+    ------
+    UsageError
+        It is of no known kind, it cannot be used, or nobody names its CRS.
+    """
+    kind = kind_of(path)
+    if kind == "las":
+        return open_las(path, given)
+    if given is None:
+        name = "text" if kind == "text" else f"a {kind.upper()} file"
+        raise UsageError(f"{path}: {name} names no CRS: name it by --crs, such as --crs EPSG:2992")
+    if kind == "pcd":
+        return open_pcd(path, given)
+    return open_ply(path, given) if kind == "ply" else open_text(path, given)
 
 
 def _refuse_twice(files: Sequence[Path]) -> None:
@@ -116,68 +128,6 @@ def _refuse_twice(files: Sequence[Path]) -> None:
         seen.add(real)
 
 
-def _header(path: Path, given: Reference | None) -> _Header:
-    look(path)
-    with _translated(path), laspy.open(path, encoding_errors="replace") as reader:
-        header = reader.header
-        n_points = int(header.point_count)
-        names = set(header.point_format.dimension_names)
-        standard = bool(header.global_encoding.gps_time_type)
-        if not n_points:
-            raise UsageError(f"{path}: it holds no points")
-        scales = [float(scale) for scale in header.scales]
-        if not all(math.isfinite(scale) and scale != 0 for scale in scales):
-            told = ", ".join(f"{scale:g}" for scale in scales)
-            raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
-        size, least = path.stat().st_size, int(header.offset_to_point_data)
-        if not header.are_points_compressed:
-            least += n_points * int(header.point_format.size)
-        if size < least:
-            raise UsageError(
-                f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
-            )
-        return _Header(path, n_points, given or of_header(header, path), "gps_time" in names, standard)
-
-
-def _chunks(header: _Header) -> Iterator[Any]:
-    n = 0
-    with _translated(header.path), laspy.open(header.path, encoding_errors="replace") as reader:
-        for chunk in reader.chunk_iterator(CHUNK):
-            n += len(chunk)
-            yield chunk
-    if n != header.n_points:
-        raise UsageError(f"{header.path}: it is truncated, {n} of {header.n_points} points: copy it again")
-
-
-def _usable(chunk: Any, dropped: Counter[str]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return coordinates of the points to use, and which of the chunk they are; count the others."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        xyz = np.column_stack([np.asarray(chunk[axis], np.float64) for axis in "xyz"])
-    kind = np.asarray(chunk.classification)
-    keep = np.ones(len(xyz), bool)
-    for reason, bad in (
-        ("withheld", np.asarray(chunk.withheld) != 0),
-        ("noise", (kind == LOW_NOISE) | (kind == HIGH_NOISE)),
-        ("water", kind == WATER),
-        ("not_finite", ~np.isfinite(xyz).all(axis=1)),
-    ):
-        dropped[reason] += int((keep & bad).sum())
-        keep &= ~bad
-    return xyz[keep], keep
-
-
 def _reasons(dropped: Counter[str]) -> str:
     counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in dropped.items() if count)
     return f" ({counts})" if counts else ""
-
-
-@contextmanager
-def _translated(path: Path) -> Iterator[None]:
-    """Turn whatever the decoders raise, Rust's panics included, into one line."""
-    try:
-        yield
-    except (UsageError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):
-        raise
-    except BaseException as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-        raise UsageError(f"{path}: it is truncated or corrupt ({reason}): copy it again") from None

@@ -14,7 +14,10 @@ from companion import figures
 from companion.errors import UsageError
 from companion.interrupt import Interrupted
 from companion.survey import raster, zones
+from companion.survey.classified import write_classified
 from companion.survey.cloud import read
+from companion.survey.kml import write_kml
+from companion.survey.reference import from_option
 from companion.survey.summary import summary
 from companion.survey.survey import survey
 from params import Parameters
@@ -25,16 +28,21 @@ Progress = Callable[[str, float], None]
 
 
 def run(
-    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, crs: str | None = None
+    files: Sequence[Path],
+    out: Path,
+    parameters: Parameters,
+    progress: Progress,
+    crs: str | None = None,
+    classified: bool = False,
 ) -> dict[str, Any]:
-    """Survey clouds, write zones.geojson, the GeoTIFF and the pictures, and return the summary for JSON.
+    """Survey clouds, write zones, GeoTIFF and pictures, and return the summary for JSON.
 
     The folder gets all results at the end, or none.
 
     Parameters
     ----------
     files
-        LAS or LAZ files of one CRS.
+        Clouds of one CRS, see `companion.survey.kind`.
     out
         Folder, made where there is none.
     parameters
@@ -42,7 +50,9 @@ def run(
     progress
         Called with what is done next and the share that is done.
     crs
-        Overrides the CRS of the files.
+        Overrides the CRS of the files, and names that of files that cannot.
+    classified
+        Write the points with their classes, too.
 
     Raises
     ------
@@ -62,6 +72,12 @@ def run(
             outputs = raster.write(folder, found.maps, found.metric, found.parameters.mode == "source")
             outputs.append(folder / "zones.geojson")
             zones.write_geojson(outputs[-1], found.report.zones, described, found.maps, found.metric)
+            outputs.append(folder / "zones.kml")
+            write_kml(outputs[-1], found.report.zones, described, found.maps, found.metric)
+            if classified:
+                progress("classifying", 0.75)
+                given = from_option(crs) if crs else None
+                outputs += write_classified(folder, files, given, found.maps, found.metric)
             progress("drawing", 0.8)
             outputs += figures.save_maps(folder, found.maps, found.report.zones, found.parameters)
             outputs = _finish(outputs, out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from pathlib import Path
 
 from companion.errors import UsageError
 
@@ -28,6 +29,13 @@ def check_points(n_points: int) -> None:
         raise UsageError(
             f"{n_points} points do not fit into memory, {most} would: map fewer files at a time, or thin them"
         )
+
+
+def check_bytes(n_bytes: int, path: Path) -> None:
+    """Refuse a file of which a part that must be held at once does not fit."""
+    most = int(SHARE * total_bytes())
+    if n_bytes > most:
+        raise UsageError(f"{path}: its {n_bytes} bytes do not fit into memory, {most} would: split it")
 
 
 def check_cells(width_m: float, height_m: float, cell_m: float, n_points: int) -> None:

@@ -1,4 +1,4 @@
-"""The maps as GeoTIFF, in the CRS and units of the cloud."""
+"""The maps as Cloud Optimized GeoTIFF, in the CRS and units of the cloud."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from rasterio.transform import Affine
 from companion.survey.metric import Metric
 from companion.survey.reference import unit_name
 from slz import UNKNOWN, TerrainMaps
+
+TILE = 256  # cells
 
 
 def write(folder: Path, maps: TerrainMaps, metric: Metric, source_mode: bool) -> list[Path]:
@@ -56,11 +58,13 @@ def _write(
     affine: Affine,
     metric: Metric,
 ) -> Path:
+    """Write one map, with overviews where it is larger than a tile; those of safe.tif invent no state."""
     rows, cols = values.shape
+    is_float = values.dtype == np.float32
     with rasterio.open(
         path,
         "w",
-        driver="GTiff",
+        driver="COG",
         height=rows,
         width=cols,
         count=1,
@@ -69,11 +73,11 @@ def _write(
         crs=CRS.from_wkt(metric.reference.crs.to_wkt()),
         transform=affine,
         compress="deflate",
-        predictor=3 if values.dtype == np.float32 else 1,
-        zlevel=1,
-        tiled=True,
-        blockxsize=256,
-        blockysize=256,
+        predictor="floating_point" if is_float else "no",
+        level=1,
+        blocksize=TILE,
+        overviews="auto",
+        overview_resampling="average" if is_float else "nearest",
         bigtiff="if_safer",
         num_threads="all_cpus",
     ) as file:

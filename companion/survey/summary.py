@@ -12,6 +12,7 @@ from companion.survey.survey import Survey
 from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE
 
+COARSE = 0.25  # of a cell
 WGS84_ERROR_M = 2.0  # greater ones are worth a warning to whoever lands by latitude and longitude
 
 
@@ -47,9 +48,17 @@ def summary(
         "coverage_m": found.parameters.coverage_m,
         "zones": described,
         "outputs": [str(path) for path in outputs],
-        "warnings": _warnings(found),
+        "warnings": [*_warnings(found), *_coarse(cloud, found)],
         "stage_ms": {name: round(ms, 1) for name, ms in found.report.stage_ms.items()},
     }
+
+
+def _coarse(cloud: Cloud, found: Survey) -> list[str]:
+    """Say so when 32-bit coordinates are too large to be exact to a quarter of a cell."""
+    step_m = cloud.step * max(found.metric.x_m, found.metric.y_m)
+    if step_m <= COARSE * found.parameters.cell_m:
+        return []
+    return [f"32-bit coordinates of this size are {step_m:g} m apart: store them as 64-bit numbers"]
 
 
 def _warnings(found: Survey) -> list[str]:

@@ -1,0 +1,115 @@
+"""Which kind of recording a file is, and what belongs beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from mcap.exceptions import McapError
+from mcap.stream_reader import StreamReader
+
+import params
+from companion.errors import UsageError
+from companion.replay.rerun import Feed, Rerun
+from companion.replay.rosbag import LEVEL_MOUNT, RosFeed
+from companion.replay.telemetry import TelemetryFeed
+from params import Parameters
+from slz import LocalFrame
+
+Kind = Literal["own", "bag", "tlog"]
+CAPTURES = frozenset({".pcap", ".pcapng", ".cap"})
+CLOUDS = frozenset({".las", ".laz", ".pcd", ".ply", ".xyz"})
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What a recording of another program needs besides itself.
+
+    points: topic of the points, or file of the LiDAR's packets. poses: topics. lidar: kind of the sensor.
+    origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters.
+    """
+
+    points: str | None = None
+    poses: tuple[str, ...] = ()
+    lidar: str | None = None
+    origin: str | None = None
+    profile: str = "quadcopter"
+
+    @property
+    def is_empty(self) -> bool:
+        return self == Beside(profile=self.profile)
+
+
+def kind_of(path: Path) -> Kind:
+    """Tell the kind of a recording: by name, and an MCAP file of ROS by its profile."""
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in (".db3", ".bag"):
+        return "bag"
+    if suffix == ".tlog":
+        return "tlog"
+    return "bag" if suffix == ".mcap" and _profile(path).startswith("ros") else "own"
+
+
+def opened(path: Path, settings: Iterable[str], beside: Beside) -> tuple[Feed, Rerun]:
+    """Open a recording of another program.
+
+    Raises
+    ------
+    UsageError
+        It cannot be used, or what it needs besides is missing, wrong or too much.
+    """
+    settings = tuple(settings)
+    parameters = params.load(beside.profile, settings)
+    if kind_of(path) == "tlog":
+        return _telemetry(path, beside), Rerun(parameters)
+    return _bag(path, settings, beside, parameters)
+
+
+def _bag(path: Path, settings: tuple[str, ...], beside: Beside, parameters: Parameters) -> tuple[Feed, Rerun]:
+    if beside.lidar is not None:
+        raise UsageError(f"{path}: --lidar goes with packets, not with the points of a bag")
+    feed = RosFeed(path, beside.points, beside.poses)
+    if feed.is_local and beside.origin is None:
+        raise UsageError(
+            f"{path}: its poses are metres of a frame of their own: say where that begins by"
+            " --origin LAT,LON,ALT"
+        )
+    if not feed.is_local and beside.origin is not None:
+        raise UsageError(f"{path}: its poses are latitudes and longitudes: leave out --origin")
+    if feed.body_points and not any(setting.startswith("lidar_") for setting in settings):
+        parameters = parameters.model_copy(update=LEVEL_MOUNT)
+    return feed, Rerun(parameters, None if beside.origin is None else _frame(beside.origin))
+
+
+def _telemetry(path: Path, beside: Beside) -> Feed:
+    if beside.poses or beside.origin is not None:
+        raise UsageError(f"{path}: it tells where the vehicle was: leave out --pose and --origin")
+    if beside.points is None:
+        raise UsageError(f"{path}: name the capture of the LiDAR's packets by --points FILE.pcap")
+    capture = Path(beside.points)
+    if capture.suffix.lower() in CLOUDS:
+        raise UsageError(
+            f"{capture}: a stored cloud does not say in whose axes and on which clock it was measured:"
+            " give a capture (.pcap), or map a georeferenced cloud by slz map"
+        )
+    return TelemetryFeed(path, capture, beside.lidar)
+
+
+def _frame(text: str) -> LocalFrame:
+    try:
+        lat, lon, alt = (float(part) for part in text.split(","))
+        return LocalFrame(lat, lon, alt)
+    except ValueError:
+        raise UsageError(f"--origin {text!r}: write LAT,LON,ALT in degrees and metres") from None
+
+
+def _profile(path: Path) -> str:
+    """Return what an MCAP file says of its maker's conventions, empty where it says nothing."""
+    try:
+        with path.open("rb") as file:
+            first = next(iter(StreamReader(file).records), None)
+            return str(getattr(first, "profile", ""))
+    except (OSError, McapError, ValueError, RuntimeError, EOFError, MemoryError):
+        return ""  # whoever reads it will say why

@@ -1,0 +1,109 @@
+"""LAS and LAZ files (ASPRS LAS 1.4 R15), COPC 1.0 among them: LAZ with an index that is not needed here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.errors import UsageError
+from companion.survey.reference import Reference, of_header
+from companion.survey.signature import look
+from companion.survey.source import CHUNK, Chunk, Clock, translated
+
+# ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
+LOW_NOISE, HIGH_NOISE, WATER = 7, 18, 9
+
+
+@dataclass(frozen=True, slots=True)
+class LasSource:
+    """A LAS or LAZ file, see `Source`."""
+
+    path: Path
+    n_points: int
+    reference: Reference
+    clock: Clock | None
+    single: bool = False
+
+    def chunks(self) -> Iterator[Chunk]:
+        for piece in pieces(self.path, self.n_points):
+            dropped: dict[str, int] = {}
+            points, keep = _usable(piece, dropped)
+            gps_s = None if self.clock is None else np.asarray(piece.gps_time, np.float64)[keep]
+            yield Chunk(points, gps_s, len(piece), dropped)
+
+
+def open_las(path: Path, given: Reference | None) -> LasSource:
+    """Read and examine the header of a LAS or LAZ file.
+
+    Raises
+    ------
+    UsageError
+        The file is empty, truncated, corrupt or without a CRS that can be used.
+    """
+    look(path)
+    with translated(path), laspy.open(path, encoding_errors="replace") as reader:
+        header = reader.header
+        n_points = int(header.point_count)
+        names = set(header.point_format.dimension_names)
+        standard = bool(header.global_encoding.gps_time_type)
+        if not n_points:
+            raise UsageError(f"{path}: it holds no points")
+        scales = [float(scale) for scale in header.scales]
+        if not all(math.isfinite(scale) and scale != 0 for scale in scales):
+            told = ", ".join(f"{scale:g}" for scale in scales)
+            raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
+        size, least = path.stat().st_size, int(header.offset_to_point_data)
+        if not header.are_points_compressed:
+            least += n_points * int(header.point_format.size)
+        if size < least:
+            raise UsageError(
+                f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
+            )
+        clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
+        return LasSource(path, n_points, given or of_header(header, path), clock)
+
+
+def pieces(path: Path, n_points: int) -> Iterator[Any]:
+    """Read a file's points, all their dimensions, a million at a time.
+
+    Raises
+    ------
+    UsageError
+        The file is truncated or corrupt.
+    """
+    n = 0
+    with translated(path), laspy.open(path, encoding_errors="replace") as reader:
+        for piece in reader.chunk_iterator(CHUNK):
+            n += len(piece)
+            yield piece
+    if n != n_points:
+        raise UsageError(f"{path}: it is truncated, {n} of {n_points} points: copy it again")
+
+
+def coordinates(piece: Any) -> NDArray[np.float64]:
+    """Return (n, 3) coordinates in the CRS of points of laspy."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.column_stack([np.asarray(piece[axis], np.float64) for axis in "xyz"])
+
+
+def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return coordinates of the points to use, and which of the piece they are; count the others."""
+    xyz = coordinates(piece)
+    kind = np.asarray(piece.classification)
+    keep = np.ones(len(xyz), bool)
+    for reason, bad in (
+        ("withheld", np.asarray(piece.withheld) != 0),
+        ("noise", (kind == LOW_NOISE) | (kind == HIGH_NOISE)),
+        ("water", kind == WATER),
+        ("not_finite", ~np.isfinite(xyz).all(axis=1)),
+    ):
+        dropped[reason] = int((keep & bad).sum())
+        keep &= ~bad
+    return xyz[keep], keep
