@@ -17,9 +17,8 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: run 'make PYTHON=/path/to/python3.11'"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
-	@# Alone, for its viewer and tools pin packages that ours do not go with; we use its core, which needs none.
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps ouster-sdk
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps MAVProxy==1.8.75
+	@# Alone, for what they bring along is large or pins what ours does not go with; we use their core only.
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps MAVProxy ouster-sdk
 	@touch $@
 
 lint: setup

@@ -77,8 +77,7 @@ class Vlp16(PulseLidar):
 
     def azimuth_deg(self, index: I64) -> F64:
         """Return azimuths of pulses, clockwise seen from above, 0 to 360."""
-        into_turn_ns = (self.fired_ns(index) % TURN_NS).astype(np.float64)
-        return into_turn_ns * (360.0 / TURN_NS)
+        return np.asarray(self.fired_ns(index) % TURN_NS * (360.0 / TURN_NS), np.float64)
 
     def directions(self, index: I64) -> F64:
         azimuth = np.radians(self.azimuth_deg(index))

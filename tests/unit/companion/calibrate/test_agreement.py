@@ -62,10 +62,12 @@ def flown(
         x, y, z, w = attitude.as_quat().T
         return position, np.stack([w, x, y, z], -1)
 
-    points, tags, times = lidar.look(0, round(seconds * 1e9), pose_at, scenes.build(scene, 1).world)
-    seen = points.any(axis=1) & (tags == 0)
+    shots = lidar.look(0, round(seconds * 1e9), pose_at, scenes.build(scene, 1).world)
+    points, times = lidar.points_m(shots), lidar.stamps_ns(shots)
+    false = shots.echoes.ghost | shots.echoes.dust
+    seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
     stamps = times[seen] + BEGIN_NS + round(delay_ms * 1e6)
-    returns = Returns.plain(points[seen].astype(np.float32), stamps, np.zeros(len(stamps), np.uint8))
+    returns = Returns.plain(points[seen].astype(np.float32), stamps)
     history = PoseHistory(parameters, HOME, capacity=8192)
     for k in range(-10, round(seconds * 50) + 10):
         position, (east, north, up), attitude = path(np.float64(k * 0.02))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -13,9 +11,8 @@ from companion.fusion.pose_history import PoseHistory
 from companion.sensors.returns import Returns
 from params import Parameters
 from sitl import scenes
-from sitl.mid360 import Mid360
+from sitl.mid360 import Mid360, Noise
 from sitl.mount import Mount
-from sitl.optics import Noise
 from sitl.world import World
 from tests.unit.companion.fusion.flights import HOME
 
@@ -46,9 +43,11 @@ def scanned(parameters: Parameters) -> tuple[World, Returns, PoseHistory]:
         return position, np.stack([w, x, y, z], -1)
 
     lidar = Mid360(np.random.default_rng(1), mount, point_rate_hz=50_000, noise=Noise(ghost=0.0, dust=0.0))
-    points, tags, times = lidar.look(0, 2000 * MS, at, world)
-    seen = points.any(axis=1) & (tags == 0)
-    returns = Returns.plain(points[seen].astype(np.float32), times[seen], np.zeros(int(seen.sum()), np.uint8))
+    shots = lidar.look(0, 2000 * MS, at, world)
+    points, times = lidar.points_m(shots), lidar.stamps_ns(shots)
+    false = shots.echoes.ghost | shots.echoes.dust
+    seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
+    returns = Returns.plain(points[seen].astype(np.float32), times[seen])
     history = PoseHistory(parameters, HOME)
     for k in range(-2, 103):
         position, attitude = pose(np.float64(k * 0.02))
@@ -82,7 +81,7 @@ def test_a_scan_in_a_fast_turn_is_flat_and_would_not_be_without_de_skewing() -> 
     for begin_ns in range(0, 1900 * MS, 100 * MS):
         here = (returns.stamp_ns >= begin_ns) & (returns.stamp_ns < begin_ns + 100 * MS)
         late = np.full(int(here.sum()), begin_ns + 100 * MS)
-        frame = replace(returns.part(here), stamp_ns=late)
+        frame = Returns.plain(returns.xyz_sensor_m[here], late)
         placed = Georeferencer(parameters).georeference(frame, history)
         assert placed is not None
         frames.append(placed.points_enu_m)
