@@ -68,10 +68,15 @@ class Returns:
             array.setflags(write=False)
 
     @classmethod
-    def plain(cls, xyz_sensor_m: NDArray[np.float32], stamp_ns: NDArray[np.int64]) -> Self:
-        """Return returns of a sensor that tells ranges only: no intensity, one line, one return a ray."""
+    def plain(
+        cls,
+        xyz_sensor_m: NDArray[np.float32],
+        stamp_ns: NDArray[np.int64],
+        intensity: NDArray[np.uint8] | None = None,
+    ) -> Self:
+        """Return returns of a sensor that has one line and one return a ray, and maybe tells no intensity."""
         none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
-        return cls(xyz_sensor_m, stamp_ns, none, none, one, one)
+        return cls(xyz_sensor_m, stamp_ns, none if intensity is None else intensity, none, one, one)
 
     def part(self, which: slice | NDArray[np.bool_]) -> Returns:
         """Return some of the returns, in their order."""
