@@ -18,9 +18,8 @@ from sitl.livox_packets import POINTS_PER_PACKET, DataType, Label, encode_points
 from sitl.mid360_pattern import directions
 from sitl.mount import Mount
 from sitl.optics import Noise, Reach
-from sitl.pulse_lidar import PoseAt, PulseLidar, Shots
+from sitl.pulse_lidar import PulseLidar, Shots
 from sitl.sensor_clock import Clock
-from sitl.world import World
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -91,14 +90,6 @@ class Mid360(PulseLidar):
         tag[e.ghost & e.marked] = _TAG_GHOST
         tag[e.dust & e.marked] = _TAG_DUST
         return tag
-
-    def look(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> tuple[F64, U8, I64]:
-        """Fire every pulse due in [t0_ns, t1_ns); return points (n, 3) in the sensor frame, tags and times.
-
-        What `step` sends, before it is put into packets; a point at the origin is no return.
-        """
-        shots = self.shots(t0_ns, t1_ns, pose_at, world)
-        return self.points_m(shots), self.tags(shots), self.stamps_ns(shots)
 
     def encode(self, shots: Shots) -> bytes:
         tag = self.tags(shots)

@@ -159,7 +159,7 @@ class PulseLidar(ABC):
             self._pending = shots if self._pending is None else self._pending.followed_by(shots)
         return self._full_packets()
 
-    def shots(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Shots:
+    def look(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Shots:
         """Fire every pulse due in [t0_ns, t1_ns): what `step` sends, before it is put into packets."""
         index = np.arange(self._pulses_before(t0_ns), self._pulses_before(t1_ns), dtype=np.int64)
         return self.fire(index, pose_at, world)

@@ -103,9 +103,9 @@ def fly(
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
     track = Track(scene, lines)
     for start in range(0, int(track.duration_s * 1e9), CHUNK_NS):
-        points, tag, stamps = lidar.look(start, start + CHUNK_NS, track.at, scene.world)
-        good = (points != 0).any(axis=1) & (tag == 0)
-        points, stamps = points[good], stamps[good]
+        shots = lidar.look(start, start + CHUNK_NS, track.at, scene.world)
+        good = (shots.echoes.range_m != 0) & (lidar.tags(shots) == 0)
+        points, stamps = lidar.points_m(shots)[good], lidar.stamps_ns(shots)[good]
         position, attitude = track.at(stamps)
         sensor = position + lidar.mount.lever_enu_m(attitude)
         last = sensor[-1] if len(sensor) else track.at(np.array([start]))[0][0]

@@ -40,7 +40,7 @@ def test_packets_count_columns_and_frames() -> None:
 
 def test_the_ground_below_is_seen_from_side_to_side() -> None:
     sensor = lidar()
-    shots = sensor.shots(0, 100 * MS, hover(heading_deg=200.0), flat_world())
+    shots = sensor.look(0, 100 * MS, hover(heading_deg=200.0), flat_world())
     hit = shots.echoes.range_m > 0
     frd = sensor.points_m(shots)[hit] @ CENTRED.rotation_frd_from_sensor().T
     np.testing.assert_allclose(frd[:, 2], 10.0, atol=1e-6)

@@ -41,7 +41,7 @@ def test_the_head_sweeps_the_ground_from_side_to_side() -> None:
     """Pitch 90 turns the axis forward and azimuth 0 down."""
     assert (SIDEWAYS.roll_deg, SIDEWAYS.pitch_deg, SIDEWAYS.yaw_deg) == (0.0, 90.0, 0.0)
     sensor = lidar()
-    shots = sensor.shots(0, 100 * MS, hover(heading_deg=70.0), flat_world())
+    shots = sensor.look(0, 100 * MS, hover(heading_deg=70.0), flat_world())
     hit = shots.echoes.range_m > 0
     frd = sensor.points_m(shots)[hit] @ CENTRED.rotation_frd_from_sensor().T
     np.testing.assert_allclose(frd[:, 2], 10.0, atol=1e-6)

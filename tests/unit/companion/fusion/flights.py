@@ -68,11 +68,7 @@ class Flight:
 
 
 def returns_of(xyz: Floats, stamps: NDArray[np.int64]) -> Returns:
-    return Returns.plain(
-        np.ascontiguousarray(xyz, np.float32),
-        np.ascontiguousarray(stamps, np.int64),
-        np.zeros(len(stamps), np.uint8),
-    )
+    return Returns.plain(np.ascontiguousarray(xyz, np.float32), np.ascontiguousarray(stamps, np.int64))
 
 
 def sensor_points(flight: Flight, parameters: Parameters, targets_enu_m: Floats, t_s: Floats) -> Floats:

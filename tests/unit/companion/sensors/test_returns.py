@@ -57,7 +57,8 @@ def test_a_part_keeps_the_order_of_every_column() -> None:
 
 
 def test_plain_returns_are_one_of_one() -> None:
-    plain = Returns.plain(*list(columns(2).values())[:3])
+    plain = Returns.plain(np.ones((2, 3), np.float32), np.zeros(2, np.int64))
+    assert plain.intensity.tolist() == [0, 0]
     assert (plain.ring.tolist(), plain.echo.tolist(), plain.echoes.tolist()) == ([0, 0], [1, 1], [1, 1])
 
 
