@@ -22,7 +22,6 @@ from companion.sensors.mavlink_lidar import MavlinkLidar
 from companion.sensors.ouster import OusterDecoder
 from companion.sensors.serial_lidar import SerialLidar
 from companion.sensors.stream import Batch, Decoder, OnReturns, PacketStream
-from companion.sensors.velodyne import VelodyneDecoder
 from params import Parameters
 
 BATCH_S = 0.01
@@ -176,6 +175,9 @@ def decoder_for(kind: str, setup: str = "") -> Decoder:
         case "livox":
             return LivoxDecoder()
         case "velodyne":
+            # Only where it is used: its library reports leaks when the program ends, on any terminal.
+            from companion.sensors.velodyne import VelodyneDecoder
+
             return VelodyneDecoder()
         case "ouster":
             return OusterDecoder(setup)

@@ -1,7 +1,7 @@
 """Bytes of a LightWare sensor in, batches of returns out; without I/O.
 
-The sensor sends no time. Its readings come evenly, so those of one batch are dated backwards from its arrival
-by the rate of the last second.
+The sensor sends no time. Its readings come evenly, so those of one piece are dated backwards from its arrival
+by the rate of the last second, or closer together where that would reach behind the piece before.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class LightwareStream:
         self._delay_ns = round(parameters.lidar_delay_ms * 1e6)
         self._kept: Batch = []
         self._begun_ns: int | None = None
+        self._last_ns: int | None = None
         self._count = 0
         self._period_ns = LONGEST_NS
         self._rate_hz = 0.0
@@ -75,9 +76,8 @@ class LightwareStream:
             found = self._decoder.feed(data)
             self._follow(self._decoder.counters.packets - before, arrival_ns)
             if len(found):
-                age = np.arange(len(found))[::-1] * self._period_ns
                 points.append(found)
-                stamps.append((arrival_ns - self._delay_ns - age).astype(np.int64))
+                stamps.append(self._dated(len(found), arrival_ns - self._delay_ns))
         if points:
             self._on_returns(Returns.plain(np.concatenate(points), np.concatenate(stamps)))
 
@@ -87,6 +87,13 @@ class LightwareStream:
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate_hz,
         }
+
+    def _dated(self, count: int, newest_ns: int) -> NDArray[np.int64]:
+        """Return when so many readings were taken, the last of them now, and none before the one before."""
+        since_ns = LONGEST_NS * count if self._last_ns is None else max(0, newest_ns - self._last_ns)
+        step_ns = min(self._period_ns, since_ns // count)
+        self._last_ns = newest_ns
+        return np.asarray(newest_ns - np.arange(count, dtype=np.int64)[::-1] * step_ns)
 
     def _follow(self, readings: int, arrival_ns: int) -> None:
         """Keep the rate of readings over the last whole second."""
