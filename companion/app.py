@@ -95,7 +95,7 @@ class Companion:
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
-        self.lidar = open_lidar(lidar_url, parameters, self.assembler.add)
+        self.lidar = open_lidar(lidar_url, parameters, self.assembler.add, self.link)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
         self.streams = Streams(self.link, self.history, self.obstacles, parameters, self._status)

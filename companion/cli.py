@@ -29,6 +29,7 @@ WIDE = 1000  # columns of a table that a program reads
 err = Console(stderr=True)
 _BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, whichever click typer carries
 
+LIDAR = "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, or mavlink: (docs/sensors.md)."
 Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -138,7 +139,7 @@ def sim(context: typer.Context) -> None:
 @app.command()
 def run(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
-    lidar: Annotated[str, typer.Option(help="livox:HOST:PORT")],
+    lidar: Annotated[str, typer.Option(help=LIDAR)],
     land: Annotated[
         str, typer.Option(help="ask: wait for the operator. auto: land without further word.")
     ] = "ask",
@@ -239,7 +240,7 @@ def calibrate(
 @app.command()
 def doctor(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
-    lidar: Annotated[str, typer.Option(help="livox:HOST:PORT")],
+    lidar: Annotated[str, typer.Option(help=LIDAR)],
     seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long to listen.")] = 10.0,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006

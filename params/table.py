@@ -227,6 +227,26 @@ class Parameters(BaseModel):
     lidar_max_m: Annotated[
         float, _in(1, 5000), Spec("SLZ_LDR_MAX_M", "m", OURS, "Farther returns are not used.")
     ] = 70.0
+    vehicle_m: Annotated[
+        float,
+        _in(0, 20),
+        Spec(
+            "SLZ_VEHICLE_M",
+            "m",
+            OURS,
+            "Returns nearer to the autopilot are its vehicle; 0 drops none.",
+        ),
+    ] = 0.0
+    dust_reach_m: Annotated[
+        float,
+        _in(0, 100),
+        Spec(
+            "SLZ_DUST_R_M", "m", OURS, "Up to here weak returns and first ones of several are rain or dust."
+        ),
+    ] = 0.0
+    dust_intensity: Annotated[
+        int, _in(0, 255), Spec("SLZ_DUST_I", "", OURS, "Weaker returns within dust_reach_m are rain or dust.")
+    ] = 4
     lidar_timeout_s: Annotated[
         float,
         _in(0.1, 30),

@@ -146,8 +146,10 @@ def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[
     thin = points[:: max(1, len(points) // 20_000)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
     density = 0.0
+    least = np.array([points[:, 0].min(), points[:, 1].min()])
+    most = np.array([points[:, 0].max(), points[:, 1].max()])
     for side in SQUARES_M:
-        low, high = np.floor(points[:, :2].min(axis=0) / side), np.floor(points[:, :2].max(axis=0) / side)
+        low, high = np.floor(least / side), np.floor(most / side)
         cols, rows = (int(v) + 1 for v in high - low)
         if rows * cols > MOST_SQUARES:
             continue

@@ -14,6 +14,8 @@ from scipy import ndimage
 from params import Parameters
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box
+from slz.kernels.bits import packed
+from slz.kernels.room import farthest
 from slz.maps import SAFE, UNSAFE
 from slz.search import Candidate
 from slz.source_terrain import SourceTerrain
@@ -69,8 +71,8 @@ def best_point(
     the nearest to the vehicle is taken.
     """
     grid, box = terrain.grid, candidate.box
-    distance = ndimage.distance_transform_edt(np.pad(candidate.component, 1))[1:-1, 1:-1]
-    widest = np.argwhere(distance >= float(distance.max()) - 0.5)
+    found = farthest(packed(candidate.component), candidate.square_side)
+    widest, distance = found[:, :2], np.sqrt(found[:, 2])
     rows, cols = widest[:, 0], widest[:, 1]
     slope = np.nan_to_num(terrain.layer("slope_deg", box)[rows, cols], nan=90.0)
     sure = terrain.layer("certainty", box)[rows, cols]
@@ -82,7 +84,7 @@ def best_point(
     enu_m = np.array([*centres[first], ground_m(terrain, cell)])
     return LandingPoint(
         enu_m=enu_m,
-        clearance_m=(float(distance[rows[first], cols[first]]) - 0.5) * grid.cell_m,
+        clearance_m=(float(distance[first]) - 0.5) * grid.cell_m,
         square_side_m=candidate.square_side * grid.cell_m,
         slope_deg=float(slope[first]),
         certainty=float(sure[first]),
@@ -245,8 +247,10 @@ def horizon_towards(
         return float("nan")
     box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
     half_m = parameters.footprint_m / 2
-    view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m)
-    east, north = sensor_enu_m[:2] - enu_m[:2]
+    east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
+    way = math.hypot(east, north)
+    towards = (east / way, north / way) if way > 0 else (0.0, 0.0)
+    view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m, towards)
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
     ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]
     return float(np.nanmax(ahead)) if np.isfinite(ahead).any() else float("nan")

@@ -17,6 +17,7 @@ from slz.adaptive import Adapter, Choice
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
+from slz.kernels.reach import usable, within_reach
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import TerrainMaps
 from slz.nearby import nearby
@@ -216,19 +217,18 @@ class Pipeline:
     def _without_outliers(self, window: Window, sensor_enu_m: Points) -> Points:
         """Return the finite points within `max_range_m` that no outlier rule drops."""
         p = self._parameters
-        points = window.points_enu_m
-        near = within(points, sensor_enu_m, p.max_range_m) & (np.abs(points[:, 2]) < MOST_HEIGHT_M)
-        points = np.ascontiguousarray(points[near & np.isfinite(points).all(axis=1)])
+        points = usable(window.points_enu_m, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
         height_m = np.ascontiguousarray(points[:, 2])
         in_flight = bool(np.isfinite(sensor_enu_m).all())  # a stored cloud was cleaned by who made it
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
         low, high = gap_interval(height_m[keep], p.outlier_gap_m)
         beyond = keep & ((height_m < low) | (height_m > high))
         keep[beyond] = in_a_group(points[beyond], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
+        kept = points[keep]
         if not in_flight:
-            return np.ascontiguousarray(points[keep])
+            return kept
         again = self._lone.returning(points[~keep], sensor_enu_m, len(points))
-        return np.vstack([points[keep], again])
+        return np.vstack([kept, again]) if len(again) else kept
 
     def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:
         """Place a window's returns in a grid and drop the outliers among them (SLZ paper §3.2.1)."""
@@ -288,8 +288,7 @@ class Pipeline:
 
 def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArray[np.bool_]:
     """Tell which points lie no farther from the sensor over ground; all where its place is unknown."""
-    way = points_enu_m[:, :2] - sensor_enu_m[:2]
-    return np.asarray(~(np.einsum("ij,ij->i", way, way) > reach_m**2))
+    return within_reach(points_enu_m, sensor_enu_m, reach_m**2)
 
 
 def reach_m(parameters: Parameters) -> float:

@@ -33,21 +33,39 @@ class RepeatFilter:
         self._parameters = parameters
         self._numbers = numbers
         self._zones: list[Zone] = []
+        self._since: list[int] = []  # count of changes at which each zone came
+        self._ignored: dict[Part, tuple[int, int]] = {}  # by which zone, and the count then
+        self._changes = 0
         self.changed = False
 
     def update(self, parts: Iterable[Part], describe: Callable[[Part, int], Zone]) -> list[Zone]:
         """Take the zones found in the total map; return those in effect."""
         self.changed = False
+        ignored = {}
         for part in parts:
-            action, position = self._compare(part)
+            known = self._still_ignored(part)
+            action, position = ("ignore", known[0]) if known else self._compare(part)
             if action == "ignore":
+                ignored[part] = known or (position, self._changes)
                 continue
             self.changed = True
+            self._changes += 1
             if action == "replace":
                 self._zones[position] = describe(part, self._zones[position].id)
+                self._since[position] = self._changes
             else:
                 self._zones.append(describe(part, next(self._numbers)))
+                self._since.append(self._changes)
+        self._ignored = ignored
         return list(self._zones)
+
+    def _still_ignored(self, part: Part) -> tuple[int, int] | None:
+        """Return what was kept of a part compared before, if the zones it was compared with are the same."""
+        known = self._ignored.get(part)
+        if known is None or len(self._zones) > self._parameters.repeat_depth:
+            return None
+        position, changes = known
+        return known if max(self._since[: position + 1]) <= changes else None
 
     def _compare(self, part: Part) -> tuple[str, int]:
         p, box, n = self._parameters, part.box, len(part.boundary_cells)
@@ -70,6 +88,7 @@ class RepeatFilter:
     def moved(self, old: Grid, new: Grid) -> None:
         """Follow the map to a new zone; zones that lie outside it stay in effect."""
         self._zones = [regridded(zone, old, new) for zone in self._zones]
+        self._ignored = {}
         self.changed = True
 
 

@@ -8,6 +8,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.block_copies import Blocks, joined
 from slz.grid import Box, Grid
 from slz.kernels.groups import obstacles
 from slz.surroundings import Obstacle
@@ -29,13 +30,12 @@ class SourceObstacles(Sequence[Obstacle]):
         (rows, words) bits of the unsafe cells and of the zone's own safe ones, from the word of the box's
         first column on.
     height_m
-        Total DSM, of which the box is copied.
+        Blocks of the total DSM that hold the box.
     """
 
-    def __init__(self, holes: Bits, own: Bits, height_m: NDArray[np.float32], box: Box, grid: Grid) -> None:
+    def __init__(self, holes: Bits, own: Bits, height_m: Blocks, box: Box, grid: Grid) -> None:
         first = box.col0 >> 6 << 6
-        self._holes, self._own, self._grid = holes, own, grid
-        self._height_m = height_m[box.row0 : box.row1, first : first + 64 * holes.shape[1]].copy()
+        self._holes, self._own, self._height_m, self._box, self._grid = holes, own, height_m, box, grid
         self._corner = grid.west_m + first * grid.cell_m, grid.south_m + box.row0 * grid.cell_m
         self._found: tuple[Obstacle, ...] | None = None
 
@@ -43,8 +43,9 @@ class SourceObstacles(Sequence[Obstacle]):
     def _all(self) -> tuple[Obstacle, ...]:
         if self._found is None:
             cell_m = self._grid.cell_m
+            height_m = joined(self._height_m, self._box)
             found, ends, cells = obstacles(
-                self._holes, self._own, self._height_m, *self._corner, cell_m, MOST_OBSTACLES, AROUND
+                self._holes, self._own, height_m, *self._corner, cell_m, MOST_OBSTACLES, AROUND
             )
             cells.flags.writeable = False
             self._found = tuple(

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.erosion import erode
-from slz.kernels.search import find
+from slz.kernels.search import N_BOUNDARY, find
 from slz.source_terrain import SourceTerrain
 from slz.untouched import untouched
 
 Bits = NDArray[np.uint64]
+FEWEST = 4096  # boundary cells that there is room for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +65,7 @@ class SourceSearch:
         self.side, self._boundary = least_side, least_boundary
         self.squares, self._taken = (untouched(terrain.safe_bits.shape, np.uint64) for _ in "st")
         self._parts: list[Part] = []
+        self._longest = FEWEST
         self._found: tuple[Part, ...] = ()
 
     def update(self) -> tuple[Part, ...]:
@@ -103,8 +105,10 @@ class SourceSearch:
             if box.row0 < row1 and row0 < box.row1 and words.start < word1 and word0 < words.stop:
                 taken[box.row0 : box.row1, words] |= part.content
         table, boundary, content, spread = find(
-            self._terrain.safe_bits, self.squares, taken, row0, row1, word0, word1, self._boundary
-        )
+            self._terrain.safe_bits, self.squares, taken, row0, row1, word0, word1, self._boundary,
+            self._longest + self._longest // 4,
+        )  # fmt: skip
+        self._longest = max(FEWEST, int(table[:, N_BOUNDARY].max(initial=0)))
         low, high, left, right = spread.tolist()
         taken[low:high, left:right] = 0
         for part in kept:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.block_copies import BlockCopies
 from slz.grid import Box, Grid, overlap
 from slz.kernels.bits import unpacked
 from slz.kernels.fuse import fuse, refresh
@@ -47,6 +48,7 @@ class SourceTerrain:
         self.heights, self.slopes, self.roughs = (
             untouched((grid.rows, 64 * words), np.float32) for _ in "hsr"
         )
+        self.height_copies = BlockCopies(self.heights)
         self.begun = untouched((grid.rows, words), np.uint8)
         self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
         self.blocks = untouched((grid.rows, words, 2), np.int32)
@@ -73,6 +75,7 @@ class SourceTerrain:
             count_bits, grid.cell_m, self._worst, self._limit, p.fusing == "max",
             self.heights, self.slopes, self.roughs, self.begun, self.safe_bits, self.known_bits, self.blocks,
         )  # fmt: skip
+        self.height_copies.change(Box(box.row0, box.row1, box.col0, box.col0 + returns.width))
         self.seen = self.seen.union(box)
         self.changed = self.changed.union(Box(*changed))
         return used

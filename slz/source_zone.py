@@ -12,7 +12,7 @@ from slz.kernels.bits import unpacked
 from slz.kernels.content import part_of
 from slz.kernels.fuse import SUM_UNIT
 from slz.kernels.measure import corners, measure
-from slz.kernels.room import first_choice, largest_square, widest
+from slz.kernels.room import first_choice, room
 from slz.landing_point import horizon_towards
 from slz.source_obstacles import SourceObstacles
 from slz.source_search import Part, SourceSearch
@@ -54,7 +54,7 @@ def describe_source(
         roughness=roughs / (float(SUM_UNIT) * n_own),
         boundary_cells=part.boundary_cells,
         corners_enu_m=corners(part.boundary_cells, terrain.heights, grid.west_m, grid.south_m, grid.cell_m),
-        obstacles=SourceObstacles(holes, own, terrain.heights, box, grid),
+        obstacles=SourceObstacles(holes, own, terrain.height_copies.of(box), box, grid),
         best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),
     )
 
@@ -70,8 +70,7 @@ def _best_point(
     """Return the point of a zone farthest from everything that is not the zone, see `best_point`."""
     grid, box = terrain.grid, part.box
     squares = search.squares[box.row0 : box.row1, part.words] & own
-    side = int(largest_square(squares, search.side))
-    found = widest(own, side)
+    side, found = room(own, squares, search.side)
     row0, col0 = box.row0, 64 * part.words.start
     at = first_choice(
         found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,

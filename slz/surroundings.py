@@ -132,11 +132,16 @@ def horizon_at(
     box: Box,
     near_m: float,
     far_m: float,
+    towards: tuple[float, float] = (0.0, 0.0),
 ) -> NDArray[np.float64]:
-    """Return (36,) elevation angles (deg) of the horizon of a point, by bearing clockwise from north."""
+    """Return (36,) elevation angles (deg) of the horizon of a point, by bearing clockwise from north.
+
+    With a direction, east and north of length 1, only those within 20 degrees of it are worked out.
+    """
     row = (enu_m[1] - grid.south_m) / grid.cell_m - 0.5 - box.row0
     col = (enu_m[0] - grid.west_m) / grid.cell_m - 0.5 - box.col0
     angles = horizon(
-        np.ascontiguousarray(top_m, np.float32), row, col, enu_m[2], grid.cell_m, near_m, far_m, SECTORS
-    )
+        np.ascontiguousarray(top_m, np.float32), row, col, enu_m[2], grid.cell_m, near_m, far_m, SECTORS,
+        *towards,
+    )  # fmt: skip
     return np.degrees(angles)

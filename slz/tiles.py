@@ -225,25 +225,34 @@ class TiledLayers:
     def __init__(self, count: int, dtype: DTypeLike, empty: float = 0) -> None:
         self._empty = np.full((count, TILE, TILE), empty, dtype)
         self._tiles: dict[Key, NDArray[Any]] = {}
+        self._last: tuple[Box, NDArray[Any]] | None = None  # what was read last
 
     def write(self, box: Box, values: NDArray[Any]) -> None:
         """Set (count, rows, cols) values of a box."""
+        self._last = None
         for key, there, here in _pieces(box):
             if key not in self._tiles:
                 self._tiles[key] = self._empty.copy()
             self._tiles[key][(slice(None), *there)] = values[(slice(None), *here)]
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
-        """Return a copy (rows, cols) of one layer of a box."""
-        out = np.full(box.shape, self._empty[0, 0, 0])
+        """Return a copy (rows, cols) of one layer of a box; one after the other of a box is read at once."""
+        if self._last is None or self._last[0] != box:
+            self._last = box, self._read(box)
+        return np.array(self._last[1][layer])
+
+    def _read(self, box: Box) -> NDArray[Any]:
+        out = np.empty((len(self._empty), *box.shape), self._empty.dtype)
+        out[:] = self._empty[:, :1, :1]
         for key, there, here in _pieces(box):
             tile = self._tiles.get(key)
             if tile is not None:
-                out[here] = tile[(layer, *there)]
+                out[(slice(None), *here)] = tile[(slice(None), *there)]
         return out
 
     def keep(self, wanted: Callable[[Key], bool]) -> None:
         """Forget all tiles but those wanted."""
+        self._last = None
         self._tiles = {key: tile for key, tile in self._tiles.items() if wanted(key)}
 
 
@@ -252,11 +261,15 @@ def _pieces(box: Box) -> Iterator[tuple[Key, tuple[slice, slice], tuple[slice, s
     if box.empty:
         return
     (row, col), (rows, cols) = _tiles_over(box)
+    across = [(c, *_common(c, box.col0, box.col1)) for c in range(col, col + cols)]
     for r in range(row, row + rows):
-        for c in range(col, col + cols):
-            tile = box_of_tile((r, c))
-            r0, r1 = max(box.row0, tile.row0), min(box.row1, tile.row1)
-            c0, c1 = max(box.col0, tile.col0), min(box.col1, tile.col1)
-            there = slice(r0 - tile.row0, r1 - tile.row0), slice(c0 - tile.col0, c1 - tile.col0)
-            here = slice(r0 - box.row0, r1 - box.row0), slice(c0 - box.col0, c1 - box.col0)
-            yield (r, c), there, here
+        there, here = _common(r, box.row0, box.row1)
+        for c, right_there, right_here in across:
+            yield (r, c), (there, right_there), (here, right_here)
+
+
+def _common(tile: int, first: int, stop: int) -> tuple[slice, slice]:
+    """Return the rows, or columns, of a tile from one to another, counted in it and from the first."""
+    start = tile * TILE
+    low, high = max(first, start), min(stop, start + TILE)
+    return slice(low - start, high - start), slice(low - first, high - first)

@@ -88,4 +88,4 @@ def _read(recording: Recording, parameters: Parameters) -> FlownReturns:
 
 def _thinned(returns: Returns) -> Returns:
     step = max(1, len(returns) // MOST_RETURNS)
-    return returns.picked(slice(None, None, step))
+    return returns.part(slice(None, None, step))

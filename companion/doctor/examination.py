@@ -14,7 +14,7 @@ from companion.doctor.machine_check import machine_findings
 from companion.doctor.parameter_check import ParameterReader, parameter_findings
 from companion.link.link import Link
 from companion.link.streams import wanted
-from companion.sensors.driver import UdpLidar, open_lidar
+from companion.sensors.driver import Lidar, open_lidar
 from params import Parameters, required
 
 log = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ class Examination:
     async def run(self) -> list[Finding]:
         """Return all findings; open nothing that stays open."""
         link = Link(self.mavlink_url, self.parameters)
-        lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None)
+        lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
         begun_ns = now_ns()
         log.info("listening for %g s", self.seconds)
         try:
@@ -77,7 +77,7 @@ class Examination:
         streams = wanted(link.vehicle.autopilot, self.parameters.pose_rate_hz)
         return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
 
-    def _lidar(self, lidar: UdpLidar, seconds: float) -> list[Finding]:
+    def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()
         return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
 

@@ -59,6 +59,8 @@ def _silence(url: str, statistics: Mapping[str, int | float | None]) -> Finding:
     remedy = "set the sensor's destination to this computer and that port, and check cable and subnet"
     if _count(statistics, "malformed") or _count(statistics, "bad_checksum"):
         remedy = "something else sends to this port: check the sensor's model and its point-data port"
+    if _count(statistics, "wrong_sensor"):
+        remedy = "another maker's sensor sends to this port: name that one in --lidar, or use another port"
     return Finding("LiDAR packets", "fail", f"none at {url}", "packets", remedy)
 
 

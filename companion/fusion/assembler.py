@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.pose_history import PoseHistory
+from companion.fusion.screen import Screen
 from companion.sensors.returns import Returns, join
 from params import Parameters
 from slz import Scan
@@ -44,6 +45,7 @@ class ScanAssembler:
         self._history = history
         self._on_scan = on_scan
         self._georeferencer = Georeferencer(parameters)
+        self._screen = Screen(parameters)
         self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each
         self._n_waiting = 0
         self._gathered: list[Returns] = []
@@ -67,6 +69,8 @@ class ScanAssembler:
             "stale": self.stale,
             "out_of_range": self._georeferencer.out_of_range,
             "without_pose": self._georeferencer.without_pose,
+            "vehicle": self._screen.vehicle,
+            "dust": self._screen.dust,
         }
 
     def _place_bracketed(self) -> None:
@@ -85,7 +89,7 @@ class ScanAssembler:
             self._emit()
 
     def _emit(self) -> None:
-        scan = self._georeferencer.georeference(join(self._gathered), self._history)
+        scan = self._georeferencer.georeference(self._screen.passed(join(self._gathered)), self._history)
         self._gathered = []
         if scan is not None:
             self.scans += 1

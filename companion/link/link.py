@@ -11,6 +11,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import now_ns
+from companion.link.autopilot_clock import AutopilotClock
 from companion.link.codec import Codec
 from companion.link.command import Command, CommandResult
 from companion.link.commander import Commander
@@ -108,6 +109,11 @@ class Link:
     def vehicle(self) -> VehicleState:
         """Newest state of the vehicle."""
         return self._inbox.vehicle
+
+    @property
+    def clock(self) -> AutopilotClock:
+        """Maps the autopilot's stamps to ours."""
+        return self._inbox.clock
 
     @property
     def timesync(self) -> TimeSync:

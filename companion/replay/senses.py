@@ -10,8 +10,9 @@ from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
 from companion.recorder import journal
 from companion.replay.reading import Header, Raw
-from companion.sensors.driver import decoder_for
-from companion.sensors.stream import OnReturns, PacketStream
+from companion.sensors.driver import stream_for
+from companion.sensors.mavlink_ranges import MavlinkRanges
+from companion.sensors.stream import OnReturns
 from companion.window_event import WindowEvent
 from params import Parameters
 
@@ -39,8 +40,11 @@ class Senses:
     ) -> None:
         self._reader = mavlink.MAVLink(None)
         self._inbox = Inbox(Codec(parameters.component_id), CommandServer())
-        decoder = decoder_for(header.lidar, header.lidar_setup)
-        self._stream = PacketStream(decoder, parameters, on_returns)
+        self._stream = self._ranges = None
+        if header.lidar == "mavlink":
+            self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
+        else:
+            self._stream = stream_for(header.lidar, header.lidar_setup, parameters, on_returns)
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
@@ -56,9 +60,11 @@ class Senses:
         match message.topic:
             case journal.MAVLINK_IN:
                 frame = self._reader.decode(bytearray(message.data))
-                if frame.get_type() not in ORDERS:  # what the operator asked for, the windows tell
-                    self._inbox.take(frame, message.at_ns)
-            case journal.LIDAR:
+                if frame.get_type() in ORDERS:  # what the operator asked for, the windows tell
+                    return None
+                if self._inbox.take(frame, message.at_ns) and self._ranges is not None:
+                    self._ranges.take(frame, message.at_ns)
+            case journal.LIDAR if self._stream is not None:
                 for arrival_ns, packet in journal.unpack_batch(message.data):
                     self._stream.take(packet, "", arrival_ns)
                 self._stream.flush(message.at_ns)

@@ -5,15 +5,23 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import ipaddress
 import socket
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from companion.clock import now_ns
 from companion.errors import CompanionError, UsageError
+from companion.link.event import Event
+from companion.link.link import Link
+from companion.link.url import Url, parse_url
+from companion.sensors.lightware_stream import LightwareStream
 from companion.sensors.livox import LivoxDecoder
+from companion.sensors.livox_session import LivoxSession
+from companion.sensors.mavlink_lidar import MavlinkLidar
 from companion.sensors.ouster import OusterDecoder
-from companion.sensors.stream import Decoder, OnReturns, PacketStream
+from companion.sensors.serial_lidar import SerialLidar
+from companion.sensors.stream import Batch, Decoder, OnReturns, PacketStream
 from companion.sensors.velodyne import VelodyneDecoder
 from params import Parameters
 
@@ -24,15 +32,54 @@ BIND_ERRORS = {
     errno.EADDRINUSE: "the port is in use",
     errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
 }
+LINE = "lightware:/dev/ttyUSB0,921600"
+CONTROLLED = "livox:0.0.0.0:56301?sensor=192.168.1.100, the address on the sensor's label"
 EXAMPLE = "livox:HOST:PORT (livox:0.0.0.0:56301), velodyne:HOST:PORT or ouster:HOST:PORT?meta=FILE.json"
 METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
 DEFAULT_PORTS = {"livox": None, "velodyne": 2368, "ouster": 7502}
 
 
-def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLidar:
+class Lidar(Protocol):
+    """A source of returns."""
+
+    @property
+    def stream(self) -> HasBatches:
+        """What a recording listens to."""
+
+    @property
+    def last_arrival_ns(self) -> int | None:
+        """When the newest data came, None before any."""
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters."""
+
+    async def run(self) -> None:
+        """Receive until cancelled."""
+
+
+class HasBatches(Protocol):
+    """What tells of data before it is decoded, of which kind of sensor, and of its description."""
+
+    batches: Event[[Batch]]
+
+    @property
+    def kind(self) -> str:
+        """As in the URL."""
+
+    @property
+    def setup(self) -> str:
+        """The sensor's own description, empty where its data alone tell."""
+
+
+def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns, link: Link | None = None) -> Lidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
 
     A Velodyne's and an Ouster's port may be left out for the maker's own.
+
+    Parameters
+    ----------
+    link
+        For `mavlink:`, the ranges of the autopilot's own sensors.
 
     Raises
     ------
@@ -40,6 +87,10 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLi
         The URL is malformed or names a sensor that is not supported, or the sensor's description is missing.
     """
     kind, _, rest = url.partition(":")
+    if kind == "mavlink" and link is not None:
+        return MavlinkLidar(link, parameters, on_returns)
+    if kind == "lightware":
+        return SerialLidar(_line(url, rest), LightwareStream(parameters, on_returns))
     if kind not in DEFAULT_PORTS:
         raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
     address, _, query = rest.partition("?")
@@ -49,8 +100,52 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns) -> UdpLi
         host, port = (host if colon else address), str(default)
     if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
-    stream = PacketStream(decoder_for(kind, _setup(url, kind, query)), parameters, on_returns)
-    return UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
+    setup = "" if kind == "livox" else _setup(url, kind, query)
+    stream = PacketStream(decoder_for(kind, setup), parameters, on_returns)
+    lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
+    if kind == "livox" and query:
+        lidar.session = LivoxSession(_sensor(url, query), int(port), lambda: lidar.last_arrival_ns)
+    return lidar
+
+
+def stream_for(
+    kind: str, setup: str, parameters: Parameters, on_returns: OnReturns
+) -> PacketStream | LightwareStream:
+    """Return what decodes the recorded data of a kind of sensor.
+
+    Raises
+    ------
+    UsageError
+        There is none.
+    """
+    if kind == "lightware":
+        return LightwareStream(parameters, on_returns)
+    return PacketStream(decoder_for(kind, setup), parameters, on_returns)
+
+
+def _line(url: str, device: str) -> Url:
+    """Return the serial line that a URL names."""
+    try:
+        line = parse_url(device)
+    except UsageError as error:
+        raise UsageError(f"LiDAR {url!r}: {error}".replace("MAVLink URL ", "")) from None
+    if line.kind != "serial":
+        raise UsageError(f"LiDAR {url!r} is on a serial line: write {LINE}")
+    return line
+
+
+def _sensor(url: str, query: str) -> str:
+    """Return the Mid-360's own address, to which commands go."""
+    name, _, address = query.partition("=")
+    host, colon, port = address.partition(":")
+    try:
+        ipaddress.IPv4Address(host)
+    except ValueError:
+        host = ""
+    sound = not colon or (port.isascii() and port.isdigit() and 0 < int(port) < 65536)
+    if name != "sensor" or not host or not sound:
+        raise UsageError(f"LiDAR {url!r}: ?{query} is not understood: write {CONTROLLED}")
+    return address
 
 
 def _setup(url: str, kind: str, query: str) -> str:
@@ -101,6 +196,7 @@ class UdpLidar(asyncio.DatagramProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._failure: asyncio.Future[None] | None = None
         self.stream = stream
+        self.session: LivoxSession | None = None
 
     @property
     def last_arrival_ns(self) -> int | None:
@@ -125,12 +221,25 @@ class UdpLidar(asyncio.DatagramProtocol):
         self._failure = loop.create_future()
         transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound())
         try:
-            await self._failure
+            await self._until_failed(self._failure)
         finally:
             transport.close()
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
+
+    async def _until_failed(self, failure: asyncio.Future[None]) -> None:
+        """Wait for a failure, and keep the sensor sending meanwhile."""
+        if self.session is None:
+            await failure
+            return
+        session = asyncio.ensure_future(self.session.run())
+        try:
+            done, _ = await asyncio.wait({failure, session}, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            session.cancel()
 
     def _bound(self) -> socket.socket:
         host, port = self._address

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.fusion.mount import Mount
 from companion.link.autopilot_clock import AutopilotClock
-from companion.sensors.returns import plain
+from companion.sensors.returns import Returns
 from companion.sensors.stream import OnReturns
 from params import Parameters
 
@@ -80,7 +80,9 @@ class MavlinkRanges:
         self.last_arrival_ns = now_ns
         self.counters.returns += len(points)
         sensor = (points - self._mount.lever_frd_m) @ self._mount.rotation_frd_from_sensor
-        self._on_returns(plain(sensor.astype(np.float32), np.full(len(points), stamp_ns, np.int64)))
+        self._on_returns(
+            Returns.plain(np.ascontiguousarray(sensor, np.float32), np.full(len(points), stamp_ns, np.int64))
+        )
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return the counters."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,19 +67,23 @@ class Returns:
                 )
             array.setflags(write=False)
 
-    def __len__(self) -> int:
-        return len(self.stamp_ns)
+    @classmethod
+    def plain(
+        cls,
+        xyz_sensor_m: NDArray[np.float32],
+        stamp_ns: NDArray[np.int64],
+        intensity: NDArray[np.uint8] | None = None,
+    ) -> Self:
+        """Return returns of a sensor that has one line and one return a ray, and maybe tells no intensity."""
+        none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
+        return cls(xyz_sensor_m, stamp_ns, none if intensity is None else intensity, none, one, one)
 
-    def picked(self, which: NDArray[np.bool_] | slice) -> Returns:
+    def part(self, which: slice | NDArray[np.bool_]) -> Returns:
         """Return some of the returns, in their order."""
         return Returns(*(np.ascontiguousarray(getattr(self, f.name)[which]) for f in fields(Returns)))
 
-
-def plain(xyz_sensor_m: NDArray[np.float32], stamp_ns: NDArray[np.int64]) -> Returns:
-    """Return points of a sensor that tells no more than where they are: the only return of each ray."""
-    none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
-    xyz = np.ascontiguousarray(xyz_sensor_m, np.float32)
-    return Returns(xyz, np.ascontiguousarray(stamp_ns), none, none.copy(), one, one.copy())
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
 
 
 def nothing() -> RawReturns:

@@ -54,6 +54,9 @@ def _spread(room: Bits, part: Bits, r: int, other: int) -> bool:
     carry, changed = NONE, False
     for w in range(words):
         free, old = room[r, w], part[r, w]
+        if free == old:
+            carry = old >> LAST
+            continue
         near = part[other, w]
         wide = near | (near << ONE) | (near >> ONE)
         if w > 0:
@@ -71,8 +74,11 @@ def _spread(room: Bits, part: Bits, r: int, other: int) -> bool:
     carry = NONE
     for w in range(words - 1, -1, -1):
         free, old = room[r, w], part[r, w]
+        if free == old:
+            carry = (old & ONE) << LAST
+            continue
         new = old | (carry & free)
-        if new != NONE and new != free:
+        if new != NONE:
             new = _down(free, new)
         carry = (new & ONE) << LAST
         part[r, w] = new
@@ -81,25 +87,37 @@ def _spread(room: Bits, part: Bits, r: int, other: int) -> bool:
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def component(room: Bits, row: int, col: int) -> Bits:
-    """Return the 8-connected component of a set cell."""
+    """Return the 8-connected component of a set cell.
+
+    Rows are gone through up and down, and only those beside one in which the part grew since.
+    """
     rows = room.shape[0]
     part = np.zeros(room.shape, np.uint64)
     part[row, col >> 6] = ONE << np.uint64(col & 63)
+    from_south, from_north = np.zeros(rows + 2, np.bool_), np.zeros(rows + 2, np.bool_)  # with a margin
     _spread(room, part, row, row)
-    low, high = row, row + 1
-    moved = True
+    from_south[row + 2] = from_north[row] = True
+    low, high, moved = row, row, True
     while moved:
         moved = False
-        for r in range(max(low, 1), rows):
+        for r in range(max(1, low), rows):
+            if not from_south[r + 1]:
+                if r > high:
+                    break
+                continue
+            from_south[r + 1] = False
             if _spread(room, part, r, r - 1):
-                moved, high = True, max(high, r + 1)
-            elif r >= high:
-                break
-        for r in range(min(high, rows - 1) - 1, -1, -1):
+                from_south[r + 2] = from_north[r] = True
+                high, moved = max(high, r), True
+        for r in range(min(rows - 2, high), -1, -1):
+            if not from_north[r + 1]:
+                if r < low:
+                    break
+                continue
+            from_north[r + 1] = False
             if _spread(room, part, r, r + 1):
-                moved, low = True, min(low, r)
-            elif r < low:
-                break
+                from_south[r + 2] = from_north[r] = True
+                low, moved = min(low, r), True
     return part
 
 

@@ -9,7 +9,11 @@ from slz.kernels.jit import kernel
 from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
 FEW = 20  # returns of 3 x 3 cells up to which each stands for itself
+NEAR = 4  # cells between two, up to which those between are worked out too
 CROWD = 64  # returns of a cell from which on its hazards show in more than one of them
+
+Row = NDArray[np.float32]
+Reals = NDArray[np.float64]
 
 # Layers of `summarise`.
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
@@ -153,6 +157,13 @@ def closed(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
     return out
 
 
+@kernel("void(float32[::1], float32[::1], float64)")
+def _raise(values: Row, out: Row, fall: float) -> None:
+    for c in range(np.uint64(len(out))):
+        v = np.float32(values[c] - fall)
+        out[c] = v if v > out[c] else out[c]  # NaN is not
+
+
 @kernel("float32[:, :](float32[:, :], int64, float32)")
 def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDArray[np.float32]:
     """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
@@ -160,23 +171,170 @@ def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDA
     A value counts for less by `fall` with every row and column that it is away.
     """
     rows, cols = values.shape
-    low = np.float32(-np.inf)
-    wide = np.full((rows, cols), low)
+    values = np.ascontiguousarray(values)
+    wide = np.full((rows, cols), np.float32(-np.inf))
     for r in range(rows):
-        for c in range(cols):
-            v = values[r, c]
-            if not np.isnan(v):
-                for j in range(max(0, c - radius), min(cols, c + radius + 1)):
-                    wide[r, j] = max(wide[r, j], v - fall * abs(j - c))
+        for d in range(min(radius + 1, cols)):
+            _raise(values[r, d:], wide[r, : cols - d], fall * d)
+            _raise(values[r, : cols - d], wide[r, d:], fall * d)
     out = wide.copy()
     for r in range(rows):
         for i in range(max(0, r - radius), min(rows, r + radius + 1)):
-            for c in range(cols):
-                out[r, c] = max(out[r, c], wide[i, c] - fall * abs(i - r))
+            _raise(wide[i], out[r], fall * abs(i - r))
     return out
 
 
-@kernel("float32[:, :, :](float32[:, :, :], uint8[:, :], int64, float64, float64, float64, float64)")
+@kernel("void(float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64[:, ::1])")
+def _add_row(
+    cells: NDArray[np.float32],
+    covered: NDArray[np.uint8],
+    row: int,
+    y: float,
+    sign: float,
+    reference: float,
+    column: NDArray[np.float64],
+) -> None:
+    """Add a row to sums by column, or take it away, without a branch, so that the compiler takes several."""
+    weight, height, spread = cells[WEIGHT, row], cells[HEIGHT, row], cells[SPREAD, row]
+    seen = covered[row]
+    for c in range(np.uint64(len(seen))):
+        known = weight[c] != np.float32(0)
+        z = height[c] - reference
+        column[7, c] += sign * seen[c]
+        column[0, c] += sign if known else 0.0
+        column[1, c] += sign * y if known else 0.0
+        column[2, c] += sign * y * y if known else 0.0
+        column[3, c] += sign * z if known else 0.0
+        column[4, c] += sign * y * z if known else 0.0
+        column[5, c] += sign * z * z if known else 0.0
+        column[6, c] += sign / weight[c] if known else 0.0
+        column[8, c] += sign * spread[c] if known else 0.0
+
+
+# Sums over a footprint, by their place in what `_over_columns` returns.
+W, WX, WXX, WY, WXY, WYY, WZ, WXZ, WYZ, WZZ, S_SPREAD, S_SEEN, S_SINGLE = range(13)
+
+
+@kernel("void(float64[:, ::1], int64, float64, float64[:, ::1])")
+def _over_columns(column: NDArray[np.float64], k: int, cell_m: float, sums: NDArray[np.float64]) -> None:
+    """Add up sums by column over 2 k + 1 of them, about each but the first and last k."""
+    cols = column.shape[1]
+    w = wx = wxx = wy = wxy = wyy = wz = wxz = wyz = wzz = spread = seen = single = 0.0
+    for c in range(cols):
+        for col, sign in ((c, 1.0), (c - 2 * k - 1, -1.0)):
+            if col < 0:
+                continue
+            x = col * cell_m
+            w += sign * column[0, col]
+            wx += sign * x * column[0, col]
+            wxx += sign * x * x * column[0, col]
+            wy += sign * column[1, col]
+            wxy += sign * x * column[1, col]
+            wyy += sign * column[2, col]
+            wz += sign * column[3, col]
+            wxz += sign * x * column[3, col]
+            wyz += sign * column[4, col]
+            wzz += sign * column[5, col]
+            spread += sign * column[6, col]
+            seen += sign * column[7, col]
+            single += sign * column[8, col]
+        if c < 2 * k:
+            continue
+        at = c - k
+        sums[W, at], sums[WX, at], sums[WXX, at], sums[WY, at], sums[WXY, at] = w, wx, wxx, wy, wxy
+        sums[WYY, at], sums[WZ, at], sums[WXZ, at], sums[WYZ, at], sums[WZZ, at] = wyy, wz, wxz, wyz, wzz
+        sums[S_SPREAD, at], sums[S_SEEN, at], sums[S_SINGLE, at] = spread, seen, single
+
+
+# Planes of a row, by their place in what `_solve` leaves.
+EAST, NORTH, LEVEL, RMS, SIGMA, RETURN, GRADIENT = range(7)
+
+
+@kernel("void(float64[:, ::1], int64, float64, float64, float64, float64[:, ::1])")
+def _solve(
+    sums: NDArray[np.float64], k: int, cell_m: float, y: float, noise_m: float, fit: NDArray[np.float64]
+) -> None:
+    """Leave the planes of a row; their gradient is NaN where there is none."""
+    cols = sums.shape[1]
+    enough = (2 * k + 1) ** 2 - 0.5
+    for c in range(np.uint64(cols)):
+        w = sums[W, c]
+        mx, my, mz = sums[WX, c] / w, sums[WY, c] / w, sums[WZ, c] / w
+        sxx, sxy = sums[WXX, c] - w * mx * mx, sums[WXY, c] - w * mx * my
+        syy, sxz = sums[WYY, c] - w * my * my, sums[WXZ, c] - w * mx * mz
+        syz, szz = sums[WYZ, c] - w * my * mz, sums[WZZ, c] - w * mz * mz
+        det = sxx * syy - sxy * sxy
+        a, b = (sxz * syy - syz * sxy) / det, (syz * sxx - sxz * sxy) / det
+        gradient = np.sqrt(a * a + b * b)
+        left = szz - a * sxz - b * syz
+        squares = left if left > 0.0 else 0.0
+        single = noise_m * np.sqrt(sums[S_SPREAD, c] / w)
+        spread = np.sqrt(squares / (w - 3))
+        noise = spread if spread > single else single
+        good = (sums[S_SEEN, c] >= enough) & (w >= 5.5) & (det >= 1e-9 * (sxx + syy) ** 2)
+        fit[EAST, c], fit[NORTH, c] = a, b
+        fit[LEVEL, c] = mz + a * (float(c) * cell_m - mx) + b * (y - my)
+        fit[RMS, c] = np.sqrt(squares / w)
+        fit[SIGMA, c] = noise * np.sqrt(0.5 * (sxx + syy) / det) / (1 + gradient * gradient)
+        fit[RETURN, c] = np.sqrt(max(0.0, sums[S_SINGLE, c] / w))
+        fit[GRADIENT, c] = gradient if good else np.nan
+
+
+@kernel("void(float32[::1], float64[::1], float64[::1], int64, float64, float64[::1])")
+def _lowest(values: Row, tilt: Reals, east: Reals, right: int, cell_m: float, low: Reals) -> None:
+    """Lower what is lowest about planes to what lies so many cells to the right; no tilt, no change."""
+    for c in range(np.uint64(len(low))):
+        over = values[c] - (tilt[c] + east[c] * right * cell_m)
+        low[c] = over if over < low[c] else low[c]
+
+
+@kernel("void(float32[::1], float64[::1], float64[::1], int64, float64, float64[::1])")
+def _highest(values: Row, tilt: Reals, east: Reals, right: int, cell_m: float, high: Reals) -> None:
+    """Raise what is highest likewise."""
+    for c in range(np.uint64(len(high))):
+        over = values[c] - (tilt[c] + east[c] * right * cell_m)
+        high[c] = over if over > high[c] else high[c]
+
+
+@kernel(
+    "void(float32[:, ::1], float32[:, ::1], float64[:, ::1], int64, int64, int64, int64, float64, float64,"
+    " float64, float64[:, ::1])"
+)
+def _reliefs(
+    lower: NDArray[np.float32],
+    upper: NDArray[np.float32],
+    fit: NDArray[np.float64],
+    row: int,
+    first: int,
+    stop: int,
+    k: int,
+    cell_m: float,
+    reference: float,
+    most: float,
+    out: NDArray[np.float64],
+) -> None:
+    """Leave the lowest and highest of a row's footprints about their planes, and of their inner cells.
+
+    Of a footprint whose inner relief exceeds `most` the rows that follow are passed over.
+    """
+    here = slice(first, stop)
+    low, high, inner_low, inner_high = out[0, here], out[1, here], out[2, here], out[3, here]
+    low[:], high[:], inner_low[:], inner_high[:] = np.inf, -np.inf, np.inf, -np.inf
+    east, north, level, tilt = fit[EAST, here], fit[NORTH, here], fit[LEVEL, here], np.empty(stop - first)
+    for i in range(row - k, row + k + 1):
+        for c in range(np.uint64(stop - first)):
+            closed_ = inner_high[c] - inner_low[c] > most
+            tilt[c] = np.nan if closed_ else level[c] + north[c] * (i - row) * cell_m + reference
+        for d in range(-k, k + 1):
+            there = slice(first + d, stop + d)
+            inner = abs(i - row) < k and abs(d) < k
+            _lowest(lower[i, there], tilt, east, d, cell_m, inner_low if inner else low)
+            _highest(upper[i, there], tilt, east, d, cell_m, inner_high if inner else high)
+    for c in range(np.uint64(stop - first)):
+        low[c], high[c] = min(low[c], inner_low[c]), max(high[c], inner_high[c])
+
+
+@kernel("float32[:, :, :](float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64)")
 def planes(
     cells: NDArray[np.float32],
     covered: NDArray[np.uint8],
@@ -209,88 +367,49 @@ def planes(
     if not found:
         return out
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
-    column = np.zeros((cols, 9))
+    column = np.zeros((9, cols))
     highest, lowest = highest_around(cells[TOP], k, 0), highest_around(-cells[BOTTOM], k, 0)
-    for r in range(rows + k):
-        for c in range(cols):
-            for row, sign in ((r, 1.0), (r - 2 * k - 1, -1.0)):
-                if row < 0 or row >= rows:
-                    continue
-                column[c, 7] += sign * covered[row, c]
-                if cells[WEIGHT, row, c] == 0:
-                    continue
-                y, z = row * cell_m, cells[HEIGHT, row, c] - reference
-                column[c, 0] += sign
-                column[c, 1] += sign * y
-                column[c, 2] += sign * y * y
-                column[c, 3] += sign * z
-                column[c, 4] += sign * y * z
-                column[c, 5] += sign * z * z
-                column[c, 6] += sign / cells[WEIGHT, row, c]
-                column[c, 8] += sign * cells[SPREAD, row, c]
-        row = r - k
-        if row < k or row >= rows - k:
+    lower, upper = cells[BOTTOM] + cells[EXCESS], cells[TOP] - cells[EXCESS]
+    sums, fit, relief = np.zeros((13, cols)), np.empty((7, cols)), np.empty((4, cols))
+    wanted = np.empty(cols, np.int64)
+    for r in range(rows):
+        _add_row(cells, covered, r, r * cell_m, 1.0, reference, column)
+        if r > 2 * k:
+            _add_row(cells, covered, r - 2 * k - 1, (r - 2 * k - 1) * cell_m, -1.0, reference, column)
+        if r < 2 * k:
             continue
-        w = wx = wxx = wy = wxy = wyy = wz = wxz = wyz = wzz = spread = seen = single = 0.0
-        for c in range(cols + k):
-            for col, sign in ((c, 1.0), (c - 2 * k - 1, -1.0)):
-                if col < 0 or col >= cols:
-                    continue
-                x = col * cell_m
-                s = column[col]
-                w += sign * s[0]
-                wx += sign * x * s[0]
-                wxx += sign * x * x * s[0]
-                wy += sign * s[1]
-                wxy += sign * x * s[1]
-                wyy += sign * s[2]
-                wz += sign * s[3]
-                wxz += sign * x * s[3]
-                wyz += sign * s[4]
-                wzz += sign * s[5]
-                spread += sign * s[6]
-                seen += sign * s[7]
-                single += sign * s[8]
-            col = c - k
-            if col < k or col >= cols - k or seen < (2 * k + 1) ** 2 - 0.5 or w < 5.5:
+        row, n = r - k, 0
+        _over_columns(column, k, cell_m, sums)
+        _solve(sums, k, cell_m, row * cell_m, noise_m, fit)
+        for col in range(k, cols - k):
+            gradient = fit[GRADIENT, col]
+            if np.isnan(gradient):
                 continue
-            mx, my, mz = wx / w, wy / w, wz / w
-            sxx, sxy, syy = wxx - w * mx * mx, wxy - w * mx * my, wyy - w * my * my
-            sxz, syz, szz = wxz - w * mx * mz, wyz - w * my * mz, wzz - w * mz * mz
-            det = sxx * syy - sxy * sxy
-            if det < 1e-9 * (sxx + syy) ** 2:
-                continue
-            a, b = (sxz * syy - syz * sxy) / det, (syz * sxx - sxz * sxy) / det
-            gradient = np.sqrt(a * a + b * b)
-            squares = max(0.0, szz - a * sxz - b * syz)
-            rms = np.sqrt(squares / w)
-            noise = max(noise_m * np.sqrt(spread / w), np.sqrt(squares / (w - 3)))
-            sigma = noise * np.sqrt(0.5 * (sxx + syy) / det) / (1 + gradient * gradient)
-            at = mz + a * (col * cell_m - mx) + b * (row * cell_m - my)
             out[0, row, col] = np.degrees(np.arctan(gradient))
-            out[1, row, col] = np.degrees(sigma)
-            out[3, row, col] = rms
-            out[4, row, col] = np.sqrt(max(0.0, single / w))
+            out[1, row, col] = np.degrees(fit[SIGMA, col])
+            out[3, row, col] = fit[RMS, col]
+            out[4, row, col] = fit[RETURN, col]
             if out[0, row, col] > slope_limit + 3 * out[1, row, col]:
                 continue
-            bound = highest[row, col] + lowest[row, col] + 2 * k * cell_m * (abs(a) + abs(b))
+            tilted = 2 * k * cell_m * (abs(fit[EAST, col]) + abs(fit[NORTH, col]))
+            bound = highest[row, col] + lowest[row, col] + tilted
             if bound < 0.5 * relief_limit:
                 out[2, row, col] = out[5, row, col] = bound
                 continue
-            low, high, inner_low, inner_high = np.inf, -np.inf, np.inf, -np.inf
-            for i in range(row - k, row + k + 1):
-                tilt = at + b * (i - row) * cell_m + reference
-                for j in range(col - k, col + k + 1):
-                    if cells[WEIGHT, i, j] == 0:
-                        continue
-                    level = tilt + a * (j - col) * cell_m
-                    bottom = cells[BOTTOM, i, j] + cells[EXCESS, i, j] - level
-                    top = cells[TOP, i, j] - cells[EXCESS, i, j] - level
-                    low, high = min(low, bottom), max(high, top)
-                    if abs(i - row) < k and abs(j - col) < k:
-                        inner_low, inner_high = min(inner_low, bottom), max(inner_high, top)
-                if inner_high - inner_low > 2 * relief_limit:
-                    break
-            out[2, row, col] = max(0.0, high - low)
-            out[5, row, col] = max(0.0, inner_high - inner_low)
+            wanted[n] = col
+            n += 1
+        at = 0
+        while at < n:  # stretches in which most cells are wanted
+            stop = at + 1
+            while stop < n and wanted[stop] - wanted[stop - 1] <= NEAR:
+                stop += 1
+            _reliefs(
+                lower, upper, fit, row, wanted[at], wanted[stop - 1] + 1, k, cell_m, reference,
+                2 * relief_limit, relief,
+            )  # fmt: skip
+            for i in range(at, stop):
+                col = wanted[i]
+                out[2, row, col] = max(0.0, relief[1, col] - relief[0, col])
+                out[5, row, col] = max(0.0, relief[3, col] - relief[2, col])
+            at = stop
     return out

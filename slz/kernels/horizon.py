@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 
-@kernel("float64[:](float32[:, :], float64, float64, float64, float64, float64, float64, int64)")
+@kernel(
+    "float64[:](float32[:, :], float64, float64, float64, float64, float64, float64, int64, float64, float64)"
+)
 def horizon(
     top: NDArray[np.float32],
     row: float,
@@ -18,20 +20,27 @@ def horizon(
     near_m: float,
     far_m: float,
     sectors: int,
+    to_east: float,
+    to_north: float,
 ) -> NDArray[np.float64]:
     """Return by sector the greatest elevation angle (rad) of a top seen from a point; NaN where none is.
 
     Sectors are of bearings, clockwise from north, the first centred on it. Only cells between `near_m` and
-    `far_m` of the point count, each in all the sectors that it spans.
+    `far_m` of the point count, each in all the sectors that it spans. With a direction, a vector of length 1,
+    only the sectors within 20 degrees of it are worked out; with 0, 0 all.
     """
     out = np.full(sectors, np.nan)
     width = 2 * np.pi / sectors
+    # a cell is seen 15 degrees to either side at most, sectors reach 5 degrees beyond the way to their middle
+    ahead = 0.75 if to_east != 0 or to_north != 0 else -2.0
     for r in range(top.shape[0]):
         for c in range(top.shape[1]):
             z = top[r, c]
             east, north = (c - col) * cell_m, (r - row) * cell_m
             distance = np.sqrt(east * east + north * north)
             if np.isnan(z) or distance < near_m or distance > far_m:
+                continue
+            if distance > 2 * cell_m and east * to_east + north * to_north < ahead * distance:
                 continue
             angle = np.arctan2(z - base_m, distance)
             bearing = np.arctan2(east, north)

@@ -41,15 +41,19 @@ def measure(
             n_unknown += popcount(inside & ~known[r, w])
             own = part[i, j]
             n_part += popcount(own)
-            if own == safe[r, w]:
+            if own == NONE:
+                continue
+            rest, sign = safe[r, w] & ~own, -1
+            if popcount(rest) > popcount(own):  # few of the word's are in the part: they, not the others
+                rest, sign = own, 1
+            else:
                 slopes += blocks[r, w, 0]
                 roughs += blocks[r, w, 1]
-                continue
-            while own != NONE:
-                c = 64 * w + signed(lowest(own))
-                slopes += signed(slope[r, c] * SUM_UNIT + HALF)
-                roughs += signed(rough[r, c] * SUM_UNIT + HALF)
-                own &= own - ONE
+            while rest != NONE:
+                c = 64 * w + signed(lowest(rest))
+                slopes += sign * signed(slope[r, c] * SUM_UNIT + HALF)
+                roughs += sign * signed(rough[r, c] * SUM_UNIT + HALF)
+                rest &= rest - ONE
     return signed(n_safe), signed(n_unknown), signed(n_part), slopes, roughs
 
 
@@ -58,18 +62,21 @@ def corners(
     boundary: NDArray[np.int32], height: Map, west: float, south: float, cell: float
 ) -> NDArray[np.float64]:
     """Return (m, 3) east, north, height of the boundary cells that `without_collinear` keeps."""
-    n = len(boundary)
-    out, m = np.empty((n, 3)), 0
+    n, m = len(boundary), 0
+    kept = np.empty(n, np.int32)
     for i in range(n):
         before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
         r, c = boundary[i, 0], boundary[i, 1]
         r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
         flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
         turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0
-        if not flat or turns or n == 1:
-            out[m, 0], out[m, 1], out[m, 2] = west + (c + 0.5) * cell, south + (r + 0.5) * cell, height[r, c]
-            m += 1
-    return out[:m].copy()
+        kept[m] = i
+        m += not flat or turns or n == 1
+    out = np.empty((m, 3))
+    for k in range(m):
+        r, c = boundary[kept[k], 0], boundary[kept[k], 1]
+        out[k, 0], out[k, 1], out[k, 2] = west + (c + 0.5) * cell, south + (r + 0.5) * cell, height[r, c]
+    return out
 
 
 @kernel("int64(int32[:, :], uint8[:, :], int64, int64, int64)")

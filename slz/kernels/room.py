@@ -5,22 +5,90 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, ONE, Bits, leading, lowest, signed, word_at
-from slz.kernels.erosion import grow
+from slz.kernels.bits import ALL, NONE, ONE, Bits, leading, lowest, signed, word_at
 from slz.kernels.jit import kernel
 
-RAYS = 16
-FEW = 24  # cells that are looked at one by one
-ROUNDS = 8  # in which the distance that the cells left must have is raised
+Word = NDArray[np.uint64]
+Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open) outside which nothing is set
+NEAR = 32  # cells to either side that a word about a cell holds
+MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
-@kernel("boolean(uint64[:, ::1])")
-def _any(bits: Bits) -> bool:
-    for r in range(bits.shape[0]):
-        for w in range(bits.shape[1]):
-            if bits[r, w] != NONE:
-                return True
-    return False
+@kernel("void(uint64[::1], uint64[::1], int64)")
+def _narrowed(row: Word, out: Word, by: int) -> None:
+    """Leave the cells of a row whose neighbour `by` columns to the east is set too."""
+    far, near = by >> 6, np.uint64(by & 63)
+    rest, inner = np.uint64(63) - near, max(0, len(row) - far - 1)
+    low, high = row[far:], row[far + 1 :]
+    for w in range(np.uint64(inner)):
+        out[w] = row[w] & ((low[w] >> near) | ((high[w] << rest) << ONE))
+    for w in range(inner, len(row)):
+        out[w] = row[w] & (row[w + far] >> near) if w + far < len(row) else NONE
+
+
+@kernel("uint64(uint64[::1], uint64[::1])")
+def _both(row: Word, other: Word) -> np.uint64:
+    """Leave the cells set in both rows in the first; return 0 if there are none."""
+    some = NONE
+    for w in range(np.uint64(len(row))):
+        row[w] &= other[w]
+        some |= row[w]
+    return some
+
+
+@kernel("UniTuple(int64, 4)(uint64[:, ::1], UniTuple(int64, 4), int64, uint64[:, ::1])")
+def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
+    """Turn south-west corners of squares into those of squares larger by at most as many cells again.
+
+    Nothing is read or written outside the span; that of what is left is returned, empty where nothing is.
+    """
+    row0, row1, word0, word1 = span
+    for r in range(row0, row1):
+        _narrowed(corners[r, word0:word1], out[r, word0:word1], by)
+    first, last, left, right = row1, row0, word1, word0
+    for r in range(row0, row1 - by):
+        if _both(out[r, word0:word1], out[r + by, word0:word1]) == NONE:
+            continue
+        first, last = min(first, r), r + 1
+        a, b = word0, word1
+        while a < left and out[r, a] == NONE:
+            a += 1
+        while b > right and out[r, b - 1] == NONE:
+            b -= 1
+        left, right = min(left, a), max(right, b)
+    return first, last, left, right
+
+
+@kernel(
+    "Tuple((int64, int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1], UniTuple(int64, 4)))"
+    "(uint64[:, ::1], int64)"
+)
+def _largest(corners: Bits, side: int) -> tuple[int, int, Bits, Span, Bits, Span]:
+    """Return the side of the largest square, the greatest double of `side` with a square and its corners.
+
+    And the corners of half of that; what lies outside the span of either is not to be read.
+    """
+    span = (0, corners.shape[0], 0, corners.shape[1])
+    before, before_span = corners, span
+    double = side
+    larger = np.empty_like(corners)
+    while True:
+        found = _larger(corners, span, double, larger)
+        if found[0] >= found[1]:
+            break
+        before, before_span = corners, span
+        corners, span, double = larger, found, 2 * double
+        larger = np.empty_like(corners)
+    side, step = double, double >> 1
+    best, best_span, other = corners, span, larger
+    while step > 0:
+        found = _larger(best, best_span, step, other)
+        if found[0] >= found[1]:
+            step >>= 1
+            continue
+        side += step
+        best, best_span, other = other, found, np.empty_like(corners)
+    return side, double, corners, span, before, before_span
 
 
 @kernel("int64(uint64[:, ::1], int64)")
@@ -32,24 +100,7 @@ def largest_square(corners: Bits, side: int) -> int:
     corners
         South-west corners of squares of this side; at least one.
     """
-    step = side
-    while step > 0:
-        larger = corners.copy()
-        grow(larger, side, side + step)
-        if _any(larger):
-            corners, side = larger, side + step
-            step = side
-        else:
-            step = min(step, side) >> 1
-            break
-    while step > 0:
-        larger = corners.copy()
-        grow(larger, side, side + step)
-        if _any(larger):
-            corners, side = larger, side + step
-        else:
-            step >>= 1
-    return side
+    return _largest(corners, side)[0]
 
 
 @kernel("int64(uint64[:, ::1], int64, int64, int64, int64)")
@@ -59,6 +110,11 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
     dy = 0
     while dy * dy < best and best >= least2:
         for r in (row - dy, row + dy):
+            if best <= NEAR * NEAR:  # all that matters lies in one word
+                open_ = ~word_at(part, r, col - 31)
+                dx = signed(min(lowest(open_ >> MIDDLE), leading(open_ << NEAR_BITS)))
+                best = min(best, dy * dy + dx * dx)
+                continue
             dx = 0
             while dy * dy + dx * dx < best:
                 open_ = ~word_at(part, r, col + dx)
@@ -79,84 +135,128 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
     return best
 
 
-@kernel("void(uint64[:, ::1], uint64[:, ::1], float64)")
-def _reaching(part: Bits, cells: Bits, distance: float) -> None:
-    """Keep the cells with nothing outside on a few rays just nearer than a distance."""
-    down, right = np.empty(RAYS, np.int64), np.empty(RAYS, np.int64)
-    for ray in range(RAYS):
-        angle = 2 * np.pi * ray / RAYS
-        down[ray], right[ray] = int((distance - 1e-6) * np.sin(angle)), int((distance - 1e-6) * np.cos(angle))
-    for r in range(cells.shape[0]):
-        for w in range(cells.shape[1]):
-            word, ray = cells[r, w], 0
-            while word != NONE and ray < RAYS:
-                word &= word_at(part, r + down[ray], 64 * w + right[ray])
-                ray += 1
-            cells[r, w] = word
+@kernel("int64[:, ::1](int64[:, ::1])")
+def _longer(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    out = np.empty((2 * len(rows), rows.shape[1]), np.int64)
+    out[: len(rows)] = rows
+    return out
 
 
-@kernel("int64[:, ::1](uint64[:, ::1])")
-def _listed(cells: Bits) -> NDArray[np.int64]:
-    """Return (n, 3) row, column and 0 of the set cells."""
-    out, n = np.zeros((256, 3), np.int64), 0
-    for r in range(cells.shape[0]):
-        for w in range(cells.shape[1]):
-            word = cells[r, w]
-            while word != NONE:
-                if n == len(out):
-                    more = np.zeros((2 * n, 3), np.int64)
-                    more[:n] = out
-                    out = more
-                out[n, 0], out[n, 1] = r, 64 * w + signed(lowest(word))
+@kernel("boolean(uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
+    """Tell whether a cell is set in a square whose side, a power of two, divides its first row and column."""
+    w = col >> 6
+    if w < span[2] or w >= span[3]:
+        return False
+    mask = (ALL >> np.uint64(64 - side)) << np.uint64(col & 63)
+    some = NONE
+    for r in range(max(row, span[0]), min(row + side, span[1])):
+        some |= cells[r, w] & mask
+    return bool(some != NONE)
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+def _farthest(part: Bits, cells: Bits, span: Span, shift: int, inner: int, most2: int) -> NDArray[np.int64]:
+    """Return what `widest` does, of the cells that lie `shift` rows and columns beyond those set in a span.
+
+    No distance changes by more than the way: of a square of cells, only those are halved again whose middle
+    is so far from the outside that another cell in them may be the farthest.
+    """
+    block = 1
+    while block < 64 and 2 * block <= 0.6 * inner:
+        block *= 2
+    best2, n = (inner + 1) * (inner + 1), 0
+    blocks = np.empty((256, 3), np.int64)
+    for r in range(span[0] & -block, span[1], block):
+        for w in range(span[2], span[3]):
+            some = NONE
+            for row in range(max(r, span[0]), min(r + block, span[1])):
+                some |= cells[row, w]
+            while some != NONE:
+                at = signed(lowest(some)) & -block
+                some &= ~((ALL >> np.uint64(64 - block)) << np.uint64(at))
+                if n == len(blocks):
+                    blocks = _longer(blocks)
+                blocks[n, 0], blocks[n, 1] = r, 64 * w + at
                 n += 1
-                word &= word - ONE
-    return out[:n].copy()
+    while True:
+        away, middle = np.sqrt(0.5) * (block if block > 1 else 0), shift + (block >> 1)
+        for i in range(n):
+            least = max(0.0, np.sqrt(best2) - 0.5 - away)
+            r, c = blocks[i, 0] + middle, blocks[i, 1] + middle
+            blocks[i, 2] = _distance2(part, r, c, int(least * least), most2)
+            best2 = max(best2, blocks[i, 2])
+        keep, least = 0, np.sqrt(best2) - 0.5 - away
+        for i in range(n):
+            if np.sqrt(blocks[i, 2]) >= least - 1e-9 * away:
+                blocks[keep] = blocks[i]
+                keep += 1
+        if block == 1:
+            break
+        block >>= 1
+        halves, n = np.empty((4 * keep, 3), np.int64), 0
+        for i in range(keep):
+            for r in range(blocks[i, 0], blocks[i, 0] + 2 * block, block):
+                for c in range(blocks[i, 1], blocks[i, 1] + 2 * block, block):
+                    if _any_in(cells, span, r, c, block):
+                        halves[n, 0], halves[n, 1] = r, c
+                        n += 1
+        blocks = halves
+    for i in range(keep):
+        blocks[i, 0] += shift
+        blocks[i, 1] += shift
+    order = np.argsort(blocks[:keep, 0] * (64 * part.shape[1]) + blocks[:keep, 1])
+    return blocks[order]
 
 
-@kernel("int64[:, ::1](uint64[:, ::1], int64)")
-def widest(part: Bits, side: int) -> NDArray[np.int64]:
-    """Return (n, 3) row, column and squared distance to the outside, of the cells farthest from it.
+@kernel("int64(int64)")
+def _half(side: int) -> int:
+    """Return how far a square reaches that fits about any circle's middle as wide as a larger square."""
+    return max(0, int(np.ceil(((side - 1) // 2 + 0.5) / np.sqrt(2.0) - 1)))
 
-    Those whose distance is less than the greatest by at most half a cell, in the order of rows and columns.
+
+@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64)")
+def _among(part: Bits, cells: Bits, span: Span, of: int, side: int) -> NDArray[np.int64]:
+    """Return the cells farthest from the outside, from the corners of squares of a smaller side."""
+    half = _half(side)
+    wanted = 2 * half + 1
+    while of < wanted:
+        step, larger = min(of, wanted - of), np.empty_like(part)
+        span = _larger(cells, span, step, larger)
+        cells, of = larger, of + step
+    return _farthest(part, cells, span, half, (side - 1) // 2, 2 * (side + 2) * (side + 2))
+
+
+@kernel("Tuple((int64, int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
+def room(part: Bits, corners: Bits, least: int) -> tuple[int, NDArray[np.int64]]:
+    """Return the side of a part's largest square, and its cells farthest from the outside.
+
+    A circle of the square's inner radius fits in it, and about any cell farther from the edge than that a
+    square that is smaller by the root of two.
 
     Parameters
     ----------
-    side
-        Side of the largest square in the part: a circle of its inner radius fits, and about any cell farther
-        from the edge than that a square that is smaller by the root of two.
+    corners
+        South-west corners of the squares of side `least` in the part; at least one.
+
+    Returns
+    -------
+    The side; (n, 3) row, column and squared distance to the outside, of the cells whose distance is less than
+    the greatest by at most half a cell, in the order of rows and columns.
     """
-    inner = (side - 1) // 2
-    half = max(0, int(np.ceil((inner + 0.5) / np.sqrt(2.0) - 1)))
-    corners = part.copy()
-    grow(corners, 1, 2 * half + 1)
-    cells = np.zeros_like(part)
-    for r in range(half, part.shape[0]):
-        for w in range(part.shape[1]):
-            cells[r, w] = word_at(corners, r - half, 64 * w - half)
-    most2 = 2 * (side + 2) * (side + 2)
-    best2 = (inner + 1) * (inner + 1)
-    listed = np.zeros((0, 3), np.int64)
-    for _ in range(ROUNDS):
-        _reaching(part, cells, np.sqrt(best2) - 0.5)
-        listed = _listed(cells)
-        if len(listed) <= FEW:
-            break
-        found = best2
-        for i in range(0, len(listed), max(1, len(listed) // 4)):
-            found = max(found, _distance2(part, listed[i, 0], listed[i, 1], best2, most2))
-        if found == best2:
-            break
-        best2 = found
-    for i in range(len(listed)):
-        least = np.sqrt(best2) - 0.5
-        listed[i, 2] = _distance2(part, listed[i, 0], listed[i, 1], int(least * least), most2)
-        best2 = max(best2, listed[i, 2])
-    keep, least = 0, np.sqrt(best2) - 0.5
-    for i in range(len(listed)):
-        if np.sqrt(listed[i, 2]) >= least:
-            listed[keep] = listed[i]
-            keep += 1
-    return listed[:keep].copy()
+    side, double, cells, span, before, before_span = _largest(corners, least)
+    wanted = 2 * _half(side) + 1
+    if double > wanted:
+        cells, span, double = before, before_span, double >> 1
+    if double > wanted or double < least:
+        cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
+    return side, _among(part, cells, span, double, side)
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], int64)")
+def farthest(part: Bits, side: int) -> NDArray[np.int64]:
+    """Return the second of what `room` does, of a part whose largest square has a side."""
+    return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, side)
 
 
 @kernel("int64(int64[:, ::1], float32[:, ::1], int64, int64, float64, float64, float64, float64, float64)")

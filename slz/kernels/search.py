@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.bits import NONE, Bits, lowest, signed
 from slz.kernels.content import component, fill
 from slz.kernels.jit import kernel
-from slz.kernels.tour import first_of, tour, westmost
+from slz.kernels.tour import extent, tour, westmost
 
 # Columns of the table of what was found.
 ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
@@ -42,10 +42,18 @@ def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int)
 
 @kernel(
     "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1],"
-    " uint64[:, ::1], int64, int64, int64, int64, int64)"
+    " uint64[:, ::1], int64, int64, int64, int64, int64, int64)"
 )
 def find(
-    safe: Bits, seeds: Bits, taken: Bits, row0: int, row1: int, word0: int, word1: int, least: int
+    safe: Bits,
+    seeds: Bits,
+    taken: Bits,
+    row0: int,
+    row1: int,
+    word0: int,
+    word1: int,
+    least: int,
+    longest: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Bits, NDArray[np.int64]]:
     """Return the components with a seed in a box that are not taken and have a boundary of `least` cells.
 
@@ -57,6 +65,8 @@ def find(
         South-west corners of safe squares.
     taken
         Seeds not to begin from. Receives the content of what is returned, and components too short for it.
+    longest
+        About how long the longest boundary is; a tour that is longer is made anew.
 
     Returns
     -------
@@ -64,7 +74,7 @@ def find(
     (ROW1 - ROW0) rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the
     box in which something was taken.
     """
-    path, edges = np.empty((4096, 2), np.int32), np.empty(4096, np.uint8)
+    path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
     spread = np.array([row1, row0, word1, word0], np.int64)
     table, count = np.empty((16, FIELDS), np.int64), 0
     boundary, n_boundary = np.empty((4096, 2), np.int32), 0
@@ -81,12 +91,10 @@ def find(
                     if n > len(path):
                         path, edges = _longer(path, edges, 0)
                         continue
-                    first = first_of(path, n)
+                    r0, r1, c0, c1, first = extent(path, n)
                     if area > 0:
                         break
                     r, c = signed(path[first, 0]), signed(path[first, 1])
-                r0, r1 = path[:n, 0].min(), path[:n, 0].max() + 1
-                c0, c1 = path[:n, 1].min(), path[:n, 1].max() + 1
                 w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1
                 content = np.zeros((r1 - r0, w1 - w0), np.uint64)
                 n_cells = fill(path, edges, n, r0, w0, content)

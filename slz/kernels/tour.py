@@ -103,14 +103,17 @@ def tour(
         r, c, index = r + ROW_STEP[direction], c + COL_STEP[direction], entry >> 6
 
 
-@kernel("int64(int32[:, ::1], int64)")
-def first_of(path: NDArray[np.int32], n: int) -> int:
-    """Return which of the first n cells comes first in the order of rows, then columns."""
-    best = 0
+@kernel("UniTuple(int64, 5)(int32[:, ::1], int64)")
+def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
+    """Return row0, row1, col0, col1 (half open) of n cells, and which comes first by rows, then columns."""
+    first, least = 0, path[0, 0]
+    row1, col0, col1 = path[0, 0], path[0, 1], path[0, 1]
     for i in range(n):
-        if path[i, 0] < path[best, 0] or (path[i, 0] == path[best, 0] and path[i, 1] < path[best, 1]):
-            best = i
-    return best
+        r, c = path[i, 0], path[i, 1]
+        row1, col0, col1 = max(row1, r), min(col0, c), max(col1, c)
+        if r <= least and (r < least or c < path[first, 1]):
+            first, least = i, r
+    return signed(least), signed(row1) + 1, signed(col0), signed(col1) + 1, first
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")

@@ -17,6 +17,11 @@ from companion.simulated import LockstepLoop
 from sitl.simulation import Simulation
 
 POINT_RATE_HZ = 50_000
+# How each simulated LiDAR is spoken of on board: kind in the URL, and how it is mounted.
+LIDARS: dict[str, tuple[str, dict[str, float]]] = {
+    "mid360": ("livox", {}),
+    "vlp16": ("velodyne", {"lidar_pitch_deg": 90.0}),
+}
 
 
 def free_port() -> int:
@@ -36,18 +41,21 @@ class Mission:
         auto: bool = True,
         height_m: float = 25.0,
         record: Path | None = None,
+        lidar: str = "mid360",
         **settings: Any,
     ) -> None:
         self.mavlink_port, self.lidar_port = free_port(), free_port()
         self.sim = Simulation.build(
             scene,
             mavlink=[f"udpout:127.0.0.1:{self.mavlink_port}"],
+            lidar=lidar,
             lidar_to=("127.0.0.1", self.lidar_port),
             point_rate_hz=POINT_RATE_HZ,
             seed=seed,
             pilot_height_m=height_m,
         )
-        self.parameters = params.build({"survey_s": 15.0, "zone_m": 200.0, **settings})
+        self.lidar, mounted = LIDARS[lidar]
+        self.parameters = params.build({"survey_s": 15.0, "zone_m": 200.0, **mounted, **settings})
         self.loop = LockstepLoop(self.sim.advance)
         self.auto = auto
         self.record = record
@@ -57,7 +65,7 @@ class Mission:
     def new_companion(self) -> Companion:
         return Companion(
             f"udpin:127.0.0.1:{self.mavlink_port}",
-            f"livox:127.0.0.1:{self.lidar_port}",
+            f"{self.lidar}:127.0.0.1:{self.lidar_port}",
             self.parameters,
             auto=self.auto,
             record=self.record,

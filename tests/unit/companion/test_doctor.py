@@ -180,7 +180,14 @@ def test_a_lidar_is_judged_by_its_packets(wrong: dict[str, int], check: str, sta
     assert {f.check: f.state for f in findings if f.state != "ok"} == ({check: state} if check else {})
 
 
-@pytest.mark.parametrize(("counts", "said"), [({}, "cable"), ({"malformed": 9}, "something else")])
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [
+        ({}, "cable"),
+        ({"malformed": 9}, "something else"),
+        ({"malformed": 9, "wrong_sensor": 9}, "another maker"),
+    ],
+)
 def test_a_silent_lidar_fails(counts: dict[str, int], said: str) -> None:
     (finding,) = lidar_findings("livox:x", 10.0, 0, counts)
     assert finding.state == "fail"

@@ -246,6 +246,8 @@ def signals() -> Iterator[None]:
     ("--wind 51", "from 0 to 50"), ("--wind nan", "--wind nan"), ("--footprint inf", "--footprint inf"),
     ("--point-rate 1e12", "from 1000 to 2000000"), ("--point-rate inf", "from 1000"),
     ("--point-rate 20000.5", "20000.5"), ("--lidar-to nowhere.invalid:1", "nowhere.invalid"),
+    ("--lidar-metadata os1.json", "only --lidar ouster"),
+    ("--lidar ouster --lidar-metadata /no/such/folder/os1.json", "/no/such/folder"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(
     arguments: str, word: str, capsys: pytest.CaptureFixture[str]
@@ -295,6 +297,19 @@ def test_it_says_once_that_it_is_ready_and_ends_after_its_duration(
     (url,) = ready["mavlink"]
     assert url.startswith("tcpin:127.0.0.1:")
     assert not url.endswith(":0")
+
+
+@pytest.mark.parametrize(("lidar", "port"), [("mid360", 56301), ("vlp16", 2368), ("ouster", 7502)])
+def test_each_lidar_sends_to_its_own_port(lidar: str, port: int) -> None:
+    assert program._parse(["--lidar", lidar]).lidar_to == f"127.0.0.1:{port}"
+
+
+def test_the_ouster_s_metadata_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], signals: None
+) -> None:
+    file = tmp_path / "os1.json"
+    assert program.main([*RUN, "--lidar", "ouster", "--lidar-metadata", str(file)]) == 0
+    assert json.loads(file.read_text())["lidar_data_format"]["pixels_per_column"] == 32
 
 
 def test_a_truth_folder_that_cannot_be_made_is_refused_at_the_start(

@@ -13,7 +13,7 @@ from companion.calibrate.agreement import TooLittleError, solve
 from companion.calibrate.flown import FlownReturns, corrected, mount_angles
 from companion.fusion.mount import Mount
 from companion.fusion.pose_history import PoseHistory
-from companion.sensors.returns import plain
+from companion.sensors.returns import Returns
 from params import Parameters
 from sitl import scenes
 from sitl.mid360 import Mid360
@@ -67,7 +67,7 @@ def flown(
     false = shots.echoes.ghost | shots.echoes.dust
     seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
     stamps = times[seen] + BEGIN_NS + round(delay_ms * 1e6)
-    returns = plain(points[seen].astype(np.float32), stamps)
+    returns = Returns.plain(points[seen].astype(np.float32), stamps)
     history = PoseHistory(parameters, HOME, capacity=8192)
     for k in range(-10, round(seconds * 50) + 10):
         position, (east, north, up), attitude = path(np.float64(k * 0.02))

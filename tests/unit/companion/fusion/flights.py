@@ -68,15 +68,7 @@ class Flight:
 
 
 def returns_of(xyz: Floats, stamps: NDArray[np.int64]) -> Returns:
-    zeros, ones = np.zeros(len(stamps), np.uint8), np.ones(len(stamps), np.uint8)
-    return Returns(
-        np.ascontiguousarray(xyz, np.float32),
-        np.ascontiguousarray(stamps, np.int64),
-        intensity=zeros,
-        ring=zeros,
-        echo=ones,
-        echoes=ones,
-    )
+    return Returns.plain(np.ascontiguousarray(xyz, np.float32), np.ascontiguousarray(stamps, np.int64))
 
 
 def sensor_points(flight: Flight, parameters: Parameters, targets_enu_m: Floats, t_s: Floats) -> Floats:

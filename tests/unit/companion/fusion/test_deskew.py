@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.pose_history import PoseHistory
-from companion.sensors.returns import Returns, plain
+from companion.sensors.returns import Returns
 from params import Parameters
 from sitl import scenes
 from sitl.mid360 import Mid360, Noise
@@ -47,7 +47,7 @@ def scanned(parameters: Parameters) -> tuple[World, Returns, PoseHistory]:
     points, times = lidar.points_m(shots), lidar.stamps_ns(shots)
     false = shots.echoes.ghost | shots.echoes.dust
     seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
-    returns = plain(points[seen].astype(np.float32), times[seen])
+    returns = Returns.plain(points[seen].astype(np.float32), times[seen])
     history = PoseHistory(parameters, HOME)
     for k in range(-2, 103):
         position, attitude = pose(np.float64(k * 0.02))
@@ -81,7 +81,7 @@ def test_a_scan_in_a_fast_turn_is_flat_and_would_not_be_without_de_skewing() -> 
     for begin_ns in range(0, 1900 * MS, 100 * MS):
         here = (returns.stamp_ns >= begin_ns) & (returns.stamp_ns < begin_ns + 100 * MS)
         late = np.full(int(here.sum()), begin_ns + 100 * MS)
-        frame = plain(returns.xyz_sensor_m[here], late)
+        frame = Returns.plain(returns.xyz_sensor_m[here], late)
         placed = Georeferencer(parameters).georeference(frame, history)
         assert placed is not None
         frames.append(placed.points_enu_m)

@@ -83,3 +83,12 @@ def test_metadata_that_cannot_be_used_is_one_clear_line(
     McapWriter(path, scene.channels, MIB, METADATA | changed).close()
     with pytest.raises(UsageError, match=says):
         Recording(path)
+
+
+def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp_path: Path) -> None:
+    new, old = tmp_path / "new.mcap", tmp_path / "old.mcap"
+    described = METADATA | {"lidar": "ouster", "lidar_setup": '{"rows": 128}'}
+    McapWriter(new, scene.channels, MIB, described).close()
+    McapWriter(old, scene.channels, MIB, METADATA).close()
+    assert (Recording(new).header.lidar, Recording(new).header.lidar_setup) == ("ouster", '{"rows": 128}')
+    assert Recording(old).header.lidar_setup == ""

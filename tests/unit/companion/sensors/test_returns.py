@@ -50,6 +50,18 @@ def test_join_keeps_the_order_of_every_column() -> None:
         assert getattr(joined, name).tolist() == [1, 2, 1, 2, 3]
 
 
+def test_a_part_keeps_the_order_of_every_column() -> None:
+    part = batch(4).part(np.array([True, False, False, True]))
+    assert [part.stamp_ns.tolist(), part.ring.tolist(), part.echo.tolist()] == [[0, 3], [1, 4], [1, 4]]
+    assert batch(4).part(slice(1, None, 2)).intensity.tolist() == [2, 4]
+
+
+def test_plain_returns_are_one_of_one() -> None:
+    plain = Returns.plain(np.ones((2, 3), np.float32), np.zeros(2, np.int64))
+    assert plain.intensity.tolist() == [0, 0]
+    assert (plain.ring.tolist(), plain.echo.tolist(), plain.echoes.tolist()) == ([0, 0], [1, 1], [1, 1])
+
+
 def test_another_clock_changes_nothing_but_the_stamps() -> None:
     xyz, stamps, *rest = columns(2).values()
     returns = RawReturns(xyz, stamps, *rest).later(10**18)

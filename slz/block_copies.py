@@ -1,0 +1,57 @@
+"""Copies of a map as it was, of which those made at several times share what did not change between."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Box
+
+SIDE = 64  # cells of a block
+Blocks = NDArray[np.object_]
+
+
+class BlockCopies:
+    """Blocks of a map, each copied when it is first asked for after a change.
+
+    Parameters
+    ----------
+    values
+        (rows, cols) the map; the columns are whole blocks.
+    """
+
+    def __init__(self, values: NDArray[np.float32]) -> None:
+        self._values = values
+        shape = -(-values.shape[0] // SIDE), values.shape[1] // SIDE
+        self._blocks: Blocks = np.full(shape, None, object)
+        self._copied = np.zeros(shape, bool)
+
+    def change(self, box: Box) -> None:
+        """Take note that cells of a box were written to."""
+        self._blocks[_blocks_of(box)] = None
+        self._copied[_blocks_of(box)] = False
+
+    def of(self, box: Box) -> Blocks:
+        """Return the blocks that hold a box as it is now."""
+        rows, cols = _blocks_of(box)
+        for down, right in np.argwhere(~self._copied[rows, cols]).tolist():
+            row, col = (rows.start + down) * SIDE, (cols.start + right) * SIDE
+            self._blocks[rows.start + down, cols.start + right] = self._values[
+                row : row + SIDE, col : col + SIDE
+            ].copy()
+        self._copied[rows, cols] = True
+        return self._blocks[rows, cols].copy()
+
+
+def joined(blocks: Blocks, box: Box) -> NDArray[np.float32]:
+    """Return the rows of a box, in columns of whole blocks, from the blocks that hold it."""
+    rows = [np.concatenate(list(row), axis=1) for row in blocks]
+    first = box.row0 // SIDE * SIDE
+    return np.concatenate(rows)[box.row0 - first : box.row1 - first]
+
+
+def _blocks_of(box: Box) -> tuple[slice, slice]:
+    return (
+        slice(box.row0 // SIDE, (box.row1 - 1) // SIDE + 1),
+        slice(box.col0 // SIDE, (box.col1 - 1) // SIDE + 1),
+    )

@@ -1,0 +1,33 @@
+"""Which points lie near enough to the sensor, and can be used at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+Points = NDArray[np.float64]
+
+
+@kernel("boolean[::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64)")
+def within_reach(points: Points, sensor: Points, reach2: float) -> NDArray[np.bool_]:
+    """Tell which points are no farther over ground than the root of a number; all where it is unknown."""
+    out = np.empty(len(points), np.bool_)
+    for i in range(len(points)):
+        dx, dy = points[i, 0] - sensor[0], points[i, 1] - sensor[1]
+        out[i] = not dx * dx + dy * dy > reach2
+    return out
+
+
+@kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64, float64)")
+def usable(points: Points, sensor: Points, reach2: float, most_height: float) -> Points:
+    """Return the finite points within reach that are no higher or deeper than anything on the ground."""
+    out, n = np.empty((len(points), 3)), 0
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        dx, dy = x - sensor[0], y - sensor[1]
+        out[n, 0], out[n, 1], out[n, 2] = x, y, z
+        beyond = dx * dx + dy * dy > reach2
+        n += not beyond and abs(z) < most_height and x - x == 0.0 and y - y == 0.0
+    return out[:n]

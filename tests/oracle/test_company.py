@@ -1,0 +1,49 @@
+"""Which returns have company: lists of columns, the hash table for wide clouds, and plain counting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.kernels.voxels import has_company
+
+Floats = NDArray[np.float64]
+VOXEL_M, LEAST, OBJECT_M2 = 0.3, 2, 0.005
+
+
+def plainly(points: Floats, sensor: Floats) -> list[bool]:
+    """The rule of `slz.outliers.in_company`, counted point against point."""
+    edge = np.array([VOXEL_M, VOXEL_M, VOXEL_M / 4])
+    at = ((points - edge * np.floor(points.min(axis=0) / edge)) / edge).astype(np.int64)
+    keep = []
+    for point, here in zip(points, at, strict=True):
+        away2 = float(((point - sensor) ** 2).sum())
+        expected = OBJECT_M2 * len(points) / (4 * np.pi) / max(away2, 1e-2)
+        near = expected > LEAST
+        need = min(int(expected), 5 if away2 > 4.0 else 10_000) if near else LEAST
+        beside = (np.abs(at[:, :2] - here[:2]) <= 1).all(axis=1)
+        up = at[beside, 2] - here[2]
+        own = int((at == here).all(axis=1).sum())
+        level, wide = int((np.abs(up) <= 1).sum()), int((np.abs(up) <= 7).sum())
+        surface = int(((up > 1) & (up <= 7)).sum())
+        company = level if near or level >= need else wide
+        alone_below = level < LEAST and surface >= 100
+        keep.append(own >= need or (company >= need and not alone_below))
+    return keep
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("far_m", [0.0, 3000.0])
+def test_company_is_what_counting_says(seed: int, far_m: float) -> None:
+    """A far return spreads the columns so wide that the hash table is used."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(50, 900))
+    ground = np.column_stack([rng.uniform(-6, 6, (n, 2)), rng.normal(0, 0.03, n)])
+    wall = np.column_stack([np.full(200, 1.0), rng.uniform(0, 1, 200), rng.uniform(0, 3, 200)])
+    dust = rng.uniform(-6, 6, (60, 3))
+    echoes = np.column_stack([rng.uniform(-6, 6, (20, 2)), np.full(20, -0.3)])
+    crowd = rng.normal(0, 0.1, (300, 3)) * [1, 1, 0.1] + [3, 3, 0]
+    points = np.vstack([ground, wall, dust, echoes, crowd, [[far_m, far_m, 0.0]]])
+    sensor = np.array([0.0, 0.0, float(rng.choice([0.5, 3.0, 20.0]))]) if seed % 4 else np.full(3, np.nan)
+    assert has_company(points, sensor, VOXEL_M, LEAST, OBJECT_M2).tolist() == plainly(points, sensor)

@@ -1,0 +1,35 @@
+"""Copies of a map stay what the map was, however it changes and whatever they share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slz.block_copies import SIDE, BlockCopies, joined
+from slz.grid import Box
+
+
+def test_a_copy_is_of_the_moment_it_was_made() -> None:
+    rng = np.random.default_rng(0)
+    values = rng.random((3 * SIDE + 10, 4 * SIDE)).astype(np.float32)
+    copies, taken = BlockCopies(values), []
+    for _ in range(60):
+        row0, col0 = int(rng.integers(0, 190)), int(rng.integers(0, 240))
+        box = Box(row0, int(rng.integers(row0 + 1, 203)), col0, int(rng.integers(col0 + 1, 257)))
+        if rng.random() < 0.5:
+            values[box.slices] += 1
+            copies.change(box)
+        else:
+            wide = slice(box.col0 // SIDE * SIDE, -(-box.col1 // SIDE) * SIDE)
+            taken.append((copies.of(box), box, values[box.row0 : box.row1, wide].copy()))
+    assert len(taken) > 20
+    for blocks, box, then in taken:
+        np.testing.assert_array_equal(joined(blocks, box), then)
+
+
+def test_what_did_not_change_is_shared() -> None:
+    copies = BlockCopies(np.zeros((2 * SIDE, 2 * SIDE), np.float32))
+    everything = Box(0, 2 * SIDE, 0, 2 * SIDE)
+    before = copies.of(everything)
+    copies.change(Box(0, 1, SIDE, SIDE + 1))
+    after = copies.of(everything)
+    assert [a is b for a, b in zip(before.ravel(), after.ravel(), strict=True)] == [True, False, True, True]
