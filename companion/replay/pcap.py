@@ -65,7 +65,7 @@ class Capture:
             for at_s, frame in self._frames(reader):
                 try:
                     found = pieces.add(_network(link, frame))
-                except (dpkt.dpkt.Error, ValueError, IndexError, AttributeError):
+                except Exception:  # dpkt lets errors of any kind through
                     self.bad += 1
                     continue
                 if found is None:

@@ -19,6 +19,8 @@ LOCAL = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
+# What a message raises whose definition, stored in the bag, is damaged or not that of its type.
+MISSHAPEN = (AttributeError, ValueError, TypeError, OverflowError, IndexError)
 LEVEL_MOUNT = {f"lidar_{name}": 0.0 for name in ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")}
 
 
@@ -67,25 +69,30 @@ class RosFeed:
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         poses = (LocalPoses if self.is_local else GlobalPoses)(rerun.history)
-        at_ns = 0
-        for at_ns, topic, message in self._messages((self._points, *self._poses)):
-            stamp_ns = _stamp_ns(message) or at_ns
+        self.bad, self.cut, at_ns = 0, "", 0
+        for at_ns, stamp_ns, topic, message in self._messages((self._points, *self._poses)):
             if topic == self._points:
                 yield at_ns, partial(self._cloud, message, stamp_ns, rerun)
             else:
-                yield at_ns, partial(poses.take, message, stamp_ns)
+                yield at_ns, partial(self._pose, message, stamp_ns, poses)
         self.bad += poses.refused
         yield at_ns, poses.finish
 
     def _cloud(self, message: Any, stamp_ns: int, rerun: Rerun) -> None:
         try:
             returns, timed = decode(message, stamp_ns)
-        except (BadCloudError, ValueError, TypeError, OverflowError):
+        except (BadCloudError, *MISSHAPEN):
             self.bad += 1
             return
         self._n_clouds += 1
         self._n_untimed += not timed
         rerun.add_returns(returns)
+
+    def _pose(self, message: Any, stamp_ns: int, poses: LocalPoses | GlobalPoses) -> None:
+        try:
+            poses.take(message, stamp_ns)
+        except MISSHAPEN:
+            self.bad += 1
 
     def _compare_frames(self) -> bool:
         """Tell whether points are in the body's axes; refuse points that are placed already."""
@@ -94,18 +101,18 @@ class RosFeed:
         if cloud is None or pose is None:
             empty = self._points if cloud is None else self._poses[0]
             raise UsageError(f"{self._path}: no message on {empty} can be read")
-        frame, parent = cloud[2].header.frame_id, pose[2].header.frame_id
+        frame, parent = (getattr(entry[3].header, "frame_id", "") for entry in (cloud, pose))
         if self.is_local and frame and frame == parent:
             raise UsageError(
                 f"{self._path}: points on {self._points} are in the frame {frame!r} of the poses, so placed"
                 " already: name the sensor's own by --points"
             )
-        return bool(frame) and frame == getattr(pose[2], "child_frame_id", "")
+        return bool(frame) and frame == getattr(pose[3], "child_frame_id", "")
 
     # ---- the library ----------------------------------------------------------------------------
 
-    def _messages(self, topics: Sequence[str]) -> Iterator[tuple[int, str, Any]]:
-        """Return time of recording (ns), topic and message, in the order of recording, as far as they go."""
+    def _messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
+        """Return times of recording and of the header (ns), topic and message, in the order of recording."""
         with self._opened() as reader:
             wanted = [c for c in reader.connections if c.topic in topics]
             raws = iter(reader.messages(connections=wanted))
@@ -119,10 +126,11 @@ class RosFeed:
                     return
                 try:
                     message = reader.deserialize(raw, connection.msgtype)
+                    stamp_ns = _stamp_ns(message) or at_ns
                 except Exception:  # whatever the generated code stumbles over
                     self.bad += 1
                     continue
-                yield at_ns, connection.topic, message
+                yield at_ns, stamp_ns, connection.topic, message
 
     @contextmanager
     def _opened(self) -> Iterator[Any]:
@@ -148,8 +156,10 @@ def _points_topic(path: Path, types: dict[str, str], given: str | None) -> str:
     clouds = sorted(name for name, kind in types.items() if kind == CLOUD)
     if given is not None:
         return _checked(path, types, given, (CLOUD,), "--points")
-    if len(clouds) != 1:
-        raise UsageError(f"{path}: it has {_listed(clouds, 'PointCloud2')}: name one by --points")
+    if not clouds:
+        raise UsageError(f"{path}: it has no message of sensor_msgs/PointCloud2")
+    if len(clouds) > 1:
+        raise UsageError(f"{path}: topics of clouds are {', '.join(clouds)[:150]}: name one by --points")
     return clouds[0]
 
 
@@ -170,8 +180,11 @@ def _pose_topics(path: Path, types: dict[str, str], given: Sequence[str]) -> tup
     if not local and len(fixes) == len(imus) == 1:
         return fixes[0], imus[0]
     found = sorted([*local, *fixes, *imus])
+    if not found:
+        raise UsageError(f"{path}: it has no message of a pose, nor of NavSatFix and Imu")
     raise UsageError(
-        f"{path}: it has {_listed(found, 'poses')}: name one, or a NavSatFix and an Imu, by --pose"
+        f"{path}: topics of poses are {', '.join(found)[:120]}: name one, or a NavSatFix and an Imu,"
+        " by --pose"
     )
 
 
@@ -181,10 +194,6 @@ def _checked(path: Path, types: dict[str, str], topic: str, allowed: Sequence[st
     if types[topic] not in allowed:
         raise UsageError(f"{path}: {topic} is of {types[topic]}, which {option} does not take")
     return topic
-
-
-def _listed(topics: Sequence[str], what: str) -> str:
-    return f"several topics of {what} ({', '.join(topics)[:120]})" if topics else f"no topic of {what}"
 
 
 def _stamp_ns(message: Any) -> int:
