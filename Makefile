@@ -4,12 +4,20 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test setup lint types unit bench clean
+.PHONY: demo test setup checks kernels lint types unit bench clean
 
 demo: setup
 	$(BIN)/slz demo --headless --out out/demo
 
-test: lint types unit
+# Kernels are compiled once beside the checks of the text, instead of by every worker of the tests.
+test: setup
+	$(MAKE) -j2 checks kernels
+	$(MAKE) unit
+
+checks: lint types
+
+kernels: setup
+	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; warm_up(Parameters())'
 
 setup: $(STAMP)
 

@@ -13,9 +13,7 @@ from sitl.modes import Mode
 from tests.e2e.harness import Mission
 
 
-@pytest.mark.parametrize(
-    ("scene", "seed", "lidar"), [("stadium", 1, "mid360"), ("stadium", 2, "vlp16"), ("plain", 3, "mid360")]
-)
+@pytest.mark.parametrize(("scene", "seed", "lidar"), [("stadium", 2, "vlp16"), ("plain", 3, "mid360")])
 def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     scene: str, seed: int, lidar: str, tmp_path: Path
 ) -> None:
