@@ -34,9 +34,11 @@ async def record(mavlink_port: int, lidar_port: int, path: Path) -> dict[str, An
     task = asyncio.create_task(companion.run())
     while not (companion.link.ready and companion.worker.reports):
         await asyncio.sleep(0.1)
+    stale = companion.assembler.stale  # of what came before any pose
     await asyncio.sleep(RECORDED_S)
     companion.stop()
     await task
+    companion.summary["fusion"]["stale"] -= stale
     return companion.summary
 
 
