@@ -98,7 +98,10 @@ class Companion:
         self.lidar = open_lidar(lidar_url, parameters, self.assembler.add, self.link)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
-        self.streams = Streams(self.link, self.history, self.obstacles, parameters, self._status)
+        echoes = lidar_url.partition(":")[0] == "mavlink"
+        self.streams = Streams(
+            self.link, self.history, self.obstacles, parameters, self._status, ranges=not echoes
+        )
         self._watch = PointWatch()
         self.report: Report | None = None
         self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)

@@ -36,6 +36,12 @@ REPORT_NS = 5_000_000_000
 class Streams:
     """Sends each message at its own rate, with the newest pose, from what the others left here.
 
+    Parameters
+    ----------
+    ranges
+        Whether to tell ranges and obstacles: not where the LiDAR's own data come from the autopilot, which
+        hands on what it is sent, so that the map would confirm itself.
+
     Attributes
     ----------
     target_enu_m
@@ -51,12 +57,14 @@ class Streams:
         memory: ObstacleMemory,
         parameters: Parameters,
         status: Callable[[], Status],
+        ranges: bool = True,
     ) -> None:
         self._link = link
         self._history = history
         self._memory = memory
         self._parameters = parameters
         self._status = status
+        self._ranges = ranges
         self._batch_ms = 0
         self._turn = 0
         self.target_enu_m: Floats | None = None
@@ -192,6 +200,8 @@ class Streams:
         cadence.note(at_ns, None if newest_ns is None else at_ns - newest_ns)
 
     def _pose_of_fresh_scans(self) -> Pose | None:
+        if not self._ranges:
+            return None
         at_ns, newest_ns = now_ns(), self._memory.newest_ns
         if newest_ns is None or at_ns - newest_ns > self._parameters.lidar_timeout_s * 1e9:
             return None

@@ -101,6 +101,16 @@ def flight(monkeypatch: pytest.MonkeyPatch) -> Flight:
     return Flight(monkeypatch)
 
 
+def test_ranges_that_came_from_the_autopilot_are_not_told_back_to_it(flight: Flight) -> None:
+    link, memory = cast(Link, flight.link), flight.memory
+    flight.streams = Streams(link, flight.history, memory, Parameters(), lambda: STATUS, ranges=False)
+    flight.maps()
+    flight.sees_ground()
+    flight.streams.send_obstacles()
+    flight.streams.send_height()
+    assert not flight.link.sent
+
+
 def test_what_only_the_map_knows_is_told(flight: Flight) -> None:
     flight.maps()
     for _ in range(4):
