@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.landing.aim import Aim, same_place
 from companion.landing.choice import choose, soonest
 from companion.landing.custody import Custody
 from companion.landing.guidance import level, towards
@@ -61,7 +62,7 @@ class Executive:
         self._since_ns = 0
         self._steady_since_ns: int | None = None
         self._wish: Wish | None = None
-        self._point: Vector | None = None
+        self._aim = Aim()
         self._refused: list[Vector] = []
         self._route = Route(parameters)
         self._safe_since_ns: int | None = None
@@ -69,8 +70,6 @@ class Executive:
         self._lost = ""
         self._late_ns = 0
         self._started_ns = 0
-        self._ground_m: float | None = None
-        self._height_left_m = self._away_m = float("inf")
         self._battery_said = False
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
@@ -98,7 +97,7 @@ class Executive:
     def land_at_selected(self, situation: Situation) -> Reply:
         """Take the order to land at the point under watch: the confirmation of a selection."""
         selected = situation.selected
-        if self._asked is not None and (selected is None or not _same_place(selected.enu_m, self._asked)):
+        if self._asked is not None and (selected is None or not same_place(selected.enu_m, self._asked)):
             return Reply(False, "selection not judged yet: confirm again")
         if selected is None:
             return Reply(False, "nothing selected")
@@ -131,7 +130,7 @@ class Executive:
         """Break off and hover at survey height."""
         if self.phase not in FLYING:
             return Reply(False, "nothing to abort")
-        if self.phase is Phase.FINAL and self._height_left_m < self._p.commit_height_m:
+        if self.phase is Phase.FINAL and self._aim.height_left_m < self._p.commit_height_m:
             return Reply(False, "below commit height: landing")
         self._wish = None
         if self.phase is Phase.SURVEY and not situation.guided:  # an emergency that has not taken over yet
@@ -164,9 +163,7 @@ class Executive:
     def step(self, s: Situation) -> Orders:
         """Return the orders of this moment (call it at 10 Hz or faster)."""
         self._follow_jumps(s)
-        if s.position_enu_m is not None and self._point is not None:
-            self._height_left_m = float(s.position_enu_m[2] - self._target(s)[2])
-            self._away_m = float(np.hypot(*(s.position_enu_m[:2] - self._point[:2])))
+        self._aim.measure(s.position_enu_m, s.selected)
         orders = self._act(s)
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             orders = replace(orders, mode=None)
@@ -182,9 +179,9 @@ class Executive:
     @property
     def mapping(self) -> bool:
         """Whether scans belong into the map: not where rotors blow up dust, close to the point."""
-        low = self._height_left_m < self._p.dust_height_m
+        low = self._aim.height_left_m < self._p.dust_height_m
         if self.phase is Phase.LANDED:  # the next flight may lead lower than the point
-            return not (low and self._away_m < self._p.footprint_m + self._p.dust_height_m)
+            return not (low and self._aim.away_m < self._p.footprint_m + self._p.dust_height_m)
         return not (low and self.phase is Phase.FINAL)
 
     def _act(self, s: Situation) -> Orders:
@@ -301,26 +298,25 @@ class Executive:
         return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _approach_point(self, s: Situation, enu_m: Vector, zone_id: int | None) -> Orders:
-        self._point, self._ground_m = np.asarray(enu_m, np.float64), None
-        self.tally.zone_id, self.tally.chosen_enu_m = zone_id, self._point
-        self._pending_select = self._point
+        self._aim.take(enu_m)
+        self._aim.measure(s.position_enu_m, s.selected)
+        self.tally.zone_id, self.tally.chosen_enu_m = zone_id, self._aim.enu_m
+        self._pending_select = self._aim.enu_m
         self._safe_since_ns = None
         where = f"zone {zone_id}" if zone_id is not None else "the point"
         self._say(Severity.INFO, f"approaching {where}")
         self._go(Phase.APPROACH, s)
-        way_m = float(np.hypot(*(self._point[:2] - _known(s.position_enu_m)[:2])))
-        self._late_ns = _late_ns(s, way_m / self._p.approach_speed_ms)
         return Orders(velocity_enu_ms=STOPPED)
 
     def _approach(self, s: Situation) -> Orders:
         """Fly over the point, and stay there until it was found safe for two seconds."""
-        position, velocity, point = _known(s.position_enu_m), _known(s.velocity_enu_ms), _known(self._point)
+        position, velocity = _known(s.position_enu_m), _known(s.velocity_enu_ms)
         if not s.lidar_ok:
             return self._without_lidar(s)
         self._lost_since_ns = None
-        judged = self._judgement(s)
-        offset = point[:2] - position[:2]
-        over = float(np.hypot(*offset)) < 1.0 and float(np.hypot(*velocity[:2])) < 0.5
+        judged = self._aim.judgement(s.selected)
+        offset = _known(self._aim.enu_m)[:2] - position[:2]
+        over = self._aim.away_m < 1.0 and float(np.hypot(*velocity[:2])) < 0.5
         if judged is PointState.UNSAFE:
             return self._break_off(s, "point unsafe")
         if not (over and judged is PointState.SAFE):
@@ -330,7 +326,6 @@ class Executive:
         elif s.now_ns - self._safe_since_ns > STEADY_NS:
             self._say(Severity.INFO, "descending")
             self._go(Phase.DESCEND, s)
-            self._late_ns = _late_ns(s, self._height_left_m / self._p.descent_speed_ms)
         if over and judged is PointState.UNKNOWN and s.now_ns - self._since_ns > UNSEEN_NS:
             return self._break_off(s, "point not seen")
         if self._way(s) is Way.TOO_HIGH:
@@ -341,22 +336,19 @@ class Executive:
 
     def _descend(self, s: Situation) -> Orders:
         """Sink over the point under watch, streaming the landing target, until LAND can take over."""
-        position, point = _known(s.position_enu_m), _known(self._point)
         reason = self._why_not(s) or ("point not reached" if s.now_ns > self._late_ns else None)
         if reason:
             return self._break_off(s, reason)
-        offset = point[:2] - position[:2]
-        distance = float(np.hypot(*offset))
+        left_m, away_m, target = self._aim.height_left_m, self._aim.away_m, self._aim.on_ground_enu_m
         steady = s.now_ns - self._since_ns > TARGET_NS
-        if self._height_left_m <= self._p.final_height_m and steady and distance < 0.7:
+        if left_m <= self._p.final_height_m and steady and away_m < 0.7:
             self._say(Severity.INFO, "final: LAND")
             self._go(Phase.FINAL, s)
-            self._late_ns = _late_ns(s, self._height_left_m / LANDING_MS)
-            return Orders(mode="land", target_enu_m=self._target(s))
-        floor = self._p.final_height_m - 1.0 - self._height_left_m
-        sink = level(min(0.0, floor), self._p.descent_speed_ms) if distance < 1.5 else 0.0
-        horizontal = towards(offset, self._p.approach_speed_ms)
-        return Orders(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=self._target(s))
+            return Orders(mode="land", target_enu_m=target)
+        floor = self._p.final_height_m - 1.0 - left_m
+        sink = level(min(0.0, floor), self._p.descent_speed_ms) if away_m < 1.5 else 0.0
+        horizontal = towards(target[:2] - _known(s.position_enu_m)[:2], self._p.approach_speed_ms)
+        return Orders(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=target)
 
     def _final(self, s: Situation) -> Orders:
         """Watch the autopilot land; break off when the point turns unsafe, as long as it can be seen."""
@@ -369,13 +361,13 @@ class Executive:
             self._call("not landing", s)
         slow = s.guided and s.now_ns - self._since_ns > SECOND
         if slow:  # refused, or lost on the way: what it was told last must not lead it on
-            return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=self._target(s))
-        return Orders(target_enu_m=self._target(s))
+            return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=self._aim.on_ground_enu_m)
+        return Orders(target_enu_m=self._aim.on_ground_enu_m)
 
     @property
     def _committed(self) -> bool:
         """Whether the last verified state of the point holds: below, dust is all that would be seen."""
-        return self._height_left_m <= max(self._p.commit_height_m, self._p.dust_height_m)
+        return self._aim.height_left_m <= max(self._p.commit_height_m, self._p.dust_height_m)
 
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
@@ -384,7 +376,9 @@ class Executive:
             self._lost_since_ns = None
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         left_m = self._route.height_m - float(position[2])
-        if left_m > 1.0 and s.now_ns > self._late_ns:
+        if left_m <= 1.0:
+            self._late_ns = self._limit_ns(s)
+        elif s.now_ns > self._late_ns:
             self._call("not climbing", s)
         if not s.guided:
             return Orders(mode="guided", velocity_enu_ms=up)
@@ -434,11 +428,9 @@ class Executive:
         jump_m = s.position_enu_m - _known(last.position_enu_m) - way_m
         self._route.move(jump_m)
         self._refused = [point + jump_m for point in self._refused]
-        if self._point is not None:
-            self._point = self._point + jump_m
-            self._ground_m = None if self._ground_m is None else self._ground_m + float(jump_m[2])
+        self._aim.move(jump_m)
         if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
-            self._pending_select = self.tally.chosen_enu_m = self._point
+            self._pending_select = self.tally.chosen_enu_m = self._aim.enu_m
         self._say(Severity.WARNING, "position jumped")
 
     def _call(self, trouble: str, s: Situation) -> None:
@@ -476,11 +468,11 @@ class Executive:
         return s.battery_pct is not None and 0 < self._p.battery_land_pct >= s.battery_pct
 
     def _is_nearer_elsewhere(self, s: Situation) -> bool:
-        if s.report is None or s.position_enu_m is None or self._point is None:
+        if s.report is None or s.position_enu_m is None:
             return False
-        here, point = s.position_enu_m[:2], self._point[:2]
+        here = s.position_enu_m[:2]
         zone = soonest(s.report, self._refused, self._p, s.position_enu_m)
-        return zone is not None and np.hypot(*(zone.best.enu_m[:2] - here)) < np.hypot(*(point - here))
+        return zone is not None and np.hypot(*(zone.best.enu_m[:2] - here)) < self._aim.away_m
 
     # ---- parts ----------------------------------------------------------------------------------
 
@@ -490,45 +482,22 @@ class Executive:
             self._say(Severity.INFO, "obstacle ahead: climbing")
         return way
 
-    def _judgement(self, s: Situation) -> PointState:
-        """State of our point in the newest report; unknown while that report is about another point.
-
-        What the far map says is no ground to land on.
-        """
-        selected, point = s.selected, self._point
-        if selected is None or point is None or not _same_place(selected.enu_m, point):
-            return PointState.UNKNOWN
-        return PointState.UNKNOWN if selected.judged_by == "far" else selected.state
-
     def _why_not(self, s: Situation) -> str | None:
         """Return why the descent must not go on, or None."""
         if not s.lidar_ok:
             return "LiDAR lost"
-        judged = self._judgement(s)
+        judged = self._aim.judgement(s.selected)
         return None if judged is PointState.SAFE else f"point {judged.value}"
-
-    def _target(self, s: Situation) -> Vector:
-        """The point on the ground as last measured."""
-        point = _known(self._point)
-        selected = s.selected
-        if selected is not None and np.isfinite(selected.height_m) and _same_place(selected.enu_m, point):
-            self._ground_m = float(selected.height_m)
-        if self._ground_m is None:
-            return point
-        return np.array([point[0], point[1], self._ground_m])
 
     def _break_off(self, s: Situation, reason: str, hold: bool = False) -> Orders:
         """Leave the point: stop, or climb at once where the autopilot is landing."""
         self.tally.aborts += 1
         self.tally.abort_reasons.append(reason)
         self._say(Severity.WARNING, f"abort: {reason}")
-        if self._point is not None and not hold:
-            self._refused.append(self._point)
+        if self._aim.enu_m is not None and not hold:
+            self._refused.append(self._aim.enu_m)
         landing = self.phase is Phase.FINAL
         self._go(Phase.HOLD if hold else Phase.CLIMB, s)
-        if s.position_enu_m is not None:
-            left_m = max(0.0, self._route.height_m - float(s.position_enu_m[2]))
-            self._late_ns = _late_ns(s, left_m / self._p.climb_speed_ms)
         if landing:
             return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self._p.climb_speed_ms]))
         return Orders(velocity_enu_ms=STOPPED)
@@ -536,8 +505,23 @@ class Executive:
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
         self._since_ns = s.now_ns
+        self._late_ns = self._limit_ns(s)
         self._steady_since_ns = self._lost_since_ns = None
         self._route.unblocked()
+
+    def _limit_ns(self, s: Situation) -> int:
+        """When the phase, begun now, has gone wrong: a minute after twice the time that its way takes."""
+        way_s = 0.0
+        match self.phase:
+            case Phase.APPROACH:
+                way_s = self._aim.away_m / self._p.approach_speed_ms
+            case Phase.DESCEND:
+                way_s = self._aim.height_left_m / self._p.descent_speed_ms
+            case Phase.FINAL:
+                way_s = self._aim.height_left_m / LANDING_MS
+            case Phase.CLIMB | Phase.HOLD if s.position_enu_m is not None:
+                way_s = max(0.0, self._route.height_m - float(s.position_enu_m[2])) / self._p.climb_speed_ms
+        return s.now_ns + STUCK_NS + round(2e9 * way_s)
 
     def _say(self, severity: Severity, text: str) -> None:
         self._texts.append((severity, f"SLZ: {text}"))
@@ -550,15 +534,6 @@ def _not_flying(s: Situation) -> Reply | None:
     if not s.armed or s.on_ground is True:
         return Reply(False, "not flying")
     return None
-
-
-def _late_ns(s: Situation, expected_s: float) -> int:
-    """Return when something that should take so long has gone wrong."""
-    return s.now_ns + STUCK_NS + round(2e9 * expected_s)
-
-
-def _same_place(a: Vector, b: Vector) -> bool:
-    return float(np.hypot(*(a[:2] - b[:2]))) <= 0.01
 
 
 def _or_zero(vector: Vector | None) -> Vector:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import params
+from companion.landing.aim import Aim
 from companion.landing.situation import Situation
 from slz import SAFE, Pipeline, PointState, Report, SelectedPoint
 from tests.unit.companion.landing.flight import Flight, Phase, zone
@@ -428,10 +429,9 @@ def test_the_point_of_the_pipeline_keeps_the_executive_up_until_the_near_map_has
     over(pipe, square(30, 0.25))
     place = np.array([22.0, 0.0, 0.0])
     pipe.select(place)
-    flight = Flight([])
-    executive = flight.executive
-    executive._point = place
+    aim = Aim()
+    aim.take(place)
     for second, east_m, state in ((1, 0.0, PointState.UNKNOWN), (2, 15.0, PointState.SAFE)):
         point = selected(over(pipe, square(30, 0.25), second, east_m))
         assert point.state is PointState.SAFE
-        assert executive._judgement(replace(flight.situation(), selected=point)) is state
+        assert aim.judgement(point) is state

@@ -42,6 +42,21 @@ def test_a_vehicle_that_does_not_climb_calls_the_pilot_and_is_asked_on() -> None
     assert flight.orders[-1][3].mode == "guided"
 
 
+def test_a_vehicle_pressed_down_while_it_holds_is_given_its_time_to_climb() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
+    flight.lidar_ok = False
+    flight.fly_to(Phase.HOLD).run(100)
+
+    def pressed_down(seconds: int) -> bool:
+        for _ in range(10 * seconds):
+            flight.step()
+            flight.position[2] = 25.0
+        return any("not climbing: take over" in text for text in flight.texts)
+
+    assert not pressed_down(55)
+    assert pressed_down(20)
+
+
 # ---- position ------------------------------------------------------------------------------------
 
 
