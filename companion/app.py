@@ -128,6 +128,7 @@ class Companion:
         self.link.on_time_asked.subscribe(recorder.time_asked)
         stream.batches.subscribe(recorder.packets)
         self.worker.on_window.subscribe(recorder.window)
+        self.settings.on_change.subscribe(recorder.changed)
 
     # ---- life -----------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import params
 from companion.errors import UsageError
+from companion.link.event import Event
 from companion.state import StateDir
 from params import ParameterError, Parameters, Row
 
@@ -36,12 +37,15 @@ class Settings:
         Parameters in force; those of the next start.
     rows
         The table.
+    on_change
+        Told the Python name and the value of what was set.
     """
 
     def __init__(self, parameters: Parameters, state: StateDir | None = None) -> None:
         self.running = self.stored = parameters
         self._state = state
         self._changed = {} if state is None else read_stored(state)
+        self.on_change: Event[[str, Any]] = Event()
         self.rows = params.rows()
         self._rows = {row.name: row for row in self.rows}
 
@@ -67,6 +71,7 @@ class Settings:
         if self._state is not None and (fault := self._state.write(FILE, _toml(changed))):
             return Change(False, f"{row.mavlink} not kept: {fault}")
         self.stored, self.running, self._changed = stored, running, changed
+        self.on_change.emit(name, new)
         when = "now" if row.live else "at the next start"
         return Change(True, f"{row.mavlink} {_shown(new)} {row.unit}".rstrip() + f" {when}")
 

@@ -57,7 +57,6 @@ class Sf45:
     streaming: bool = False
     scanning: bool = True
     _waiting: bytearray = field(default_factory=bytearray)
-    _next: int = 0
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes from the line and return the answers."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,13 @@ from companion.calibrate.agreement import NAMES, Fit, TooLittleError, solve
 from companion.calibrate.flown import FlownReturns, corrected, mount_angles
 from companion.errors import CompanionError
 from companion.fusion.mount import Mount
+from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Recording
 from companion.replay.senses import Senses
 from companion.sensors.returns import Returns, join
 from params import Parameters
+
+log = logging.getLogger(__name__)
 
 MOST_RETURNS = 600_000
 MOST_POSES = 400_000  # two hours at 50 Hz
@@ -76,8 +80,14 @@ def _read(recording: Recording, parameters: Parameters) -> FlownReturns:
     """Return the flight's returns, some of them where there are many, and its poses."""
     parts: list[Returns] = []
     senses = Senses(recording.header, parameters, parts.append, MOST_POSES)
+    bad = 0
     for message in recording.messages():
-        senses.take(message)
+        try:
+            senses.take(message)
+        except BadRecordError:
+            bad += 1
+    if bad:
+        log.warning("%d messages cannot be read and are left out", bad)
     if not parts or senses.history.frame is None:
         raise CompanionError("the recording holds no returns or no positions")
     flown = FlownReturns(_thinned(join(parts)), senses.history, parameters)

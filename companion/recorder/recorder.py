@@ -47,7 +47,8 @@ class Recorder:
     """
 
     def __init__(self, path: Path, lidar: str, parameters: Parameters, setup: str = "") -> None:
-        self._clock_offset_ns: int | None = None
+        # What the time of day is ahead of our clock; taken once, for the file's stamps must not jump.
+        self._clock_offset_ns = time.time_ns() - now_ns()
         self._lost = 0
         self._last_pose_ns = self._last_fix_ns = 0
         values = parameters.model_dump(mode="json")
@@ -56,7 +57,7 @@ class Recorder:
             "lidar": lidar,
             "lidar_setup": setup,
             "parameters": json.dumps(values),
-            "clock_offset_ns": str(self._offset_ns()),
+            "clock_offset_ns": str(self._clock_offset_ns),
         }
         self._writer = McapWriter(path, scene.channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)
@@ -143,13 +144,7 @@ class Recorder:
         return self._writer.put(Entry(topic, self._wall_ns(at_ns), data, size))
 
     def _wall_ns(self, at_ns: int) -> int:
-        return at_ns + self._offset_ns()
-
-    def _offset_ns(self) -> int:
-        """Return what the time of day is ahead of our clock; once, for the file's stamps must not jump."""
-        if self._clock_offset_ns is None:
-            self._clock_offset_ns = time.time_ns() - now_ns()
-        return self._clock_offset_ns
+        return at_ns + self._clock_offset_ns
 
     def _log(self, record: logging.LogRecord) -> None:
         at_ns = round(time.time() * 1e9)

@@ -23,6 +23,7 @@ CHUNK_BYTES = 1 << 20
 MOST_WAITING_BYTES = 64 << 20
 LEAST_FREE_BYTES = 512 << 20
 FLUSH_S = 1.0
+CLOSE_S = 10.0
 MIB = 1 << 20
 
 
@@ -83,7 +84,8 @@ class McapWriter:
         self._queue: deque[Entry] = deque()
         self._waiting = 0
         self._wake = threading.Condition()
-        self._closing = False
+        self._closing = self._closed = False
+        self._size_bytes = 0
         self.dropped: Counter[str] = Counter()
         self.written: Counter[str] = Counter()
         self.flushes = 0
@@ -104,16 +106,18 @@ class McapWriter:
         return True
 
     def close(self) -> None:
-        """Write what waits and end the file."""
+        """Write what waits and end the file; a disk that hangs is left behind, the file whole up to it."""
         with self._wake:
             self._closing = True
             self._wake.notify()
-        self._thread.join()
+        self._thread.join(CLOSE_S)
+        if self._thread.is_alive():
+            self._end("the disk does not answer")
 
     @property
     def size_bytes(self) -> int:
-        """Length of the file now."""
-        return self._path.stat().st_size
+        """Length of the file now, whatever became of its name."""
+        return self._size_bytes if self._closed else os.fstat(self._file).st_size
 
     # ---- the thread -----------------------------------------------------------------------------
 
@@ -131,6 +135,8 @@ class McapWriter:
                 self._writer.close()
             except Exception as error:
                 self._end(f"closing failed: {error}")
+            self._size_bytes = os.fstat(self._file).st_size
+            self._closed = True
             os.close(self._file)
 
     def _write_some(self) -> bool:
@@ -150,12 +156,18 @@ class McapWriter:
         if self.ended:
             self.dropped[entry.topic] += 1
             return
-        message = entry.data() if callable(entry.data) else entry.data
+        try:
+            message = entry.data() if callable(entry.data) else entry.data
+        except Exception:  # one picture less is no reason to end a recording
+            if not self.dropped[entry.topic]:
+                log.exception("a message on %s cannot be made", entry.topic)
+            self.dropped[entry.topic] += 1
+            return
         self._channels[entry.topic].log(message, log_time=entry.log_time_ns)
         self.written[entry.topic] += 1
 
     def _stop_when_full(self) -> None:
-        disk = os.statvfs(self._path.parent)
+        disk = os.fstatvfs(self._file)
         if self.size_bytes > self._most_bytes:
             self._end(f"it has reached {self._most_bytes // MIB} MiB")
         elif disk.f_bavail * disk.f_frsize < self._least_free_bytes:

@@ -9,11 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.fusion.assembler import ScanAssembler
 from companion.recorder import journal
-from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
 from companion.replay.senses import Senses
 from companion.sensors.returns import Returns
@@ -81,7 +79,7 @@ class Replay:
                 self.outcome.lost += int(json.loads(message.data)["lost"])
             elif (event := self._senses.take(message)) is not None:
                 return self._window(event, mapping)
-        except (BadRecordError, mavlink.MAVError, json.JSONDecodeError, KeyError) as error:
+        except (ValueError, TypeError, KeyError) as error:
             self.outcome.bad += 1
             log.warning("a message on %s cannot be read: %s", message.topic, error)
         return None

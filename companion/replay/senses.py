@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.fusion.pose_history import CAPACITY, PoseHistory
@@ -9,6 +11,7 @@ from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
 from companion.recorder import journal
+from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
 from companion.sensors.driver import stream_for
 from companion.sensors.mavlink_ranges import MavlinkRanges
@@ -54,12 +57,15 @@ class Senses:
 
         Raises
         ------
-        BadRecordError, MAVError
+        BadRecordError
             It cannot be read.
         """
         match message.topic:
             case journal.MAVLINK_IN:
-                frame = self._reader.decode(bytearray(message.data))
+                try:
+                    frame = self._reader.decode(bytearray(message.data))
+                except (mavlink.MAVError, struct.error, TypeError, ValueError, IndexError) as error:
+                    raise BadRecordError(f"a MAVLink frame cannot be read: {error}") from None
                 if frame.get_type() in ORDERS:  # what the operator asked for, the windows tell
                     return None
                 if self._inbox.take(frame, message.at_ns) and self._ranges is not None:

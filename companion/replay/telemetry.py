@@ -21,7 +21,7 @@ from companion.replay.pcap import Capture, Datagram
 from companion.replay.rerun import Act, Rerun
 from companion.replay.senses import ORDERS
 from companion.replay.tlog import Logged, TelemetryLog
-from companion.sensors.driver import BATCH_PACKETS, decoder_for
+from companion.sensors.driver import BATCH_PACKETS, decoder_for, description
 from companion.sensors.lookalike import lookalike
 from companion.sensors.stream import PacketStream
 
@@ -48,7 +48,10 @@ class TelemetryFeed:
         self._capture = Capture(capture)
         kind, _, query = (lidar or self._kind(capture)).partition("?")
         self._kind_told = kind
-        self._setup = _setup(kind, query)
+        try:
+            self._setup = description(kind, query)
+        except UsageError as error:
+            raise UsageError(f"--lidar {lidar}: {error}") from None
         decoder_for(kind, self._setup)
         self._stream: PacketStream | None = None
 
@@ -143,17 +146,3 @@ def quaternion_of(message: Any) -> Any:
     )
     new._header = message.get_header()
     return new
-
-
-def _setup(kind: str, query: str) -> str:
-    """Return the description that `?meta=FILE` names."""
-    name, _, path = query.partition("=")
-    if kind != "ouster" and not query:
-        return ""
-    if kind != "ouster" or name != "meta" or not path:
-        raise UsageError(f"--lidar {kind}: write livox, velodyne or ouster?meta=FILE.json")
-    try:
-        return Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "is no text"
-        raise UsageError(f"--lidar: {path}: {why}") from None

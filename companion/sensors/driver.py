@@ -99,7 +99,10 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns, link: Li
         host, port = (host if colon else address), str(default)
     if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
-    setup = "" if kind == "livox" else _setup(url, kind, query)
+    try:
+        setup = "" if kind == "livox" else description(kind, query)
+    except UsageError as error:
+        raise UsageError(f"LiDAR {url!r}: {error}") from None
     stream = PacketStream(decoder_for(kind, setup), parameters, on_returns)
     lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
     if kind == "livox" and query:
@@ -147,20 +150,26 @@ def _sensor(url: str, query: str) -> str:
     return address
 
 
-def _setup(url: str, kind: str, query: str) -> str:
-    """Return the sensor's description that a URL's query names."""
+def description(kind: str, query: str) -> str:
+    """Return the sensor's own description that `meta=FILE` names; empty for a sensor that needs none.
+
+    Raises
+    ------
+    UsageError
+        It is missing, cannot be read, or is given for a sensor that has none.
+    """
     name, _, path = query.partition("=")
     if kind != "ouster":
         if query:
-            raise UsageError(f"LiDAR {url!r}: ?{query} is not understood: write {EXAMPLE}")
+            raise UsageError(f"?{query} is not understood: write {EXAMPLE}")
         return ""
     if name != "meta" or not path:
-        raise UsageError(f"LiDAR {url!r} names no metadata: write {METADATA}")
+        raise UsageError(f"no metadata is named: write {METADATA}")
     try:
         return Path(path).read_text()
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "is no text"
-        raise UsageError(f"LiDAR {url!r}: {path}: {why}") from None
+        raise UsageError(f"{path}: {why}") from None
 
 
 def decoder_for(kind: str, setup: str = "") -> Decoder:
@@ -235,13 +244,14 @@ class UdpLidar(asyncio.DatagramProtocol):
         if self.session is None:
             await failure
             return
-        session = asyncio.ensure_future(self.session.run())
+        session = asyncio.create_task(self.session.run(), name="lidar session")
         try:
             done, _ = await asyncio.wait({failure, session}, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
         finally:
             session.cancel()
+            await asyncio.gather(session, return_exceptions=True)
 
     def _bound(self) -> socket.socket:
         host, port = self._address

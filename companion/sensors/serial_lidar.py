@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from companion.clock import now_ns
+from companion.errors import CompanionError
 from companion.link.transport import Transport
 from companion.link.url import Url
 from companion.sensors.lightware import requests
@@ -26,7 +27,6 @@ class SerialLidar:
 
     def __init__(self, url: Url, stream: LightwareStream) -> None:
         self._transport = Transport(url)
-        self._failure: asyncio.Future[None] | None = None
         self.stream = stream
 
     @property
@@ -46,11 +46,13 @@ class SerialLidar:
         UsageError
             The device cannot be had.
         """
-        self._failure = asyncio.get_running_loop().create_future()
-        async with asyncio.TaskGroup() as group:
-            group.create_task(self._transport.run(self._take), name="lidar line")
-            group.create_task(self._ask(), name="lidar requests")
-            group.create_task(self._flush(), name="lidar batches")
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._transport.run(self._take), name="lidar line")
+                group.create_task(self._ask(), name="lidar requests")
+                group.create_task(self._flush(), name="lidar batches")
+        except* CompanionError as failures:
+            raise failures.exceptions[0] from None
 
     def _take(self, data: bytes) -> None:
         self.stream.take(data, "", now_ns())

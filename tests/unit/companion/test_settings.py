@@ -44,6 +44,14 @@ def test_a_live_value_must_go_with_those_in_force_and_with_those_of_the_next_sta
     assert (settings.live.commit_height_m, settings.live.hold_s) == (50.0, 8.0)
 
 
+def test_what_was_set_is_told_and_what_was_refused_is_not() -> None:
+    settings, told = Settings(params.Parameters()), []
+    settings.on_change.subscribe(lambda name, value: told.append((name, value)))
+    settings.change("hold_s", 100.0)
+    settings.change("hold_s", -1.0)
+    assert told == [("hold_s", 100.0)]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [("cell_m = ", "parameters.toml"), ("cell_m = 99", "0.05 to 50 m"), ("cel_m = 1", "did you mean")],

@@ -92,6 +92,39 @@ def test_it_ends_before_the_disk_is_full_and_says_so(
     assert "ended" in caplog.text
 
 
+def test_a_message_that_cannot_be_made_costs_itself_only(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    out = open_writer(tmp_path / "a.mcap")
+    for k in range(3):
+        out.put(Entry(scene.ZONES, k, lambda: 1 / 0, 1))
+        out.put(frame(k))
+    out.close()
+    assert numbers(tmp_path / "a.mcap") == [0, 1, 2]
+    assert (out.dropped, out.ended) == ({scene.ZONES: 3}, "")
+    assert caplog.text.count("cannot be made") == 1
+
+
+def test_a_disk_that_hangs_does_not_hold_the_end_of_the_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hangs = threading.Event()
+    monkeypatch.setattr(writer, "CLOSE_S", 0.01)
+    out = open_writer(tmp_path / "a.mcap")
+    out.put(Entry(journal.MAVLINK_IN, 1, lambda: hangs.wait() and b"", 1))
+    out.close()
+    assert out.ended == "the disk does not answer"
+    hangs.set()
+
+
+def test_the_size_is_known_after_the_file_was_moved_away(tmp_path: Path) -> None:
+    out = open_writer(tmp_path / "a.mcap")
+    out.put(frame(1))
+    (tmp_path / "a.mcap").rename(tmp_path / "b.mcap")
+    out.close()
+    assert out.size_bytes == (tmp_path / "b.mcap").stat().st_size
+
+
 def test_after_a_kill_everything_up_to_the_last_second_is_there(tmp_path: Path) -> None:
     program = """
 import os, sys
