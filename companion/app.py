@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.clock import now_ns
+from companion.clock import WallOffset, now_ns
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
@@ -95,7 +95,10 @@ class Companion:
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
-        self.lidar = open_lidar(lidar_url, parameters, self.assembler.add, self.link)
+        self._wall_offset_ns = WallOffset()
+        self.lidar = open_lidar(
+            lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=self._wall_offset_ns
+        )
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
         echoes = lidar_url.partition(":")[0] == "mavlink"
@@ -122,7 +125,9 @@ class Companion:
 
     def _record(self, path: Path) -> None:
         stream = self.lidar.stream
-        recorder = self.recorder = Recorder(path, stream.kind, self.settings.running, stream.setup)
+        recorder = self.recorder = Recorder(
+            path, stream.kind, self.settings.running, self._wall_offset_ns(), stream.setup
+        )
         self.link.on_frame.subscribe(recorder.frame_in)
         self.link.on_sent.subscribe(recorder.frame_out)
         self.link.on_time_asked.subscribe(recorder.time_asked)

@@ -257,6 +257,10 @@ class Parameters(BaseModel):
         _in(-500, 500),
         Spec("SLZ_LDR_DLY_MS", "ms", OURS, "Fixed delay between measurement and arrival, taken off."),
     ] = 0.0
+    lidar_clock: Annotated[
+        Literal["free", "ptp", "gps"],
+        Spec("SLZ_LDR_CLOCK", "", OURS, "What the LiDAR's clock follows; this computer must follow it too."),
+    ] = "free"
 
     # ---- link -----------------------------------------------------------------------------------
     component_id: Annotated[

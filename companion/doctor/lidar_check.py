@@ -52,7 +52,19 @@ def lidar_findings(
             "none",
             "synchronise it by PTP or leave it free-running, but do not change that in flight",
         ),
+        *_following(statistics),
     ]
+
+
+def _following(statistics: Mapping[str, int | float | None]) -> list[Finding]:
+    follows = statistics.get("clock_follows")
+    if follows is None:
+        return []
+    remedy = (
+        "give sensor and computer one master (ptp4l and phc2sys, or chrony by GPS), or set lidar_clock=free"
+    )
+    said = "synchronised" if follows else "not this computer's time"
+    return [judged("LiDAR time", bool(follows), said, "by lidar_clock", remedy)]
 
 
 def _silence(url: str, statistics: Mapping[str, int | float | None]) -> Finding:

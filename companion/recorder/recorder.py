@@ -37,6 +37,9 @@ class Recorder:
         Kind of the sensor, as in the LiDAR's URL.
     parameters
         In force now; `record_mb` bounds the file.
+    wall_offset_ns
+        What the time of day is ahead of the companion's clock; one number, for the file's stamps must not
+        jump.
     setup
         What beside the sensor's packets decodes them.
 
@@ -46,9 +49,10 @@ class Recorder:
         The file is there or cannot be made.
     """
 
-    def __init__(self, path: Path, lidar: str, parameters: Parameters, setup: str = "") -> None:
-        # What the time of day is ahead of our clock; taken once, for the file's stamps must not jump.
-        self._clock_offset_ns = time.time_ns() - now_ns()
+    def __init__(
+        self, path: Path, lidar: str, parameters: Parameters, wall_offset_ns: int, setup: str = ""
+    ) -> None:
+        self._wall_offset_ns = wall_offset_ns
         self._lost = 0
         self._last_pose_ns = self._last_fix_ns = 0
         values = parameters.model_dump(mode="json")
@@ -57,7 +61,7 @@ class Recorder:
             "lidar": lidar,
             "lidar_setup": setup,
             "parameters": json.dumps(values),
-            "clock_offset_ns": str(self._clock_offset_ns),
+            "clock_offset_ns": str(wall_offset_ns),
         }
         self._writer = McapWriter(path, scene.channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)
@@ -144,7 +148,7 @@ class Recorder:
         return self._writer.put(Entry(topic, self._wall_ns(at_ns), data, size))
 
     def _wall_ns(self, at_ns: int) -> int:
-        return at_ns + self._clock_offset_ns
+        return at_ns + self._wall_offset_ns
 
     def _log(self, record: logging.LogRecord) -> None:
         at_ns = round(time.time() * 1e9)

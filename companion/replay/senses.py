@@ -47,7 +47,8 @@ class Senses:
         if header.lidar == "mavlink":
             self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
         else:
-            self._stream = stream_for(header.lidar, header.lidar_setup, parameters, on_returns)
+            sensor, wall_ns = (header.lidar, header.lidar_setup), header.clock_offset_ns
+            self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)

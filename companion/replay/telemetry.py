@@ -72,7 +72,8 @@ class TelemetryFeed:
         inbox = Inbox(Codec(p.component_id), CommandServer())
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
-        stream = self._stream = PacketStream(decoder_for(self._kind_told, self._setup), p, rerun.add_returns)
+        decoder = decoder_for(self._kind_told, self._setup)
+        stream = self._stream = PacketStream(decoder, p, rerun.add_returns, lambda: 0)  # all is time of day
         hear = _Ear(inbox, rerun)
         see = _Eye(stream)
         both: Iterator[Logged | Datagram] = heapq.merge(

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import ipaddress
 import socket
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -70,7 +71,13 @@ class HasBatches(Protocol):
         """The sensor's own description, empty where its data alone tell."""
 
 
-def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns, link: Link | None = None) -> Lidar:
+def open_lidar(
+    url: str,
+    parameters: Parameters,
+    on_returns: OnReturns,
+    link: Link | None = None,
+    wall_offset_ns: Callable[[], int] | None = None,
+) -> Lidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
 
     A Velodyne's and an Ouster's port may be left out for the maker's own.
@@ -79,6 +86,8 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns, link: Li
     ----------
     link
         For `mavlink:`, the ranges of the autopilot's own sensors.
+    wall_offset_ns
+        What the time of day is ahead of the companion's clock; measured if it is not given.
 
     Raises
     ------
@@ -103,7 +112,7 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns, link: Li
         setup = "" if kind == "livox" else description(kind, query)
     except UsageError as error:
         raise UsageError(f"LiDAR {url!r}: {error}") from None
-    stream = PacketStream(decoder_for(kind, setup), parameters, on_returns)
+    stream = PacketStream(decoder_for(kind, setup), parameters, on_returns, wall_offset_ns)
     lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
     if kind == "livox" and query:
         lidar.session = LivoxSession(_sensor(url, query), int(port), lambda: lidar.last_arrival_ns)
@@ -111,9 +120,11 @@ def open_lidar(url: str, parameters: Parameters, on_returns: OnReturns, link: Li
 
 
 def stream_for(
-    kind: str, setup: str, parameters: Parameters, on_returns: OnReturns
+    kind: str, setup: str, parameters: Parameters, on_returns: OnReturns, wall_offset_ns: int
 ) -> PacketStream | LightwareStream:
     """Return what decodes the recorded data of a kind of sensor.
+
+    wall_offset_ns: what the time of day was ahead of the companion's clock.
 
     Raises
     ------
@@ -122,7 +133,7 @@ def stream_for(
     """
     if kind == "lightware":
         return LightwareStream(parameters, on_returns)
-    return PacketStream(decoder_for(kind, setup), parameters, on_returns)
+    return PacketStream(decoder_for(kind, setup), parameters, on_returns, lambda: wall_offset_ns)
 
 
 def _line(url: str, device: str) -> Url:

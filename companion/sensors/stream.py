@@ -8,10 +8,12 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Protocol
 
+from companion.clock import WallOffset
 from companion.link.event import Event
 from companion.sensors.clock import SensorClock
 from companion.sensors.lookalike import NAMES, lookalike
 from companion.sensors.returns import RawReturns, Returns
+from companion.sensors.synchronised_clock import SynchronisedClock
 from params import Parameters
 
 log = logging.getLogger(__name__)
@@ -62,7 +64,9 @@ class PacketStream:
     decoder
         Of this kind of sensor.
     parameters
-        `lidar_delay_ms` and `lidar_timeout_s`.
+        `lidar_clock`, `lidar_delay_ms` and `lidar_timeout_s`.
+    wall_offset_ns
+        What the time of day is ahead of the companion's clock; for a sensor synchronised by PTP or GPS.
     on_returns
         Called with every batch.
 
@@ -74,10 +78,19 @@ class PacketStream:
         Of a sound packet; None before any.
     """
 
-    def __init__(self, decoder: Decoder, parameters: Parameters, on_returns: OnReturns) -> None:
+    def __init__(
+        self,
+        decoder: Decoder,
+        parameters: Parameters,
+        on_returns: OnReturns,
+        wall_offset_ns: Callable[[], int] | None = None,
+    ) -> None:
         self._decoder = decoder
         self._on_returns = on_returns
-        self._clock = SensorClock(round(parameters.lidar_delay_ms * 1e6))
+        delay_ns = round(parameters.lidar_delay_ms * 1e6)
+        self._clock: SensorClock | SynchronisedClock = SensorClock(delay_ns)
+        if parameters.lidar_clock != "free":
+            self._clock = SynchronisedClock(wall_offset_ns or WallOffset(), delay_ns)
         self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
         self._host: str | None = None
         self._foreign = 0
@@ -140,6 +153,7 @@ class PacketStream:
             "repeated": self._repeated,
             "wrong_sensor": self._wrong_sensor,
             "clock_resets": self._clock.resets,
+            "clock_follows": getattr(self._clock, "keeps", None),
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate.hz,
         }

@@ -89,10 +89,23 @@ class Px4Pilot(Pilot):
         send.mission_ack_send(self.system, 1, mavlink.MAV_MISSION_ACCEPTED, RALLY)
         return self._rally
 
-    def away_m(self, place: tuple[float, float] = HOME[:2]) -> float:
-        """Return the distance over ground from a place (degrees), else from home."""
-        e, n, _ = pymap3d.geodetic2enu(*self.place, HOME[2], *place, HOME[2])
-        return math.hypot(float(e), float(n))
+    def away_m(self, place: tuple[float, float]) -> float:
+        """Return the distance over ground from a place (degrees)."""
+        return _apart_m(self.place, place)
+
+    def from_home_m(self, place: tuple[float, float]) -> float:
+        """Return the distance over ground between a place (degrees) and home."""
+        return _apart_m(HOME[:2], place)
+
+    def go_to(self, lat: float, lon: float, height_m: float) -> None:
+        """Fly over a place and hold there."""
+        speed, yaw, radius = -1.0, math.nan, 0.0
+        values = speed, float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE), radius, yaw
+        up_m = self.home_m + height_m
+        place = round(lat * 1e7), round(lon * 1e7), up_m  # above the sea, whatever the frame says
+        number, frame = mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_FRAME_GLOBAL
+        self._port.mav.command_int_send(self.system, 1, frame, number, 0, 0, *values, *place)
+        self.until(lambda: self.away_m((lat, lon)) < 2.0, 120, "arrival")
 
     def hand_over(self) -> None:
         """Set OFFBOARD, again and again: it is refused until the companion is ready and sends setpoints."""
@@ -102,6 +115,11 @@ class Px4Pilot(Pilot):
             self.set_mode("OFFBOARD")
             self.wait(lambda: self.mode == "OFFBOARD", 2.0)
         self.until(lambda: self.mode == "OFFBOARD", 1, "OFFBOARD")
+
+
+def _apart_m(a: tuple[float, float], b: tuple[float, float]) -> float:
+    e, n, _ = pymap3d.geodetic2enu(*a, HOME[2], *b, HOME[2])
+    return math.hypot(float(e), float(n))
 
 
 class Px4Field(Field):
