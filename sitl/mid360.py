@@ -93,7 +93,7 @@ class Mid360(PulseLidar):
 
     def encode(self, shots: Shots) -> bytes:
         tag = self.tags(shots)
-        reflectivity = np.clip(np.rint(150.0 * shots.bright), 1, 150).astype(np.uint8)
+        reflectivity = np.minimum(np.maximum(np.rint(150.0 * shots.bright), 1), 150).astype(np.uint8)
         reflectivity[tag != 0] = 3
         reflectivity[shots.echoes.range_m == 0.0] = 0
         label = self._label(int(shots.index[0]))

@@ -71,7 +71,9 @@ class Mount:
 
 
 def _ned_to_enu(vectors: F64) -> F64:
-    return np.column_stack([vectors[:, 1], vectors[:, 0], -vectors[:, 2]])
+    turned = vectors[:, [1, 0, 2]]
+    turned[:, 2] *= -1.0
+    return turned
 
 
 def _rotate(quat_wxyz: F64, vectors: F64) -> F64:
@@ -79,10 +81,8 @@ def _rotate(quat_wxyz: F64, vectors: F64) -> F64:
     w, x, y, z = quat_wxyz.T
     vx, vy, vz = vectors.T
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
-    return np.column_stack(
-        [
-            vx + w * tx + y * tz - z * ty,
-            vy + w * ty + z * tx - x * tz,
-            vz + w * tz + x * ty - y * tx,
-        ]
-    )
+    turned = np.empty((len(quat_wxyz), 3))
+    turned[:, 0] = vx + w * tx + y * tz - z * ty
+    turned[:, 1] = vy + w * ty + z * tx - x * tz
+    turned[:, 2] = vz + w * tz + x * ty - y * tx
+    return turned

@@ -96,11 +96,14 @@ def tilt(unit: F64, normal: F64, sigma_deg: float) -> F64:
     """Tilt unit vectors at random; sigma is that of the whole angle, shared by two axes."""
     if sigma_deg == 0.0:
         return unit
-    z = np.array([0.0, 0.0, 1.0])
-    across = np.cross(z, unit)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    up = np.cross(unit, across)
+    x, y, z = unit.T
+    flat = np.sqrt(x * x + y * y)
+    across_x, across_y = -y / flat, x / flat  # upright x unit
     scale = np.radians(sigma_deg) / np.sqrt(2.0)
-    tilted = unit + scale * (normal[:, :1] * across + normal[:, 1:] * up)
-    out: F64 = tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
-    return out
+    aside, up = scale * normal.T
+    tilted = np.empty_like(unit)
+    tilted[:, 0] = x + aside * across_x - up * z * across_y
+    tilted[:, 1] = y + aside * across_y + up * z * across_x
+    tilted[:, 2] = z + up * flat
+    tilted /= np.sqrt(np.einsum("ij,ij->i", tilted, tilted))[:, np.newaxis]
+    return tilted

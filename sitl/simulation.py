@@ -20,7 +20,6 @@ from sitl.vehicle import Vehicle
 from sitl.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
-LIDAR_TICKS = 4
 DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
 
 
@@ -28,7 +27,7 @@ class Simulation:
     """World, vehicle, autopilot, LiDAR and wires under one clock.
 
     `advance` first answers everything that has arrived, then steps one tick. `every_tick` holds functions
-    called after each.
+    called after each. The LiDAR's packets are sent together every `lidar_ms`.
     """
 
     def __init__(
@@ -47,6 +46,7 @@ class Simulation:
         pilot_height_m: float | None = None,
         ready_after_s: float = 5.0,
         mavlink_key: bytes | None = None,
+        lidar_ms: int = 10,
     ) -> None:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
         x, y, heading = scene.home_enu
@@ -60,6 +60,7 @@ class Simulation:
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
         self.lidar = lidars.build(lidar, streams[2], point_rate_hz) if lidar_to else None
         self.lidar_on = True
+        self._lidar_ticks = max(1, lidar_ms * 1_000_000 // TICK_NS)
         self.log = FlightLog(self)
         self.intruder: Intruder | None = None
         self.pilot: Pilot | None = None
@@ -119,7 +120,7 @@ class Simulation:
         self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
         if self.intruder is not None:
             self.intruder.step(self)
-        if self._ticks % LIDAR_TICKS == 0:
+        if self._ticks % self._lidar_ticks == 0:
             self._scan()
         for peer in self.router.peers():
             self.autopilot.add_link(self.router.number(peer))

@@ -17,6 +17,7 @@ from companion.simulated import LockstepLoop
 from sitl.simulation import Simulation
 
 POINT_RATE_HZ = 50_000
+LIDAR_MS = 20  # so much of it is fired at once, which halves what a flight costs
 # How each simulated LiDAR is spoken of on board: kind in the URL, and how it is mounted.
 LIDARS: dict[str, tuple[str, dict[str, float]]] = {
     "mid360": ("livox", {}),
@@ -51,6 +52,7 @@ class Mission:
             lidar=lidar,
             lidar_to=("127.0.0.1", self.lidar_port),
             point_rate_hz=POINT_RATE_HZ,
+            lidar_ms=LIDAR_MS,
             seed=seed,
             pilot_height_m=height_m,
         )
