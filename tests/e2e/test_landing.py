@@ -18,7 +18,7 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     scene: str, seed: int, lidar: str, tmp_path: Path
 ) -> None:
     recording = tmp_path / "flight.mcap"
-    mission = Mission(scene, seed=seed, record=recording, lidar=lidar)
+    mission = Mission(scene, seed=seed, record=recording, lidar=lidar, height_m=18.0, survey_s=8.0)
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.LANDED)

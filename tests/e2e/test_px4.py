@@ -64,7 +64,7 @@ def test_rtl_lands_on_a_rally_point_that_the_companion_gave(binary: Path, tmp_pa
     with Px4Field(binary, tmp_path, scene="stadium", seed=1) as field:
         pilot = field.pilot
         assert isinstance(pilot, Px4Pilot)
-        field.run_companion(*SETTINGS, "rally=on")
+        field.run_companion("survey_s=120", "zone_m=200", "rally=on", *SIH_NOISE)
         pilot.take_off(HEIGHT_M)
         pilot.until(lambda: len(far_points(pilot)) > 0, 120, f"rally point {FAR_M:g} m from home")
         pilot.go_to(*max(far_points(pilot), key=pilot.from_home_m), HEIGHT_M)
