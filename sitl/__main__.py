@@ -15,6 +15,7 @@ from pathlib import Path
 from sitl import attach, lidars, ouster, ouster_packets, scenes, truth
 from sitl.intruder import HIGHEST_M, Intruder
 from sitl.key import read_key
+from sitl.lidar_port import Address
 from sitl.lockstep import LockstepServer
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
@@ -60,15 +61,14 @@ def _whole_vehicle(options: argparse.Namespace) -> Callable[[list[bool]], int]:
 
 def _lidar_alone(options: argparse.Namespace) -> Callable[[list[bool]], int]:
     origin = None if options.origin is None else _origin(options.origin)
-    lidar_to = None if options.lidar == "none" else _address(options.lidar_to)
-    attached = attach.build(options, origin, lidar_to)
+    attached = attach.build(options, origin, _lidar_to(options))
     return lambda stop: attach.follow(attached, options, lambda: bool(stop))
 
 
 def _simulate(
     simulation: Simulation, server: LockstepServer | None, options: argparse.Namespace, stop: list[bool]
 ) -> int:
-    print(json.dumps(_ready(simulation, server, options)), flush=True)
+    print(json.dumps(_ready(simulation, server)), flush=True)
     limit_ns = 1 << 62 if options.duration is None else round(options.duration * 1e9)
 
     def ended() -> bool:
@@ -116,12 +116,15 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument(
         "--lidar",
         default="mid360",
-        choices=(*lidars.PORTS, "none"),
-        help="Livox Mid-360, Velodyne VLP-16 or Ouster OS1-32; the last two with their axis forward "
-        "(slz run --set lidar_pitch_deg=90)",
+        choices=(*lidars.DEFAULTS, "none"),
+        help="Livox Mid-360, Velodyne VLP-16, Ouster OS1-32, LightWare SF45/B on a serial line, or the "
+        "paper's OPAL (sent as a Livox); all but the first need slz run --set lidar_pitch_deg=90",
     )
     parser.add_argument(
-        "--lidar-to", default=None, metavar="HOST:PORT", help="default: 127.0.0.1 and the sensor's own port"
+        "--lidar-to",
+        default=None,
+        metavar="HOST:PORT|DEVICE",
+        help="default: 127.0.0.1 and the sensor's own port; for sf45 a pseudo-terminal, told at the start",
     )
     parser.add_argument(
         "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
@@ -160,7 +163,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         attach.refuse_foreign(options, parser.get_default)
     _check(options)
     if options.lidar_to is None:
-        options.lidar_to = f"127.0.0.1:{lidars.PORTS.get(options.lidar, lidars.PORTS['mid360'])}"
+        options.lidar_to = lidars.DEFAULTS.get(options.lidar)
     return options
 
 
@@ -194,7 +197,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         seed=options.seed,
         origin_lla=_origin(options.origin),
         lidar="mid360" if options.lidar == "none" else options.lidar,
-        lidar_to=None if options.lidar == "none" else _address(options.lidar_to),
+        lidar_to=_lidar_to(options),
         point_rate_hz=round(options.point_rate),
         wind_ms=options.wind,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
@@ -218,6 +221,12 @@ def _origin(text: str | None) -> tuple[float, float, float]:
     if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 < alt < 10_000):
         raise ValueError(f"--origin {text!r} is not on the Earth")
     return lat, lon, alt
+
+
+def _lidar_to(options: argparse.Namespace) -> Address | None:
+    if options.lidar == "none":
+        return None
+    return str(options.lidar_to) if options.lidar == "sf45" else _address(options.lidar_to)
 
 
 def _address(text: str) -> tuple[str, int]:
@@ -265,14 +274,12 @@ def _write_metadata(path: Path | None) -> None:
         raise _UsageError(f"--lidar-metadata {path}: {error.strerror or error}") from None
 
 
-def _ready(
-    simulation: Simulation, server: LockstepServer | None, options: argparse.Namespace
-) -> dict[str, object]:
+def _ready(simulation: Simulation, server: LockstepServer | None) -> dict[str, object]:
     names = [wire.name for wire in simulation.router.wires if wire.name != "pilot"]
     return {
         "ready": True,
         "mavlink": names,
-        "lidar": None if options.lidar == "none" else options.lidar_to,
+        "lidar": None if simulation.lidar is None else simulation.lidar.name,
         "lockstep": None if server is None else server.port,
     }
 

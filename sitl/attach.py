@@ -12,6 +12,7 @@ from pathlib import Path
 from sitl import scenes, truth
 from sitl.attached import AttachedLidar
 from sitl.client_wire import open_client
+from sitl.lidar_port import Address
 from sitl.pose_source import Place
 
 IDLE_S = 0.002
@@ -29,9 +30,7 @@ def refuse_foreign(options: argparse.Namespace, defaults: Callable[[str], object
             )
 
 
-def build(
-    options: argparse.Namespace, origin: Place | None, lidar_to: tuple[str, int] | None
-) -> AttachedLidar:
+def build(options: argparse.Namespace, origin: Place | None, lidar_to: Address | None) -> AttachedLidar:
     """Open the wire and build the scene; raise WireError or ValueError with one line for the user."""
     wire = open_client(options.autopilot)
     try:
@@ -82,7 +81,7 @@ def _announce(attached: AttachedLidar, options: argparse.Namespace) -> None:
         "autopilot": attached.source.kind,
         "pose": attached.source.source,
         "mavlink": [attached.wire.name],
-        "lidar": None if options.lidar == "none" else options.lidar_to,
+        "lidar": None if attached.lidar is None else attached.lidar.name,
         "origin": attached.origin_lla,
         "level_share": round(flat, 3),
     }

@@ -7,7 +7,6 @@ stops.
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import lidars
 from sitl.attached_log import AttachedLog
+from sitl.lidar_port import Address
 from sitl.pose_source import Place, Pose, PoseSource, streams
 from sitl.pose_track import PoseTrack
 from sitl.scenes import Scene
@@ -41,7 +41,7 @@ class AttachedLidar:
     scene, wire
         What is seen; where the autopilot speaks.
     lidar, lidar_to
-        One of `lidars.PORTS`; where its packets go, None for nowhere.
+        One of `lidars.DEFAULTS`; where its data go, None for nowhere.
     origin_lla
         Of the scene; None lays the scene's home under the vehicle, or under its autopilot's home.
     say
@@ -62,7 +62,7 @@ class AttachedLidar:
         *,
         seed: int = 1,
         lidar: str = "mid360",
-        lidar_to: tuple[str, int] | None = None,
+        lidar_to: Address | None = None,
         point_rate_hz: int = 200_000,
         origin_lla: Place | None = None,
         say: Callable[[str], None] = lambda line: None,
@@ -72,12 +72,11 @@ class AttachedLidar:
         self.source = PoseSource()
         self.origin_lla = origin_lla
         self.log = AttachedLog(scene)
-        self.lidar = lidars.build(lidar, np.random.default_rng(seed), point_rate_hz)
+        rng = np.random.default_rng(seed)
+        self.lidar = lidars.open_port(lidar, rng, point_rate_hz, lidar_to) if lidar_to else None
         self.skipped_ns = 0
         self.poses = 0
         self._say = say
-        self._lidar_to = lidar_to
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._track = PoseTrack()
         self._time = SensorTime()
         self._last_ns = 0
@@ -183,12 +182,8 @@ class AttachedLidar:
             if not self._slow_said:
                 self._slow_said = True
                 self._say("too slow for this point rate: parts of the scan are left out (--point-rate)")
-        if self._lidar_to is not None:
-            for packet in self.lidar.step(first, stamps[-1], self._track.at, self.scene.world):
-                try:
-                    self._socket.sendto(packet, self._lidar_to)
-                except OSError:
-                    break  # nobody listens
+        if self.lidar is not None:
+            self.lidar.scan(first, stamps[-1], self._track.at, self.scene.world)
         self._track.keep_last()
 
     # ---- the autopilot --------------------------------------------------------------------------
@@ -242,6 +237,7 @@ class AttachedLidar:
         codec.seq = (codec.seq + 1) % 256
 
     def close(self) -> None:
-        """Close all sockets."""
+        """Close all sockets and lines."""
         self.wire.close()
-        self._socket.close()
+        if self.lidar is not None:
+            self.lidar.close()

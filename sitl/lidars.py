@@ -4,28 +4,56 @@ from __future__ import annotations
 
 import numpy as np
 
+from sitl.lidar_port import PTY, Address, LidarPort, SerialPort, UdpPort
 from sitl.mid360 import Mid360
+from sitl.opal import Opal
 from sitl.ouster import Ouster
 from sitl.pulse_lidar import PulseLidar
+from sitl.sf45 import Sf45
 from sitl.vlp16 import Vlp16
 
-PORTS = {"mid360": 56301, "vlp16": 2368, "ouster": 7502}
-"""Name of each, and the port to which the real one sends."""
+DEFAULTS = {
+    "mid360": "127.0.0.1:56301",
+    "vlp16": "127.0.0.1:2368",
+    "opal": "127.0.0.1:56301",
+    "ouster": "127.0.0.1:7502",
+    "sf45": PTY,
+}
+"""Name of each, and where its data go: to the port that the real one takes, or to a pseudo-terminal."""
 
 
-def build(name: str, rng: np.random.Generator, point_rate_hz: int) -> PulseLidar:
-    """Return a LiDAR by its name, one of `PORTS`, that looks down; `point_rate_hz` pulses are simulated.
+def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Address) -> LidarPort:
+    """Return a LiDAR by its name that looks down and sends its data somewhere.
+
+    Parameters
+    ----------
+    name
+        One of `DEFAULTS`.
+    point_rate_hz
+        Pulses a second that are simulated; an SF45 sends what it is asked for.
+    to
+        Of a kind that goes with the sensor.
 
     Raises
     ------
     ValueError
-        There is none of this name, or it cannot fire so many.
+        There is none of this name, it cannot fire so many, or its data do not go there.
     """
+    if isinstance(to, str) != (name == "sf45"):
+        raise ValueError(f"LiDAR {name} sends to {'a serial device' if name == 'sf45' else 'HOST:PORT'}")
+    if isinstance(to, str):
+        return SerialPort(Sf45(rng), to)
+    return UdpPort(_build(name, rng, point_rate_hz), to)
+
+
+def _build(name: str, rng: np.random.Generator, point_rate_hz: int) -> PulseLidar:
     match name:
         case "mid360":
             return Mid360(rng, point_rate_hz=point_rate_hz)
+        case "opal":
+            return Opal(rng, point_rate_hz=point_rate_hz)
         case "vlp16":
             return Vlp16(rng, point_rate_hz=point_rate_hz)
         case "ouster":
             return Ouster(rng, point_rate_hz=point_rate_hz)
-    raise ValueError(f"no LiDAR is named {name!r}: there are {', '.join(PORTS)}")
+    raise ValueError(f"no LiDAR is named {name!r}: there are {', '.join(DEFAULTS)}")

@@ -45,6 +45,8 @@ class Mid360(PulseLidar):
         Point format on the wire.
     frame_restart
         True: counters as in the protocol document. False: as in real recordings.
+    reach
+        How far it sees.
 
     Raises
     ------
@@ -62,13 +64,14 @@ class Mid360(PulseLidar):
         clock: Clock | None = None,
         noise: Noise | None = None,
         frame_restart: bool = False,
+        reach: Reach = REACH,
     ) -> None:
         if point_rate_hz <= 0 or 1_000_000_000 % point_rate_hz:
             raise ValueError(f"mid360: point_rate_hz {point_rate_hz} does not divide 1 000 000 000")
         self.data_type = data_type
         self.period_ns = 1_000_000_000 // point_rate_hz
         points_per_packet = min(POINTS_PER_PACKET, 6_553_500 // self.period_ns + 1)
-        super().__init__(rng, mount or Mount(), clock, noise or Noise(), REACH, points_per_packet)
+        super().__init__(rng, mount or Mount(), clock, noise or Noise(), reach, points_per_packet)
         self._frame_restart = frame_restart
         self._udp_count = 0
         self._frame = -1

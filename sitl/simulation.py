@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 from typing import Any, Self
 
@@ -13,6 +12,7 @@ from sitl.autopilot import Autopilot
 from sitl.estimator import EstimateErrors, Estimator
 from sitl.flight_log import FlightLog
 from sitl.intruder import Intruder
+from sitl.lidar_port import Address
 from sitl.pilot import Pilot
 from sitl.pose_track import PoseTrack
 from sitl.scenes import Scene
@@ -38,7 +38,7 @@ class Simulation:
         seed: int = 1,
         origin_lla: tuple[float, float, float] = DEFAULT_ORIGIN,
         lidar: str = "mid360",
-        lidar_to: tuple[str, int] | None = None,
+        lidar_to: Address | None = None,
         point_rate_hz: int = 200_000,
         errors: EstimateErrors | None = None,
         wind_ms: float = 3.0,
@@ -58,7 +58,7 @@ class Simulation:
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
         self.autopilot.truth_source = lambda: self.vehicle.truth
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
-        self.lidar = lidars.build(lidar, streams[2], point_rate_hz) if lidar_to else None
+        self.lidar = lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to) if lidar_to else None
         self.lidar_on = True
         self._lidar_ticks = max(1, lidar_ms * 1_000_000 // TICK_NS)
         self.log = FlightLog(self)
@@ -69,8 +69,6 @@ class Simulation:
             wires.append(wire)
             self.pilot = Pilot(wire, pilot_height_m, mavlink_key)
         self.every_tick: list[Callable[[Simulation], None]] = [lambda s: s.log.note()]
-        self._lidar_to = lidar_to
-        self._lidar_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._track = PoseTrack()
         self._ticks = 0
         self._ground_m = self.vehicle.truth.pos_enu_m[2]
@@ -142,15 +140,12 @@ class Simulation:
 
     def _scan(self) -> None:
         start = self._track.stamps[0]
-        if self.lidar is not None and self.lidar_on and self._lidar_to is not None:
-            for packet in self.lidar.step(start, self.now_ns, self._track.at, self.scene.world):
-                try:
-                    self._lidar_socket.sendto(packet, self._lidar_to)
-                except OSError:
-                    break  # nobody listens
+        if self.lidar is not None and self.lidar_on:
+            self.lidar.scan(start, self.now_ns, self._track.at, self.scene.world)
         self._track.keep_last()
 
     def close(self) -> None:
-        """Close all sockets."""
+        """Close all sockets and lines."""
         self.router.close()
-        self._lidar_socket.close()
+        if self.lidar is not None:
+            self.lidar.close()

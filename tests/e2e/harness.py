@@ -14,14 +14,17 @@ import params
 from companion.app import Companion
 from companion.landing.situation import Phase
 from companion.simulated import LockstepLoop
+from sitl.lidar_port import PTY
 from sitl.simulation import Simulation
 
 POINT_RATE_HZ = 50_000
 LIDAR_MS = 20  # so much of it is fired at once, which halves what a flight costs
-# How each simulated LiDAR is spoken of on board: kind in the URL, and how it is mounted.
+# How each simulated LiDAR is spoken of on board: the URL of its port, and how it is mounted.
 LIDARS: dict[str, tuple[str, dict[str, float]]] = {
-    "mid360": ("livox", {}),
-    "vlp16": ("velodyne", {"lidar_pitch_deg": 90.0}),
+    "mid360": ("livox:{port}", {}),
+    "vlp16": ("velodyne:{port}", {"lidar_pitch_deg": 90.0}),
+    "ouster": ("ouster:{port}?meta={metadata}", {"lidar_pitch_deg": 90.0}),
+    "sf45": ("lightware:{port},921600", {"lidar_pitch_deg": 90.0}),
 }
 
 
@@ -43,20 +46,23 @@ class Mission:
         height_m: float = 25.0,
         record: Path | None = None,
         lidar: str = "mid360",
+        metadata: Path | None = None,
         **settings: Any,
     ) -> None:
-        self.mavlink_port, self.lidar_port = free_port(), free_port()
+        self.mavlink_port = free_port()
         self.sim = Simulation.build(
             scene,
             mavlink=[f"udpout:127.0.0.1:{self.mavlink_port}"],
             lidar=lidar,
-            lidar_to=("127.0.0.1", self.lidar_port),
+            lidar_to=PTY if lidar == "sf45" else ("127.0.0.1", free_port()),
             point_rate_hz=POINT_RATE_HZ,
             lidar_ms=LIDAR_MS,
             seed=seed,
             pilot_height_m=height_m,
         )
-        self.lidar, mounted = LIDARS[lidar]
+        url, mounted = LIDARS[lidar]
+        assert self.sim.lidar is not None
+        self.lidar = url.format(port=self.sim.lidar.name, metadata=metadata)
         self.parameters = params.build({"survey_s": 15.0, "zone_m": 200.0, **mounted, **settings})
         self.loop = LockstepLoop(self.sim.advance)
         self.auto = auto
@@ -67,7 +73,7 @@ class Mission:
     def new_companion(self) -> Companion:
         return Companion(
             f"udpin:127.0.0.1:{self.mavlink_port}",
-            f"{self.lidar}:127.0.0.1:{self.lidar_port}",
+            self.lidar,
             self.parameters,
             auto=self.auto,
             record=self.record,

@@ -8,17 +8,23 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.landing.situation import Phase
 from companion.replay import command as replay
+from sitl import ouster, ouster_packets
 from sitl.intruder import Intruder
 from sitl.modes import Mode
 from tests.e2e.harness import Mission
 
 
-@pytest.mark.parametrize(("scene", "seed", "lidar"), [("stadium", 2, "vlp16"), ("plain", 3, "mid360")])
+@pytest.mark.parametrize(
+    ("scene", "seed", "lidar"),
+    [("stadium", 2, "vlp16"), ("plain", 3, "mid360"), ("plain", 3, "ouster"), ("plain", 4, "sf45")],
+)
 def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     scene: str, seed: int, lidar: str, tmp_path: Path
 ) -> None:
-    recording = tmp_path / "flight.mcap"
-    mission = Mission(scene, seed=seed, record=recording, lidar=lidar, height_m=18.0, survey_s=8.0)
+    recording, metadata = tmp_path / "flight.mcap", tmp_path / "ouster.json"
+    metadata.write_text(ouster_packets.metadata(ouster.ELEVATION_DEG, ouster.COLUMNS))
+    here = {"lidar": lidar, "metadata": metadata, "record": recording}
+    mission = Mission(scene, seed=seed, height_m=18.0, survey_s=8.0, **here)
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.LANDED)

@@ -299,7 +299,9 @@ def test_it_says_once_that_it_is_ready_and_ends_after_its_duration(
     assert not url.endswith(":0")
 
 
-@pytest.mark.parametrize(("lidar", "port"), [("mid360", 56301), ("vlp16", 2368), ("ouster", 7502)])
+@pytest.mark.parametrize(
+    ("lidar", "port"), [("mid360", 56301), ("vlp16", 2368), ("ouster", 7502), ("opal", 56301)]
+)
 def test_each_lidar_sends_to_its_own_port(lidar: str, port: int) -> None:
     assert program._parse(["--lidar", lidar]).lidar_to == f"127.0.0.1:{port}"
 
