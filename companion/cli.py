@@ -178,7 +178,10 @@ def replay(
     ],
     out: Annotated[Path | None, typer.Option(help="Folder for the maps at the end.")] = None,
     points: Annotated[
-        str | None, typer.Option(help="Topic of the points of a bag; FILE.pcap of the LiDAR beside a .tlog.")
+        str | None,
+        typer.Option(
+            help="Topic of the points of a bag; beside a .tlog FILE.pcap, CLOUD.laz or a folder of PCD."
+        ),
     ] = None,
     pose: Annotated[
         list[str], typer.Option(help="Topic of the poses of a bag; or twice: NavSatFix and Imu.")

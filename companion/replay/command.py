@@ -88,7 +88,7 @@ def _run_others(
     steps = ((at_ns, partial(rerun.take, act)) for at_ns, act in feed.steps(rerun))
     _play(steps, speed, span_s, step)
     rerun.finish()
-    if not rerun.assembler.scans:
+    if not (rerun.assembler.scans or rerun.outcome.windows):
         raise UsageError(f"{path}: {_why_nothing(feed, rerun)}")
     outcome = rerun.outcome
     outcome.bad = feed.bad

@@ -12,22 +12,28 @@ from mcap.stream_reader import StreamReader
 
 import params
 from companion.errors import UsageError
+from companion.replay.captured import CapturedPackets
+from companion.replay.cloud_folder import CloudFolder
 from companion.replay.rerun import Feed, Rerun
 from companion.replay.rosbag import LEVEL_MOUNT, RosFeed
+from companion.replay.stored_cloud import StoredCloud
 from companion.replay.telemetry import TelemetryFeed
+from companion.replay.tlog import TelemetryLog
 from params import Parameters
 from slz import LocalFrame
 
 Kind = Literal["own", "bag", "tlog"]
 CAPTURES = frozenset({".pcap", ".pcapng", ".cap"})
-CLOUDS = frozenset({".las", ".laz", ".pcd", ".ply", ".xyz"})
+PLACED = frozenset({".las", ".laz"})
+CLOUDS = frozenset({".pcd", ".ply", ".xyz"})
+BESIDE_LOG = "a capture (.pcap), a georeferenced cloud (.laz), or a folder of .pcd files named by their times"
 
 
 @dataclass(frozen=True, slots=True)
 class Beside:
     """What a recording of another program needs besides itself.
 
-    points: topic of the points, or file of the LiDAR's packets. poses: topics. lidar: kind of the sensor.
+    points: topic of the points, or what lies beside a log. poses: topics. lidar: kind of the sensor.
     origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters.
     """
 
@@ -87,14 +93,18 @@ def _telemetry(path: Path, beside: Beside) -> Feed:
     if beside.poses or beside.origin is not None:
         raise UsageError(f"{path}: it tells where the vehicle was: leave out --pose and --origin")
     if beside.points is None:
-        raise UsageError(f"{path}: name the capture of the LiDAR's packets by --points FILE.pcap")
-    capture = Path(beside.points)
-    if capture.suffix.lower() in CLOUDS:
-        raise UsageError(
-            f"{capture}: a stored cloud does not say in whose axes and on which clock it was measured:"
-            " give a capture (.pcap), or map a georeferenced cloud by slz map"
-        )
-    return TelemetryFeed(path, capture, beside.lidar)
+        raise UsageError(f"{path}: name what the LiDAR measured by --points: {BESIDE_LOG}")
+    log, points = TelemetryLog(path), Path(beside.points)
+    placed, folder = points.suffix.lower() in PLACED, points.is_dir()
+    if beside.lidar is not None and (placed or folder):
+        raise UsageError(f"{points}: --lidar goes with packets, not with points")
+    if placed:
+        return TelemetryFeed(log, StoredCloud(points, next(log.messages()).at_ns))
+    if folder:
+        return TelemetryFeed(log, CloudFolder(points))
+    if points.suffix.lower() in CLOUDS:
+        raise UsageError(f"{points}: it does not say when it was measured: give {BESIDE_LOG}")
+    return TelemetryFeed(log, CapturedPackets(points, beside.lidar))
 
 
 def _frame(text: str) -> LocalFrame:

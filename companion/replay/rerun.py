@@ -6,6 +6,9 @@ import logging
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.replay.replay import Outcome
@@ -90,16 +93,24 @@ class Rerun:
 
     def add_returns(self, returns: Returns) -> None:
         """Take a batch of returns."""
-        if not len(returns):
-            return
-        oldest, newest = int(returns.stamp_ns.min()), int(returns.stamp_ns.max())
+        if len(returns):
+            self._note(returns.stamp_ns)
+            self.assembler.add(returns)
+
+    def add_placed(self, scan: Scan) -> None:
+        """Take returns that somebody else placed, in the frame of `history`."""
+        self._note(scan.stamp_ns)
+        self._on_scan(scan)
+
+    def _note(self, stamp_ns: NDArray[np.int64]) -> None:
+        """Keep what spans of time there are."""
+        oldest, newest = int(stamp_ns.min()), int(stamp_ns.max())
         first, last = self.span_ns or (oldest, newest)
         self.span_ns = min(first, oldest), max(last, newest)
-        self.returns += len(returns)
+        self.returns += len(stamp_ns)
         posed_ns = self.history.bracketed_until_ns
         if posed_ns is not None:
             self.poses_ns = (posed_ns if self.poses_ns is None else self.poses_ns[0]), posed_ns
-        self.assembler.add(returns)
 
     # ---- what comes of it -----------------------------------------------------------------------
 

@@ -1,100 +1,67 @@
-"""A telemetry log and a capture of the LiDAR's packets, aligned by the time of day of both."""
+"""A telemetry log, and beside it what the LiDAR measured, aligned by the time of day of both."""
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections import Counter
 from collections.abc import Iterator
 from functools import partial
-from itertools import islice
-from pathlib import Path
-from typing import Any
+from operator import itemgetter
+from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.errors import UsageError
 from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
-from companion.replay.pcap import Capture, Datagram
 from companion.replay.rerun import Act, Rerun
 from companion.replay.senses import ORDERS
 from companion.replay.tlog import Logged, TelemetryLog
-from companion.sensors.driver import BATCH_PACKETS, decoder_for, description
-from companion.sensors.lookalike import lookalike
-from companion.sensors.stream import PacketStream
-
-LOOKED_AT = 2000  # datagrams, to tell the sensor
-BATCH_NS = 10_000_000
 
 
-class TelemetryFeed:
-    """A flight from FLIGHT.tlog and FILE.pcap.
-
-    Parameters
-    ----------
-    lidar
-        Kind of the sensor as in its URL, `ouster?meta=FILE` with its description; None: told by its packets.
-
-    Raises
-    ------
-    UsageError
-        A file cannot be used, or the sensor is not known.
-    """
-
-    def __init__(self, log: Path, capture: Path, lidar: str | None) -> None:
-        self._log = TelemetryLog(log)
-        self._capture = Capture(capture)
-        kind, _, query = (lidar or self._kind(capture)).partition("?")
-        self._kind_told = kind
-        try:
-            self._setup = description(kind, query)
-        except UsageError as error:
-            raise UsageError(f"--lidar {lidar}: {error}") from None
-        decoder_for(kind, self._setup)
-        self._stream: PacketStream | None = None
+class LoggedPoints(Protocol):
+    """What a LiDAR measured on a flight of which there is a log."""
 
     @property
     def cut(self) -> str:
-        return self._log.cut or self._capture.cut
+        """Why its end is missing, empty where it is whole; known at the end."""
 
     @property
     def bad(self) -> int:
-        return self._log.bad + self._capture.bad
+        """Pieces that could not be read."""
 
     def told(self) -> dict[str, Any]:
-        packets = {} if self._stream is None else self._stream.statistics()
-        return {"lidar": self._kind_told, "packets": packets, "no_udp": self._capture.other}
+        """Return what was chosen and counted, for JSON."""
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        p = rerun.parameters
-        inbox = Inbox(Codec(p.component_id), CommandServer())
+        """Return every piece in its order: its time of day (ns), and what hands it over."""
+
+
+class TelemetryFeed:
+    """A flight from FLIGHT.tlog and what lies beside it."""
+
+    def __init__(self, log: TelemetryLog, points: LoggedPoints) -> None:
+        self._log = log
+        self._points = points
+
+    @property
+    def cut(self) -> str:
+        return self._log.cut or self._points.cut
+
+    @property
+    def bad(self) -> int:
+        return self._log.bad + self._points.bad
+
+    def told(self) -> dict[str, Any]:
+        return self._points.told()
+
+    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        inbox = Inbox(Codec(rerun.parameters.component_id), CommandServer())
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
-        decoder = decoder_for(self._kind_told, self._setup)
-        stream = self._stream = PacketStream(decoder, p, rerun.add_returns, lambda: 0)  # all is time of day
         hear = _Ear(inbox, rerun)
-        see = _Eye(stream)
-        both: Iterator[Logged | Datagram] = heapq.merge(
-            self._log.messages(), self._capture.datagrams(), key=lambda datum: datum.at_ns
-        )
-        at_ns = 0
-        for datum in both:
-            at_ns = datum.at_ns
-            yield at_ns, partial(hear, datum) if isinstance(datum, Logged) else partial(see, datum)
-        yield at_ns, partial(stream.flush, at_ns)
-
-    def _kind(self, path: Path) -> str:
-        """Return the kind of sensor that most packets are of."""
-        kinds = Counter(lookalike(datagram.data) for datagram in islice(self._capture.datagrams(), LOOKED_AT))
-        n_udp = kinds.total()
-        del kinds[None]
-        if not kinds:
-            raise UsageError(
-                f"{path}: none of its first {n_udp} UDP packets is of a known LiDAR: name it by --lidar"
-            )
-        return str(kinds.most_common(1)[0][0])
+        heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
+        return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
 
 
 class _Ear:
@@ -114,20 +81,6 @@ class _Ear:
             message = quaternion_of(message)
         self._inbox.take(message, logged.at_ns)
         self._rerun.standing = self._inbox.vehicle.landed == "on_ground"
-
-
-class _Eye:
-    """Sees the packets, decoded in batches as the driver does."""
-
-    def __init__(self, stream: PacketStream) -> None:
-        self._stream = stream
-        self._flushed_ns = 0
-
-    def __call__(self, datagram: Datagram) -> None:
-        self._stream.take(datagram.data, datagram.host, datagram.at_ns)
-        if len(self._stream) >= BATCH_PACKETS or datagram.at_ns - self._flushed_ns >= BATCH_NS:
-            self._stream.flush(datagram.at_ns)
-            self._flushed_ns = datagram.at_ns
 
 
 def quaternion_of(message: Any) -> Any:

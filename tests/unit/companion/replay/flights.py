@@ -10,18 +10,22 @@ from pathlib import Path
 from typing import Any
 
 import dpkt
+import laspy
 import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pyproj import CRS, Transformer
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from sitl import scenes
 from sitl.mid360 import Mid360
+from sitl.mount import Mount
 from slz import LocalFrame
 
 Floats = NDArray[np.float64]
+LANDING_MOUNT = Mount()
 HOME = LocalFrame(47.4, 8.5, 400.0)
 BEGIN_NS = 1_750_000_000_000_000_000  # time of day of the flight's beginning
 SECONDS, RATE_HZ, POSE_MS, SCAN_MS = 5.0, 20_000, 40, 100
@@ -125,6 +129,47 @@ def write_pcap(out: Path, cut_up: bool = False) -> Path:
 def _put(writer: Any, ip: Any, at_ns: int) -> None:
     frame = dpkt.ethernet.Ethernet(src=bytes(6), dst=bytes(6), type=0x0800, data=bytes(ip))
     writer.writepkt(bytes(frame), (BEGIN_NS + at_ns) * 1e-9)
+
+
+# ---- clouds beside a log ----------------------------------------------------------------------------
+
+
+def write_laz(out: Path, week: bool = False, timed: bool = True) -> Path:
+    """Write the ground seen as a georeferenced cloud, with times of GPS since 1980 or of the week."""
+    points, stamps = returns()
+    place, quat = path(stamps * 1e-9)
+    body = points.astype(np.float64) @ LANDING_MOUNT.rotation_frd_from_sensor().T + LANDING_MOUNT.lever_frd_m
+    w, x, y, z = quat.T
+    ned = Rotation.from_quat(np.stack([x, y, z, w], -1)).apply(body)
+    lat, lon, alt = HOME.lla(place + ned[:, [1, 0, 2]] * [1, 1, -1]).T
+    header = laspy.LasHeader(point_format=6 if timed else 0, version="1.4")
+    header.add_crs(CRS.from_epsg(32632))
+    header.global_encoding.gps_time_type = laspy.header.GpsTimeType(int(not week))
+    header.scales, header.offsets = [0.001] * 3, [4e5, 5e6, 0]
+    las = laspy.LasData(header)
+    las.x, las.y = Transformer.from_crs(4326, 32632, always_xy=True).transform(lon, lat)
+    las.z = alt
+    if timed:
+        gps_s = (BEGIN_NS // 10**9 - 315_964_800 + 18) + stamps * 1e-9
+        las.gps_time = gps_s % 604_800 if week else gps_s - 1e9
+    las.write(out)
+    return out
+
+
+def write_pcds(folder: Path) -> Path:
+    """Write a PCD file for each tenth of a second, named by its middle."""
+    folder.mkdir()
+    points, stamps = returns()
+    for k in range(round(SECONDS * 10)):
+        part = points[(stamps >= k * 10**8) & (stamps < (k + 1) * 10**8)]
+        at_ns = BEGIN_NS + k * 10**8 + 50_000_000
+        head = (
+            "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+            f"WIDTH {len(part)}\nHEIGHT 1\nPOINTS {len(part)}\nDATA binary\n"
+        )
+        file = folder / f"{at_ns // 10**9}.{at_ns % 10**9:09d}.pcd"
+        file.write_bytes(head.encode() + part.astype("<f4").tobytes())
+    return folder
 
 
 # ---- bags -----------------------------------------------------------------------------------------------

@@ -12,9 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
 from companion.replay import command
+from companion.replay.cloud_folder import stamp_of
 from companion.replay.flown import Beside, kind_of
 from companion.replay.point_cloud import BadCloudError, decode
 from companion.replay.ros_pose import ned_from_frd
+from companion.replay.stored_cloud import since_1970_ns
 from tests.unit.companion.replay import flights
 from tests.unit.companion.replay.flights import BEGIN_NS, HOME, Bag
 
@@ -67,6 +69,68 @@ def test_a_telemetry_log_and_a_capture_are_mapped_as_in_flight(files: Path, log:
     assert summary["source"]["no_udp"] > 0
 
 
+@pytest.mark.parametrize("week", [False, True])
+def test_a_placed_cloud_is_mapped_by_its_times_beside_the_log(
+    files: Path, tmp_path: Path, week: bool
+) -> None:
+    cloud = flights.write_laz(tmp_path / "cloud.laz", week=week)
+    summary = again(files / "flight.tlog", points=str(cloud))
+    check_zones(summary)
+    assert summary["source"]["crs"] == "EPSG:32632"
+    assert summary["source"]["points"] == summary["returns"]["read"] + summary["source"]["before_position"]
+    late = again(files / "yesterday.tlog", points=str(cloud))  # poses of no help, but none is needed
+    assert late["windows"] == summary["windows"]
+
+
+@pytest.mark.parametrize(
+    ("day", "gps_s"),
+    [
+        ("2020-01-01T00:00:00", 1_261_872_018),
+        ("2010-06-01T00:00:00", 959_385_615),
+        ("2017-01-01T00:00:00", 1_167_264_018),
+    ],
+)
+def test_times_of_gps_are_ahead_of_the_time_of_day_by_leap_seconds(day: str, gps_s: int) -> None:
+    at_ns = int(np.datetime64(day, "ns").astype(np.int64))
+    assert since_1970_ns(np.array([gps_s - 1e9]), "standard", at_ns) == at_ns
+    for near_s in (0, 200_000):
+        found = since_1970_ns(np.array([gps_s % 604_800.0]), "week", at_ns + near_s * 10**9)
+        assert found == at_ns
+
+
+def test_a_placed_cloud_without_times_is_refused(files: Path, tmp_path: Path) -> None:
+    cloud = flights.write_laz(tmp_path / "cloud.laz", timed=False)
+    with pytest.raises(UsageError, match="have no times"):
+        again(files / "flight.tlog", points=str(cloud))
+
+
+def test_a_folder_of_scans_is_placed_by_their_names(files: Path, tmp_path: Path) -> None:
+    summary = again(files / "flight.tlog", points=str(flights.write_pcds(tmp_path / "scans")))
+    check_zones(summary)
+    assert summary["source"]["clouds"] == 50
+
+
+@pytest.mark.parametrize(
+    ("name", "stamp_ns"),
+    [
+        ("1750000000.pcd", 1_750_000_000 * 10**9),
+        ("1750000000.5.pcd", 1_750_000_000 * 10**9 + 500_000_000),
+        ("1750000000_000000001.pcd", 1_750_000_000 * 10**9 + 1),
+        ("1750000000123.pcd", 1_750_000_000 * 10**9 + 123_000_000),
+        ("1750000000123456.pcd", 1_750_000_000 * 10**9 + 123_456_000),
+        ("1750000000123456789.pcd", 1_750_000_000 * 10**9 + 123_456_789),
+    ],
+)
+def test_names_of_scans_are_times(name: str, stamp_ns: int) -> None:
+    assert stamp_of(Path(name)) == stamp_ns
+
+
+@pytest.mark.parametrize("name", ["000001.pcd", "scan.pcd", "17500000001.pcd", "1750000000123.5.pcd"])
+def test_a_name_that_is_no_time_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="its name is no time"):
+        stamp_of(Path(name))
+
+
 def test_bags_give_the_map_of_the_same_flight(files: Path) -> None:
     odometry = again(files / "odometry", origin=ORIGIN)
     check_zones(odometry)
@@ -116,8 +180,9 @@ def test_points_that_are_placed_already_are_refused(tmp_path: Path) -> None:
         ("odometry", {"origin": ORIGIN, "poses": ("/points",)}, "which --pose does not take"),
         ("odometry", {"origin": ORIGIN, "poses": ("/odom", "/odom")}, "one topic of poses"),
         ("fix", {"origin": ORIGIN}, "leave out --origin"),
-        ("flight.tlog", {}, "--points FILE.pcap"),
-        ("flight.tlog", {"points": "cloud.las"}, "in whose axes"),
+        ("flight.tlog", {}, "a capture (.pcap)"),
+        ("flight.tlog", {"points": "cloud.ply"}, "when it was measured"),
+        ("flight.tlog", {"points": "cloud.laz", "lidar": "livox"}, "--lidar goes with packets"),
         ("flight.tlog", {"points": "absent.pcap"}, "No such file"),
         ("flight.tlog", {"points": "flight.tlog"}, "no pcap"),
         ("flight.tlog", {"points": "lidar.pcap", "poses": ("/odom",)}, "leave out --pose"),
