@@ -94,6 +94,7 @@ class Companion:
         self.services = Services(self.link, self.settings, signing, state, self._fresh_report, orders)
         self.history = PoseHistory(parameters)
         self.worker = PipelineWorker(parameters, self._on_report)
+        self.worker.on_invalid.subscribe(self._on_invalid)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
         self._wall_offset_ns = WallOffset()
         self.lidar = open_lidar(
@@ -231,6 +232,9 @@ class Companion:
         if news is not None:
             log.info(news[1])
             self.link.statustext(news[1], news[0].value)
+
+    def _on_invalid(self, reason: str) -> None:
+        self.link.statustext(f"SLZ: map invalid: {reason}"[:50], Severity.CRITICAL.value)
 
     def situation(self) -> Situation:
         """Return what is known now, as the executive sees it."""
@@ -396,6 +400,7 @@ class Companion:
             "zones_seen": len(self.zones_seen),
             "reports": self.worker.reports,
             "dropped_windows": self.worker.dropped_windows,
+            "failed_windows": self.worker.failed,
             "latency_ms": _quantiles(list(self.worker.latencies_ms)),
             "streams": self.streams.statistics(),
             "link": asdict(self.link.statistics()),

@@ -8,10 +8,12 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.invariants import BrokenInvariantError, Invariants
 from companion.link.event import Event
 from companion.window_event import WindowEvent, runs
 from params import Parameters
@@ -25,10 +27,13 @@ class PipelineWorker:
     """Gathers scans into windows and runs them through the pipeline in one thread.
 
     A window that comes while another is computed waits; a third replaces the waiting one, and its points are
-    counted as dropped. An exception in the pipeline makes `invalid` true until a window succeeds again.
+    counted as dropped. An exception in the pipeline, or a report that breaks an invariant, makes `invalid`
+    true until a window succeeds again.
 
     Attributes
     ----------
+    on_invalid
+        Event of a report that failed after others succeeded, with the reason.
     on_window
         Event of a window that the pipeline takes now.
     """
@@ -39,6 +44,7 @@ class PipelineWorker:
         self._numbers: list[int] = []
         self._windower = Windower(parameters.window_s)
         self._pipeline = Pipeline(parameters)
+        self._invariants = Invariants()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
         self._waiting: tuple[Window, list[int], float] | None = None
         self._windows = 0
@@ -46,7 +52,9 @@ class PipelineWorker:
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
         self._forget = False
+        self.on_invalid: Event[[str]] = Event()
         self.invalid = False
+        self.failed = 0
         self.dropped_windows = 0
         self.reports = 0
         self.latencies_ms: deque[float] = deque(maxlen=10_000)
@@ -96,11 +104,11 @@ class PipelineWorker:
             points = tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in selects)
             self.on_window.emit(WindowEvent(self._windows, runs(numbers), points, anew), window)
             self._windows += 1
+            task = partial(self._process, window, selects, anew, loop.time)
             try:
-                report = await loop.run_in_executor(self._thread, self._process, window, selects, anew)
-            except Exception:
-                self.invalid = True
-                log.exception("the pipeline failed on a window; its last answer is withdrawn")
+                report = await loop.run_in_executor(self._thread, task)
+            except Exception as error:
+                self._withdraw(error)
                 continue
             if self._forget:  # the estimate moved meanwhile: this tells of places that lie elsewhere now
                 continue
@@ -110,12 +118,29 @@ class PipelineWorker:
             self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
             self._on_report(report)
 
-    def _process(self, window: Window, selects: list[NDArray[np.float64] | None], anew: bool) -> Report:
+    def _withdraw(self, error: Exception) -> None:
+        """Call the last answer invalid: this window has none."""
+        was_invalid, self.invalid = self.invalid, True
+        self.failed += 1
+        log.error("a window failed, the last report is withdrawn: %s", error, exc_info=error)
+        if not was_invalid:
+            known = isinstance(error, BrokenInvariantError)
+            self.on_invalid.emit(str(error) if known else type(error).__name__)
+
+    def _process(
+        self,
+        window: Window,
+        selects: list[NDArray[np.float64] | None],
+        anew: bool,
+        time_s: Callable[[], float],
+    ) -> Report:
         if anew:
             self._pipeline = Pipeline(self._parameters)
         for point in selects:
             self._pipeline.select(point)
-        return self._pipeline.process(window)
+        report = self._pipeline.process(window)
+        self._invariants.check(report, self._pipeline, round(time_s() * 1e9))
+        return report
 
     def close(self) -> TerrainMaps | None:
         """End the thread after the window under way; return the last maps."""

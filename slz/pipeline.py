@@ -19,7 +19,7 @@ from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.kernels.reach import usable, within_reach
 from slz.landing_point import SelectedPoint, judge, unknown
-from slz.maps import TerrainMaps
+from slz.maps import UNKNOWN, TerrainMaps
 from slz.nearby import nearby
 from slz.outliers import (
     CLOUD_GROUP,
@@ -173,6 +173,16 @@ class Pipeline:
         self._selected = unknown(point)
         if self._near is not None and self._far is not None:
             self._selected = judge(point, self._near.terrain, self._far.terrain, self._parameters, None)
+
+    @property
+    def fills_contours(self) -> bool:
+        """Whether zones hold everything inside their contour, as the sources have it, or safe cells only."""
+        return self._source
+
+    def state(self, which: Literal["near", "far"], box: Box) -> NDArray[np.uint8]:
+        """Return 0 unsafe, 1 safe, 255 unknown for a box of a map's grid; all unknown before any window."""
+        zone_map = self._far if which == "far" else self._near
+        return np.full(box.shape, UNKNOWN, np.uint8) if zone_map is None else zone_map.terrain.state(box)
 
     def maps(
         self,

@@ -1,15 +1,18 @@
 """The pipeline's thread: windows in, reports out, failures withdrawn."""
 
 import asyncio
+import time
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 import params
+from companion.invariants import Invariants
 from companion.worker import PipelineWorker
 from slz import LocalFrame, Pipeline, Report, Scan, Window
 
+BEGIN_NS = time.monotonic_ns() - 10_000_000_000  # the stamps are of the loop's clock
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 SMALL = params.load("quadcopter", ["zone_m=40", "window_s=1", "adaptive=off"])
 
@@ -17,8 +20,14 @@ SMALL = params.load("quadcopter", ["zone_m=40", "window_s=1", "adaptive=off"])
 def scan(second: float) -> Scan:
     rng = np.random.default_rng(round(second * 10))
     points = np.column_stack([rng.uniform(-8, 8, (3000, 2)), rng.normal(0, 0.01, 3000)])
-    stamps = (second * 1e9 + np.linspace(0, 0.4e9, 3000)).astype(np.int64)
+    stamps = (BEGIN_NS + second * 1e9 + np.linspace(0, 0.4e9, 3000)).astype(np.int64)
     return Scan(points, stamps, np.array([0.0, 0.0, 20.0]), FRAME)
+
+
+def worker_to(reports: list[Report]) -> PipelineWorker:
+    worker = PipelineWorker(SMALL, reports.append)
+    worker._invariants = Invariants(oldest_ns=3600_000_000_000)  # however slow the test is
+    return worker
 
 
 async def drive(worker: PipelineWorker, until: Callable[[], bool]) -> None:
@@ -33,7 +42,7 @@ async def drive(worker: PipelineWorker, until: Callable[[], bool]) -> None:
 
 async def test_a_window_makes_a_report_with_its_latency() -> None:
     reports: list[Report] = []
-    worker = PipelineWorker(SMALL, reports.append)
+    worker = worker_to(reports)
     for second in (0, 0.5, 1.0):
         worker.offer(scan(second))
     await drive(worker, lambda: bool(reports))
@@ -44,19 +53,19 @@ async def test_a_window_makes_a_report_with_its_latency() -> None:
 
 async def test_the_newest_window_wins_and_the_lost_one_is_counted() -> None:
     reports: list[Report] = []
-    worker = PipelineWorker(SMALL, reports.append)
+    worker = worker_to(reports)
     for second in range(5):
         worker.offer(scan(second))
     await drive(worker, lambda: bool(reports))
     assert worker.dropped_windows == 3
-    assert reports[0].stamp_ns > 3e9
+    assert reports[0].stamp_ns > BEGIN_NS + 3e9
 
 
 async def test_a_failure_withdraws_the_answer_until_a_window_succeeds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     reports: list[Report] = []
-    worker = PipelineWorker(SMALL, reports.append)
+    worker = worker_to(reports)
     process = Pipeline.process
 
     def fail(self: Pipeline, window: Window) -> Report:
@@ -79,9 +88,37 @@ async def test_a_failure_withdraws_the_answer_until_a_window_succeeds(
     assert len(reports) == 1
 
 
+async def test_a_report_that_breaks_an_invariant_is_withdrawn_and_told_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reports: list[Report] = []
+    told: list[str] = []
+    worker = worker_to(reports)
+    worker.on_invalid.subscribe(told.append)
+    monkeypatch.setattr(Pipeline, "state", lambda _self, _which, box: np.full(box.shape, 255, np.uint8))
+    for second in range(2):
+        worker.offer(scan(second))
+    task = asyncio.create_task(worker.run())
+    async with asyncio.timeout(60):
+        for failed in (1, 2):
+            while worker.failed < failed:
+                await asyncio.sleep(0)
+            worker.offer(scan(failed + 1))
+        monkeypatch.undo()
+        while not reports:
+            await asyncio.sleep(0)
+            worker.offer(scan(4 + len(told)))
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()
+    assert len(told) == 1
+    assert "are not safe in the near map" in told[0]
+    assert not worker.invalid
+
+
 async def test_a_point_selected_is_judged_with_the_next_window() -> None:
     reports: list[Report] = []
-    worker = PipelineWorker(SMALL, reports.append)
+    worker = worker_to(reports)
     worker.offer(scan(0))
     worker.offer(scan(1))
     task = asyncio.create_task(worker.run())
@@ -101,7 +138,7 @@ async def test_a_point_selected_is_judged_with_the_next_window() -> None:
 
 async def test_a_report_of_the_map_before_a_jump_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     reports: list[Report] = []
-    worker = PipelineWorker(SMALL, reports.append)
+    worker = worker_to(reports)
     process = Pipeline.process
 
     def jump_meanwhile(self: Pipeline, window: Window) -> Report:
