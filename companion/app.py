@@ -23,6 +23,7 @@ from companion.landing.operator import Operator
 from companion.landing.order_parameters import OrderParameters
 from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
+from companion.link.event import Event
 from companion.link.link import Link
 from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
@@ -118,6 +119,7 @@ class Companion:
         self._last_open_ns = 0
         self._mode_change: asyncio.Task[None] | None = None
         self._mode_wanted = ""
+        self.on_ready: Event[[]] = Event()
         self._stop = asyncio.Event()
         self._was_lost = False
         self._blocked = False
@@ -177,6 +179,7 @@ class Companion:
         gc.collect()
         gc.freeze()  # a full collection would stop the streams for a tenth of a second, for what stays anyway
         self.link.ready = True
+        self.on_ready.emit()
         log.info("ready")
         async with asyncio.TaskGroup() as group:
             group.create_task(self.worker.run(), name="pipeline")

@@ -16,9 +16,12 @@ from companion.landing.situation import Phase
 from companion.priority import real_time
 from companion.services import start_signing
 from companion.state import StateDir
+from companion.watchdog import Watchdog
 from params import Parameters
 
 log = logging.getLogger(__name__)
+
+HANGS_S = 20.0  # a window takes a fraction of a second
 
 
 def run(
@@ -58,8 +61,15 @@ async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, companion.stop)
-    with real_time():
-        await companion.run()
+    watchdog = Watchdog(lambda: not companion.worker.hangs(HANGS_S))
+    signs = asyncio.create_task(watchdog.run(), name="watchdog")
+    companion.on_ready.subscribe(watchdog.ready)
+    try:
+        with real_time():
+            await companion.run()
+    finally:
+        watchdog.stopping()
+        signs.cancel()
     if out is not None:
         _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it all
     return companion.summary

@@ -55,6 +55,7 @@ class PipelineWorker:
         self.on_invalid: Event[[str]] = Event()
         self.invalid = False
         self.failed = 0
+        self._busy_since_s: float | None = None
         self.dropped_windows = 0
         self.reports = 0
         self.latencies_ms: deque[float] = deque(maxlen=10_000)
@@ -86,6 +87,11 @@ class PipelineWorker:
         """Span of the window that is being gathered: the pipeline adapts it."""
         return self._windower.window_s
 
+    def hangs(self, limit_s: float) -> bool:
+        """Tell whether a window has been computed for longer than a limit."""
+        since_s = self._busy_since_s
+        return since_s is not None and asyncio.get_running_loop().time() - since_s > limit_s
+
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Put a landing point under watch from the next window on."""
         self._select = [enu_m]
@@ -105,11 +111,14 @@ class PipelineWorker:
             self.on_window.emit(WindowEvent(self._windows, runs(numbers), points, anew), window)
             self._windows += 1
             task = partial(self._process, window, selects, anew, loop.time)
+            self._busy_since_s = loop.time()
             try:
                 report = await loop.run_in_executor(self._thread, task)
             except Exception as error:
                 self._withdraw(error)
                 continue
+            finally:
+                self._busy_since_s = None
             if self._forget:  # the estimate moved meanwhile: this tells of places that lie elsewhere now
                 continue
             self.invalid = False

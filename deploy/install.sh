@@ -1,0 +1,63 @@
+#!/usr/bin/env bash
+# Install slz as a service on Debian, Raspberry Pi OS or Ubuntu: run it as root from a checkout. Safe to run
+# again: it brings everything up to date and keeps /etc/slz.
+#
+#   sudo deploy/install.sh                 everything
+#   deploy/install.sh --root DIR           files only, below DIR (to build an image, or to look at them)
+set -euo pipefail
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+root=""
+case "${1:-}" in
+    "") [ "$(id -u)" = 0 ] || { echo "install.sh: run it as root: sudo deploy/install.sh" >&2; exit 2; } ;;
+    --root) root=${2:?"install.sh: --root needs a folder"} ;;
+    *) echo "install.sh: $1 is not known: write no argument, or --root DIR" >&2; exit 2 ;;
+esac
+
+put() {  # put MODE SOURCE TARGET
+    if ! cmp -s "$2" "$root$3"; then
+        install -D -m "$1" "$2" "$root$3"
+        echo "wrote $3"
+    fi
+}
+
+put 0644 "$here/deploy/slz.service" /etc/systemd/system/slz.service
+put 0644 "$here/deploy/60-slz.rules" /etc/udev/rules.d/60-slz.rules
+put 0644 "$here/deploy/60-slz-sysctl.conf" /etc/sysctl.d/60-slz.conf
+if [ ! -e "$root/etc/slz/slz.env" ]; then
+    put 0640 "$here/deploy/slz.env" /etc/slz/slz.env
+fi
+if [ -n "$root" ]; then
+    exit 0
+fi
+
+if ! getent passwd slz > /dev/null; then
+    useradd --system --home-dir /var/lib/slz --shell /usr/sbin/nologin --groups dialout slz
+    echo "made the user slz"
+fi
+chown root:slz /etc/slz /etc/slz/slz.env
+chmod 0750 /etc/slz
+
+install -d /opt/slz
+for part in companion slz params sitl docs pyproject.toml constraints.txt README.md; do
+    rm -rf "/opt/slz/$part"
+    cp -r "$here/$part" "/opt/slz/$part"
+done
+if [ ! -x /opt/slz/.venv/bin/python ]; then
+    python3 -m venv /opt/slz/.venv
+fi
+/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt /opt/slz
+# The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
+install -d -o slz -g slz -m 0700 /var/cache/slz
+runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
+    'from params import Parameters; from slz.warm_up import warm_up; warm_up(Parameters())'
+
+sysctl --quiet --load /etc/sysctl.d/60-slz.conf
+udevadm control --reload && udevadm trigger --subsystem-match=tty
+systemctl daemon-reload
+systemctl enable --quiet slz.service
+if systemctl is-active --quiet slz.service; then
+    echo "slz is running: restart it when the vehicle stands: systemctl restart slz"
+else
+    echo "edit /etc/slz/slz.env, see that 'slz doctor' is content, then: systemctl start slz"
+fi

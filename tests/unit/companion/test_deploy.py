@@ -1,0 +1,59 @@
+"""What is installed on a vehicle: the files are where the service looks, and a second run changes nothing."""
+
+from __future__ import annotations
+
+import configparser
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from companion.cli import app
+
+DEPLOY = Path(__file__).parents[3] / "deploy"
+
+
+def install(root: Path) -> str:
+    script = [str(DEPLOY / "install.sh"), "--root", str(root)]
+    return subprocess.run(script, check=True, capture_output=True, text=True).stdout
+
+
+def test_a_second_run_changes_nothing_and_keeps_what_was_set(tmp_path: Path) -> None:
+    assert install(tmp_path).count("wrote") == 4
+    mine = tmp_path / "etc/slz/slz.env"
+    mine.write_text("SLZ_MAVLINK=/dev/ttyUSB7,57600\n")
+    assert install(tmp_path) == ""
+    assert mine.read_text() == "SLZ_MAVLINK=/dev/ttyUSB7,57600\n"
+    (tmp_path / "etc/systemd/system/slz.service").write_text("old")
+    assert install(tmp_path) == "wrote /etc/systemd/system/slz.service\n"
+
+
+@pytest.mark.parametrize("words", [["--root"], ["--frobnicate"]])
+def test_bad_usage_is_one_line(words: list[str]) -> None:
+    done = subprocess.run([str(DEPLOY / "install.sh"), *words], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "install.sh:" in done.stderr
+
+
+def test_the_service_names_variables_and_options_that_there_are() -> None:
+    unit = configparser.RawConfigParser(strict=False)
+    unit.optionxform = str  # type: ignore[method-assign,assignment]
+    unit.read(DEPLOY / "slz.service")
+    command = unit["Service"]["ExecStart"]
+    told = (DEPLOY / "slz.env").read_text()
+    for name in re.findall(r"\$\{?(SLZ_\w+)", command):
+        assert re.search(rf"^{name}=", told, re.MULTILINE)
+    known = CliRunner().invoke(app, ["run", "--help"], env={"COLUMNS": "200"}).output
+    for option in re.findall(r"--[a-z-]+", command + told):
+        assert option in known
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_systemd_understands_the_unit() -> None:
+    unit = DEPLOY / "slz.service"
+    done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
+    complaints = [line for line in done.stderr.splitlines() if "slz.service" in line]
+    assert [line for line in complaints if "is not executable" not in line] == []
