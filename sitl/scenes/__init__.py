@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.scenes import buildings, dense, hill, mountains, plain, stadium, streets
+from sitl.scenes import borrow_pit, buildings, dense, hill, mountains, plain, stadium, streets
 from sitl.scenes.scene import Polygon, Scene
 
 __all__ = ["NAMES", "Polygon", "Scene", "build"]
@@ -15,6 +15,7 @@ _BUILDERS = {
     "mountains": mountains.build,
     "dense": dense.build,
     "buildings": buildings.build,
+    "borrow_pit": borrow_pit.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 
