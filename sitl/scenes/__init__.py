@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.scenes import borrow_pit, buildings, dense, hill, mountains, plain, stadium, streets
+from sitl.scenes import borrow_pit, buildings, dense, hill, landing_site, mountains, plain, stadium, streets
 from sitl.scenes.scene import Polygon, Scene
 
 __all__ = ["NAMES", "Polygon", "Scene", "build"]
@@ -16,6 +16,7 @@ _BUILDERS = {
     "dense": dense.build,
     "buildings": buildings.build,
     "borrow_pit": borrow_pit.build,
+    "landing_site": landing_site.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 
