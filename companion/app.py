@@ -30,6 +30,7 @@ from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
 from companion.recorder.recorder import Recorder
+from companion.sensors.beside import open_beside
 from companion.sensors.driver import open_lidar
 from companion.services import Services
 from companion.settings import Settings
@@ -64,7 +65,9 @@ class Companion:
     state
         Where to remember what is set in flight; None forgets it.
     record
-        File to record the flight in.
+        File to record the flight in; it holds the data of the first sensor only.
+    radar_url
+        A radar beside the LiDAR; its points go into the same map.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class Companion:
         signing: Signing | None = None,
         state: StateDir | None = None,
         record: Path | None = None,
+        radar_url: str | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.recorder: Recorder | None = None
@@ -96,6 +100,9 @@ class Companion:
         self.worker = PipelineWorker(parameters, self._on_report)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
         self.lidar = open_lidar(lidar_url, parameters, self.assembler.add, self.link)
+        self.radar = None
+        if radar_url is not None:
+            self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
         echoes = lidar_url.partition(":")[0] == "mavlink"
@@ -147,6 +154,8 @@ class Companion:
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
+                if self.radar is not None:
+                    parts["radar"] = self.radar.run()
                 for name, part in parts.items():
                     group.create_task(part, name=name)
         except* _Stopped:
@@ -205,6 +214,14 @@ class Companion:
         if self.recorder is not None and pose is not None:
             self.recorder.pose(pose, scan.frame)
         self.obstacles.add(scan)
+        if self.executive.mapping and not self._stands_after_flight():
+            self.worker.offer(scan, self.assembler.scans)
+
+    def _on_radar_scan(self, scan: Scan) -> None:
+        """Map what the radar sees; its points come late and in blocks, so they are no obstacles at hand."""
+        if self.history.epoch != self._epoch:
+            return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
+        self._last_scan_ns = now_ns()
         if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
 
@@ -395,6 +412,7 @@ class Companion:
             "streams": self.streams.statistics(),
             "link": asdict(self.link.statistics()),
             "lidar": self.lidar.statistics(),
+            "radar": None if self.radar is None else self.radar.statistics(),
             "fusion": self.assembler.statistics(),
             "recording": None if self.recorder is None else self.recorder.statistics(),
         }

@@ -118,10 +118,13 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         default="mid360",
         choices=(*lidars.PORTS, "none"),
         help="Livox Mid-360, Velodyne VLP-16 or Ouster OS1-32; the last two with their axis forward "
-        "(slz run --set lidar_pitch_deg=90)",
+        "(slz run --set lidar_pitch_deg=90); flash: looks down; radar: looks right",
     )
     parser.add_argument(
         "--lidar-to", default=None, metavar="HOST:PORT", help="default: 127.0.0.1 and the sensor's own port"
+    )
+    parser.add_argument(
+        "--radar-to", default=None, metavar="HOST:PORT", help="an interferometric radar beside the LiDAR"
     )
     parser.add_argument(
         "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
@@ -199,6 +202,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         wind_ms=options.wind,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
+        radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruder = intruder
     try:
@@ -220,14 +224,14 @@ def _origin(text: str | None) -> tuple[float, float, float]:
     return lat, lon, alt
 
 
-def _address(text: str) -> tuple[str, int]:
+def _address(text: str, option: str = "--lidar-to") -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
-        raise ValueError(f"--lidar-to {text!r}: write HOST:PORT")
+        raise ValueError(f"{option} {text!r}: write HOST:PORT")
     try:
         found = socket.getaddrinfo(host, int(port), socket.AF_INET, socket.SOCK_DGRAM)
     except (OSError, UnicodeError):
-        raise ValueError(f"--lidar-to {text!r}: the host is unknown") from None
+        raise ValueError(f"{option} {text!r}: the host is unknown") from None
     return str(found[0][4][0]), int(port)
 
 

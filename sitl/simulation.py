@@ -13,14 +13,18 @@ from sitl.autopilot import Autopilot
 from sitl.estimator import EstimateErrors, Estimator
 from sitl.flight_log import FlightLog
 from sitl.intruder import Intruder
+from sitl.optics import Noise, Reach
 from sitl.pilot import Pilot
 from sitl.pose_track import PoseTrack
+from sitl.pulse_lidar import PulseLidar
 from sitl.scenes import Scene
 from sitl.vehicle import Vehicle
 from sitl.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
 LIDAR_TICKS = 4
+IN_DUST = Reach(0.1, 9.0, 0.5, 1.0), Noise(dust=0.3)
+"""How far and how well a LiDAR sees in rotor dust: less than a metre, with echoes of the dust itself."""
 DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
 
 
@@ -47,8 +51,9 @@ class Simulation:
         pilot_height_m: float | None = None,
         ready_after_s: float = 5.0,
         mavlink_key: bytes | None = None,
+        radar_to: tuple[str, int] | None = None,
     ) -> None:
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
         x, y, heading = scene.home_enu
         self.scene = scene
         self.origin_lla = origin_lla
@@ -60,6 +65,9 @@ class Simulation:
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
         self.lidar = lidars.build(lidar, streams[2], point_rate_hz) if lidar_to else None
         self.lidar_on = True
+        self.radar = lidars.build("radar", streams[4], point_rate_hz) if radar_to else None
+        self._radar_to = radar_to
+        self._clear = self._sight()
         self.log = FlightLog(self)
         self.intruder: Intruder | None = None
         self.pilot: Pilot | None = None
@@ -140,14 +148,32 @@ class Simulation:
         self.autopilot.receive(message, link, self.now_ns)
 
     def _scan(self) -> None:
-        start = self._track.stamps[0]
+        if self.scene.dust_below_m > 0:
+            self._raise_dust()
         if self.lidar is not None and self.lidar_on and self._lidar_to is not None:
-            for packet in self.lidar.step(start, self.now_ns, self._track.at, self.scene.world):
-                try:
-                    self._lidar_socket.sendto(packet, self._lidar_to)
-                except OSError:
-                    break  # nobody listens
+            self._measure(self.lidar, self._lidar_to)
+        if self.radar is not None and self._radar_to is not None:
+            self._measure(self.radar, self._radar_to)
         self._track.keep_last()
+
+    def _measure(self, sensor: lidars.Sensor, to: tuple[str, int]) -> None:
+        for packet in sensor.step(self._track.stamps[0], self.now_ns, self._track.at, self.scene.world):
+            try:
+                self._lidar_socket.sendto(packet, to)
+            except OSError:
+                break  # nobody listens
+
+    def _sight(self) -> tuple[Reach, Noise] | None:
+        """Return how far and how well a pulsed LiDAR sees in clear air; None for any other sensor."""
+        return (self.lidar.reach, self.lidar.noise) if isinstance(self.lidar, PulseLidar) else None
+
+    def _raise_dust(self) -> None:
+        """Blind a LiDAR while the rotors are near the ground and turn: its pulses end in the dust."""
+        if self._clear is None or not isinstance(self.lidar, PulseLidar):
+            return
+        over_m = self.vehicle.truth.pos_enu_m[2] - self._ground_m
+        dusty = over_m < self.scene.dust_below_m and not self.vehicle.on_ground
+        self.lidar.reach, self.lidar.noise = IN_DUST if dusty else self._clear
 
     def close(self) -> None:
         """Close all sockets."""

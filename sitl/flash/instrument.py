@@ -31,6 +31,11 @@ class FlashLidar:
         x of the sensor is the optical axis, y left, z up in the image.
     subpixels
         Rays along each side of a pixel: a pixel at an edge sees both sides of it.
+
+    Attributes
+    ----------
+    energy
+        Of the pulse, 1 as `full_at_m` tells.
     """
 
     def __init__(
@@ -46,6 +51,7 @@ class FlashLidar:
         self.plane = plane or FocalPlane()
         self.fov_deg, self.mount, self._subpixels = fov_deg, mount or Mount((0, 0, 0), 0, 90.0, 0), subpixels
         self._rng = rng
+        self.energy = 1.0
         self._gain = (self.plane.full_counts - self.plane.dark_counts) * full_at_m**2 / 0.27
         self._dead = rng.random((self.plane.rows, self.plane.cols)) < self.plane.dead
         self._rays = self._directions()
@@ -87,6 +93,6 @@ class FlashLidar:
         way = way.reshape(p.rows, p.cols, n)
         bright = (REFLECTANCE[kind] * cosine).reshape(way.shape) / n
         with np.errstate(divide="ignore", invalid="ignore"):
-            height = self._gain * bright * self._response[..., None] / way**2
+            height = self.energy * self._gain * bright * self._response[..., None] / way**2
         seen = np.isfinite(way)
         return np.where(seen, 2 * way / C_M_NS, np.inf), np.where(seen, height, 0.0)

@@ -53,6 +53,15 @@ class RawLines:
     track: Track
 
 
+def axes_enu(heading_rad: float, roll_rad: float) -> F64:
+    """Return ahead, right and down (rows) of a vehicle whose right side is raised by a roll."""
+    c, s = np.cos(heading_rad), np.sin(heading_rad)
+    level, up = np.array([c, -s, 0.0]), np.array([0.0, 0.0, 1.0])
+    right = np.cos(roll_rad) * level + np.sin(roll_rad) * up
+    down = np.sin(roll_rad) * level - np.cos(roll_rad) * up
+    return np.array([[s, c, 0.0], right, down])
+
+
 class SideLooker:
     """A radar with two antennas.
 
@@ -84,8 +93,9 @@ class SideLooker:
         level_m: float = 0.0,
         both_transmit: bool = True,
         roughness_m: float = 7.77e-3,
+        rays: float = RAYS,
     ) -> None:
-        self._rng = rng
+        self._rng, self.rays = rng, rays
         self.wavelength_m = SPEED_OF_LIGHT / frequency_hz
         self.baseline_m, self.tilt_rad = baseline_m, np.radians(tilt_deg)
         self.range_m, self.azimuth_m, self.looks = range_m, azimuth_m, looks
@@ -104,34 +114,34 @@ class SideLooker:
         last = altitude / np.cos(self.far_rad) + spare
         bins = int(np.ceil((last - first) / (self.range_m / PER_SAMPLE)))
         lines = [
-            self._line(position, track.heading_rad, float(roll), altitude, first, bins, world)
+            self.line(position, axes_enu(track.heading_rad, float(roll)), altitude, first, bins, world)
             for position, roll in zip(track.position_enu_m, track.roll_rad, strict=True)
         ]
         return RawLines(np.stack(lines).astype(np.complex64), first, self.range_m / PER_SAMPLE, track)
 
-    def _line(
-        self,
-        position: F64,
-        heading: float,
-        roll: float,
-        altitude: float,
-        first: float,
-        bins: int,
-        world: World,
+    def line(
+        self, position: F64, axes: F64, altitude: float, first: float, bins: int, world: World
     ) -> NDArray[np.complex128]:
-        """Return the samples (looks, 2, bins) of one line."""
+        """Return the samples (looks, 2, bins) of one line, from range `first` on.
+
+        Parameters
+        ----------
+        axes
+            Rows: the vehicle's ahead, right and down in ENU.
+        altitude
+            Over ground that is lit between the look angles.
+        """
         low, high = altitude / np.cos(self.near_rad), altitude / np.cos(self.far_rad)
-        per_look = int(RAYS * (high - low) / self.range_m)
+        per_look = int(self.rays * (high - low) / self.range_m)
         level = self._rng.uniform(low, high, (self.looks, per_look))
-        look = np.arccos(altitude / level).ravel() + roll
-        ahead = np.array([np.sin(heading), np.cos(heading), 0.0])
-        right = np.array([np.cos(heading), -np.sin(heading), 0.0])
-        rays = np.sin(look)[:, None] * right - np.cos(look)[:, None] * np.array([0.0, 0.0, 1.0])
+        look = np.arccos(altitude / level).ravel()  # from the vehicle's down
+        ahead, right, down = axes
+        rays = np.sin(look)[:, None] * right + np.cos(look)[:, None] * down
         along = self._rng.uniform(-0.5, 0.5, look.size) * self.azimuth_m
         way, kind, cosine = world.trace(position + along[:, None] * ahead, rays, 2 * high)
         kind, cosine, way = self._with_water(position, rays, way, kind, cosine)
         seen = np.isfinite(way)
-        spread = altitude / (level.ravel() ** 2 * np.sin(look - roll)) * (high - low) / per_look
+        spread = altitude / (level.ravel() ** 2 * np.sin(look)) * (high - low) / per_look
         patch = self.azimuth_m * np.nan_to_num(way) * spread / np.maximum(cosine, 0.05)
         strength = sigma0(kind, np.arccos(np.clip(cosine, 0, 1)), self.wavelength_m, self.roughness_m)
         height = np.where(seen, np.sqrt(self._unit * strength * patch), 0.0)
@@ -139,7 +149,7 @@ class SideLooker:
         way = np.nan_to_num(way, nan=first) - rough * np.cos(look)
         phase = self._rng.uniform(0, 2 * np.pi, look.size)
         which = np.repeat(np.arange(self.looks), per_look)
-        other = self._other_way(way, look, rough, roll)
+        other = self._other_way(way, look)
         k = 2 * np.pi / self.wavelength_m
         paths = (2 * way, 2 * other) if self.both_transmit else (2 * way, way + other)
         images = [self._image(height, phase + k * path, path / 2, which, first, bins) for path in paths]
@@ -154,9 +164,9 @@ class SideLooker:
         way = np.where(wet, (position[2] - self.level_m) / down, way)
         return kind, np.where(wet, down, cosine), way
 
-    def _other_way(self, way: F64, look: F64, rough: F64, roll: float) -> F64:
+    def _other_way(self, way: F64, look: F64) -> F64:
         """Return the distances from the second antenna."""
-        tilt = self.tilt_rad + roll
+        tilt = self.tilt_rad
         across = way * np.sin(look) - self.baseline_m * np.cos(tilt)
         down = way * np.cos(look) + self.baseline_m * np.sin(tilt)
         return np.asarray(np.hypot(across, down))

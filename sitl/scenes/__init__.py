@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from sitl.scenes import borrow_pit, buildings, dense, hill, landing_site, mountains, plain, stadium, streets
+from sitl.scenes import (
+    borrow_pit,
+    buildings,
+    dense,
+    dust_out,
+    hill,
+    landing_site,
+    mountains,
+    plain,
+    stadium,
+    streets,
+)
 from sitl.scenes.scene import Polygon, Scene
 
 __all__ = ["NAMES", "Polygon", "Scene", "build"]
@@ -17,6 +28,7 @@ _BUILDERS = {
     "buildings": buildings.build,
     "borrow_pit": borrow_pit.build,
     "landing_site": landing_site.build,
+    "dust_out": dust_out.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -52,18 +52,24 @@ def process_frame(frame: FlashFrame, camera: FlashCamera, estimator: Estimator =
 
 
 def sensor_points(image: FlashImage, camera: FlashCamera) -> tuple[F64, F64]:
-    """Return points (n, 3) in the sensor frame (forward, left, up; m) and their standard errors (n,).
+    """Return the points of `sensor_pixels` and their standard errors."""
+    return sensor_pixels(image, camera)[:2]
+
+
+def sensor_pixels(image: FlashImage, camera: FlashCamera) -> tuple[F64, F64, NDArray[np.bool_]]:
+    """Return points (n, 3) in the sensor frame (forward, left, up; m), their standard errors (n,), their
+    pixels.
 
     None where the frame is not usable. A repaired pixel gives no point: nothing was measured there. Nor
     does a pixel far from the median around it, a false trigger.
     """
     if not image.verdict.usable:
-        return np.empty((0, 3)), np.empty(0)
+        return np.empty((0, 3)), np.empty(0), np.zeros(image.filtered_m.shape, bool)
     sigma = np.nan_to_num(image.measured.sigma_m, nan=camera.sample_m / 12)
     apart = np.abs(image.measured.range_m - image.filtered_m)
     with np.errstate(invalid="ignore"):
         keep = apart < np.maximum(PARTED_M, PARTED * sigma)
-    return image.filtered_m[keep, np.newaxis] * _directions(camera)[keep], sigma[keep]
+    return image.filtered_m[keep, np.newaxis] * _directions(camera)[keep], sigma[keep], keep
 
 
 @cache

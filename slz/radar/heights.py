@@ -29,13 +29,17 @@ class Heights:
     """Points of one observation, arrays of one length.
 
     points_m : (n, 3) in the map frame. sigma_m : standard deviation of the height. turn_m : by how much the
-    height changes with a whole turn of the phase. ahead : (2,) east and north of the track's direction.
+    height changes with a whole turn of the phase. ahead : (2,) east and north of the track's direction. line,
+    range_m, look_rad : of each point, its line, and where it lies seen from there (look from straight down).
     """
 
     points_m: F64
     sigma_m: F64
     turn_m: F64
     ahead: F64
+    line: NDArray[np.int64]
+    range_m: F64
+    look_rad: F64
 
 
 def heights(image: Interferogram, lines: RadarLines, radar: Interferometer) -> Heights:
@@ -48,7 +52,9 @@ def heights(image: Interferogram, lines: RadarLines, radar: Interferometer) -> H
     counts = np.bincount(region.ravel())
     counts[0] = 0
     if not counts.any():
-        return Heights(np.empty((0, 3)), np.empty(0), np.empty(0), _ahead(lines))
+        nothing = np.empty(0)
+        none = np.empty(0, np.int64)
+        return Heights(np.empty((0, 3)), nothing, nothing, _ahead(lines), none, nothing, nothing)
     used = np.zeros(region.shape, bool)
     for number in np.flatnonzero(counts >= LEAST_REGION * counts.max()):
         own = region == number
@@ -68,7 +74,8 @@ def heights(image: Interferogram, lines: RadarLines, radar: Interferometer) -> H
     place = lines.position_m[line, :2] + across[:, np.newaxis] * right
     points = np.column_stack([place, up + lines.level_m])
     sound = np.isfinite(points).all(axis=1) & np.isfinite(sigma)
-    return Heights(points[sound], sigma[sound], 2 * np.pi * scale[sound], ahead)
+    turn = 2 * np.pi * scale[sound]
+    return Heights(points[sound], sigma[sound], turn, ahead, line[sound], r[sound], look[sound])
 
 
 def _away_from_dark(coherence: F64) -> F64:
