@@ -300,7 +300,7 @@ def map_(
 @app.command()
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the page, pictures and flown surveys.")],
-    only: Annotated[str, typer.Option(help="Only scenes whose name holds this.")] = "",
+    only: Annotated[str, typer.Option(help="Only scenes whose name holds this; flash or radar.")] = "",
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
