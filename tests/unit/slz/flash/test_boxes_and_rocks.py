@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import params
+from sitl.scenes.borrow_pit import BOXES
+from slz import SAFE, Pipeline
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.flash.elevation import elevation_map, grid_around, histogram_peaks
 from slz.flash.hazards import find_hazards
 from slz.flash.process import map_points, process_frame, sensor_points
 from slz.flash.triage import Quality
+from slz.frame import LocalFrame
+from slz.window import Window
 from tests.unit.slz.flash.pit import Pit, judge
 
 
@@ -58,3 +63,24 @@ def test_every_hazard_of_half_a_metre_and_nine_tenths_of_smaller_ones_are_found(
     assert score.half_metre[1] == score.half_metre[0] > 25
     assert score.third_metre[1] >= 0.9 * score.third_metre[0]
     assert score.false_alarms <= score.area_m2 / 1000
+
+
+def test_points_of_a_frame_go_through_the_ordinary_stages(pit: Pit) -> None:
+    points = pit.points(0.0, 0.0)
+    settings = ["max_range_m=400", "lidar_max_m=400", "angle_noise_deg=0", "adaptive=off"]
+    pipeline = Pipeline(params.load("quadcopter", [*settings, "min_square_m=2.5"]), (0.0, 0.0))
+    stamps = np.zeros(len(points), np.int64)
+    _, position, _ = pit.look(0.0, 0.0)
+    report = pipeline.process(Window(points, stamps, position, LocalFrame(35.0, -117.8, 700.0), 0, 0))
+    maps = pipeline.maps()
+    assert maps is not None
+
+    def state(east_m: float, north_m: float) -> int:
+        row = int((north_m - maps.south_m) / maps.grid.cell_m)
+        return int(maps.state[row, int((east_m - maps.west_m) / maps.grid.cell_m)])
+
+    assert report.zones
+    assert state(0.0, 0.0) == SAFE
+    for east, _, _ in BOXES:
+        assert all(state(east + side, 0.0) != SAFE for side in (-2.0, -1.4, 1.4, 2.0))
+        assert state(east, 2.2) != SAFE  # its shadow
