@@ -31,6 +31,7 @@ from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
 from companion.recorder.recorder import Recorder
+from companion.sensors.beside import open_beside
 from companion.sensors.driver import open_lidar
 from companion.services import Services
 from companion.settings import Settings
@@ -65,7 +66,9 @@ class Companion:
     state
         Where to remember what is set in flight; None forgets it.
     record
-        File to record the flight in.
+        File to record the flight in; it holds the data of the first sensor only.
+    radar_url
+        A radar beside the LiDAR; its points go into the same map.
 
     Raises
     ------
@@ -83,6 +86,7 @@ class Companion:
         signing: Signing | None = None,
         state: StateDir | None = None,
         record: Path | None = None,
+        radar_url: str | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.recorder: Recorder | None = None
@@ -101,6 +105,9 @@ class Companion:
         self.lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=self._wall_offset_ns
         )
+        self.radar = None
+        if radar_url is not None:
+            self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
         self.executive = Executive(parameters, auto)
         self.obstacles = ObstacleMemory()
         echoes = lidar_url.partition(":")[0] == "mavlink"
@@ -155,6 +162,8 @@ class Companion:
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
+                if self.radar is not None:
+                    parts["radar"] = self.radar.run()
                 for name, part in parts.items():
                     group.create_task(part, name=name)
         except* _Stopped:
@@ -214,6 +223,14 @@ class Companion:
         if self.recorder is not None and pose is not None:
             self.recorder.pose(pose, scan.frame)
         self.obstacles.add(scan)
+        if self.executive.mapping and not self._stands_after_flight():
+            self.worker.offer(scan, self.assembler.scans)
+
+    def _on_radar_scan(self, scan: Scan) -> None:
+        """Map what the radar sees; its points come late and in blocks, so they are no obstacles at hand."""
+        if self.history.epoch != self._epoch:
+            return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
+        self._last_scan_ns = now_ns()
         if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
 
@@ -408,6 +425,7 @@ class Companion:
             "streams": self.streams.statistics(),
             "link": asdict(self.link.statistics()),
             "lidar": self.lidar.statistics(),
+            "radar": None if self.radar is None else self.radar.statistics(),
             "fusion": self.assembler.statistics(),
             "recording": None if self.recorder is None else self.recorder.statistics(),
         }

@@ -92,9 +92,9 @@ def _log(verbose: bool) -> None:
 def demo(
     context: typer.Context,
     scene: Annotated[
-        str, typer.Option(help="stadium, plain, hill, streets, mountains or dense.")
+        str, typer.Option(help="stadium, plain, hill, streets, mountains, dense or dust_out.")
     ] = "stadium",
-    sensor: Annotated[str, typer.Option(help="lidar.")] = "lidar",
+    sensor: Annotated[str, typer.Option(help="lidar, flash, radar or lidar+radar.")] = "lidar",
     seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
     speedup: Annotated[
         float, typer.Option(help="Simulated seconds per second; 0 is as fast as possible.")
@@ -115,10 +115,9 @@ def demo(
     _log(verbose)
     from companion import demo as flight
 
-    if sensor != "lidar":
-        raise UsageError(f"--sensor {sensor!r} is not there yet: use lidar")
-    parameters = params.load(profile, setting)
-    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s)
+    chosen = flight.sensor_named(sensor)
+    parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
+    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen)
     summary = flight.fly(plan, parameters, err, context.obj, live=not headless)
     if as_json:
         print(json.dumps(summary))
@@ -152,6 +151,9 @@ def run(
     state_dir: Annotated[
         Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")
     ] = None,
+    radar: Annotated[
+        str | None, typer.Option(help="A radar beside the LiDAR: radar:HOST:PORT (docs/instruments.md).")
+    ] = None,
     record: Annotated[Path | None, typer.Option(help="Record the flight: FILE.mcap.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
     as_json: Json = False,
@@ -166,7 +168,7 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
-    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record)
+    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record, radar)
     if as_json:
         print(json.dumps(summary))
 
@@ -301,7 +303,7 @@ def map_(
 @app.command()
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the page, pictures and flown surveys.")],
-    only: Annotated[str, typer.Option(help="Only scenes whose name holds this.")] = "",
+    only: Annotated[str, typer.Option(help="Only scenes whose name holds this; flash or radar.")] = "",
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:

@@ -24,6 +24,7 @@ from rich.table import Table
 
 from companion import folder
 from companion.app import Companion
+from companion.demo_sensors import SENSORS, DemoSensor, sensor_named
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import area_error, read_truth, touchdown
 from companion.flight import draw
@@ -32,9 +33,13 @@ from companion.landing.situation import Phase
 from companion.simulated import LockstepClient, LockstepLoop
 from params import Parameters
 
+__all__ = ["Plan", "fly", "sensor_named", "table"]
+
 log = logging.getLogger(__name__)
 
-SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense")
+SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out")
+TAKEOFF_M = {"dust_out": 40.0}
+"""Height to take off to, where it is not 30 m: above the dust."""
 START_LIMIT_S = 180.0
 SETTLE_S = 3.0
 CAR_BELOW_M = 200.0
@@ -51,6 +56,7 @@ class Plan:
     intruder: str = "none"
     point_rate_hz: float = 200_000.0
     limit_s: float = 900.0
+    sensor: DemoSensor = SENSORS[0]
 
 
 def fly(
@@ -92,6 +98,7 @@ def fly(
     summary |= {
         "scene": plan.scene,
         "seed": plan.seed,
+        "sensor": plan.sensor.name,
         "simulated_s": round(elapsed_s, 1),
         "wall_s": round(wall_s, 1),
         "maps": files,
@@ -158,6 +165,7 @@ class _Simulator:
     clock_port: int
     mavlink_port: int
     lidar_port: int
+    radar_port: int
 
 
 def _run(
@@ -190,9 +198,10 @@ async def _mission(
 ) -> Companion:
     companion = Companion(
         f"udpin:127.0.0.1:{simulator.mavlink_port}",
-        f"livox:127.0.0.1:{simulator.lidar_port}",
+        f"{plan.sensor.kind}:127.0.0.1:{simulator.lidar_port}",
         parameters,
         auto=True,
+        radar_url=f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
     )
     watch = asyncio.create_task(_watch(companion, plan, status, interrupts))
     try:
@@ -246,24 +255,27 @@ def _simulator(
     plan: Plan, parameters: Parameters, truth: Path, interrupts: Interrupts
 ) -> Iterator[_Simulator]:
     """Start the simulator in a process of its own; it does not outlive the block."""
-    mavlink_port, lidar_port = _free_udp_ports(2)
+    mavlink_port, lidar_port, radar_port = _free_udp_ports(3)
     command = [
         sys.executable, "-m", "sitl",
         "--scene", plan.scene,
         "--seed", str(plan.seed),
-        "--lidar", "mid360",
+        "--lidar", plan.sensor.simulated,
         "--point-rate", str(plan.point_rate_hz),
         "--mavlink", f"udpout:127.0.0.1:{mavlink_port}",
         "--lidar-to", f"127.0.0.1:{lidar_port}",
         "--lockstep", "0",
         "--speedup", str(plan.speedup),
         "--pilot", "takeoff",
+        "--takeoff-alt", str(TAKEOFF_M.get(plan.scene, 30.0)),
         "--intruder", plan.intruder,
         "--truth", str(truth),
         "--footprint", str(parameters.footprint_m),
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
     ]  # fmt: skip
+    if plan.sensor.radar:
+        command += ["--radar-to", f"127.0.0.1:{radar_port}"]
     processes: list[subprocess.Popen[str]] = []
 
     def kill() -> None:
@@ -281,7 +293,7 @@ def _simulator(
                 )
             )
         process = processes[0]
-        yield _Simulator(process, _ready(process), mavlink_port, lidar_port)
+        yield _Simulator(process, _ready(process), mavlink_port, lidar_port, radar_port)
     finally:
         kill()
         for ended in processes:

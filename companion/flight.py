@@ -33,6 +33,7 @@ def run(
     state: StateDir,
     key_file: Path | None = None,
     record: Path | None = None,
+    radar_url: str | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -50,7 +51,14 @@ def run(
 
     async def fly() -> dict[str, Any]:
         companion = Companion(
-            mavlink_url, lidar_url, parameters, auto=auto, signing=signing, state=state, record=record
+            mavlink_url,
+            lidar_url,
+            parameters,
+            auto=auto,
+            signing=signing,
+            state=state,
+            record=record,
+            radar_url=radar_url,
         )
         return await _run(companion, out)
 

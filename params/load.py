@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from params.table import Parameters, Row, rows
 
-PROFILES = ("quadcopter", "helicopter")
+PROFILES = ("quadcopter", "helicopter", "radar")
 
 
 class ParameterError(ValueError):
@@ -28,7 +28,7 @@ def load(
     Parameters
     ----------
     profile
-        `quadcopter`, `helicopter` or the path of a TOML file. A file may name the profile it starts
+        `quadcopter`, `helicopter`, `radar` or the path of a TOML file. A file may name the profile it starts
         from with `profile = "helicopter"`; otherwise it starts from `quadcopter`.
     settings
         `name=value` strings; name is the Python or the MAVLink name.

@@ -117,14 +117,17 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--lidar",
         default="mid360",
         choices=(*lidars.DEFAULTS, "none"),
-        help="Livox Mid-360, Velodyne VLP-16, Ouster OS1-32, LightWare SF45/B on a serial line, or the "
-        "paper's OPAL (sent as a Livox); all but the first need slz run --set lidar_pitch_deg=90",
+        help="Livox Mid-360, Velodyne VLP-16, Ouster OS1-32, LightWare SF45/B on a serial line, the paper's "
+        "OPAL (sent as a Livox), flash or radar; all but mid360 and radar need --set lidar_pitch_deg=90",
     )
     parser.add_argument(
         "--lidar-to",
         default=None,
         metavar="HOST:PORT|DEVICE",
         help="default: 127.0.0.1 and the sensor's own port; for sf45 a pseudo-terminal, told at the start",
+    )
+    parser.add_argument(
+        "--radar-to", default=None, metavar="HOST:PORT", help="an interferometric radar beside the LiDAR"
     )
     parser.add_argument(
         "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
@@ -202,6 +205,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         wind_ms=options.wind,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
+        radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruder = intruder
     try:
@@ -229,14 +233,14 @@ def _lidar_to(options: argparse.Namespace) -> Address | None:
     return str(options.lidar_to) if options.lidar == "sf45" else _address(options.lidar_to)
 
 
-def _address(text: str) -> tuple[str, int]:
+def _address(text: str, option: str = "--lidar-to") -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not (port.isascii() and port.isdecimal()) or not 0 < int(port) < 65536:
-        raise ValueError(f"--lidar-to {text!r}: write HOST:PORT")
+        raise ValueError(f"{option} {text!r}: write HOST:PORT")
     try:
         found = socket.getaddrinfo(host, int(port), socket.AF_INET, socket.SOCK_DGRAM)
     except (OSError, UnicodeError):
-        raise ValueError(f"--lidar-to {text!r}: the host is unknown") from None
+        raise ValueError(f"{option} {text!r}: the host is unknown") from None
     return str(found[0][4][0]), int(port)
 
 

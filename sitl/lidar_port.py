@@ -7,7 +7,8 @@ import socket
 import tty
 from typing import Protocol
 
-from sitl.pulse_lidar import PoseAt, PulseLidar
+from sitl.pulse_lidar import PoseAt
+from sitl.sensor_clock import Clock
 from sitl.sf45 import Sf45
 from sitl.wire import WireError
 from sitl.world import World
@@ -19,10 +20,23 @@ Address = tuple[str, int] | str
 """Host and port of a UDP socket, or the device of a serial line."""
 
 
+class Sensor(Protocol):
+    """What is carried by a vehicle and sends datagrams."""
+
+    clock: Clock
+
+    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
+        """Measure in [t0_ns, t1_ns) and return what is to be sent."""
+
+
 class LidarPort(Protocol):
     """A sensor and its way out."""
 
     name: str
+
+    @property
+    def sensor(self) -> Sensor | Sf45:
+        """What measures."""
 
     def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> None:
         """Fire what is due in [t0_ns, t1_ns) and send it."""
@@ -34,14 +48,14 @@ class LidarPort(Protocol):
 class UdpPort:
     """Sends packets, whether anybody listens or not."""
 
-    def __init__(self, lidar: PulseLidar, address: tuple[str, int]) -> None:
-        self.lidar = lidar
+    def __init__(self, sensor: Sensor, address: tuple[str, int]) -> None:
+        self.sensor = sensor
         self.name = f"{address[0]}:{address[1]}"
         self._address = address
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> None:
-        for packet in self.lidar.step(t0_ns, t1_ns, pose_at, world):
+        for packet in self.sensor.step(t0_ns, t1_ns, pose_at, world):
             try:
                 self._socket.sendto(packet, self._address)
             except OSError:
@@ -61,7 +75,7 @@ class SerialPort:
     """
 
     def __init__(self, sensor: Sf45, device: str) -> None:
-        self.lidar = sensor
+        self.sensor = sensor
         self._other: int | None = None
         if device == PTY:
             self._line, self._other = os.openpty()
@@ -76,7 +90,7 @@ class SerialPort:
             asked = os.read(self._line, 65536)
         except OSError:
             asked = b""
-        self._write(self.lidar.receive(asked) + self.lidar.step(t0_ns, t1_ns, pose_at, world))
+        self._write(self.sensor.receive(asked) + self.sensor.step(t0_ns, t1_ns, pose_at, world))
 
     def _write(self, data: bytes) -> None:
         if data:

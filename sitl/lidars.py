@@ -1,14 +1,15 @@
-"""The LiDARs that can be simulated, by name."""
+"""The sensors of ground that can be simulated, by name."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sitl.lidar_port import PTY, Address, LidarPort, SerialPort, UdpPort
+from sitl.flash.sensor import FlashSensor
+from sitl.lidar_port import PTY, Address, LidarPort, Sensor, SerialPort, UdpPort
 from sitl.mid360 import Mid360
 from sitl.opal import Opal
 from sitl.ouster import Ouster
-from sitl.pulse_lidar import PulseLidar
+from sitl.radar.sensor import RadarSensor
 from sitl.sf45 import Sf45
 from sitl.vlp16 import Vlp16
 
@@ -17,6 +18,8 @@ DEFAULTS = {
     "vlp16": "127.0.0.1:2368",
     "opal": "127.0.0.1:56301",
     "ouster": "127.0.0.1:7502",
+    "flash": "127.0.0.1:7610",
+    "radar": "127.0.0.1:7611",
     "sf45": PTY,
 }
 """Name of each, and where its data go: to the port that the real one takes, or to a pseudo-terminal."""
@@ -46,7 +49,7 @@ def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Addre
     return UdpPort(_build(name, rng, point_rate_hz), to)
 
 
-def _build(name: str, rng: np.random.Generator, point_rate_hz: int) -> PulseLidar:
+def _build(name: str, rng: np.random.Generator, point_rate_hz: int) -> Sensor:
     match name:
         case "mid360":
             return Mid360(rng, point_rate_hz=point_rate_hz)
@@ -56,4 +59,8 @@ def _build(name: str, rng: np.random.Generator, point_rate_hz: int) -> PulseLida
             return Vlp16(rng, point_rate_hz=point_rate_hz)
         case "ouster":
             return Ouster(rng, point_rate_hz=point_rate_hz)
+        case "flash":
+            return FlashSensor(rng)
+        case "radar":
+            return RadarSensor(rng)
     raise ValueError(f"no LiDAR is named {name!r}: there are {', '.join(DEFAULTS)}")

@@ -36,6 +36,8 @@ class Kind(IntEnum):
     ROCK = 10
     SOIL = 11
     WATER = 12
+    SAND = 13
+    SNOW = 14
 
 
 # Diffuse reflectance near 905 nm: typical textbook values, green plants are bright in the near infrared.
@@ -53,6 +55,8 @@ _REFLECTANCE = {
     Kind.ROCK: 0.25,
     Kind.SOIL: 0.27,
     Kind.WATER: 0.0,
+    Kind.SAND: 0.40,
+    Kind.SNOW: 0.80,
 }
 REFLECTANCE: NDArray[np.float64] = np.array([_REFLECTANCE[kind] for kind in Kind])
 REFLECTANCE.setflags(write=False)

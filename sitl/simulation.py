@@ -13,13 +13,17 @@ from sitl.estimator import EstimateErrors, Estimator
 from sitl.flight_log import FlightLog
 from sitl.intruder import Intruder
 from sitl.lidar_port import Address
+from sitl.optics import Noise, Reach
 from sitl.pilot import Pilot
 from sitl.pose_track import PoseTrack
+from sitl.pulse_lidar import PulseLidar
 from sitl.scenes import Scene
 from sitl.vehicle import Vehicle
 from sitl.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
+IN_DUST = Reach(0.1, 9.0, 0.5, 1.0), Noise(dust=0.3)
+"""How far and how well a LiDAR sees in rotor dust: less than a metre, with echoes of the dust itself."""
 DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
 
 
@@ -47,8 +51,9 @@ class Simulation:
         ready_after_s: float = 5.0,
         mavlink_key: bytes | None = None,
         lidar_ms: int = 10,
+        radar_to: Address | None = None,
     ) -> None:
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
         x, y, heading = scene.home_enu
         self.scene = scene
         self.origin_lla = origin_lla
@@ -61,6 +66,8 @@ class Simulation:
         self.lidar = lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to) if lidar_to else None
         self.lidar_on = True
         self._lidar_ticks = max(1, lidar_ms * 1_000_000 // TICK_NS)
+        self.radar = lidars.open_port("radar", streams[4], point_rate_hz, radar_to) if radar_to else None
+        self._clear = self._sight()
         self.log = FlightLog(self)
         self.intruder: Intruder | None = None
         self.pilot: Pilot | None = None
@@ -139,13 +146,31 @@ class Simulation:
         self.autopilot.receive(message, link, self.now_ns)
 
     def _scan(self) -> None:
-        start = self._track.stamps[0]
-        if self.lidar is not None and self.lidar_on:
-            self.lidar.scan(start, self.now_ns, self._track.at, self.scene.world)
+        if self.scene.dust_below_m > 0:
+            self._raise_dust()
+        span = self._track.stamps[0], self.now_ns
+        for port in (self.lidar if self.lidar_on else None, self.radar):
+            if port is not None:
+                port.scan(*span, self._track.at, self.scene.world)
         self._track.keep_last()
+
+    def _sight(self) -> tuple[Reach, Noise] | None:
+        """Return how far and how well a pulsed LiDAR sees in clear air; None for any other sensor."""
+        sensor = None if self.lidar is None else self.lidar.sensor
+        return (sensor.reach, sensor.noise) if isinstance(sensor, PulseLidar) else None
+
+    def _raise_dust(self) -> None:
+        """Blind a LiDAR while the rotors are near the ground and turn: its pulses end in the dust."""
+        sensor = None if self.lidar is None else self.lidar.sensor
+        if self._clear is None or not isinstance(sensor, PulseLidar):
+            return
+        over_m = self.vehicle.truth.pos_enu_m[2] - self._ground_m
+        dusty = over_m < self.scene.dust_below_m and not self.vehicle.on_ground
+        sensor.reach, sensor.noise = IN_DUST if dusty else self._clear
 
     def close(self) -> None:
         """Close all sockets and lines."""
         self.router.close()
-        if self.lidar is not None:
-            self.lidar.close()
+        for port in (self.lidar, self.radar):
+            if port is not None:
+                port.close()

@@ -9,7 +9,16 @@ from typing import Any
 from companion import folder
 from companion.errors import UsageError
 from companion.figures import save_maps
-from companion.reproduce import identities, landing_points, near_far, page, reliability, room, timing
+from companion.reproduce import (
+    identities,
+    instruments,
+    landing_points,
+    near_far,
+    page,
+    reliability,
+    room,
+    timing,
+)
 from companion.reproduce.near_far import CLIMBS
 from companion.reproduce.page import Section
 from companion.reproduce.places import PLACES
@@ -32,7 +41,7 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
     Parameters
     ----------
     only
-        Cases and scenarios whose name holds this text; all when empty.
+        Cases, scenarios and instruments (flash, radar) whose name holds this text; all when empty.
 
     Raises
     ------
@@ -40,8 +49,9 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
         The folder cannot be written, or no case is called so.
     """
     cases = [case for case in CASES if only in case.name]
-    if not cases:
-        raise UsageError(f"--only {only!r}: there are {', '.join(case.name for case in CASES)}")
+    if not cases and not any(only in name for name in instruments.NAMES):
+        names = [*(case.name for case in CASES), *instruments.NAMES]
+        raise UsageError(f"--only {only!r}: there are {', '.join(names)}")
     folder.prepare(out)
     try:
         sections = _sections(out, cases, only, progress)
@@ -62,14 +72,17 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
     growing = [scenario for scenario in GROWING if only in scenario.name]
     places = [place for place in PLACES if only in place.name]
     climbs = [climb for climb in CLIMBS if only in climb.name]
+    devices = [name for name in instruments.NAMES if only in name]
     in_both_modes = len(rooms) + len(places) + len(climbs)
-    done, steps = 0, 1 + len(cases) + len(growing) + 2 * in_both_modes
+    done, steps = 0, 1 + len(cases) + len(devices) + len(growing) + 2 * in_both_modes
 
     def step(name: str) -> None:
         nonlocal done
         progress(name, done / steps)
         done += 1
 
+    if not cases:
+        return instruments.sections(devices, out, step)
     outcomes: list[Outcome] = []
     certainties: dict[str, reliability.Bins] = {}
     for case in cases:
@@ -91,6 +104,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         *([reliability.section(certainties, out)] if certainties else []),
         *([landing_points.section(places, out, surveys, step)] if places else []),
         timing.section(outcomes, out),
+        *instruments.sections(devices, out, step),
     ]
 
 

@@ -36,7 +36,7 @@ LINE = "lightware:/dev/ttyUSB0,921600"
 CONTROLLED = "livox:0.0.0.0:56301?sensor=192.168.1.100, the address on the sensor's label"
 EXAMPLE = "livox:HOST:PORT (livox:0.0.0.0:56301), velodyne:HOST:PORT or ouster:HOST:PORT?meta=FILE.json"
 METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
-DEFAULT_PORTS = {"livox": None, "velodyne": 2368, "ouster": 7502}
+DEFAULT_PORTS = {"livox": None, "velodyne": 2368, "ouster": 7502, "flash": 7610, "radar": 7611}
 
 
 class Lidar(Protocol):
@@ -201,6 +201,14 @@ def decoder_for(kind: str, setup: str = "") -> Decoder:
             return VelodyneDecoder()
         case "ouster":
             return OusterDecoder(setup)
+        case "flash":
+            from companion.sensors.flash import FlashDecoder
+
+            return FlashDecoder()
+        case "radar":
+            from companion.sensors.radar import RadarDecoder
+
+            return RadarDecoder()
     raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
 
 

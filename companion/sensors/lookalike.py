@@ -11,11 +11,17 @@ OUSTER_ROWS = (16, 32, 64, 128)
 OUSTER_LEGACY_PIXEL, OUSTER_PIXELS = 12, (4, 8, 12, 16)
 OUSTER_PACKET_TYPE = b"\x01\x00"
 
-NAMES = {"livox": "a Livox Mid-360", "velodyne": "a Velodyne", "ouster": "an Ouster"}
+OWN = {b"SLZF": "flash", b"SLZR": "radar"}
+NAMES = {"livox": "a Livox Mid-360", "velodyne": "a Velodyne", "ouster": "an Ouster"} | {
+    "flash": "a flash LiDAR",
+    "radar": "an interferometric radar",
+}
 
 
 def lookalike(packet: bytes) -> str | None:
     """Return the kind of sensor, as in its URL, whose packet this seems to be, None for none known."""
+    if packet[:4] in OWN:
+        return OWN[packet[:4]]
     if _is_livox(packet):
         return "livox"
     if _is_velodyne(packet):

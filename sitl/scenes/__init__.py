@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from sitl.scenes import buildings, dense, hill, mountains, plain, stadium, streets
+from sitl.scenes import (
+    borrow_pit,
+    buildings,
+    dense,
+    dust_out,
+    hill,
+    landing_site,
+    mountains,
+    plain,
+    stadium,
+    streets,
+)
 from sitl.scenes.scene import Polygon, Scene
 
 __all__ = ["NAMES", "Polygon", "Scene", "build"]
@@ -15,6 +26,9 @@ _BUILDERS = {
     "mountains": mountains.build,
     "dense": dense.build,
     "buildings": buildings.build,
+    "borrow_pit": borrow_pit.build,
+    "landing_site": landing_site.build,
+    "dust_out": dust_out.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -18,7 +18,7 @@ class Scene:
 
     ``home_enu`` is (x, y, heading): heading in radians clockwise from north, as autopilots count it
     (the yaw of objects in the world is counter-clockwise from east). ``extent_m`` is (x_min, y_min,
-    x_max, y_max).
+    x_max, y_max). ``dust_below_m``: so low over ground the rotors raise dust that no LiDAR sees through.
     """
 
     name: str
@@ -27,6 +27,7 @@ class Scene:
     home_enu: tuple[float, float, float]
     description: str
     regions: Mapping[str, Polygon]
+    dust_below_m: float = 0.0
 
     @property
     def extent_m(self) -> tuple[float, float, float, float]:

@@ -17,6 +17,8 @@ MICRO_RELIEF_M: dict[Kind, float] = {
     Kind.GRASS: 0.010,
     Kind.SOIL: 0.013,
     Kind.ROCK: 0.06,
+    Kind.SAND: 0.010,
+    Kind.SNOW: 0.010,
 }
 """Standard deviation of single posts; peaks reach about three times as far."""
 LAWN_RELIEF_M = 0.004

@@ -51,7 +51,7 @@ class Bench:
             origin_lla=origin,
             say=self.said.append,
         )
-        self.attached.lidar.lidar.noise = Noise.none()
+        self.attached.lidar.sensor.noise = Noise.none()
         self.boot_ms = 40_000
         self.now_s = 0.0
 
@@ -124,7 +124,7 @@ def test_points_of_a_turning_vehicle_lie_on_the_ground(scene: Scene) -> None:
         bench.pose(15.0, np.array([math.cos(half), math.sin(half), 0.0, 0.0]))
     stamps, xyz = points(bench.packets())
     bench.close()
-    boot_ms = 40_010 + (stamps - bench.attached.lidar.lidar.clock.offset_ns) * 1e-6
+    boot_ms = 40_010 + (stamps - bench.attached.lidar.sensor.clock.offset_ns) * 1e-6
     hit = np.linalg.norm(xyz, axis=1) > 0
     body = xyz @ Mount().rotation_frd_from_sensor().T + np.array(Mount().lever_frd_m)
 

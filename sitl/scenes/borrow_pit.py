@@ -1,0 +1,81 @@
+"""A borrow pit with rocks, craters and two boxes, after the flash LiDAR's test site (Flash §3)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sitl.primitives import Box, Ellipsoid, Kind, Solid
+from sitl.scenes.scene import Scene, rectangle
+from sitl.scenes.terrain import Terrain
+from sitl.world import World
+
+BOXES = ((-4.0, 0.0, 1.0), (4.0, 0.0, 2.0))
+"""East, north and height of the two boxes; each is 3 m square."""
+BOX_SIDE_M = 3.0
+PLOT_M = 24.0
+"""Half side of the floor on which hazards lie."""
+SPACING_M = 4.0
+
+
+def build(seed: int) -> Scene:
+    """Return the pit: a floor of 60 m, rim 4 m high, hazards of 0.3 m to 2.5 m on a jittered lattice."""
+    terrain_rng, rng = np.random.default_rng(seed).spawn(2)
+    terrain = Terrain(60.0, 0.2, terrain_rng)
+    terrain.cover(terrain.rectangle(-60, -60, 60, 60), Kind.SOIL)
+    away = np.maximum(np.abs(terrain.x), np.abs(terrain.y))
+    terrain.swell(0.05, 40.0)
+    terrain.z += 4.0 / (1.0 + np.exp(-(away - 40.0) / 1.5))
+    solids: list[Solid] = [
+        Box(x, y, terrain.at(x, y) - 0.3, BOX_SIDE_M, BOX_SIDE_M, h + 0.3, 0.0, Kind.WOOD, f"box-{h:g}m")
+        for x, y, h in BOXES
+    ]
+    _scatter(terrain, solids, rng)
+    return Scene(
+        name="borrow_pit",
+        seed=seed,
+        world=World(terrain.ground(), solids),
+        home_enu=(0.0, -30.0, 0.0),
+        description="Pit with rocks, hemispheres and craters of 0.3 m and more, and boxes of 1 m and 2 m",
+        regions={
+            "boxes": rectangle(-7.0, -3.0, 7.0, 3.0),
+            "floor": rectangle(-PLOT_M, -PLOT_M, PLOT_M, PLOT_M),
+        },
+    )
+
+
+def _scatter(terrain: Terrain, solids: list[Solid], rng: np.random.Generator) -> None:
+    """Put rocks, hemispheres and craters on a jittered lattice, clear of the boxes and of each other."""
+    for k, (x, y) in enumerate(_places(rng)):
+        kind = rng.random()
+        size = float(0.3 * (2.5 / 0.3) ** (rng.random() ** 1.6))
+        if kind < 0.2:
+            depth = min(size, 1.0)
+            _crater(terrain, x, y, depth)
+        elif kind < 0.4:
+            r = min(size, 1.2)
+            solids.append(Ellipsoid(x, y, terrain.at(x, y), r, r, r, Kind.CONCRETE, f"dome-{k}-{r:.2f}"))
+        else:
+            h = min(size, 1.5)
+            a, b = h * rng.uniform(0.8, 1.4, 2)
+            solids.append(Ellipsoid(x, y, terrain.at(x, y), a, b, h, Kind.ROCK, f"rock-{k}-{h:.2f}"))
+
+
+def _places(rng: np.random.Generator) -> list[tuple[float, float]]:
+    axis = np.arange(-PLOT_M + 2.0, PLOT_M, SPACING_M)
+    places = []
+    for y in axis:
+        for x in axis:
+            px, py = x + rng.uniform(-0.5, 0.5), y + rng.uniform(-0.5, 0.5)
+            if rng.random() < 0.6 and not (abs(py) < 5.0 and abs(px) < 9.0):
+                places.append((float(px), float(py)))
+    return places
+
+
+def _crater(terrain: Terrain, x: float, y: float, depth_m: float) -> None:
+    """Dig a bowl three times as wide as deep to its rim, with no wall around it."""
+    radius = 1.5 * depth_m
+    way = np.hypot(terrain.x - x, terrain.y - y) / radius
+    inside = way < 1.0
+    terrain.z[inside] -= depth_m * 0.5 * (1 + np.cos(math.pi * way[inside]))

@@ -1,0 +1,61 @@
+"""Which frames are worth processing (Flash §4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from slz.flash.ranging import RangeImage
+from slz.kernels.waveform import GOOD, MISSING, SATURATED
+
+FULL = 0.95
+"""Share of pixels with a return, "close to 100 %", from which a frame is whole."""
+LIMIT = (0.5, 0.7)
+"""Shares of a frame at the limit of detection."""
+MOST_SATURATED = 0.2
+
+
+class Quality(Enum):
+    """What a frame is good for. Only WHOLE and PARTIAL ones are mapped."""
+
+    WHOLE = "whole"
+    PARTIAL = "partial"
+    LIMIT = "at the limit of detection"
+    SATURATED = "saturated"
+    EMPTY = "empty"
+
+
+@dataclass(frozen=True, slots=True)
+class Triage:
+    """Verdict on a frame, with the shares of its pixels that gave a return and that were saturated."""
+
+    quality: Quality
+    returned: float
+    saturated: float
+
+    @property
+    def usable(self) -> bool:
+        """Whether its ranges are to be mapped."""
+        return self.quality in (Quality.WHOLE, Quality.PARTIAL)
+
+
+def triage(image: RangeImage) -> Triage:
+    """Sort a frame by the share of pixels with a return and of saturated ones.
+
+    Between 70 and 95 % the frame is partial: the source does not name that case; what it shows is used, and
+    what it does not show stays unknown. Below 50 % noise triggers too large a part of what there is.
+    """
+    returned = float(np.mean(image.state != MISSING))
+    saturated = float(np.mean(image.state == SATURATED))
+    good = float(np.mean(image.state == GOOD))
+    if saturated > MOST_SATURATED:
+        quality = Quality.SATURATED
+    elif good < LIMIT[0]:
+        quality = Quality.EMPTY
+    elif good <= LIMIT[1]:
+        quality = Quality.LIMIT
+    else:
+        quality = Quality.WHOLE if good >= FULL else Quality.PARTIAL
+    return Triage(quality, returned, saturated)

@@ -1,0 +1,42 @@
+"""Median of an image over nine, six or four points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+
+@kernel("float64[:, :](float64[:, :])")
+def median_of_neighbours(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the median of 3 x 3 points, 6 at edges and 4 at corners, over those that are there (Flash Eq.
+    1).
+
+    Where no more than half of the points are there, the result is NaN: a hole is not filled from its rim.
+    """
+    rows, cols = image.shape
+    out = np.empty((rows, cols))
+    held = np.empty(9)
+    for r in range(rows):
+        for c in range(cols):
+            n = every = 0
+            for i in range(max(0, r - 1), min(rows, r + 2)):
+                for j in range(max(0, c - 1), min(cols, c + 2)):
+                    every += 1
+                    value = image[i, j]
+                    if np.isnan(value):
+                        continue
+                    k = n
+                    while k > 0 and held[k - 1] > value:
+                        held[k] = held[k - 1]
+                        k -= 1
+                    held[k] = value
+                    n += 1
+            if 2 * n <= every:
+                out[r, c] = np.nan
+            elif n % 2:
+                out[r, c] = held[n // 2]
+            else:
+                out[r, c] = 0.5 * (held[n // 2 - 1] + held[n // 2])
+    return out

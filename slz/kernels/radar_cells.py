@@ -1,0 +1,131 @@
+"""Cells of a ground-range DEM: one observation's points into them, and several observations together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+WEIGHT, HEIGHT, SQUARE, VARIANCE, TURN = range(5)
+SUMS = 5
+PARTS = 3  # points along the beam that stand for a sample
+TURNS = 2  # whole turns of the phase that an observation may be off by
+CAP = 16.0  # of a squared deviation in standard deviations
+RIVAL = 9.0  # cost by which the best height must lead over another one
+
+F64 = NDArray[np.float64]
+
+
+@kernel(
+    "void(float64[:, :], float64[:], float64[:], float64[:], float64, float64, float64, float64,"
+    " float64[:, :, :])"
+)
+def add_samples(
+    points: F64,
+    sigma: F64,
+    turn: F64,
+    ahead: F64,
+    azimuth: float,
+    west: float,
+    south: float,
+    cell: float,
+    sums: F64,
+) -> None:
+    """Add samples to the cells under their beam: sums of weight, height, its square, variance and turn."""
+    rows, cols = sums.shape[:2]
+    for i in range(len(points)):
+        weight = 1.0 / (sigma[i] * sigma[i])
+        for part in range(PARTS):
+            along = azimuth * ((part + 0.5) / PARTS - 0.5)
+            c = int(np.floor((points[i, 0] + along * ahead[0] - west) / cell))
+            r = int(np.floor((points[i, 1] + along * ahead[1] - south) / cell))
+            if r < 0 or c < 0 or r >= rows or c >= cols:
+                continue
+            z = points[i, 2]
+            sums[r, c, WEIGHT] += weight
+            sums[r, c, HEIGHT] += weight * z
+            sums[r, c, SQUARE] += weight * z * z
+            sums[r, c, VARIANCE] += 1.0
+            sums[r, c, TURN] += weight * turn[i]
+
+
+@kernel(
+    "void(float64[:, :, :], float64[:, :, :], float64[:, :, :], int64, float64, float64[:, :], float64[:, :])"
+)
+def fuse_cells(
+    height: F64, sigma: F64, turn: F64, least: int, most_apart: float, out_height: F64, out_sigma: F64
+) -> None:
+    """Fuse observations (k, rows, cols) of each cell by weight; NaN where they do not tell one height.
+
+    Each observation may be whole turns of its phase off. Every height that any of them allows is a candidate;
+    its cost is the sum over the observations of the squared distance, in standard deviations, to the
+    nearest height that this one allows, and one more unit for each turn. The best must lead by `RIVAL` over
+    all that differ from it by more than `most_apart`, and `least` observations must agree with it: else the
+    cell is unknown. What still differs raises the standard deviation.
+    """
+    n, rows, cols = height.shape
+    for r in range(rows):
+        for c in range(cols):
+            out_height[r, c], out_sigma[r, c] = np.nan, np.nan
+            there = 0
+            for k in range(n):
+                there += not np.isnan(height[k, r, c])
+            if there < least:
+                continue
+            best, best_cost = np.nan, np.inf
+            for k in range(n):
+                for t in range(-TURNS, TURNS + 1):
+                    z = height[k, r, c] + t * turn[k, r, c]
+                    if np.isnan(z):
+                        continue
+                    cost = 0.0
+                    for other in range(n):
+                        h = height[other, r, c]
+                        if np.isnan(h):
+                            continue
+                        off = (z - h) / turn[other, r, c]
+                        turns = min(max(np.floor(off + 0.5), -TURNS), TURNS)
+                        away = (z - h - turns * turn[other, r, c]) / sigma[other, r, c]
+                        cost += min(away * away, CAP) + abs(turns)
+                    if cost < best_cost:
+                        best, best_cost = z, cost
+            weight = total = square = 0.0
+            agree = 0
+            for k in range(n):
+                h = height[k, r, c]
+                if np.isnan(h):
+                    continue
+                turns = min(max(np.floor((best - h) / turn[k, r, c] + 0.5), -TURNS), TURNS)
+                h += turns * turn[k, r, c]
+                w = 1.0 / sigma[k, r, c] ** 2
+                if (h - best) ** 2 * w > CAP:
+                    continue
+                agree += 1
+                weight += w
+                total += w * h
+                square += w * h * h
+            if agree < least:
+                continue
+            mean = total / weight
+            rival = np.inf
+            if there > 1:
+                for k in range(n):
+                    for t in range(-TURNS, TURNS + 1):
+                        z = height[k, r, c] + t * turn[k, r, c]
+                        if np.isnan(z) or abs(z - mean) <= most_apart:
+                            continue
+                        cost = 0.0
+                        for other in range(n):
+                            h = height[other, r, c]
+                            if np.isnan(h):
+                                continue
+                            turns = min(max(np.floor((z - h) / turn[other, r, c] + 0.5), -TURNS), TURNS)
+                            away = (z - h - turns * turn[other, r, c]) / sigma[other, r, c]
+                            cost += min(away * away, CAP) + abs(turns)
+                        rival = min(rival, cost)
+            if rival - best_cost < RIVAL:
+                continue
+            out_height[r, c] = mean
+            scatter = max(0.0, square / weight - mean * mean)
+            out_sigma[r, c] = np.sqrt(1.0 / weight + scatter / max(1, agree - 1))

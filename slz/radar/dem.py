@@ -1,0 +1,103 @@
+"""Ground-range DEMs with standard deviations: of one observation, and of several together (Radar §3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Grid
+from slz.kernels.radar_cells import HEIGHT, SQUARE, TURN, VARIANCE, WEIGHT, add_samples, fuse_cells
+from slz.radar.heights import Heights, heights
+from slz.radar.interferogram import interferogram
+from slz.radar.interferometer import Interferometer
+from slz.radar.lines import RadarLines
+
+F64 = NDArray[np.float64]
+MOST_SIGMA_M = 0.25
+"""Cells less certain are unknown."""
+APART_M = 0.3
+"""Heights of one cell that differ by more are two."""
+
+
+@dataclass(frozen=True, slots=True)
+class RadarDem:
+    """Heights of cells with their standard deviations, both NaN where unknown; arrays [row = y, col = x], m.
+
+    turn_m : height of a whole turn of the phase, NaN where several observations were fused.
+    """
+
+    grid: Grid
+    height_m: F64
+    sigma_m: F64
+    turn_m: F64
+
+    def points(self) -> tuple[F64, F64]:
+        """Return the centres (n, 3) of the known cells, and their standard deviations (n,)."""
+        row, col = np.nonzero(np.isfinite(self.height_m))
+        g = self.grid
+        east, north = g.west_m + (col + 0.5) * g.cell_m, g.south_m + (row + 0.5) * g.cell_m
+        return np.column_stack([east, north, self.height_m[row, col]]), self.sigma_m[row, col]
+
+
+def observe(lines: RadarLines, radar: Interferometer, grid: Grid, *, common_band: bool = True) -> RadarDem:
+    """Run one observation from complex images to a DEM."""
+    return grid_heights(heights(interferogram(lines, radar, common_band), lines, radar), radar, grid)
+
+
+def grid_heights(found: Heights, radar: Interferometer, grid: Grid) -> RadarDem:
+    """Return the DEM of one observation's points.
+
+    Samples overlap, so those of one cell are not independent: its standard deviation is that of one of
+    them, with their scatter added.
+    """
+    sums = np.zeros((grid.rows, grid.cols, 5))
+    add_samples(
+        found.points_m, found.sigma_m, found.turn_m, found.ahead, radar.azimuth_m,
+        grid.west_m, grid.south_m, grid.cell_m, sums,
+    )  # fmt: skip
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = sums[..., HEIGHT] / sums[..., WEIGHT]
+        scatter = np.maximum(sums[..., SQUARE] / sums[..., WEIGHT] - mean**2, 0.0)
+        sigma = np.sqrt(sums[..., VARIANCE] / sums[..., WEIGHT] + scatter)
+        turn = sums[..., TURN] / sums[..., WEIGHT]
+    return _certain(RadarDem(grid, mean, sigma, turn))
+
+
+def fuse(observations: Sequence[RadarDem], least: int | None = None) -> RadarDem:
+    """Fuse observations of one grid by weight, whole turns of the phase settled among them.
+
+    Parameters
+    ----------
+    least
+        Observations that must agree on a cell's height; by default half of them and one more. On a crate
+        about as high as a turn of the phase, one observation alone may see level ground.
+
+    Raises
+    ------
+    ValueError
+        There is none, or they are of different grids.
+    """
+    if not observations:
+        raise ValueError("radar: no observation to fuse")
+    grid = observations[0].grid
+    if any(o.grid != grid for o in observations):
+        raise ValueError("radar: the observations have different grids: lay all on one before they are fused")
+    stack = [
+        np.ascontiguousarray(np.stack(part))
+        for part in zip(*((o.height_m, o.sigma_m, o.turn_m) for o in observations), strict=True)
+    ]
+    height, sigma = np.empty((grid.rows, grid.cols)), np.empty((grid.rows, grid.cols))
+    least = len(observations) // 2 + 1 if least is None else least
+    fuse_cells(stack[0], stack[1], stack[2], least, APART_M, height, sigma)
+    return _certain(RadarDem(grid, height, sigma, np.full_like(height, np.nan)))
+
+
+def _certain(dem: RadarDem) -> RadarDem:
+    with np.errstate(invalid="ignore"):
+        doubtful = ~(dem.sigma_m < MOST_SIGMA_M)
+    for layer in (dem.height_m, dem.sigma_m, dem.turn_m):
+        layer[doubtful] = np.nan
+    return dem

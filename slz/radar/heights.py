@@ -1,0 +1,88 @@
+"""Heights of one observation from its interferogram, with their standard deviations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from slz.kernels.unwrap import unwrap_by_quality
+from slz.radar.accuracy import phase_error_rad
+from slz.radar.interferogram import Interferogram
+from slz.radar.interferometer import Interferometer
+from slz.radar.lines import RadarLines
+
+F64 = NDArray[np.float64]
+LEAST_COHERENCE = 0.8
+"""Below is water, shadow, noise, or more than one height in a cell: level ground answers with 0.9."""
+DARK = (3, 5)
+"""Lines and bins of the smallest area that counts as dark, and around which nothing is trusted."""
+LEAST_REGION = 0.02
+"""Share of the largest region, below which a region's turns are not known well enough to use it."""
+FLOOR_M = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """Points of one observation, arrays of one length.
+
+    points_m : (n, 3) in the map frame. sigma_m : standard deviation of the height. turn_m : by how much the
+    height changes with a whole turn of the phase. ahead : (2,) east and north of the track's direction. line,
+    range_m, look_rad : of each point, its line, and where it lies seen from there (look from straight down).
+    """
+
+    points_m: F64
+    sigma_m: F64
+    turn_m: F64
+    ahead: F64
+    line: NDArray[np.int64]
+    range_m: F64
+    look_rad: F64
+
+
+def heights(image: Interferogram, lines: RadarLines, radar: Interferometer) -> Heights:
+    """Unwrap the phase and turn it into points (Radar Eq. 1).
+
+    Points without coherence are left out, as are regions cut off from the rest. Of the whole
+    observation the number of turns is that which brings its median nearest to the level told.
+    """
+    phase, region = unwrap_by_quality(image.phase_rad, _away_from_dark(image.coherence), LEAST_COHERENCE)
+    counts = np.bincount(region.ravel())
+    counts[0] = 0
+    if not counts.any():
+        nothing = np.empty(0)
+        none = np.empty(0, np.int64)
+        return Heights(np.empty((0, 3)), nothing, nothing, _ahead(lines), none, nothing, nothing)
+    used = np.zeros(region.shape, bool)
+    for number in np.flatnonzero(counts >= LEAST_REGION * counts.max()):
+        own = region == number
+        phase[own] -= 2 * np.pi * np.rint(np.median(phase[own]) / (2 * np.pi))
+        used |= own
+    line, column = np.nonzero(used)
+    r, roll = lines.ranges_m[column], lines.roll_rad[line]
+    altitude = lines.altitude_m[line]
+    total = image.flat_rad[used] + phase[used]
+    look = radar.look_rad(r, total, roll)
+    up = altitude - r * np.cos(look)
+    scale = np.abs(radar.metres_per_radian(r, look, roll))
+    sigma = np.hypot(scale * phase_error_rad(image.coherence[used], radar.looks), FLOOR_M)
+    ahead = _ahead(lines)
+    right = np.array([ahead[1], -ahead[0]])
+    across = r * np.sin(look)
+    place = lines.position_m[line, :2] + across[:, np.newaxis] * right
+    points = np.column_stack([place, up + lines.level_m])
+    sound = np.isfinite(points).all(axis=1) & np.isfinite(sigma)
+    turn = 2 * np.pi * scale[sound]
+    return Heights(points[sound], sigma[sound], turn, ahead, line[sound], r[sound], look[sound])
+
+
+def _away_from_dark(coherence: F64) -> F64:
+    """Return the coherence, 0 beside larger areas without: the shore is part of the cells of the water."""
+    dark = ndimage.binary_opening(coherence < LEAST_COHERENCE, np.ones(DARK, bool))
+    return np.where(ndimage.binary_dilation(dark, np.ones(DARK, bool)), 0.0, coherence)
+
+
+def _ahead(lines: RadarLines) -> F64:
+    return np.array([np.sin(lines.heading_rad), np.cos(lines.heading_rad)])

@@ -1,0 +1,133 @@
+"""The flash camera's and the radar's datagrams, from the simulated instruments to points on the ground."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from companion.errors import UsageError
+from companion.fusion.pose_history import PoseHistory
+from companion.sensors.beside import open_beside
+from companion.sensors.driver import decoder_for
+from companion.sensors.flash import FlashDecoder
+from companion.sensors.lookalike import lookalike
+from companion.sensors.radar import RadarDecoder
+from companion.sensors.returns import RawReturns
+from params import Parameters
+from sitl.flash.sensor import FlashSensor
+from sitl.mount import Mount
+from sitl.primitives import Box, Ground, Kind
+from sitl.radar.sensor import BODY, RadarSensor
+from sitl.world import World
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+SECOND = 1_000_000_000
+DOWN = Mount((0.1, 0.0, 0.05), 0.0, 90.0, 0.0)
+CRATE = Box(36.0, 4.0, -0.3, 3.0, 3.0, 1.1)
+
+
+def world(*solids: Box) -> World:
+    """Return ground that rises to the north, with things on it."""
+    axis = np.arange(-150.0, 151.0, 4.0)
+    z = np.broadcast_to(0.03 * axis[:, np.newaxis], (len(axis), len(axis))).copy()
+    return World(Ground(-150.0, -150.0, 4.0, z, np.full((len(axis) - 1,) * 2, Kind.GRASS, np.uint8)), solids)
+
+
+def swaying(stamps: I64) -> tuple[F64, F64]:
+    """Fly north at 4 m/s, 25 m high, rolling and pitching by some degrees."""
+    t = stamps * 1e-9
+    angles = np.column_stack([5 * np.ones_like(t), 3 * np.sin(t), 4 * np.cos(1.3 * t)])
+    quat = Rotation.from_euler("ZYX", angles, degrees=True).as_quat()[:, [3, 0, 1, 2]]
+    return np.column_stack([0 * t, 4 * t - 4, 25 + 0 * t]), quat
+
+
+def decoded(decoder: Any, packets: list[bytes]) -> RawReturns:
+    for packet in packets:
+        assert decoder.check(packet) is not None
+        decoder.take(packet)
+    raw: RawReturns = decoder.drain()
+    return raw
+
+
+def placed(raw: RawReturns, sensor: FlashSensor | RadarSensor, mount: Mount) -> F64:
+    """Place points with the true poses of their stamps."""
+    stamps = sensor.clock.simulated_ns(raw.stamp_ns - sensor.clock.offset_ns)
+    position, quat = swaying(stamps)
+    points: F64 = position + mount.lever_enu_m(quat) + mount.to_enu(raw.xyz_m.astype(float), quat)
+    return points
+
+
+def test_flash_points_lie_on_the_ground_whatever_the_attitude() -> None:
+    sensor, ground = FlashSensor(np.random.default_rng(1)), world()
+    decoder = FlashDecoder()
+    points = placed(decoded(decoder, sensor.step(0, SECOND // 2, swaying, ground)), sensor, DOWN)
+    error = points[:, 2] - ground.surface(points[:, 0], points[:, 1])[0]
+    assert len(points) > 4 * 128 * 128 * 0.98
+    assert abs(np.median(error)) < 0.005
+    assert np.median(np.abs(error)) / 0.6745 < 0.03
+    assert decoder.counters.frames == 4
+    assert decoder.counters.lost_packets == 0
+
+
+def test_radar_points_lie_on_the_ground_whatever_the_attitude() -> None:
+    sensor, ground = RadarSensor(np.random.default_rng(1)), world()
+    decoder = RadarDecoder()
+    points = placed(decoded(decoder, sensor.step(0, 2 * SECOND, swaying, ground)), sensor, BODY)
+    error = points[:, 2] - ground.surface(points[:, 0], points[:, 1])[0]
+    assert len(points) > 2000
+    assert points[:, 0].min() > 10  # it looks to the right, and flies north
+    assert abs(np.median(error)) < 0.02
+    assert np.median(np.abs(error)) / 0.6745 < 0.05
+    assert np.mean(np.abs(error) > 0.3) < 0.01
+
+
+def test_over_a_crate_radar_points_rise_or_are_missing() -> None:
+    sensor, ground = RadarSensor(np.random.default_rng(2)), world(CRATE)
+    points = placed(decoded(RadarDecoder(), sensor.step(0, 4 * SECOND, swaying, ground)), sensor, BODY)
+    on_it = (np.abs(points[:, 0] - CRATE.x_m) < 1.2) & (np.abs(points[:, 1] - CRATE.y_m) < 1.2)
+    low = points[on_it, 2] < 0.03 * points[on_it, 1] + 0.4
+    beside = (np.abs(points[:, 0] - CRATE.x_m) < 1.2) & (np.abs(points[:, 1] - CRATE.y_m - 4) < 1.2)
+    assert low.sum() < 0.1 * beside.sum()
+
+
+def test_a_lost_row_leaves_its_pixels_unknown_and_is_counted() -> None:
+    sensor = FlashSensor(np.random.default_rng(1))
+    packets = sensor.step(0, SECOND // 4, swaying, world())
+    del packets[64]
+    decoder = FlashDecoder()
+    raw = decoded(decoder, packets)
+    assert decoder.counters.lost_packets == 1
+    assert 2 * 128 * 128 - 128 - 200 < len(raw) <= 2 * 128 * 128 - 128
+
+
+def test_a_block_of_noise_gives_nothing_and_breaks_nothing() -> None:
+    packets = RadarSensor(np.random.default_rng(1)).step(0, SECOND, swaying, world())
+    rng = np.random.default_rng(3)
+    noisy = [p[:64] + rng.integers(0, 256, len(p) - 64, np.uint8).tobytes() for p in packets]
+    decoder = RadarDecoder()
+    raw = decoded(decoder, noisy)
+    assert decoder.counters.blocks == 1
+    assert len(raw) < 0.02 * decoder.counters.no_return
+
+
+@pytest.mark.parametrize("kind", ["flash", "radar"])
+def test_what_is_no_packet_is_counted_and_a_foreign_one_is_named(kind: str) -> None:
+    sensor = {"flash": FlashSensor, "radar": RadarSensor}[kind](np.random.default_rng(1))
+    packet = sensor.step(0, SECOND // 5, swaying, world())[0]
+    decoder = decoder_for(kind)
+    for broken in (b"", packet[:20], packet[:-1], b"SLZX" + packet[4:], packet[:4] + b"\x09" + packet[5:]):
+        assert decoder.check(broken) is None
+    assert decoder.counters.malformed == 5
+    assert decoder.kind == kind
+    assert lookalike(packet) == kind
+
+
+def test_only_a_radar_flies_beside_a_lidar() -> None:
+    history = PoseHistory(Parameters())
+    with pytest.raises(UsageError, match="radar:HOST:PORT"):
+        open_beside("livox:0.0.0.0:56301", Parameters(), history, lambda _scan: None)
