@@ -22,7 +22,7 @@ from sitl.vehicle import Vehicle
 from sitl.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
-IN_DUST = Reach(0.1, 9.0, 0.5, 1.0), Noise(dust=0.3)
+IN_DUST = Reach(0.1, 0.9, 0.5, 0.9), Noise(dust=0.3)
 """How far and how well a LiDAR sees in rotor dust: less than a metre, with echoes of the dust itself."""
 DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
 

@@ -48,9 +48,9 @@ def find_hazards(dem_m: F64, grid: Grid, least_m: float = LEAST_M, xi: float = 2
     xi
         Tuning parameter of the segmentation.
 
-    A hazard is a group of segments that stand out by half of `least_m`, one cell of which, with a neighbour
-    at least as far out by three quarters of it, reaches `least_m`. Its height is the median of its cells of
-    at least 0.7 times its highest: a box gets that of its lid.
+    A hazard is a group of segments that stand out by half of `least_m` with four cells between them at most,
+    one cell of which, with a neighbour at least as far out by three quarters of it, reaches `least_m`. Its
+    height is the median of its cells of at least 0.7 times its highest: a box gets that of its lid.
     """
     if dem_m.shape != (grid.rows, grid.cols):
         raise ValueError(f"hazards: the DEM is {dem_m.shape}, its grid {(grid.rows, grid.cols)}")
@@ -62,7 +62,9 @@ def find_hazards(dem_m: F64, grid: Grid, least_m: float = LEAST_M, xi: float = 2
     for sign in (1.0, -1.0):
         with np.errstate(invalid="ignore"):
             out = np.maximum(sign * mean, np.where(sign * dem_m > least_m, sign * dem_m, -np.inf))
-            marked, _ = ndimage.label(np.nan_to_num(out, nan=-np.inf) > SHARE * least_m, np.ones((3, 3)))
+            standing = np.nan_to_num(out, nan=-np.inf) > SHARE * least_m
+        marked, _ = ndimage.label(ndimage.binary_dilation(standing, np.ones((5, 5), bool)), np.ones((3, 3)))
+        marked[~standing] = 0
         for k, box in enumerate(ndimage.find_objects(marked), start=1):
             rows, cols = box
             hazard = _hazard(sign * dem_m[box], marked[box] == k, (rows, cols), grid, least_m, sign)

@@ -14,7 +14,7 @@ MISSING, GOOD, SATURATED, ODD = range(4)
 EDGE = 3  # samples at either end of the buffer in which no maximum is looked for
 CLIPPED_MOST = 4  # clipped samples, beyond which too little of the pulse is left
 STEPS = 5  # of Gauss-Newton, at most
-SETTLED = 1e-4  # samples, below which a step was the last one
+SETTLED = 1e-3  # samples, below which a step was the last one
 ODD_OVER = 9.0  # variance of the residuals over that of the noise, from which it is not one pulse
 
 F64 = NDArray[np.float64]
@@ -153,12 +153,12 @@ def likely_peaks(
                 if total > top:
                     t, top = float(k), total
             n_clipped = 0
-            ss = sss = syd = 0.0
+            ss = sss = syd = sys_ = syy = 0.0
             a, move = 0.0, 1.0
             for step in range(STEPS + 1):
                 s = np.exp(-0.5 * (t / sigma) ** 2)
                 ratio = np.exp((t - 0.5) / sigma**2)
-                ss = sdd = sds = sys_ = syd = 0.0
+                ss = sdd = sds = sys_ = syd = syy = 0.0
                 n_clipped = 0
                 for k in range(m):
                     if y[k] >= clipped - baseline:
@@ -169,6 +169,7 @@ def likely_peaks(
                         sdd += d * d
                         sds += s * d
                         sys_ += s * y[k]
+                        syy += y[k] * y[k]
                         syd += d * y[k]
                     s *= ratio
                     ratio *= bend
@@ -181,14 +182,7 @@ def likely_peaks(
                 t = min(max(t, 0.0), m - 1.0)
             if a < least or sss <= 0.0 or t < 1.0 or t > m - 2.0:
                 continue
-            left = 0.0
-            s = np.exp(-0.5 * (t / sigma) ** 2)
-            ratio = np.exp((t - 0.5) / sigma**2)
-            for k in range(m):
-                if y[k] < clipped - baseline:
-                    left += (y[k] - a * s) ** 2
-                s *= ratio
-                ratio *= bend
+            left = syy - a * sys_  # what the pulse does not explain
             ticks[r, c] = counter[r, c] - m + t
             height[r, c] = a
             error[r, c] = noise / (a * np.sqrt(sss))

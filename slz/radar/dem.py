@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slz.grid import Grid
 from slz.kernels.radar_cells import HEIGHT, SQUARE, TURN, VARIANCE, WEIGHT, add_samples, fuse_cells
-from slz.radar.heights import Heights, heights
+from slz.radar.heights import LEAST_COHERENCE, Heights, heights
 from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
 from slz.radar.lines import RadarLines
@@ -42,9 +42,17 @@ class RadarDem:
         return np.column_stack([east, north, self.height_m[row, col]]), self.sigma_m[row, col]
 
 
-def observe(lines: RadarLines, radar: Interferometer, grid: Grid, *, common_band: bool = True) -> RadarDem:
-    """Run one observation from complex images to a DEM."""
-    return grid_heights(heights(interferogram(lines, radar, common_band), lines, radar), radar, grid)
+def observe(
+    lines: RadarLines,
+    radar: Interferometer,
+    grid: Grid,
+    *,
+    common_band: bool = True,
+    least_coherence: float = LEAST_COHERENCE,
+) -> RadarDem:
+    """Run one observation from complex images to a DEM; points of less coherence are unknown."""
+    image = interferogram(lines, radar, common_band)
+    return grid_heights(heights(image, lines, radar, least_coherence), radar, grid)
 
 
 def grid_heights(found: Heights, radar: Interferometer, grid: Grid) -> RadarDem:

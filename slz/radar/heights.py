@@ -42,13 +42,20 @@ class Heights:
     look_rad: F64
 
 
-def heights(image: Interferogram, lines: RadarLines, radar: Interferometer) -> Heights:
+def heights(
+    image: Interferogram,
+    lines: RadarLines,
+    radar: Interferometer,
+    least_coherence: float = LEAST_COHERENCE,
+) -> Heights:
     """Unwrap the phase and turn it into points (Radar Eq. 1).
 
     Points without coherence are left out, as are regions cut off from the rest. Of the whole
     observation the number of turns is that which brings its median nearest to the level told.
     """
-    phase, region = unwrap_by_quality(image.phase_rad, _away_from_dark(image.coherence), LEAST_COHERENCE)
+    phase, region = unwrap_by_quality(
+        image.phase_rad, _away_from_dark(image.coherence, least_coherence), least_coherence
+    )
     counts = np.bincount(region.ravel())
     counts[0] = 0
     if not counts.any():
@@ -78,9 +85,9 @@ def heights(image: Interferogram, lines: RadarLines, radar: Interferometer) -> H
     return Heights(points[sound], sigma[sound], turn, ahead, line[sound], r[sound], look[sound])
 
 
-def _away_from_dark(coherence: F64) -> F64:
+def _away_from_dark(coherence: F64, least: float) -> F64:
     """Return the coherence, 0 beside larger areas without: the shore is part of the cells of the water."""
-    dark = ndimage.binary_opening(coherence < LEAST_COHERENCE, np.ones(DARK, bool))
+    dark = ndimage.binary_opening(coherence < least, np.ones(DARK, bool))
     return np.where(ndimage.binary_dilation(dark, np.ones(DARK, bool)), 0.0, coherence)
 
 
