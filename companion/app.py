@@ -5,24 +5,27 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import time
 from collections import deque
 from collections.abc import Coroutine
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.clock import now_ns
+from companion.errors import UsageError
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
 from companion.landing.look_ahead import LEVEL_M, held_back
 from companion.landing.operator import Operator
 from companion.landing.order_parameters import OrderParameters
-from companion.landing.situation import FLYING, Phase, Severity, Situation
+from companion.landing.situation import FLYING, Phase, Reply, Severity, Situation
 from companion.landing.watch import PointWatch
+from companion.link.event import Unsubscribe
 from companion.link.link import Link
 from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
@@ -39,6 +42,9 @@ from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps, Zone
+
+if TYPE_CHECKING:
+    from companion.dashboard.page import Front, Page
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +71,8 @@ class Companion:
         Where to remember what is set in flight; None forgets it.
     record
         File to record the flight in.
+    front
+        Where to serve the pilot's page; None for nowhere.
 
     Raises
     ------
@@ -82,10 +90,13 @@ class Companion:
         signing: Signing | None = None,
         state: StateDir | None = None,
         record: Path | None = None,
+        front: Front | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.recorder: Recorder | None = None
         self._record_into = record
+        self._recordings = None if state is None else state.folder / "recordings"
+        self._unsubscribe: list[Unsubscribe] = []
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
         operator = Operator(self)
@@ -119,16 +130,41 @@ class Companion:
         self._blocked = False
         self._flown = False
         self._epoch = self.history.epoch
+        self.page = None if front is None else _page(self, front)
 
     def _record(self, path: Path) -> None:
         stream = self.lidar.stream
-        recorder = self.recorder = Recorder(path, stream.kind, self.settings.running, stream.setup)
-        self.link.on_frame.subscribe(recorder.frame_in)
-        self.link.on_sent.subscribe(recorder.frame_out)
-        self.link.on_time_asked.subscribe(recorder.time_asked)
-        stream.batches.subscribe(recorder.packets)
-        self.worker.on_window.subscribe(recorder.window)
-        self.settings.on_change.subscribe(recorder.changed)
+        recorder = Recorder(path, stream.kind, self.settings.running, stream.setup)
+        self._unsubscribe = [
+            self.link.on_frame.subscribe(recorder.frame_in),
+            self.link.on_sent.subscribe(recorder.frame_out),
+            self.link.on_time_asked.subscribe(recorder.time_asked),
+            stream.batches.subscribe(recorder.packets),
+            self.worker.on_window.subscribe(recorder.window),
+            self.settings.on_change.subscribe(recorder.changed),
+        ]
+        self.recorder = recorder
+
+    async def record(self, on: bool) -> Reply:
+        """Begin a recording in the state directory, or end the one that is made."""
+        if on == (self.recorder is not None):
+            return Reply(False, "recording already" if on else "nothing is recorded")
+        if not on:
+            recorder, self.recorder = self.recorder, None
+            for unsubscribe in self._unsubscribe:
+                unsubscribe()
+            if recorder is not None:
+                await asyncio.get_running_loop().run_in_executor(None, recorder.close)
+            return Reply(True, "recording ended")
+        if self._recordings is None:
+            return Reply(False, "there is no state directory to record in")
+        path = self._recordings / time.strftime("slz-%Y%m%d-%H%M%S.mcap", time.gmtime())
+        try:
+            self._recordings.mkdir(exist_ok=True)
+            self._record(path)
+        except (OSError, UsageError) as error:
+            return Reply(False, f"cannot record: {error}")
+        return Reply(True, f"recording {path.name}")
 
     # ---- life -----------------------------------------------------------------------------------
 
@@ -147,6 +183,8 @@ class Companion:
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
+                if self.page is not None:
+                    parts["page"] = self.page.run()
                 for name, part in parts.items():
                     group.create_task(part, name=name)
         except* _Stopped:
@@ -155,6 +193,8 @@ class Companion:
             raise _first(errors) from None
         finally:
             gc.unfreeze()
+            if self.page is not None:
+                self.page.close()
             self.maps = self.worker.close()
             if self.recorder is not None:
                 self.recorder.close()
@@ -219,6 +259,8 @@ class Companion:
         if self.recorder is not None:
             self.recorder.report(report)
         self.streams.take(report)
+        if self.page is not None:
+            self.page.report(report)
         self._last_report_ns = now_ns()
         for zone in report.zones:
             self.zones_seen[zone.id] = zone
@@ -415,6 +457,12 @@ class Companion:
             return None
         lat, lon, alt = (float(v) for v in self.history.frame.lla(self.path_enu_m[-1]))
         return {"lat": lat, "lon": lon, "alt_m": alt}
+
+
+def _page(companion: Companion, front: Front) -> Page:
+    from companion.dashboard.page import Page  # the server's libraries only where they are used
+
+    return Page(companion, front)
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import signal
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from companion.priority import real_time
 from companion.services import start_signing
 from companion.state import StateDir
 from params import Parameters
+
+if TYPE_CHECKING:
+    from companion.dashboard.page import Front
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +33,7 @@ def run(
     state: StateDir,
     key_file: Path | None = None,
     record: Path | None = None,
+    front: Front | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -47,7 +51,14 @@ def run(
 
     async def fly() -> dict[str, Any]:
         companion = Companion(
-            mavlink_url, lidar_url, parameters, auto=auto, signing=signing, state=state, record=record
+            mavlink_url,
+            lidar_url,
+            parameters,
+            auto=auto,
+            signing=signing,
+            state=state,
+            record=record,
+            front=front,
         )
         return await _run(companion, out)
 
