@@ -49,7 +49,8 @@ export class Bar {
     this._set("distance", shown(away, 0, "m"));
     this._set("latency", shown(this._model.zones?.latency_ms, 0, "ms"));
     this._lamp("link", s.connected && s.heard);
-    this._lamp("lidar", s.lidar_ok);
+    this._lamp("lidar", s.lidar_ok || s.on_ground);
+    setClass(this._lamps.lidar, "off", s.on_ground && !s.lidar_ok);
     this._lamp("map", !s.pipeline_failed && Boolean(this._model.zones));
     const recording = this._model.health?.recording;
     setClass(this._lamps.rec, "off", !recording);

@@ -30,6 +30,7 @@ export class BirdView {
       this._last = now;
       this._draw(now);
       this.frames++;
+
     };
     requestAnimationFrame(draw);
   }

@@ -35,9 +35,9 @@ export function shown(value, digits = 0, unit = "") {
 export const percent = (value, digits = 0) =>
   value === null || value === undefined ? "–" : `${(100 * value).toFixed(digits)} %`;
 
-/** Fit a canvas to its box in device pixels; return width, height and ratio. */
-export function fitCanvas(canvas) {
-  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+/** Fit a canvas to its box in device pixels, or a share of them; return width, height and ratio. */
+export function fitCanvas(canvas, share = 1) {
+  const ratio = share * Math.min(window.devicePixelRatio || 1, 2);
   const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
   const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
   if (canvas.width !== width || canvas.height !== height) {

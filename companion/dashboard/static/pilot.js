@@ -1,7 +1,7 @@
 // The pilot's view: the ground, zones, posts and the way down in space, with an instrument's numbers over it.
 
 import { fitCanvas } from "./dom.js";
-import { add, looking, multiply, perspective, program, project } from "./gl.js";
+import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
 import { Terrain } from "./terrain.js";
 import { STATE_STYLE, styleOf } from "./zones.js";
 
@@ -10,6 +10,7 @@ const SKY = [0.36, 0.45, 0.55];
 const FIELD = (56 * Math.PI) / 180;
 const REACH_M = 110;
 const EYE_DOWN_DEG = 28;
+const GRID_M = 20;
 const GATE_M = 4;
 const GATE_STEP_M = 6;
 
@@ -31,7 +32,8 @@ export class PilotView {
     this.camera = "chase";
     this.look = { yaw: 0, pitch: 0, zoom: 1 };
     this._last = 0;
-    this.gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+    this.plain = drawsInSoftware(); // then fewer triangles and pixels, no smooth edges
+    this.gl = canvas.getContext("webgl2", { antialias: !this.plain, alpha: false });
     if (!this.gl) {
       document.getElementById("no-space").hidden = false;
       return;
@@ -57,7 +59,7 @@ export class PilotView {
 
   _start() {
     const { gl } = this;
-    this.terrain = new Terrain(gl, this.sheets, this.model);
+    this.terrain = new Terrain(gl, this.sheets, this.model, this.plain ? 4 : 2);
     this.lines = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.buffer = gl.createBuffer();
     gl.enable(gl.DEPTH_TEST);
@@ -96,9 +98,9 @@ export class PilotView {
 
   _draw(now) {
     const { gl } = this;
-    const { width, height, ratio } = fitCanvas(this.canvas);
-    fitCanvas(this.hud);
-    gl.viewport(0, 0, width, height);
+    const drawn = fitCanvas(this.canvas, this.plain ? 0.6 : 1);
+    const { width, height, ratio } = fitCanvas(this.hud);
+    gl.viewport(0, 0, drawn.width, drawn.height);
     gl.clearColor(...SKY, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const pen = this.hud.getContext("2d");
@@ -106,7 +108,7 @@ export class PilotView {
     const pose = this.model.pose(now);
     if (!pose || gl.isContextLost()) return;
     const view = this._view(pose);
-    const matrix = multiply(perspective(FIELD, width / height, 0.5, 900), looking(view.eye, view.forward, view.up));
+    const matrix = multiply(perspective(FIELD, width / height, 0.5, 8000), looking(view.eye, view.forward, view.up));
     this._backdrop(view);
     this.terrain.draw(matrix, [view.middle[0], view.middle[1]], REACH_M, SKY);
     this._solids(matrix, pose);
@@ -138,10 +140,17 @@ export class PilotView {
   _backdrop(view) {
     this._shapes = { lines: [], faces: [] };
     const [e, n, u] = view.eye;
-    const far = 800;
-    const low = u - 60;
+    const far = 5000;
+    const low = u - 40;
     const tint = [0.12, 0.14, 0.17, 1];
     this._face([e - far, n - far, low], [e + far, n - far, low], [e + far, n + far, low], [e - far, n + far, low], tint);
+    const ground = u - Math.max(2, this.model.state?.height_m ?? this.model.state?.height_home_m ?? 20) - 1.5;
+    const [e0, n0] = [GRID_M * Math.round(e / GRID_M), GRID_M * Math.round(n / GRID_M)];
+    for (let k = -10; k <= 10; k++) {
+      const [reach, at] = [10 * GRID_M, k * GRID_M];
+      this._line([e0 + at, n0 - reach, ground], [e0 + at, n0 + reach, ground], [0.55, 0.62, 0.7, 0.22]);
+      this._line([e0 - reach, n0 + at, ground], [e0 + reach, n0 + at, ground], [0.55, 0.62, 0.7, 0.22]);
+    }
   }
 
   _solids(matrix, pose) {
@@ -323,7 +332,7 @@ export class PilotView {
 
   _heading(pen, pose, width, r) {
     const [middle, y, per] = [width / 2, 12 * r, 3 * r];
-    const half = Math.min(150 * r, width / 2 - 110 * r);
+    const half = Math.min(150 * r, width / 2 - 136 * r);
     if (half < 40 * r) return;
     pen.save();
     pen.fillStyle = "rgba(10, 13, 17, 0.66)";

@@ -4,7 +4,6 @@ import { program } from "./gl.js";
 import { pathOf, patternOf, styleOf } from "./zones.js";
 
 const TEXELS = 512;
-const VERTICES = 129; // along the side of a block: every other cell
 const PAINT_MS = 900;
 
 const VERTEX = `
@@ -12,40 +11,41 @@ in vec4 place; // east, north, up, known
 uniform mat4 matrix;
 uniform vec3 box; // west, south, size
 uniform float lower;
+uniform float haze;
 out vec2 spot;
 out float known;
-out float away;
+out float fog;
 void main() {
   spot = vec2((place.x - box.x) / box.z, 1.0 - (place.y - box.y) / box.z);
   known = place.w;
   gl_Position = matrix * vec4(place.xy, place.z - lower, 1.0);
-  away = gl_Position.w;
+  fog = 0.85 * (1.0 - exp(-pow(gl_Position.w / haze, 2.0)));
 }`;
 const FRAGMENT = `
 in vec2 spot;
 in float known;
-in float away;
+in float fog;
 uniform sampler2D picture;
 uniform vec3 sky;
-uniform float haze;
 out vec4 colour;
 void main() {
   if (known < 0.98) discard;
   vec4 ground = texture(picture, spot);
   if (ground.a < 0.5) discard;
-  float fog = 1.0 - exp(-pow(away / haze, 2.0));
-  colour = vec4(mix(ground.rgb, sky, fog * 0.85), 1.0);
+  colour = vec4(mix(ground.rgb, sky, fog), 1.0);
 }`;
 
 export class Terrain {
-  constructor(gl, sheets, model) {
-    Object.assign(this, { gl, sheets, model });
+  /** stride: cells from one corner of the mesh to the next. */
+  constructor(gl, sheets, model, stride) {
+    Object.assign(this, { gl, sheets, model, stride });
+    this.n = 256 / stride + 1; // corners along the side of a block
     this.program = program(gl, VERTEX, FRAGMENT);
     this.place = gl.getAttribLocation(this.program.made, "place");
     this.meshes = new Map();
     this.indices = gl.createBuffer();
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.indices);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles(), gl.STATIC_DRAW);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles(this.n), gl.STATIC_DRAW);
     this._canvas = document.createElement("canvas");
     this._canvas.width = this._canvas.height = TEXELS;
   }
@@ -62,20 +62,21 @@ export class Terrain {
     gl.uniform1f(p.uniforms.haze, 2.4 * reach);
     gl.uniform1i(p.uniforms.picture, 0);
     const wanted = new Set();
-    let painted = false;
     for (const block of blocks) {
       const key = `${block.sheet}/${block.key}`;
       wanted.add(key);
       const mesh = this._mesh(key, block);
-      painted = this._paint(mesh, block, painted) || painted;
+      mesh.block = block;
+      if (!mesh.painted) continue;
       gl.bindTexture(gl.TEXTURE_2D, mesh.texture);
       gl.uniform3f(p.uniforms.box, block.data.west, block.data.south, block.data.side * block.data.cell);
       gl.uniform1f(p.uniforms.lower, block.sheet === "far" ? 0.6 : 0);
       gl.bindVertexArray(mesh.array);
-      gl.drawElements(gl.TRIANGLES, 6 * (VERTICES - 1) ** 2, gl.UNSIGNED_SHORT, 0);
+      gl.drawElements(gl.TRIANGLES, 6 * (this.n - 1) ** 2, gl.UNSIGNED_SHORT, 0);
     }
     gl.bindVertexArray(null);
     for (const [key, mesh] of this.meshes) if (!wanted.has(key)) this._drop(key, mesh);
+    this._paintOne();
     return blocks.length;
   }
 
@@ -95,17 +96,24 @@ export class Terrain {
     if (mesh.data !== block.data) {
       mesh.data = block.data;
       gl.bindBuffer(gl.ARRAY_BUFFER, mesh.buffer);
-      gl.bufferData(gl.ARRAY_BUFFER, vertices(block.data), gl.DYNAMIC_DRAW);
+      gl.bufferData(gl.ARRAY_BUFFER, vertices(block.data, this.n, this.stride), gl.DYNAMIC_DRAW);
     }
     return mesh;
   }
 
-  /** Paint a block with its zones when they changed, one block a frame, each about once a second. */
-  _paint(mesh, block, busy) {
+  /** Paint one block whose ground or zones changed: the one that waits for longest, each once a second at most. */
+  _paintOne() {
     const now = performance.now();
     const zones = `${this.model.zones?.number}/${this.model.picked?.zone?.id}/${this.sheets.layer}`;
-    const fresh = mesh.painted === block.data && mesh.zones === zones;
-    if (fresh || (mesh.painted && (busy || now - mesh.paintedAt < PAINT_MS))) return false;
+    const due = [...this.meshes.values()].filter(
+      (mesh) => (mesh.painted !== mesh.block.data || mesh.zones !== zones) && now - mesh.paintedAt > PAINT_MS,
+    );
+    if (!due.length) return;
+    const mesh = due.reduce((a, b) => (b.paintedAt < a.paintedAt ? b : a));
+    this._paint(mesh, mesh.block, zones, now);
+  }
+
+  _paint(mesh, block, zones, now) {
     Object.assign(mesh, { painted: block.data, zones, paintedAt: now });
     const pen = this._canvas.getContext("2d");
     const { west, south, side, cell } = block.data;
@@ -137,7 +145,6 @@ export class Terrain {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
-    return true;
   }
 
   _drop(key, mesh) {
@@ -149,24 +156,24 @@ export class Terrain {
   }
 }
 
-/** Corners of every other cell, the last column and row at the block's edge. */
-function vertices({ side, west, south, cell, height }) {
-  const out = new Float32Array(4 * VERTICES * VERTICES);
-  for (let row = 0, at = 0; row < VERTICES; row++) {
-    const r = Math.min(side - 1, 2 * row);
-    for (let col = 0; col < VERTICES; col++, at += 4) {
-      const c = Math.min(side - 1, 2 * col);
+/** Corners every few cells, the last column and row at the block's edge. */
+function vertices({ side, west, south, cell, height }, n, stride) {
+  const out = new Float32Array(4 * n * n);
+  for (let row = 0, at = 0; row < n; row++) {
+    const r = Math.min(side - 1, stride * row);
+    for (let col = 0; col < n; col++, at += 4) {
+      const c = Math.min(side - 1, stride * col);
       const h = nearest(height, side, r, c);
-      out[at] = west + 2 * col * cell;
-      out[at + 1] = south + 2 * row * cell;
+      out[at] = west + stride * col * cell;
+      out[at + 1] = south + stride * row * cell;
       out[at + 2] = h === h ? h : 0;
       out[at + 3] = h === h ? 1 : 0;
     }
   }
   // Where nothing is known, stand as high as a known neighbour, so that edges do not hang.
-  for (let i = 0; i < VERTICES * VERTICES; i++) {
+  for (let i = 0; i < n * n; i++) {
     if (out[4 * i + 3]) continue;
-    for (const j of [i - 1, i + 1, i - VERTICES, i + VERTICES]) if (out[4 * j + 3]) out[4 * i + 2] = out[4 * j + 2];
+    for (const j of [i - 1, i + 1, i - n, i + n]) if (out[4 * j + 3]) out[4 * i + 2] = out[4 * j + 2];
   }
   return out;
 }
@@ -180,8 +187,7 @@ function nearest(height, side, row, col) {
   return NaN;
 }
 
-function triangles() {
-  const n = VERTICES;
+function triangles(n) {
   const out = new Uint16Array(6 * (n - 1) * (n - 1));
   for (let row = 0, at = 0; row < n - 1; row++) {
     for (let col = 0; col < n - 1; col++) {
