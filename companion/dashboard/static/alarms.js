@@ -32,7 +32,7 @@ export class Alarms {
     if (now === this._shown) return;
     this._shown = now;
     this._box.replaceChildren(...items.map((item) => this._banner(item)));
-    document.title = items.length ? `⚠ ${items[0].text}` : "slz – landing zones";
+    document.title = items.length ? `(!) ${items[0].text}` : "slz – landing zones";
   }
 
   /** Silence everything that sounds; what stands stays in sight. */
@@ -48,7 +48,7 @@ export class Alarms {
     return el(
       "div",
       { class: `alarm ${item.level}${item.loud ? "" : " quiet"}`, "data-key": item.key },
-      el("span", { class: "mark", text: item.level === "critical" ? "⛔" : "⚠", "aria-hidden": "true" }),
+      el("span", { class: "mark", text: "!", "aria-hidden": "true" }),
       el("span", { text: item.text }),
       button,
     );

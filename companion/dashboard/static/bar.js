@@ -5,7 +5,7 @@ import { byId, el, setClass, setText, shown } from "./dom.js";
 const NUMBERS = [
   ["mode", "Mode", false],
   ["height", "Height", false],
-  ["speed", "Speed", false],
+  ["speed", "Speed", true],
   ["sink", "Climb", true],
   ["battery", "Battery", false],
   ["distance", "To point", true],

@@ -273,7 +273,8 @@ export class BirdView {
     const point = this.model.selected();
     if (!point) return;
     const r = this._ratio;
-    point.obstacles.forEach((obstacle, i) => {
+    const labelled = [];
+    for (const obstacle of point.obstacles) {
       const [west, south, east, north] = obstacle.extent_m;
       pen.beginPath();
       for (const [e, n] of [[west, south], [east, south], [east, north], [west, north]]) pen.lineTo(...this.place(e, n));
@@ -294,8 +295,11 @@ export class BirdView {
       pen.closePath();
       pen.fill();
       pen.stroke();
-      if (i < OBSTACLE_LABELS && this.scale > 2.2) this._tag(pen, x, y + 12 * r, `${obstacle.height_m.toFixed(1)} m`, "#ffcf87");
-    });
+      const crowded = labelled.some(([a, b]) => Math.abs(a - x) < 40 * r && Math.abs(b - y) < 13 * r);
+      if (crowded || labelled.length >= OBSTACLE_LABELS || this.scale < 1.5) continue;
+      labelled.push([x, y]);
+      this._tag(pen, x, y + 12 * r, `${obstacle.height_m.toFixed(1)} m`, "#ffcf87");
+    }
   }
 
   _tag(pen, x, y, text, colour) {

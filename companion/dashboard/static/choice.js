@@ -68,7 +68,7 @@ export class Choice {
     const may = this._model.operator && Boolean(state) && this._model.about.kind === "flight";
     const ready = may && state.connected && !this._link.stale;
     byId("select").disabled = !ready || !picked || (picked.zone !== null && this._isFar(picked.zone));
-    byId("confirm").disabled = !ready || !point || point.state === "unsafe" || !state.guided || this._descending();
+    byId("confirm").disabled = !ready || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
     byId("best").disabled = !ready || !state.guided || !this._model.near().length || this._descending();
     byId("now").disabled = !ready || !state.armed || state.on_ground;
     byId("abort").disabled = !may;
@@ -80,6 +80,12 @@ export class Choice {
 
   _descending() {
     return ["descend", "final"].includes(this._model.state.phase);
+  }
+
+  /** Whether it flies there already, or comes down somewhere. */
+  _flownTo(point) {
+    const aim = this._model.aim();
+    return this._descending() || (aim !== null && Math.hypot(aim[0] - point.enu_m[0], aim[1] - point.enu_m[1]) < NEAR_M);
   }
 
   _isFar(zone) {
@@ -149,7 +155,7 @@ export class Choice {
         ["Way in", point.way_in_deg === null ? "–" : `${String(point.way_in_deg).padStart(3, "0")}°`],
         ["Map", point.judged_by === "none" ? "–" : point.judged_by],
         ["Obstacles", `${point.obstacles.length}${point.obstacles.length === 40 ? "+" : ""}`],
-        ["Nearest", nearest ? `${nearest.height_m.toFixed(1)} m at ${nearest.distance_m.toFixed(0)} m` : "–"],
+        ["Nearest", nearest ? `${nearest.height_m.toFixed(1)} / ${nearest.distance_m.toFixed(0)} m` : "–"],
       ]),
     ];
   }
