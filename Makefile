@@ -38,7 +38,7 @@ types: setup
 	$(BIN)/mypy
 
 unit: setup
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench and not browser"
 
 bench: setup
 	$(BIN)/python -m pytest -m bench

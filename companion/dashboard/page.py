@@ -80,7 +80,7 @@ class Page:
     """Shows a companion and takes orders for it."""
 
     def __init__(self, companion: Companion, front: Front) -> None:
-        self._companion, self._front = companion, front
+        self._companion, self.front = companion, front
         self.board = Board(companion.parameters)
         self.starts = 0
         self._server: Server | None = None
@@ -91,7 +91,7 @@ class Page:
     async def run(self) -> None:
         """Serve until cancelled; when the page's thread ends, start it anew after a growing pause."""
         pause_s = FIRST_PAUSE_S
-        log.info("the page is at http://%s/", self._front.address)
+        log.info("the page is at http://%s/", self.front.address)
         while True:
             begun_s = time.monotonic()
             try:
@@ -113,7 +113,7 @@ class Page:
         """End the page and free its port."""
         if self._server is not None:
             self._server.stop()
-        self._front.close()
+        self.front.close()
 
     # ---- parts ----------------------------------------------------------------------------------
 
@@ -124,7 +124,7 @@ class Page:
         self._anew = True
         self._companion.worker.look = self._look
         desk = FlightDesk(self._companion)
-        server = self._server = serve(self._front, self.board, desk, about(self._companion.settings.rows))
+        server = self._server = serve(self.front, self.board, desk, about(self._companion.settings.rows))
         try:
             while server.alive:
                 self._observe()

@@ -1,9 +1,10 @@
 """The page over real sockets: what it serves, what it refuses, and that nobody waits for a browser."""
 
 import asyncio
+import contextlib
 import json
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -22,15 +23,8 @@ from tests.unit.companion.dashboard.test_map_blocks import drawn, tile
 from tests.unit.companion.landing.flight import Flight, zone
 
 OPERATOR, VIEWER = "o" * 20, "v" * 20
-STATE = {
-    **QUIET,
-    "phase": "idle",
-    "mode": "GUIDED",
-    "north_m": 0.0,
-    "up_m": 20.0,
-    "battery_pct": 80.0,
-    "height_m": 20.0,
-}
+PLACE = {"north_m": 0.0, "up_m": 20.0, "height_m": 20.0}
+STATE = {**QUIET, **PLACE, "phase": "idle", "mode": "GUIDED", "battery_pct": 80.0}
 
 
 class Clerk:
@@ -96,15 +90,22 @@ def tokens(tmp_path: Path) -> Path:
     return file
 
 
-async def heard(
-    page: ClientConnection, kind: str, found: Callable[[Any], bool] = lambda _: True
-) -> dict[str, Any]:
+async def heard(page: ClientConnection, kind: str) -> dict[str, Any]:
     """Return the first message of a kind."""
     async with asyncio.timeout(10):
         while True:
             message: dict[str, Any] = json.loads(await page.recv())
-            if message["t"] == kind and found(message):
+            if message["t"] == kind:
                 return message
+
+
+async def ended(page: ClientConnection) -> int | None:
+    """Wait until the page's channel is closed; return the code."""
+    async with asyncio.timeout(10):
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await page.recv()
+    return page.close_code
 
 
 async def all_heard(page: ClientConnection, kinds: set[str]) -> dict[str, dict[str, Any]]:
@@ -219,11 +220,9 @@ async def test_malformed_messages_are_refused_and_too_many_end_the_channel() -> 
     async with served() as s, s.connect() as page:
         assert (await ask(page, "abort"))["ok"] is False
         assert (await ask(page, '1 {"id": 1, "do": "fly"}'))["reason"].startswith("not understood")
-        with pytest.raises(ConnectionClosed) as ended:
-            for _ in range(10):
-                await ask(page, "{}")
-        assert ended.value.rcvd is not None
-        assert ended.value.rcvd.code == 1008
+        for _ in range(10):
+            await page.send("{}")
+        assert await ended(page) == 1008
         assert s.clerk.orders == []
         async with s.connect() as other:
             await heard(other, "state")
@@ -233,18 +232,17 @@ async def test_malformed_messages_are_refused_and_too_many_end_the_channel() -> 
 async def test_an_oversized_message_ends_its_channel_only(message: str | bytes) -> None:
     async with served() as s, s.connect() as other, s.connect() as page:
         await page.send(message)
-        with pytest.raises(ConnectionClosed):
-            await heard(page, "never")
+        assert await ended(page) in (1003, 1007, 1009)
         await heard(other, "state")
 
 
 async def test_a_flood_of_orders_is_cut_off() -> None:
     async with served() as s, s.connect() as page:
-        with pytest.raises(ConnectionClosed):
+        with contextlib.suppress(ConnectionClosed):
             for _ in range(500):
                 await page.send('0 {"id": 1, "do": "abort"}')
                 await asyncio.sleep(0)
-            await heard(page, "never")
+        assert await ended(page) == 1008
         assert len(s.clerk.orders) < 60
 
 
