@@ -45,6 +45,7 @@ from slz import Report, Scan, TerrainMaps, Zone
 
 if TYPE_CHECKING:
     from companion.dashboard.page import Front, Page
+    from companion.foxglove.live import LiveView
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +74,8 @@ class Companion:
         File to record the flight in.
     front
         Where to serve the pilot's page; None for nowhere.
+    foxglove_port
+        Port of this computer for Foxglove's live view; None for none.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class Companion:
         state: StateDir | None = None,
         record: Path | None = None,
         front: Front | None = None,
+        foxglove_port: int | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.recorder: Recorder | None = None
@@ -130,6 +134,8 @@ class Companion:
         self._blocked = False
         self._flown = False
         self._epoch = self.history.epoch
+        self._foxglove_port = foxglove_port
+        self.live: LiveView | None = None
         self.page = None if front is None else _page(self, front)
 
     def _record(self, path: Path) -> None:
@@ -172,6 +178,8 @@ class Companion:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
         if self._record_into is not None:
             self._record(self._record_into)
+        if self._foxglove_port is not None:
+            self.live = _live_view(self, self._foxglove_port)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
         try:
@@ -196,6 +204,8 @@ class Companion:
             if self.page is not None:
                 self.page.close()
             self.maps = self.worker.close()
+            if self.live is not None:
+                self.live.close()
             if self.recorder is not None:
                 self.recorder.close()
             self.summary = self._summary()
@@ -241,9 +251,9 @@ class Companion:
             self.report = self._last_report_ns = None
             return
         self._last_scan_ns = now_ns()
-        pose = None if self.recorder is None else self.history.latest(self._last_scan_ns)
-        if self.recorder is not None and pose is not None:
-            self.recorder.pose(pose, scan.frame)
+        for eye in (self.recorder, self.live):
+            if eye is not None and (pose := self.history.latest(self._last_scan_ns)) is not None:
+                eye.pose(pose, scan.frame)
         self.obstacles.add(scan)
         if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
@@ -258,6 +268,8 @@ class Companion:
         self.report = report
         if self.recorder is not None:
             self.recorder.report(report)
+        if self.live is not None:
+            self.live.report(report)
         self.streams.take(report)
         if self.page is not None:
             self.page.report(report)
@@ -463,6 +475,12 @@ def _page(companion: Companion, front: Front) -> Page:
     from companion.dashboard.page import Page  # the server's libraries only where they are used
 
     return Page(companion, front)
+
+
+def _live_view(companion: Companion, port: int) -> LiveView:
+    from companion.foxglove.live import LiveView
+
+    return LiveView(companion, port)
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error

@@ -183,6 +183,10 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
+    ] = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -196,13 +200,16 @@ def run(
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
     front = _front(dashboard, dashboard_token)
-    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record, front)
+    summary = flight.run(
+        mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record, front, foxglove
+    )
     if as_json:
         print(json.dumps(summary))
 
 
 @app.command()
 def replay(
+    context: typer.Context,
     file: Annotated[
         Path, typer.Argument(help="Recording of slz run --record, ROS 2 bag, or FLIGHT.tlog with --points.")
     ],
@@ -223,6 +230,8 @@ def replay(
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
     until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    dashboard: Dashboard = None,
+    dashboard_token: DashboardToken = None,
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
     verbose: Verbose = False,
@@ -233,6 +242,13 @@ def replay(
     from companion.replay.flown import Beside
 
     beside = Beside(points, tuple(pose), lidar, origin, profile)
+    front = _front(dashboard, dashboard_token)
+    if front is not None:
+        from companion.dashboard.replay_page import show
+
+        interrupts: Interrupts = context.obj
+        show(file, setting, front, beside, speed, interrupts.handled_by)
+        return
 
     with _progress(as_json) as step:
         summary = command.run(

@@ -34,6 +34,7 @@ def run(
     key_file: Path | None = None,
     record: Path | None = None,
     front: Front | None = None,
+    foxglove_port: int | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -59,6 +60,7 @@ def run(
             state=state,
             record=record,
             front=front,
+            foxglove_port=foxglove_port,
         )
         return await _run(companion, out)
 

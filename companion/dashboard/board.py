@@ -10,14 +10,17 @@ import itertools
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from params import Parameters
-from slz import Drawn, Report
+from slz import Drawn, Pipeline, Report
 
 MOST_TEXTS = 200
 MOST_PATH = 20_000
 MOST_BATCHES = 4
+# Tiles of a window, copied in the pipeline's thread: two milliseconds.
+NEAR_TILES: tuple[Literal["near", "far"], int] = ("near", 160)
+FAR_TILES: tuple[Literal["near", "far"], int] = ("far", 40)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +69,18 @@ class Board:
         self.viewers = 0
         self._numbers = itertools.count(1)
 
-    @property
-    def wants_map(self) -> bool:
-        """Whether the page has taken what was drawn before."""
-        return self.viewers > 0 and len(self.drawn) < MOST_BATCHES
+    def look(self, pipeline: Pipeline, *, anew: bool) -> bool:
+        """Take what changed of the maps, in the pipeline's thread; tell whether it was time to.
+
+        anew: take all of them.
+        """
+        if self.viewers == 0 or len(self.drawn) >= MOST_BATCHES:
+            return False
+        for name, most in (NEAR_TILES, FAR_TILES):
+            drawn = pipeline.drawn(name, most, anew=anew)
+            if drawn is not None and (drawn.tiles or drawn.gone):
+                self.drawn.append((name, drawn))
+        return True
 
     def take(self, report: Report, latency_ms: float) -> None:
         """Show a report."""

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from companion.fusion.pose_history import PoseHistory
 from companion.landing.situation import FLYING
+from companion.link.vehicle import VehicleState
 from companion.outputs.axes import heading_rad
 
 if TYPE_CHECKING:
@@ -52,6 +54,42 @@ def state(companion: Companion) -> dict[str, Any]:
         "height_home_m": _finite(s.height_above_home_m, 1),
         "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
         "aborts": executive.tally.aborts,
+        "reboots": vehicle.reboots,
+    }
+
+
+def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[str, Any]:
+    """Return the same document from a recording, as far as that tells."""
+    pose = history.latest(at_ns)
+    east, north, up = (None, None, None) if pose is None else _rounded(pose.position_enu_m)
+    roll, pitch, yaw = (None, None, None) if pose is None else _angles_deg(pose.rotation_enu_from_frd)
+    return {
+        "at_ns": at_ns,
+        "phase": "replay",
+        "flying": False,
+        "mode": vehicle.mode,
+        "guided": vehicle.guided,
+        "armed": vehicle.armed,
+        "on_ground": vehicle.landed == "on_ground",
+        "connected": True,
+        "heard": True,
+        "lidar_ok": True,
+        "blocked": False,
+        "pipeline_failed": False,
+        "battery_pct": vehicle.battery_pct,
+        "battery_v": vehicle.battery_v,
+        "battery_low": False,
+        "east_m": east,
+        "north_m": north,
+        "up_m": up,
+        "velocity_enu_ms": None if pose is None else _rounded(pose.velocity_enu_ms),
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "yaw_deg": yaw,
+        "height_m": None,
+        "height_home_m": _finite(vehicle.relative_alt_m, 1),
+        "aim_enu_m": None,
+        "aborts": 0,
         "reboots": vehicle.reboots,
     }
 

@@ -30,7 +30,6 @@ log = logging.getLogger(__name__)
 
 STATE_S = 0.1
 HEALTH_S = 1.0
-TILES = {"near": 160, "far": 40}  # of a window, copied in the pipeline's thread: two milliseconds
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
 STEADY_S = 60.0
 
@@ -147,13 +146,8 @@ class Page:
 
     def _look(self, pipeline: Pipeline) -> None:
         """Take what changed of the maps, in the pipeline's thread."""
-        if not self.board.wants_map:
-            return
-        anew, self._anew = self._anew, False
-        for name, most in TILES.items():
-            drawn = pipeline.drawn("far" if name == "far" else "near", most, anew=anew)
-            if drawn is not None and (drawn.tiles or drawn.gone):
-                self.board.drawn.append((name, drawn))
+        if self.board.look(pipeline, anew=self._anew):
+            self._anew = False
 
 
 def about(rows: tuple[Row, ...]) -> dict[str, Any]:
