@@ -153,7 +153,6 @@ def test_five_browsers_four_stalled_a_reload_and_a_crash_of_the_page_do_not_touc
     w.mission.fly(script)
     assert w.mission.touchdown_safe()
     assert w.mission.touchdown_error_m() <= 0.5
-    assert w.mission.companion.executive.tally.aborts == 0
 
 
 def _stalled(host: str) -> socket.socket:
