@@ -9,6 +9,13 @@ import numpy as np
 
 from companion.dashboard import block as blocks
 from companion.dashboard.block import SIDE, Block
+from companion.dashboard.small_numbers import (
+    CERTAINTY_STEP,
+    NO_VALUE,
+    RELIEF_STEP_M,
+    SLOPE_STEP_DEG,
+    STEP_M,
+)
 from slz import Drawn, DrawnTile
 from slz.kernels.scatter import TILE
 
@@ -102,10 +109,10 @@ class Sheet:
         state = {0: "unsafe", 1: "safe"}.get(int(block.state[at]), "unknown")
         return Cell(
             self.cell_m,
-            None if height == 0 else round(block.base_m + height * blocks.STEP_M, 3),
-            _value(block.slope[at], blocks.SLOPE_STEP_DEG),
-            _value(block.relief[at], blocks.RELIEF_STEP_M),
-            _value(block.certainty[at], blocks.CERTAINTY_STEP),
+            None if height == 0 else round(block.base_m + height * STEP_M, 3),
+            _value(block.slope[at], SLOPE_STEP_DEG),
+            _value(block.relief[at], RELIEF_STEP_M),
+            _value(block.certainty[at], CERTAINTY_STEP),
             state,
         )
 
@@ -196,4 +203,4 @@ def _place(key: Key, side: int) -> tuple[Key, int, int]:
 
 
 def _value(number: np.uint8, step: float) -> float | None:
-    return None if number == blocks.NO_VALUE else round(float(number) * step, 3)
+    return None if number == NO_VALUE else round(float(number) * step, 3)

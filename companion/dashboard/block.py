@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-import gzip
 import math
 import struct
+import zlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slz import SAFE, UNKNOWN, UNSAFE, DrawnTile
+from companion.dashboard.small_numbers import (
+    MIDDLE,
+    NO_HEIGHT,
+    NO_VALUE,
+    STEP_M,
+    halve,
+    quantise,
+)
+from slz import UNKNOWN, DrawnTile
 
 SIDE = 256  # cells along the side of a block
-STEP_M = 0.005  # of heights
-MIDDLE = 32_768
-NO_HEIGHT = np.uint16(0)
-NO_VALUE = np.uint8(255)
-SLOPE_STEP_DEG, RELIEF_STEP_M, CERTAINTY_STEP = 0.25, 0.01, 0.005
 # magic, cells along the side, west, south, cell, height of number 0, step of heights (m)
 HEAD = struct.Struct("<4sIddddd")
 MAGIC = b"SLZ1"
+GZIP = 31  # zlib's number for that format
 
 Small = NDArray[np.uint8]
 
@@ -55,21 +59,23 @@ def empty(base_m: float) -> Block:
 
 def write(block: Block, row: int, col: int, tile: DrawnTile) -> bool:
     """Put a tile's maps into a block at a row and column; tell whether anything changed."""
-    rows, cols = tile.state.shape
-    here = slice(row, row + rows), slice(col, col + cols)
-    new = (
-        (block.height, heights(tile.height_m, block.base_m)),
-        (block.slope, steps(tile.slope_deg, SLOPE_STEP_DEG)),
-        (block.relief, steps(tile.relief_m, RELIEF_STEP_M)),
-        (block.certainty, steps(np.where(tile.state == UNKNOWN, np.nan, tile.certainty), CERTAINTY_STEP)),
-        (block.state, tile.state),
+    side = tile.state.shape[0]
+    here = slice(row, row + side), slice(col, col + side)
+    return bool(
+        quantise(
+            tile.height_m,
+            tile.slope_deg,
+            tile.relief_m,
+            tile.certainty,
+            tile.state,
+            block.base_m,
+            block.height[here],
+            block.slope[here],
+            block.relief[here],
+            block.certainty[here],
+            block.state[here],
+        )
     )
-    changed = False
-    for plane, values in new:
-        if not np.array_equal(plane[here], values):
-            plane[here] = values
-            changed = True
-    return changed
 
 
 def clear(block: Block, row: int, col: int, side: int) -> None:
@@ -78,18 +84,6 @@ def clear(block: Block, row: int, col: int, side: int) -> None:
     block.height[here] = NO_HEIGHT
     for plane in block.planes:
         plane[here] = NO_VALUE  # which is also `UNKNOWN`
-
-
-def heights(height_m: NDArray[np.float32], base_m: float) -> NDArray[np.uint16]:
-    """Return heights in steps above a base, 1 to 65535; 0 where unknown."""
-    number = np.clip(np.rint((height_m - np.float32(base_m)) / np.float32(STEP_M)), 1, 65_535)
-    return np.asarray(np.nan_to_num(number, nan=0.0), np.uint16)
-
-
-def steps(values: NDArray[np.float32], step: float) -> Small:
-    """Return values in steps, 254 at most; 255 where unknown."""
-    number = np.clip(np.rint(values / np.float32(step)), 0, 254)
-    return np.asarray(np.nan_to_num(number, nan=255.0), np.uint8)
 
 
 def coarser(children: dict[tuple[int, int], Block], base_m: float) -> Block:
@@ -101,37 +95,21 @@ def coarser(children: dict[tuple[int, int], Block], base_m: float) -> Block:
     block, half = empty(base_m), SIDE // 2
     for (row, col), child in children.items():
         here = slice(row * half, (row + 1) * half), slice(col * half, (col + 1) * half)
-        block.height[here] = _mean_height(child, base_m)
-        for plane, fine in ((block.slope, child.slope), (block.relief, child.relief)):
-            plane[here] = _known_most(fine)
-        block.certainty[here] = _quarters(child.certainty).min(axis=0)
-        block.state[here] = _worst(child.state)
+        shift = round((child.base_m - base_m) / STEP_M)
+        halve(
+            child.height,
+            child.slope,
+            child.relief,
+            child.certainty,
+            child.state,
+            shift,
+            block.height[here],
+            block.slope[here],
+            block.relief[here],
+            block.certainty[here],
+            block.state[here],
+        )
     return block
-
-
-def _quarters(plane: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the (4, n/2, n/2) cells of each square of four."""
-    return np.stack([plane[0::2, 0::2], plane[0::2, 1::2], plane[1::2, 0::2], plane[1::2, 1::2]])
-
-
-def _mean_height(child: Block, base_m: float) -> NDArray[np.uint16]:
-    h = child.height
-    four = np.stack([h[0::2, 0::2], h[0::2, 1::2], h[1::2, 0::2], h[1::2, 1::2]]).astype(np.int32)
-    count = (four > 0).sum(axis=0)
-    shift = round((child.base_m - base_m) / STEP_M)
-    mean = four.sum(axis=0) // np.maximum(count, 1) + shift
-    return np.where(count > 0, np.clip(mean, 1, 65_535), 0).astype(np.uint16)
-
-
-def _known_most(fine: Small) -> Small:
-    four = _quarters(fine).astype(np.int16)
-    most = np.where(four == NO_VALUE, -1, four).max(axis=0)
-    return np.where(most < 0, NO_VALUE, most).astype(np.uint8)
-
-
-def _worst(fine: Small) -> Small:
-    four = _quarters(fine)
-    return np.where((four == UNSAFE).any(axis=0), UNSAFE, np.where((four == SAFE).all(axis=0), SAFE, UNKNOWN))
 
 
 def base_of(height_m: NDArray[np.float32]) -> float:
@@ -148,4 +126,5 @@ def encode(block: Block, west_m: float, south_m: float, cell_m: float) -> bytes:
     head = HEAD.pack(MAGIC, SIDE, west_m, south_m, cell_m, block.base_m, STEP_M)
     differences = [parts[:, :, byte].tobytes() for byte in (0, 1)]
     body = b"".join([head, *differences, *(plane.tobytes() for plane in block.planes)])
-    return gzip.compress(body, compresslevel=1, mtime=0)
+    packer = zlib.compressobj(1, zlib.DEFLATED, GZIP, zlib.DEF_MEM_LEVEL, zlib.Z_RLE)
+    return packer.compress(body) + packer.flush()

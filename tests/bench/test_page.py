@@ -38,9 +38,10 @@ class Sweep:
     """Ground of a kilometre that changes at 160 tiles a window, in place of the feeder's small circle."""
 
     def __init__(self, companion: Companion) -> None:
-        self._rng = np.random.default_rng(1)
         self._companion = companion
         self._next = 0
+        rng = np.random.default_rng(1)
+        self._ground = [_ground(rng) for _ in range(40)]
 
     def look(self, pipeline: Pipeline) -> None:
         """Copy what a window changed, as the page does, and show as much of the sweep instead."""
@@ -57,10 +58,17 @@ class Sweep:
         for _ in range(NEAR_TILES[1]):
             key = divmod(self._next % SIDE_TILES**2, SIDE_TILES)
             self._next += 1
-            height = self._rng.normal(400, 0.02, (TILE, TILE)).astype(np.float32)
-            some = self._rng.random((TILE, TILE), np.float32)
-            tiles.append(DrawnTile(key, height, 9 * some, 0.2 * some, some, (some > 0.1).astype(np.uint8)))
+            tiles.append(DrawnTile(key, *self._ground[self._next % len(self._ground)]))
         return tuple(tiles)
+
+
+def _ground(rng: np.random.Generator) -> tuple[Any, ...]:
+    """Return the maps of a tile: a slope with noise of 2 cm, as uneven as a meadow."""
+    rise = np.add.outer(np.arange(TILE), np.arange(TILE)) * 0.01
+    height = (400 + rise + rng.normal(0, 0.02, (TILE, TILE))).astype(np.float32)
+    some = rng.random((TILE, TILE)).astype(np.float32)
+    state = np.ones((TILE, TILE), np.uint8)
+    return height, 3 + some, 0.05 + 0.1 * some, 0.9 + 0.1 * some, state
 
 
 @contextmanager

@@ -8,7 +8,8 @@ import pytest
 import params
 from companion.dashboard import block as blocks
 from companion.dashboard.atlas import Atlas, Sheet
-from companion.dashboard.block import HEAD, SIDE, STEP_M
+from companion.dashboard.block import HEAD, SIDE
+from companion.dashboard.small_numbers import STEP_M
 from slz import UNKNOWN, UNSAFE, Drawn, DrawnTile, LocalFrame, Pipeline, Window
 
 TILE = 64
@@ -175,7 +176,14 @@ def test_what_the_pipeline_hands_over_makes_up_its_maps(mode: str) -> None:
     assert {found.key for found in anew.tiles} >= set(held)
 
 
-def test_heights_out_of_reach_and_unknown_ones_are_numbers_of_their_own() -> None:
-    values = np.array([[np.nan, -1e6, 1e6, 10.0]], np.float32)
-    assert blocks.heights(values, 0.0).tolist() == [[0, 1, 65_535, 2000]]
-    assert blocks.steps(np.array([[np.nan, 1e3, 0.0]], np.float32), 0.25).tolist() == [[255, 254, 0]]
+def test_values_out_of_reach_and_unknown_ones_are_numbers_of_their_own() -> None:
+    made = tile(height_m=0.0)
+    height, slope, state = made.height_m.copy(), made.slope_deg.copy(), made.state.copy()
+    height[0, :4] = np.nan, -1e6, 1e6, 10.0
+    slope[0, :3], state[0, 0] = (np.nan, 1e3, 0.0), UNKNOWN
+    block = blocks.empty(0.0)
+    assert blocks.write(block, 0, 0, DrawnTile((0, 0), height, slope, made.relief_m, made.certainty, state))
+    assert block.height[0, :4].tolist() == [0, 1, 65_535, 2000]
+    assert block.slope[0, :3].tolist() == [255, 254, 0]
+    assert block.certainty[0, :2].tolist() == [255, 180]
+    assert (block.state[64:] == UNKNOWN).all()
