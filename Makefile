@@ -17,7 +17,7 @@ test: setup
 checks: lint types
 
 kernels: setup
-	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; warm_up(Parameters())'
+	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; import companion.dashboard.small_numbers; warm_up(Parameters())'
 
 setup: $(STAMP)
 
@@ -38,7 +38,7 @@ types: setup
 	$(BIN)/mypy
 
 unit: setup
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench and not browser"
 
 bench: setup
 	$(BIN)/python -m pytest -m bench

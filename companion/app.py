@@ -5,25 +5,27 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import time
 from collections import deque
 from collections.abc import Coroutine
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.clock import WallOffset, now_ns
+from companion.errors import UsageError
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
 from companion.landing.look_ahead import LEVEL_M, held_back
 from companion.landing.operator import Operator
 from companion.landing.order_parameters import OrderParameters
-from companion.landing.situation import FLYING, Phase, Severity, Situation
+from companion.landing.situation import FLYING, Phase, Reply, Severity, Situation
 from companion.landing.watch import PointWatch
-from companion.link.event import Event
+from companion.link.event import Event, Unsubscribe
 from companion.link.link import Link
 from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
@@ -41,6 +43,10 @@ from companion.summary import choice_summary, point_summary, zone_summary
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps, Zone
+
+if TYPE_CHECKING:
+    from companion.dashboard.page import Front, Page
+    from companion.foxglove.live import LiveView
 
 log = logging.getLogger(__name__)
 
@@ -69,6 +75,10 @@ class Companion:
         File to record the flight in; it holds the data of the first sensor only.
     radar_url
         A radar beside the LiDAR; its points go into the same map.
+    front
+        Where to serve the pilot's page; None for nowhere.
+    foxglove_port
+        Port of this computer for Foxglove's live view; None for none.
 
     Raises
     ------
@@ -87,10 +97,14 @@ class Companion:
         state: StateDir | None = None,
         record: Path | None = None,
         radar_url: str | None = None,
+        front: Front | None = None,
+        foxglove_port: int | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.recorder: Recorder | None = None
         self._record_into = record
+        self._recordings = None if state is None else state.folder / "recordings"
+        self._unsubscribe: list[Unsubscribe] = []
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
         operator = Operator(self)
@@ -132,18 +146,43 @@ class Companion:
         self._blocked = False
         self._flown = False
         self._epoch = self.history.epoch
+        self._foxglove_port = foxglove_port
+        self.live: LiveView | None = None
+        self.page = None if front is None else _page(self, front)
 
     def _record(self, path: Path) -> None:
         stream = self.lidar.stream
-        recorder = self.recorder = Recorder(
-            path, stream.kind, self.settings.running, self._wall_offset_ns(), stream.setup
-        )
-        self.link.on_frame.subscribe(recorder.frame_in)
-        self.link.on_sent.subscribe(recorder.frame_out)
-        self.link.on_time_asked.subscribe(recorder.time_asked)
-        stream.batches.subscribe(recorder.packets)
-        self.worker.on_window.subscribe(recorder.window)
-        self.settings.on_change.subscribe(recorder.changed)
+        recorder = Recorder(path, stream.kind, self.settings.running, self._wall_offset_ns(), stream.setup)
+        self._unsubscribe = [
+            self.link.on_frame.subscribe(recorder.frame_in),
+            self.link.on_sent.subscribe(recorder.frame_out),
+            self.link.on_time_asked.subscribe(recorder.time_asked),
+            stream.batches.subscribe(recorder.packets),
+            self.worker.on_window.subscribe(recorder.window),
+            self.settings.on_change.subscribe(recorder.changed),
+        ]
+        self.recorder = recorder
+
+    async def record(self, on: bool) -> Reply:
+        """Begin a recording in the state directory, or end the one that is made."""
+        if on == (self.recorder is not None):
+            return Reply(False, "recording already" if on else "nothing is recorded")
+        if not on:
+            recorder, self.recorder = self.recorder, None
+            for unsubscribe in self._unsubscribe:
+                unsubscribe()
+            if recorder is not None:
+                await asyncio.get_running_loop().run_in_executor(None, recorder.close)
+            return Reply(True, "recording ended")
+        if self._recordings is None:
+            return Reply(False, "there is no state directory to record in")
+        path = self._recordings / time.strftime("slz-%Y%m%d-%H%M%S.mcap", time.gmtime())
+        try:
+            self._recordings.mkdir(exist_ok=True)
+            self._record(path)
+        except (OSError, UsageError) as error:
+            return Reply(False, f"cannot record: {error}")
+        return Reply(True, f"recording {path.name}")
 
     # ---- life -----------------------------------------------------------------------------------
 
@@ -151,6 +190,8 @@ class Companion:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
         if self._record_into is not None:
             self._record(self._record_into)
+        if self._foxglove_port is not None:
+            self.live = _live_view(self, self._foxglove_port)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
         try:
@@ -164,6 +205,8 @@ class Companion:
                 }
                 if self.radar is not None:
                     parts["radar"] = self.radar.run()
+                if self.page is not None:
+                    parts["page"] = self.page.run()
                 for name, part in parts.items():
                     group.create_task(part, name=name)
         except* _Stopped:
@@ -172,7 +215,11 @@ class Companion:
             raise _first(errors) from None
         finally:
             gc.unfreeze()
+            if self.page is not None:
+                self.page.close()
             self.maps = self.worker.close()
+            if self.live is not None:
+                self.live.close()
             if self.recorder is not None:
                 self.recorder.close()
             self.summary = self._summary()
@@ -219,9 +266,9 @@ class Companion:
             self.report = self._last_report_ns = None
             return
         self._last_scan_ns = now_ns()
-        pose = None if self.recorder is None else self.history.latest(self._last_scan_ns)
-        if self.recorder is not None and pose is not None:
-            self.recorder.pose(pose, scan.frame)
+        for eye in (self.recorder, self.live):
+            if eye is not None and (pose := self.history.latest(self._last_scan_ns)) is not None:
+                eye.pose(pose, scan.frame)
         self.obstacles.add(scan)
         if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
@@ -244,7 +291,11 @@ class Companion:
         self.report = report
         if self.recorder is not None:
             self.recorder.report(report)
+        if self.live is not None:
+            self.live.report(report)
         self.streams.take(report)
+        if self.page is not None:
+            self.page.report(report)
         self._last_report_ns = now_ns()
         for zone in report.zones:
             self.zones_seen[zone.id] = zone
@@ -446,6 +497,18 @@ class Companion:
             return None
         lat, lon, alt = (float(v) for v in self.history.frame.lla(self.path_enu_m[-1]))
         return {"lat": lat, "lon": lon, "alt_m": alt}
+
+
+def _page(companion: Companion, front: Front) -> Page:
+    from companion.dashboard.page import Page  # the server's libraries only where they are used
+
+    return Page(companion, front)
+
+
+def _live_view(companion: Companion, port: int) -> LiveView:
+    from companion.foxglove.live import LiveView
+
+    return LiveView(companion, port)
 
 
 class _Stopped(Exception):  # noqa: N818 - not an error

@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 from rich.console import Console
@@ -19,12 +19,16 @@ import params
 from companion.errors import CompanionError, UsageError
 from companion.interrupt import Interrupted, Interrupts
 
+if TYPE_CHECKING:
+    from companion.dashboard.page import Front
+
 app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Safe landing zones from LiDAR: map the ground, choose where to land, land there.",
 )
 PLAIN = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+DEMO_PAGE = "127.0.0.1:0"  # any free port
 WIDE = 1000  # columns of a table that a program reads
 err = Console(stderr=True)
 _BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, whichever click typer carries
@@ -33,6 +37,13 @@ LIDAR = "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, or mav
 Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Dashboard = Annotated[
+    str | None, typer.Option(metavar="HOST:PORT", help="Serve the pilot's page (docs/page.md).")
+]
+DashboardToken = Annotated[
+    Path | None,
+    typer.Option(help="File with lines 'operator TOKEN', 'viewer TOKEN': needed but on 127.0.0.1."),
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]
 
 
@@ -63,6 +74,19 @@ def _in_words(error: Exception) -> str:
     said = " ".join(str(getattr(error, "format_message", error.__str__)()).split()).rstrip(".")
     command = getattr(getattr(error, "ctx", None), "command_path", "slz")
     return f"{said[:1].lower()}{said[1:]} ('{command} --help' shows what there is)"
+
+
+def _front(address: str | None, tokens: Path | None) -> Front | None:
+    """Open the port of the pilot's page, so that what is wrong with it is said before the flight."""
+    if address is None:
+        if tokens is not None:
+            raise UsageError("--dashboard-token goes with --dashboard HOST:PORT")
+        return None
+    from companion.dashboard.page import Front
+
+    front = Front(address, tokens)
+    err.print(f"the pilot's page: http://{front.address}/", highlight=False)
+    return front
 
 
 def _fail(error: Exception | str, code: int) -> NoReturn:
@@ -106,6 +130,8 @@ def demo(
     ] = "none",
     point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,
     limit_s: Annotated[float, typer.Option(help="Give up after so many simulated seconds.")] = 900.0,
+    dashboard: Dashboard = None,
+    dashboard_token: DashboardToken = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006 - typer reads the default
     as_json: Json = False,
@@ -118,7 +144,8 @@ def demo(
     chosen = flight.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen)
-    summary = flight.fly(plan, parameters, err, context.obj, live=not headless)
+    front = None if headless else _front(dashboard or DEMO_PAGE, dashboard_token)
+    summary = flight.fly(plan, parameters, err, context.obj, live=not headless, front=front)
     if as_json:
         print(json.dumps(summary))
     else:
@@ -156,6 +183,12 @@ def run(
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record the flight: FILE.mcap.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
+    dashboard: Dashboard = None,
+    dashboard_token: DashboardToken = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
+    ] = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -168,13 +201,26 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
-    summary = flight.run(mavlink, lidar, land == "auto", parameters, out, state, mavlink_key, record, radar)
+    summary = flight.run(
+        mavlink,
+        lidar,
+        land == "auto",
+        parameters,
+        out,
+        state,
+        key_file=mavlink_key,
+        record=record,
+        radar_url=radar,
+        front=_front(dashboard, dashboard_token),
+        foxglove_port=foxglove,
+    )
     if as_json:
         print(json.dumps(summary))
 
 
 @app.command()
 def replay(
+    context: typer.Context,
     file: Annotated[
         Path, typer.Argument(help="Recording of slz run --record, ROS 2 bag, or FLIGHT.tlog with --points.")
     ],
@@ -198,6 +244,8 @@ def replay(
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
     until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    dashboard: Dashboard = None,
+    dashboard_token: DashboardToken = None,
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
     verbose: Verbose = False,
@@ -208,6 +256,13 @@ def replay(
     from companion.replay.flown import Beside
 
     beside = Beside(points, tuple(pose), lidar, origin, profile)
+    front = _front(dashboard, dashboard_token)
+    if front is not None:
+        from companion.dashboard.replay_page import show
+
+        interrupts: Interrupts = context.obj
+        show(file, setting, front, beside, speed, interrupts.handled_by)
+        return
 
     with _progress(as_json) as step:
         summary = command.run(

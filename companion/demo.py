@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -32,6 +32,9 @@ from companion.interrupt import Interrupts
 from companion.landing.situation import Phase
 from companion.simulated import LockstepClient, LockstepLoop
 from params import Parameters
+
+if TYPE_CHECKING:
+    from companion.dashboard.page import Front
 
 __all__ = ["Plan", "fly", "sensor_named", "table"]
 
@@ -60,12 +63,18 @@ class Plan:
 
 
 def fly(
-    plan: Plan, parameters: Parameters, console: Console, interrupts: Interrupts, *, live: bool
+    plan: Plan,
+    parameters: Parameters,
+    console: Console,
+    interrupts: Interrupts,
+    *,
+    live: bool,
+    front: Front | None = None,
 ) -> dict[str, Any]:
     """Fly one simulated mission and return its summary, measured against the simulator's truth.
 
-    live: show how far it is. A signal ends the companion in order and the simulator at once; nothing is
-    judged or drawn then.
+    live: show how far it is. front: where the pilot's page is served. A signal ends the companion in order
+    and the simulator at once; nothing is judged or drawn then.
 
     Raises
     ------
@@ -86,7 +95,7 @@ def fly(
             shown.status("starting the simulator (the first start compiles for a minute)") as status,
             _simulator(plan, parameters, truth, interrupts) as simulator,
         ):
-            companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts)
+            companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts, front)
             status.update("judging against the truth")
             _wait(simulator.process)
         evaluated = _evaluate(companion, truth, parameters)
@@ -169,7 +178,12 @@ class _Simulator:
 
 
 def _run(
-    plan: Plan, parameters: Parameters, simulator: _Simulator, status: Status, interrupts: Interrupts
+    plan: Plan,
+    parameters: Parameters,
+    simulator: _Simulator,
+    status: Status,
+    interrupts: Interrupts,
+    front: Front | None,
 ) -> tuple[Companion, float]:
     """Fly on simulated time; return the companion after it stopped and the simulated seconds."""
     with interrupts.held():
@@ -187,14 +201,19 @@ def _run(
         asyncio.Runner(loop_factory=lambda: loop) as runner,
     ):
         try:
-            companion = runner.run(_mission(plan, parameters, simulator, status, interrupts))
+            companion = runner.run(_mission(plan, parameters, simulator, status, interrupts, front))
             return companion, loop.time() - started
         finally:
             loop.let_go()
 
 
 async def _mission(
-    plan: Plan, parameters: Parameters, simulator: _Simulator, status: Status, interrupts: Interrupts
+    plan: Plan,
+    parameters: Parameters,
+    simulator: _Simulator,
+    status: Status,
+    interrupts: Interrupts,
+    front: Front | None,
 ) -> Companion:
     companion = Companion(
         f"udpin:127.0.0.1:{simulator.mavlink_port}",
@@ -202,6 +221,7 @@ async def _mission(
         parameters,
         auto=True,
         radar_url=f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
+        front=front,
     )
     watch = asyncio.create_task(_watch(companion, plan, status, interrupts))
     try:

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import signal
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from companion.services import start_signing
 from companion.state import StateDir
 from companion.watchdog import Watchdog
 from params import Parameters
+
+if TYPE_CHECKING:
+    from companion.dashboard.page import Front
 
 log = logging.getLogger(__name__)
 
@@ -31,9 +34,12 @@ def run(
     parameters: Parameters,
     out: Path | None,
     state: StateDir,
+    *,
     key_file: Path | None = None,
     record: Path | None = None,
     radar_url: str | None = None,
+    front: Front | None = None,
+    foxglove_port: int | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -59,6 +65,8 @@ def run(
             state=state,
             record=record,
             radar_url=radar_url,
+            front=front,
+            foxglove_port=foxglove_port,
         )
         return await _run(companion, out)
 

@@ -48,6 +48,8 @@ class Streams:
         Landing point to lead the vehicle to (3,), or None for none.
     report
         The newest one, or None while there is none.
+    height_m
+        Height over the ground below as last told, None while unknown.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Streams:
         self._turn = 0
         self.target_enu_m: Floats | None = None
         self.report: Report | None = None
+        self.height_m: float | None = None
         self._report_ns = 0
         self._cadences = {
             "LANDING_TARGET": Cadence(parameters.landing_target_hz),
@@ -180,7 +183,7 @@ class Streams:
     def send_height(self) -> None:
         """Tell the height over the ground below, while it is known."""
         pose = self._pose_of_fresh_scans()
-        height = None if pose is None else self._height_m(pose, now_ns())
+        height = self.height_m = None if pose is None else self._height_m(pose, now_ns())
         self._send("DISTANCE_SENSOR", None if height is None else downward_distance(height, self._boot_ms()))
 
     def send_status(self) -> None:

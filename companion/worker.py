@@ -36,6 +36,8 @@ class PipelineWorker:
         Event of a report that failed after others succeeded, with the reason.
     on_window
         Event of a window that the pipeline takes now.
+    look
+        Called with the pipeline, in its thread, after a report while no window waits; for displays.
     """
 
     def __init__(self, parameters: Parameters, on_report: Callable[[Report], None]) -> None:
@@ -49,6 +51,7 @@ class PipelineWorker:
         self._waiting: tuple[Window, list[int], float] | None = None
         self._windows = 0
         self.on_window: Event[[WindowEvent, Window]] = Event()
+        self.look: Callable[[Pipeline], None] | None = None
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
         self._forget = False
@@ -126,6 +129,16 @@ class PipelineWorker:
             self._windower.window_s = report.choice.window_s
             self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
             self._on_report(report)
+            if self.look is not None and self._waiting is None:
+                await self._show(loop, self.look)
+
+    async def _show(self, loop: asyncio.AbstractEventLoop, look: Callable[[Pipeline], None]) -> None:
+        """Let a display look; one that fails looks no more, and the landing goes on."""
+        try:
+            await loop.run_in_executor(self._thread, look, self._pipeline)
+        except Exception:
+            self.look = None
+            log.exception("the display of the map failed; it is drawn no more")
 
     def _withdraw(self, error: Exception) -> None:
         """Call the last answer invalid: this window has none."""

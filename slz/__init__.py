@@ -1,6 +1,7 @@
 """Safe landing zones from LiDAR: windows of returns in, zones and landing points out."""
 
 from slz.adaptive import Choice
+from slz.drawn import Drawn, DrawnTile
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point import PointState, SelectedPoint
@@ -18,6 +19,8 @@ __all__ = [
     "UNSAFE",
     "Box",
     "Choice",
+    "Drawn",
+    "DrawnTile",
     "Grid",
     "LandingPoint",
     "LocalFrame",

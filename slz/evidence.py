@@ -18,7 +18,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,7 @@ BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 _SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0 where nothing was drawn
 _STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
+State = NDArray[np.uint8]
 
 
 class EvidenceTerrain:
@@ -225,6 +226,36 @@ class EvidenceTerrain:
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
         return np.asarray(_STATE[self._verdict.read(self._everywhere(box))])
+
+    # ---- what was drawn since somebody looked ----------------------------------------------------
+
+    @property
+    def serial(self) -> int:
+        """Number of the maps drawn; another one where all was drawn anew at another level."""
+        return self._maps.serial
+
+    @property
+    def corner_m(self) -> tuple[float, float]:
+        """West and south edge of tile (0, 0)."""
+        return self.tiles.west_m, self.tiles.south_m
+
+    @property
+    def touched(self) -> set[Key]:
+        """Tiles drawn or forgotten since somebody emptied this set."""
+        return self._verdict.touched
+
+    def touch_all(self) -> None:
+        """Count every tile as touched."""
+        self._verdict.touched.update(self._verdict.keys())
+
+    def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
+        """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is drawn."""
+        maps, verdict = self._maps.tile(key), self._verdict.tile(key)
+        if maps is None or verdict is None:
+            return None
+        datum_m = np.float32(self.tiles.datum_m)
+        layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
+        return layers, _STATE[verdict[0]]
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.

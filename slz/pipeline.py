@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import Adapter, Choice
+from slz.drawn import Drawn, take_drawn
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
@@ -78,6 +79,7 @@ class Pipeline:
         self._numbers = itertools.count(1)
         self._lone = LoneReturns()
         self._selected: SelectedPoint | None = None
+        self._sensor = np.zeros(3)
 
     def process(self, window: Window) -> Report:
         """Run every stage on one window and report the zones of the total maps.
@@ -89,6 +91,7 @@ class Pipeline:
         sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
         if not np.isfinite(sensor).all():
             sensor[:] = np.nan
+        self._sensor = sensor
         step = self._by_the_sources if self._source else self._by_default
         near, far, choice, n_used, moved = step(window, sensor, clock)
         self._selected = self._judge_selected(near, far)
@@ -221,6 +224,23 @@ class Pipeline:
             certainty=terrain.layer("certainty", box),
             state=terrain.state(box),
         )
+
+    def drawn(self, which: Literal["near", "far"], most: int, *, anew: bool = False) -> Drawn | None:
+        """Return what changed of a map since the last call, nearest to the vehicle first; None before any.
+
+        Parameters
+        ----------
+        most
+            Tiles to return at most; what is left comes with the next calls.
+        anew
+            Take all that is drawn as changed.
+        """
+        zone_map = self._far if which == "far" else self._near
+        if zone_map is None:
+            return None
+        if anew:
+            zone_map.terrain.touch_all()
+        return take_drawn(zone_map.terrain, most, self._sensor)
 
     # ---- stages ---------------------------------------------------------------------------------
 

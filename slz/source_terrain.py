@@ -7,6 +7,7 @@ hold NaN where the paper's hold nothing.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from slz.kernels.fuse import fuse, refresh
 from slz.kernels.stream import MOST_CELLS
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.returns import Returns
+from slz.tiles import SERIALS, Key, box_of_tile, keys_over
 from slz.untouched import untouched
 
 NOWHERE = np.full(3, np.nan)
@@ -53,6 +55,13 @@ class SourceTerrain:
         self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
         self.blocks = untouched((grid.rows, words, 2), np.int32)
         self.seen = self.changed = NOTHING
+        self.serial = next(SERIALS)
+        self.touched: set[Key] = set()
+
+    @property
+    def corner_m(self) -> tuple[float, float]:
+        """West and south edge of tile (0, 0)."""
+        return self.grid.west_m, self.grid.south_m
 
     def add(self, points_enu_m: NDArray[np.float64]) -> Box:
         """Fuse one window of points; return the box that was hit.
@@ -78,6 +87,7 @@ class SourceTerrain:
         self.height_copies.change(Box(box.row0, box.row1, box.col0, box.col0 + returns.width))
         self.seen = self.seen.union(box)
         self.changed = self.changed.union(Box(*changed))
+        self.touched.update(keys_over(box))
         return used
 
     def settle(self) -> Box:
@@ -104,6 +114,7 @@ class SourceTerrain:
             new.heights, new.slopes, new.roughs, new.safe_bits, new.known_bits, new.blocks,
         )  # fmt: skip
         new.seen = new.changed = theirs
+        new.touched.update(keys_over(theirs))
         return new
 
     # ---- what is read of it ---------------------------------------------------------------------
@@ -129,6 +140,18 @@ class SourceTerrain:
             return np.full(box.shape, np.nan, np.float32)
         known = self._cells(self.known_bits, box) == 1
         return np.where(known, values[box.slices], np.float32(np.nan))
+
+    def touch_all(self) -> None:
+        """Count every tile seen as touched."""
+        self.touched.update(keys_over(self.seen))
+
+    def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], NDArray[np.uint8]]:
+        """Return copies of some maps of a tile, and its state, unknown beyond the grid."""
+        box = box_of_tile(key)
+        inner = Box(box.row0, min(box.row1, self.grid.rows), box.col0, min(box.col1, self.grid.cols))
+        beyond = tuple((0, side - own) for side, own in zip(box.shape, inner.shape, strict=True))
+        layers = [np.pad(self.layer(name, inner), beyond, constant_values=np.nan) for name in names]
+        return layers, np.pad(self.state(inner), beyond, constant_values=UNKNOWN)
 
     @property
     def height_m(self) -> NDArray[np.float32]:

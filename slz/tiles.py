@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from slz.kernels.scatter import (
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 FEWEST = 16  # tiles, however small the budget
+SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +206,15 @@ class Tiles:
 
     def keys_over(self, box: Box) -> tuple[Key, ...]:
         """Return the keys of the tiles that a box of cells touches, held or not."""
-        (row, col), (rows, cols) = _tiles_over(box)
-        return tuple((row + r, col + c) for r in range(rows) for c in range(cols))
+        return keys_over(box)
+
+
+def keys_over(box: Box) -> tuple[Key, ...]:
+    """Return the keys of the tiles that a box of cells touches."""
+    if box.empty:
+        return ()
+    (row, col), (rows, cols) = _tiles_over(box)
+    return tuple((row + r, col + c) for r in range(rows) for c in range(cols))
 
 
 def box_of_tile(key: Key) -> Box:
@@ -226,6 +235,9 @@ class TiledLayers:
         self._empty = np.full((count, TILE, TILE), empty, dtype)
         self._tiles: dict[Key, NDArray[Any]] = {}
         self._last: tuple[Box, NDArray[Any]] | None = None  # what was read last
+        self.serial = next(SERIALS)
+        self.touched: set[Key] = set()
+        """Tiles written or forgotten since somebody emptied this set."""
 
     def write(self, box: Box, values: NDArray[Any]) -> None:
         """Set (count, rows, cols) values of a box."""
@@ -234,6 +246,7 @@ class TiledLayers:
             if key not in self._tiles:
                 self._tiles[key] = self._empty.copy()
             self._tiles[key][(slice(None), *there)] = values[(slice(None), *here)]
+            self.touched.add(key)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
         """Return a copy (rows, cols) of one layer of a box; one after the other of a box is read at once."""
@@ -253,7 +266,18 @@ class TiledLayers:
     def keep(self, wanted: Callable[[Key], bool]) -> None:
         """Forget all tiles but those wanted."""
         self._last = None
-        self._tiles = {key: tile for key, tile in self._tiles.items() if wanted(key)}
+        gone = [key for key in self._tiles if not wanted(key)]
+        self.touched.update(gone)
+        for key in gone:
+            del self._tiles[key]
+
+    def keys(self) -> tuple[Key, ...]:
+        """Return the keys of all tiles."""
+        return tuple(self._tiles)
+
+    def tile(self, key: Key) -> NDArray[Any] | None:
+        """Return a tile (count, TILE, TILE) as it is held, not a copy; None where nothing was written."""
+        return self._tiles.get(key)
 
 
 def _pieces(box: Box) -> Iterator[tuple[Key, tuple[slice, slice], tuple[slice, slice]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ AUTOPILOTS = {
     "arducopter": "an ArduCopter SITL binary",
     "px4": "the binary of a PX4 SITL (bin/px4 of its build folder)",
 }
+CHROMIUM = Path(shutil.which("chromium") or "/usr/bin/chromium")
 MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
 
@@ -22,6 +24,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Let the user name programs to test with; without them their tests are skipped."""
     for name, what in AUTOPILOTS.items():
         parser.addoption(f"--{name}", type=Path, default=None, metavar="PATH", help=f"{what} to fly with")
+    parser.addoption(
+        "--chromium", type=Path, default=CHROMIUM, metavar="PATH", help="Chromium to test the page with"
+    )
     parser.addoption(
         "--mavproxy", type=Path, default=MAVPROXY, metavar="PATH", help="mavproxy.py to test with"
     )
@@ -43,6 +48,15 @@ def state_home(tmp_path_factory: pytest.TempPathFactory) -> object:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+@pytest.fixture
+def chromium(request: pytest.FixtureRequest) -> Path:
+    """Return the browser, by default Debian's; skip without it."""
+    path: Path = request.config.getoption("--chromium")
+    if not path.is_file():
+        pytest.skip(f"there is no {path}: apt install chromium")
+    return path
 
 
 @pytest.fixture

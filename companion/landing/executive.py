@@ -177,6 +177,20 @@ class Executive:
         return replace(orders, select_enu_m=select, texts=texts)
 
     @property
+    def aim_enu_m(self) -> Vector | None:
+        """The point (3,) that is flown to, on the ground as last measured; None while none is."""
+        on_the_way = self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
+        return self._aim.on_ground_enu_m if on_the_way and self._aim.enu_m is not None else None
+
+    def is_watching(self, situation: Situation, enu_m: Vector) -> bool:
+        """Tell whether this is the point under watch: the one asked for last, and judged by now."""
+        asked, selected = self._pending_select, situation.selected
+        asked = self._asked if asked is None else asked
+        if selected is None or not same_place(selected.enu_m, enu_m):
+            return False
+        return asked is None or same_place(asked, enu_m)
+
+    @property
     def mapping(self) -> bool:
         """Whether scans belong into the map: not where rotors blow up dust, close to the point."""
         low = self._aim.height_left_m < self._p.dust_height_m

@@ -64,6 +64,8 @@ class Link:
         Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
     on_position
         Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
+    on_text
+        Event (text, severity) of what the pilot is shown.
     on_frame, on_sent, on_time_asked
         Events of the wire, for recordings: (message, now_ns) before it is taken; (frame); (now_ns) of each
         request for the autopilot's time.
@@ -94,6 +96,7 @@ class Link:
         self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
         self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
         self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
+        self.on_text: Event[[str, int]] = Event()
         self.on_frame: Event[[Any, int]] = Event()
         self.on_sent: Event[[bytes]] = Event()
         self.on_time_asked: Event[[int]] = Event()
@@ -236,6 +239,7 @@ class Link:
         self._text_id = self._text_id % 65535 + 1
         for message in statustext(text, severity, self._text_id):
             self.send(message)
+        self.on_text.emit(text, severity)
 
     # ---- life -----------------------------------------------------------------------------------
 

@@ -32,10 +32,15 @@ def body_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
     return np.asarray(offset @ pose.rotation_enu_from_frd)
 
 
+def heading_rad(rotation_enu_from_frd: Floats) -> float:
+    """Return the heading, clockwise from north."""
+    east, north = rotation_enu_from_frd[:2, 0]
+    return math.atan2(east, north)
+
+
 def enu_from_level(pose: PoseLike) -> Floats:
     """Return the (3, 3) rotation of forward, right, down of the vehicle, turned by its heading only."""
-    east, north = pose.rotation_enu_from_frd[:2, 0]
-    heading = math.atan2(east, north)
+    heading = heading_rad(pose.rotation_enu_from_frd)
     sine, cosine = math.sin(heading), math.cos(heading)
     return np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, -1.0]])
 

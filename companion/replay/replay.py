@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from companion.fusion.assembler import ScanAssembler
+from companion.fusion.pose_history import PoseHistory
+from companion.link.vehicle import VehicleState
 from companion.recorder import journal
 from companion.replay.reading import Header, Raw
 from companion.replay.senses import Senses
@@ -87,6 +89,21 @@ class Replay:
     def maps(self) -> TerrainMaps | None:
         """Return the maps as they are now."""
         return self._pipeline.maps()
+
+    @property
+    def history(self) -> PoseHistory:
+        """The vehicle's poses."""
+        return self._senses.history
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """What the autopilot said of the vehicle so far."""
+        return self._senses.vehicle
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """What maps, now."""
+        return self._pipeline
 
     # ---- what happened --------------------------------------------------------------------------
 

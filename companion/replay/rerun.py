@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
+from companion.link.vehicle import VehicleState
 from companion.replay.replay import Outcome
 from companion.sensors.returns import Returns
 from params import Parameters
@@ -90,6 +91,16 @@ class Rerun:
     def maps(self) -> TerrainMaps | None:
         """Return the maps as they are now."""
         return self._pipeline.maps()
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """Nothing: another program's recording tells poses only."""
+        return VehicleState()
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """What maps, now."""
+        return self._pipeline
 
     def add_returns(self, returns: Returns) -> None:
         """Take a batch of returns."""

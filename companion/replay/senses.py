@@ -10,6 +10,7 @@ from companion.fusion.pose_history import CAPACITY, PoseHistory
 from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
+from companion.link.vehicle import VehicleState
 from companion.recorder import journal
 from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
@@ -52,6 +53,11 @@ class Senses:
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """What the autopilot said of the vehicle so far."""
+        return self._inbox.vehicle
 
     def take(self, message: Raw) -> WindowEvent | None:
         """Take the next message; return the window's event if it is one.

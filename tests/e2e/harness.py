@@ -12,6 +12,7 @@ import numpy as np
 
 import params
 from companion.app import Companion
+from companion.dashboard.page import Front
 from companion.landing.situation import Phase
 from companion.simulated import LockstepLoop
 from sitl.lidar_port import PTY
@@ -47,6 +48,7 @@ class Mission:
         record: Path | None = None,
         lidar: str = "mid360",
         metadata: Path | None = None,
+        page: bool = False,
         **settings: Any,
     ) -> None:
         self.mavlink_port = free_port()
@@ -67,6 +69,7 @@ class Mission:
         self.loop = LockstepLoop(self.sim.advance)
         self.auto = auto
         self.record = record
+        self.front = Front("127.0.0.1:0") if page else None
         self.companion = self.new_companion()
         self.task: asyncio.Task[None] | None = None
 
@@ -77,6 +80,7 @@ class Mission:
             self.parameters,
             auto=self.auto,
             record=self.record,
+            front=self.front,
         )
 
     def fly(self, script: Callable[[Mission], Awaitable[None]]) -> Mission:

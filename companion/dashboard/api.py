@@ -1,0 +1,112 @@
+"""What other programs may read of the flight: JSON over HTTP, described by OpenAPI."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+TITLE = "slz"
+DESCRIPTION = (
+    "What the landing companion knows. Read only: orders go through the page or MAVLink. Positions are metres"
+    " east, north and up of the map's origin, or WGS-84 degrees in GeoJSON."
+)
+
+
+class Alarm(BaseModel):
+    """Something that the pilot must not overlook."""
+
+    level: Literal["critical", "warning"]
+    key: str
+    text: str
+
+
+class Point(BaseModel):
+    """The selected landing point."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    enu_m: list[float | None] = Field(description="East, north, up.")
+    state: Literal["safe", "unsafe", "unknown"]
+    judged_by: Literal["near", "far", "none"]
+    slope_deg: float | None
+    relief_m: float | None
+    certainty: float | None
+    zone: int | None
+
+
+class Origin(BaseModel):
+    """Where the map's frame begins (WGS-84)."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+class Status(BaseModel):
+    """State of the flight; null where unknown."""
+
+    phase: str | None = Field(description="idle, survey, approach, descend, final, landed, climb or hold.")
+    mode: str | None = Field(description="The autopilot's flight mode.")
+    connected: bool
+    armed: bool
+    lidar_ok: bool
+    battery_pct: float | None
+    position_enu_m: list[float | None] | None
+    height_m: float | None = Field(description="Over the ground below.")
+    zones: int = Field(description="Of the near map.")
+    far_zones: int
+    reports: int
+    latency_ms: float | None = Field(description="Of the last window, from its last scan to the report.")
+    origin: Origin | None
+    selected: Point | None
+    alarms: list[Alarm]
+
+
+class Geometry(BaseModel):
+    """Polygon or MultiPolygon (RFC 7946)."""
+
+    type: Literal["Polygon", "MultiPolygon"]
+    coordinates: list[Any]
+
+
+class Feature(BaseModel):
+    """A zone; its properties are those of `slz map` and `map`, near or far."""
+
+    type: Literal["Feature"]
+    id: int
+    geometry: Geometry
+    properties: dict[str, Any]
+
+
+class Zones(BaseModel):
+    """The zones of the newest report, the near map's first, each map's in its ranking."""
+
+    type: Literal["FeatureCollection"]
+    features: list[Feature]
+
+
+def status(
+    state: dict[str, Any] | None, picture: dict[str, Any] | None, alarms: list[dict[str, str]], reports: int
+) -> Status:
+    """Return the status from the page's documents."""
+    s, p = state or {}, picture or {}
+    lat, lon, alt = p.get("frame", (None, None, None))
+    known = s.get("east_m") is not None
+    return Status(
+        phase=s.get("phase"),
+        mode=s.get("mode"),
+        connected=s.get("connected", False),
+        armed=s.get("armed", False),
+        lidar_ok=s.get("lidar_ok", False),
+        battery_pct=s.get("battery_pct"),
+        position_enu_m=[s["east_m"], s["north_m"], s["up_m"]] if known else None,
+        height_m=s.get("height_m"),
+        zones=len(p.get("near", ())),
+        far_zones=len(p.get("far", ())),
+        reports=reports,
+        latency_ms=p.get("latency_ms"),
+        origin=None if lat is None else Origin(lat_deg=lat, lon_deg=lon, alt_m=alt),
+        selected=None if p.get("selected") is None else Point(**p["selected"]),
+        alarms=[Alarm.model_validate(alarm) for alarm in alarms],
+    )

@@ -1,0 +1,170 @@
+"""The page's own event loop: what browsers are sent, and what they may ask."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from companion.dashboard.access import Access
+from companion.dashboard.alarms import standing
+from companion.dashboard.atlas import LEVELS, Atlas
+from companion.dashboard.board import Board
+from companion.dashboard.orders import Command, Facts
+from companion.dashboard.picture import Picture
+from companion.landing.situation import Reply
+from companion.outputs.zone_feature import zone_feature
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.1
+ANSWER_S = 3.0
+STALE_TICKS = 30
+Result = TypeVar("Result")
+
+
+class Site:
+    """Turns the board into messages, once for all browsers.
+
+    Parameters
+    ----------
+    board
+        Written by the companion.
+    access
+        Who may do what.
+    carry_out
+        Hands an order to the companion and waits for the answer.
+    about
+        What the page is told once: kind of page, parameters' table.
+
+    Attributes
+    ----------
+    tick
+        Times that `refresh` ran: the age of what a browser has seen.
+    state, zones, health, replay
+        Messages ready to send, each with a number that rises when it changes.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        access: Access,
+        carry_out: Callable[[Command], Awaitable[Reply]],
+        about: dict[str, Any],
+    ) -> None:
+        self.board, self.access, self.about = board, access, about
+        self.atlas = Atlas()
+        self.tick = 0
+        self.state: tuple[int, str] = (0, "")
+        self.zones: tuple[int, str] = (0, "")
+        self.health: tuple[int, str] = (0, "")
+        self.replay: tuple[int, str] = (0, "")
+        self.picture: dict[str, Any] | None = None
+        self.refused = 0
+        self._carry_out = carry_out
+        self._picture = Picture()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-page-encoder")
+        self._collection: tuple[int, bytes] = (-1, b"")
+        self._sources: dict[str, Any] = {}
+
+    # ---- what is sent ---------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Refresh ten times a second until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._keep_drawing(), name="page drawing")
+            while True:
+                self.refresh()
+                await asyncio.sleep(TICK_S)
+
+    def refresh(self) -> None:
+        """Make the messages of this tick."""
+        board = self.board
+        self.tick += 1
+        if board.state is not None:
+            selected = None if self.picture is None else self.picture["selected"]
+            document = {"t": "state", "tick": self.tick, **board.state}
+            document["alarms"] = standing(board.state, selected)
+            self.state = self.tick, json.dumps(document)
+        for name in ("health", "replay"):
+            source = getattr(board, name)
+            if source is not None and source is not self._sources.get(name):
+                self._sources[name] = source
+                number = getattr(self, name)[0] + 1
+                setattr(self, name, (number, json.dumps({"t": name, **source})))
+
+    async def _keep_drawing(self) -> None:
+        """Take reports and changes of the maps, in a thread."""
+        while True:
+            while self.board.drawn:
+                await self.in_thread(self.atlas.take, *self.board.drawn.popleft())
+            number, report = self.board.report_number, self.board.report
+            if report is not None and number != self.zones[0]:
+                document = await self.in_thread(self._picture.document, report, self.board.parameters)
+                document |= {"t": "zones", "number": number, "latency_ms": round(self.board.latency_ms, 1)}
+                self.picture = document
+                self.zones = number, await self.in_thread(json.dumps, document)
+            await asyncio.sleep(TICK_S)
+
+    async def in_thread(self, work: Callable[..., Result], *args: Any) -> Result:
+        """Run what takes milliseconds in the encoder's thread."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, work, *args)
+
+    async def block(self, name: str, serial: int, level: int, row: int, col: int) -> bytes | None:
+        """Return a block of a map, compressed; None where there is none, or the map is another one now."""
+        sheet = self.atlas.sheets.get(name)
+        if sheet is None or sheet.serial != serial or not 0 <= level < LEVELS:
+            return None
+        return await self.in_thread(sheet.encoded, level, row, col)
+
+    async def collection(self) -> bytes:
+        """Return the zones of the newest report as GeoJSON."""
+        number, report = self.board.report_number, self.board.report
+        if self._collection[0] != number:
+            self._collection = number, await self.in_thread(_collection, report)
+        return self._collection[1]
+
+    # ---- what is asked --------------------------------------------------------------------------
+
+    async def answer(self, order: Command, seen_tick: int | None) -> Reply:
+        """Carry out an order of an operator.
+
+        seen_tick: the newest state that the sender's screen showed. What was ordered on the sight of an old
+        one is refused, but for an abort.
+        """
+        late = seen_tick is None or self.tick - seen_tick > STALE_TICKS
+        if late and order.do != "abort":
+            return Reply(False, "sent on the sight of old data: look and try again")
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                return await self._carry_out(order)
+        except TimeoutError:
+            return Reply(False, "no answer from the landing program: try again")
+
+    def facts(self, question: Facts) -> dict[str, Any]:
+        """Return what the maps say of a point."""
+        found = self.atlas.cell(question.east_m, question.north_m)
+        point = {"east_m": question.east_m, "north_m": question.north_m}
+        if found is None:
+            return {**point, "map": None, "state": "unknown"}
+        name, cell = found
+        fields = ("cell_m", "height_m", "slope_deg", "relief_m", "certainty", "state")
+        return {**point, "map": name} | {field: getattr(cell, field) for field in fields}
+
+    def close(self) -> None:
+        """End the encoder's thread."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+
+def _collection(report: Any) -> bytes:
+    features = []
+    for name in () if report is None else ("near", "far"):
+        part = getattr(report, name)
+        for zone in part.zones:
+            feature = zone_feature(zone, part.grid, report.frame)
+            feature["properties"]["map"] = name
+            features.append(feature)
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()

@@ -1,0 +1,78 @@
+// What must not be overlooked: banners that stay while their reason stands, and sound until somebody hears it.
+
+import { byId, el } from "./dom.js";
+
+const CRITICAL = 2; // severity of MAVLink's STATUSTEXT
+
+export class Alarms {
+  constructor(model) {
+    this._model = model;
+    this._box = byId("alarms");
+    this._heard = new Set(); // keys of standing alarms that were acknowledged
+    this._read = Number(sessionStorage.getItem("slz-read") ?? -1); // newest text that was acknowledged
+    this._shown = "";
+    this._beepAt = 0;
+    document.addEventListener("pointerdown", () => this._wake(), { once: true });
+    document.addEventListener("keydown", () => this._wake(), { once: true });
+    setInterval(() => this._sound(), 250);
+  }
+
+  update() {
+    const standing = this._model.state?.alarms ?? [];
+    for (const key of [...this._heard]) if (!standing.some((alarm) => alarm.key === key)) this._heard.delete(key);
+    if (this._read < 0 && this._model.texts.length) this._read = 0;
+    const texts = this._model.texts.filter((x) => x.severity <= CRITICAL && x.number > this._read);
+    const items = standing.map((alarm) => ({ ...alarm, loud: alarm.level === "critical" && !this._heard.has(alarm.key) }));
+    const last = texts.at(-1);
+    if (last && !standing.some((alarm) => alarm.key === "point-unsafe" && last.text.includes("UNSAFE"))) {
+      items.push({ level: "critical", key: `text-${last.number}`, text: last.text.replace("SLZ: ", ""), loud: true, text_number: last.number });
+    }
+    this.loud = items.some((item) => item.loud);
+    const now = JSON.stringify(items);
+    if (now === this._shown) return;
+    this._shown = now;
+    this._box.replaceChildren(...items.map((item) => this._banner(item)));
+    document.title = items.length ? `(!) ${items[0].text}` : "slz – landing zones";
+  }
+
+  /** Silence everything that sounds; what stands stays in sight. */
+  acknowledge() {
+    for (const alarm of this._model.state?.alarms ?? []) this._heard.add(alarm.key);
+    this._read = this._model.texts.at(-1)?.number ?? this._read;
+    sessionStorage.setItem("slz-read", String(this._read));
+    this.update();
+  }
+
+  _banner(item) {
+    const button = item.loud ? el("button", { text: "Acknowledge", onclick: () => this.acknowledge() }) : null;
+    return el(
+      "div",
+      { class: `alarm ${item.level}${item.loud ? "" : " quiet"}`, "data-key": item.key },
+      el("span", { class: "mark", text: "!", "aria-hidden": "true" }),
+      el("span", { text: item.text }),
+      button,
+    );
+  }
+
+  _wake() {
+    this._audio = this._audio ?? new (window.AudioContext ?? window.webkitAudioContext)();
+  }
+
+  _sound() {
+    if (!this.loud || performance.now() < this._beepAt) return;
+    this._beepAt = performance.now() + 1000;
+    if (!this._audio) return; // browsers allow neither before the first tap
+    navigator.vibrate?.([250, 120, 250]);
+    const at = this._audio.currentTime;
+    for (const [i, hertz] of [880, 660].entries()) {
+      const tone = this._audio.createOscillator();
+      const volume = this._audio.createGain();
+      tone.type = "square";
+      tone.frequency.value = hertz;
+      volume.gain.value = 0.08;
+      tone.connect(volume).connect(this._audio.destination);
+      tone.start(at + 0.22 * i);
+      tone.stop(at + 0.22 * i + 0.18);
+    }
+  }
+}

@@ -1,0 +1,68 @@
+// The bar at the top: phase, numbers, lamps.
+
+import { byId, el, setClass, setText, shown } from "./dom.js";
+
+const NUMBERS = [
+  ["mode", "Mode", false],
+  ["height", "Height", false],
+  ["speed", "Speed", true],
+  ["sink", "Climb", true],
+  ["battery", "Battery", false],
+  ["distance", "To point", true],
+  ["latency", "Report after", true],
+];
+const LAMPS = [["link", "Autopilot"], ["lidar", "LiDAR"], ["map", "Map"], ["rec", "Recording"]];
+
+export class Bar {
+  constructor(model, link) {
+    [this._model, this._link] = [model, link];
+    this._cells = {};
+    for (const [key, label, wide] of NUMBERS) {
+      const value = el("dd", { text: "–" });
+      const box = el("div", { class: wide ? "wide" : "" }, el("dt", { text: label }), value);
+      byId("numbers").append(box);
+      this._cells[key] = { box, value };
+    }
+    this._lamps = {};
+    for (const [key, label] of LAMPS) {
+      const lamp = el("div", { class: "lamp", title: label }, el("i"), el("span", { text: label }));
+      byId("lamps").append(lamp);
+      this._lamps[key] = lamp;
+    }
+  }
+
+  update() {
+    const s = this._model.state;
+    if (!s) return;
+    const phase = byId("phase");
+    setText(phase, s.phase);
+    setClass(phase, "flying", s.flying);
+    setClass(phase, "landed", s.phase === "landed");
+    const v = s.velocity_enu_ms;
+    const aim = this._model.aim() ?? this._model.selected()?.enu_m;
+    const away = aim && s.east_m !== null ? Math.hypot(aim[0] - s.east_m, aim[1] - s.north_m) : null;
+    this._set("mode", `${s.mode || "–"}${s.armed ? "" : " · disarmed"}`, s.flying && !s.guided && s.phase !== "final");
+    this._set("height", shown(s.height_m ?? s.height_home_m, 1, "m"));
+    this._set("speed", v ? shown(Math.hypot(v[0], v[1]), 1, "m/s") : "–");
+    this._set("sink", v ? shown(v[2], 1, "m/s") : "–");
+    this._set("battery", shown(s.battery_pct, 0, "%"), s.battery_low);
+    this._set("distance", shown(away, 0, "m"));
+    this._set("latency", shown(this._model.zones?.latency_ms, 0, "ms"));
+    this._lamp("link", s.connected && s.heard);
+    this._lamp("lidar", s.lidar_ok || s.on_ground);
+    setClass(this._lamps.lidar, "off", s.on_ground && !s.lidar_ok);
+    this._lamp("map", !s.pipeline_failed && Boolean(this._model.zones));
+    const recording = this._model.health?.recording;
+    setClass(this._lamps.rec, "off", !recording);
+    setClass(this._lamps.rec, "bad", Boolean(recording?.ended));
+  }
+
+  _set(key, text, bad = false) {
+    setText(this._cells[key].value, text);
+    setClass(this._cells[key].box, "bad", bad);
+  }
+
+  _lamp(key, good) {
+    setClass(this._lamps[key], "bad", !good);
+  }
+}

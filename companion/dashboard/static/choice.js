@@ -1,0 +1,210 @@
+// What is picked, what is under watch, and the orders.
+
+import { byId, el, percent, setClass, shown } from "./dom.js";
+import { STATE_STYLE, SURE_WORDS } from "./zones.js";
+
+const NEAR_M = 0.05; // the point under watch is the picked one
+
+export class Choice {
+  constructor(model, link) {
+    [this._model, this._link] = [model, link];
+    this._drawn = "";
+    byId("select").onclick = () => this.select();
+    byId("confirm").onclick = () => this.confirm();
+    byId("best").onclick = () => this._askFirst("Land at the best zone?", this._bestWords(), { do: "land_best" });
+    byId("now").onclick = () =>
+      this._askFirst("Emergency: land now?", "It takes over from any mode and lands at the zone reached soonest.", { do: "land_now" }, true);
+    byId("abort").onclick = () => this.abort();
+  }
+
+  /** Pick a point of the map: show what is known of it. */
+  async pick(east, north, zone) {
+    const picked = (this._model.picked = { east, north, zone, facts: null });
+    this._say("");
+    this.update();
+    const facts = await this._link.order({ do: "facts", east_m: east, north_m: north });
+    if (this._model.picked === picked || this._model.picked?.zone?.id === zone?.id) {
+      this._model.picked = { ...(this._model.picked ?? picked), facts: facts.t === "facts" ? facts : null };
+      this.update();
+    }
+  }
+
+  pickZone(zone) {
+    this.pick(zone.best[0], zone.best[1], zone);
+  }
+
+  async select() {
+    const picked = this._model.picked;
+    if (!picked || byId("select").disabled) return;
+    const order = picked.zone
+      ? { do: "select_zone", zone: picked.zone.id }
+      : { do: "select_point", east_m: picked.east, north_m: picked.north };
+    if (await this._send(order)) {
+      this._model.picked = null;
+      this._say("selected: it is judged with the next report", true);
+    }
+  }
+
+  async confirm() {
+    const point = this._model.selected();
+    if (!point || byId("confirm").disabled) return;
+    this._send({ do: "confirm", east_m: point.enu_m[0], north_m: point.enu_m[1] });
+  }
+
+  abort() {
+    this._send({ do: "abort" });
+  }
+
+  clear() {
+    this._model.picked = null;
+    this.update();
+  }
+
+  // ---- what is shown ---------------------------------------------------------------------------
+
+  update() {
+    const { picked, state } = this._model;
+    const point = this._model.selected();
+    const may = this._model.operator && Boolean(state) && this._model.about.kind === "flight";
+    const ready = may && state.connected && !this._link.stale;
+    byId("select").disabled = !ready || !picked || (picked.zone !== null && this._isFar(picked.zone));
+    byId("confirm").disabled = !ready || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
+    byId("best").disabled = !ready || !state.guided || !this._model.near().length || this._descending();
+    byId("now").disabled = !ready || !state.armed || state.on_ground;
+    byId("abort").disabled = !may;
+    const now = JSON.stringify([picked, point, this._model.zones?.number, this._model.about?.role]);
+    if (now === this._drawn) return;
+    this._drawn = now;
+    byId("choice").replaceChildren(...(picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
+  }
+
+  _descending() {
+    return ["descend", "final"].includes(this._model.state.phase);
+  }
+
+  /** Whether it flies there already, or comes down somewhere. */
+  _flownTo(point) {
+    const aim = this._model.aim();
+    return this._descending() || (aim !== null && Math.hypot(aim[0] - point.enu_m[0], aim[1] - point.enu_m[1]) < NEAR_M);
+  }
+
+  _isFar(zone) {
+    return !this._model.near().some((z) => z.id === zone.id);
+  }
+
+  _nothing() {
+    const words = this._model.operator
+      ? "Tap a zone or a point of the map to see its facts, select it, and confirm the landing."
+      : "This page may look only.";
+    return [el("h2", { text: "No landing point" }), el("p", { text: words })];
+  }
+
+  _picked({ zone, facts, east, north }) {
+    if (zone) {
+      const far = this._isFar(zone);
+      return [
+        el("h2", {}, `Zone ${zone.id}${far ? " (far map)" : ""}`, this._badge(zone.sure, `${SURE_WORDS[zone.sure]} ${percent(zone.certainty)}`)),
+        this._facts([
+          ["Area", shown(zone.area_m2, 0, "m²")],
+          ["Rank", `${zone.rank} of ${(far ? this._model.far() : this._model.near()).length}`],
+          ["Square", shown(zone.square_m, 1, "m")],
+          ["Clearance", shown(zone.clearance_m, 1, "m")],
+          ["Slope", shown(zone.slope_deg, 1, "°")],
+          ["Roughness", shown(zone.roughness, 3, "m")],
+          ["Relief", shown(facts?.relief_m, 2, "m")],
+          ["Point", percent(zone.point_certainty, 1)],
+          ["Distance", shown(this._away(zone.best), 0, "m")],
+          ["Obstacles", String(zone.obstacles)],
+        ]),
+        zone.why ? el("p", { text: `Ranked behind the zone before it: ${zone.why}` }) : null,
+        far ? el("p", { text: "Seen from afar only: fly nearer before it can be landed at." }) : null,
+      ].filter(Boolean);
+    }
+    const state = facts?.state ?? "unknown";
+    return [
+      el("h2", {}, "Point", this._badge(state, STATE_STYLE[state].word.toLowerCase())),
+      this._facts([
+        ["Height", shown(facts?.height_m, 2, "m")],
+        ["Slope", shown(facts?.slope_deg, 1, "°")],
+        ["Relief", shown(facts?.relief_m, 2, "m")],
+        ["Certainty", percent(facts?.certainty, 1)],
+        ["Map", facts?.map ?? "–"],
+        ["Distance", shown(this._away([east, north]), 0, "m")],
+      ]),
+      state === "safe" ? null : el("p", { text: this._whyNot(facts) }),
+    ].filter(Boolean);
+  }
+
+  _whyNot(facts) {
+    if (!facts?.map) return "Nothing was seen there: unknown is never safe.";
+    if (facts.state === "unknown") return "Part of the footprint was not seen: unknown is never safe.";
+    return "Outside of every zone: too steep or too uneven for the vehicle's footprint.";
+  }
+
+  _watched(point) {
+    const style = STATE_STYLE[point.state];
+    const zone = this._model.zone(point.zone);
+    const nearest = point.obstacles[0];
+    return [
+      el("h2", {}, `Landing point${zone ? ` · zone ${zone.id}` : ""}`, this._badge(point.state, `${style.mark} ${style.word}`)),
+      this._facts([
+        ["Certainty", percent(point.certainty, 1)],
+        ["Slope", shown(point.slope_deg, 1, "°")],
+        ["Relief", shown(point.relief_m, 2, "m")],
+        ["Square", shown(zone?.square_m, 1, "m")],
+        ["Way in", point.way_in_deg === null ? "–" : `${String(point.way_in_deg).padStart(3, "0")}°`],
+        ["Map", point.judged_by === "none" ? "–" : point.judged_by],
+        ["Obstacles", `${point.obstacles.length}${point.obstacles.length === 40 ? "+" : ""}`],
+        ["Nearest", nearest ? `${nearest.height_m.toFixed(1)} / ${nearest.distance_m.toFixed(0)} m` : "–"],
+      ]),
+    ];
+  }
+
+  _facts(rows) {
+    return el("dl", { class: "facts" }, ...rows.map(([name, value]) => el("div", {}, el("dt", { text: name }), el("dd", { text: value }))));
+  }
+
+  _badge(kind, text) {
+    return el("span", { class: `badge ${kind}`, text });
+  }
+
+  _away([east, north]) {
+    const s = this._model.state;
+    return s && s.east_m !== null ? Math.hypot(east - s.east_m, north - s.north_m) : null;
+  }
+
+  _bestWords() {
+    const zone = this._model.near()[0];
+    return zone ? `Zone ${zone.id}, ${Math.round(zone.area_m2)} m², ${percent(zone.certainty)} certain, ranks first now.` : "";
+  }
+
+  // ---- orders ----------------------------------------------------------------------------------
+
+  _askFirst(title, words, order, danger = false) {
+    const dialog = byId("ask");
+    setClass(dialog, "danger", danger);
+    const yes = el("button", { class: "act go", id: "yes", text: "Yes, land" });
+    yes.onclick = () => {
+      dialog.close();
+      this._send(order);
+    };
+    const no = el("button", { class: "act", text: "No", onclick: () => dialog.close() });
+    dialog.replaceChildren(el("h2", { text: title }), el("p", { text: words }), el("div", { class: "row" }, no, yes));
+    dialog.showModal();
+    yes.focus();
+  }
+
+  async _send(order) {
+    this._say("…");
+    const { ok, reason } = await this._link.order(order);
+    this._say(reason || (ok ? "done" : "refused"), ok);
+    return ok;
+  }
+
+  _say(text, good = null) {
+    const answer = byId("answer");
+    answer.textContent = text;
+    setClass(answer, "yes", good === true);
+    setClass(answer, "no", good === false);
+  }
+}

@@ -1,0 +1,135 @@
+// Puts the page together.
+
+import { Alarms } from "./alarms.js";
+import { Bar } from "./bar.js";
+import { BirdView } from "./bird.js";
+import { Choice } from "./choice.js";
+import { Details } from "./details.js";
+import { byId, el } from "./dom.js";
+import { Link } from "./link.js";
+import { Model } from "./model.js";
+import { ParameterSheet } from "./parameters.js";
+import { PilotView } from "./pilot.js";
+import { ReplayBar } from "./replay.js";
+import { Sheets } from "./sheets.js";
+import { patternOf, STATE_STYLE, STYLE } from "./zones.js";
+
+const model = new Model();
+const sheets = new Sheets(() => {});
+const link = new Link(
+  (message) => {
+    if (message.t === "map") sheets.take(message);
+    else model.take(message);
+    due = true;
+  },
+  () => sheets.restart(),
+);
+let due = true;
+
+const choice = new Choice(model, link);
+const parts = [
+  new Bar(model, link),
+  new Alarms(model),
+  choice,
+  new Details(model, choice, link),
+  new ParameterSheet(model, link),
+  new ReplayBar(model, link),
+];
+const alarms = parts[1];
+const bird = new BirdView(byId("bird"), model, sheets, (east, north, zone) => choice.pick(east, north, zone));
+const pilot = new PilotView(byId("space"), byId("hud"), model, sheets);
+
+setInterval(() => {
+  const gone = link.stale;
+  byId("stale").hidden = !gone;
+  if (gone) byId("stale-text").textContent = Number.isFinite(link.age) ? `from the companion for ${Math.round(link.age / 1000)} s` : "waiting for the companion";
+  if (due || gone) {
+    due = false;
+    for (const part of parts) part.update();
+  }
+}, 100);
+
+// ---- buttons -----------------------------------------------------------------------------------
+
+function press(selector, attribute, act) {
+  const buttons = [...document.querySelectorAll(selector)];
+  for (const button of buttons) {
+    button.onclick = () => {
+      for (const other of buttons) other.setAttribute(attribute, String(other === button));
+      act(button);
+    };
+  }
+}
+
+press("#layers button", "aria-pressed", (button) => (sheets.layer = button.dataset.layer));
+press("#cameras button", "aria-pressed", (button) => pilot.use(button.dataset.camera));
+press("#tabs button", "aria-current", (button) => (document.body.dataset.view = button.dataset.show));
+document.querySelector("#tabs button").setAttribute("aria-current", "true");
+byId("zoom-in").onclick = () => bird.zoom(1.35);
+byId("zoom-out").onclick = () => bird.zoom(1 / 1.35);
+byId("fit").onclick = () => bird.fit();
+byId("follow").onclick = () => (bird.follow = !bird.follow);
+byId("track").onclick = () => (bird.trackUp = !bird.trackUp);
+setInterval(() => {
+  byId("follow").setAttribute("aria-pressed", String(bird.follow));
+  byId("track").setAttribute("aria-pressed", String(bird.trackUp));
+}, 200);
+
+document.addEventListener("keydown", (event) => {
+  if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const acts = {
+    a: () => choice.abort(), s: () => choice.select(), c: () => choice.confirm(), k: () => alarms.acknowledge(),
+    f: () => byId("follow").click(), t: () => byId("track").click(), Escape: () => choice.clear(),
+  };
+  acts[event.key]?.();
+});
+
+// ---- legend ------------------------------------------------------------------------------------
+
+function swatch(draw) {
+  const canvas = el("canvas", { width: 52, height: 28 });
+  const pen = canvas.getContext("2d");
+  pen.fillStyle = "#8b8f88";
+  pen.fillRect(0, 0, 52, 28);
+  draw(pen);
+  return canvas;
+}
+
+function area(style, sure) {
+  return swatch((pen) => {
+    pen.fillStyle = style.fill;
+    pen.fillRect(0, 0, 52, 28);
+    const pattern = patternOf(pen, sure);
+    if (pattern) {
+      pen.fillStyle = pattern;
+      pen.fillRect(0, 0, 52, 28);
+    }
+    pen.strokeStyle = style.line;
+    pen.lineWidth = 4;
+    pen.strokeRect(1, 1, 50, 26);
+  });
+}
+
+const dark = swatch((pen) => {
+  pen.fillStyle = "#14181d";
+  pen.fillRect(0, 0, 52, 28);
+});
+const unsafe = swatch((pen) => {
+  pen.fillStyle = STATE_STYLE.unsafe.fill;
+  pen.fillRect(0, 0, 52, 28);
+  pen.strokeStyle = STATE_STYLE.unsafe.line;
+  pen.lineWidth = 5;
+  pen.strokeRect(2, 2, 48, 24);
+});
+byId("legend").append(
+  ...[
+    [area(STYLE.largest, "certain"), "largest zone"],
+    [area(STYLE.certain, "certain"), "zone, certain"],
+    [area(STYLE.certain, "less"), "less certain"],
+    [area(STYLE.uncertain, "uncertain"), "uncertain"],
+    [unsafe, "landing point unsafe"],
+    [dark, "never seen"],
+  ].map(([picture, text]) => el("div", {}, picture, el("span", { text }))),
+);
+
+window.slz = { model, sheets, link, bird, pilot }; // for tests and the curious

@@ -1,0 +1,109 @@
+// Everything the page knows, as last told.
+
+const STEP_MS = 100; // between two states
+
+export class Model {
+  constructor() {
+    this.about = null;
+    this.state = null;
+    this.health = null;
+    this.replay = null;
+    this.zones = null;
+    this.texts = [];
+    this.path = [];
+    this._pathNumber = -1;
+    this.picked = null; // what was tapped: {east, north, zone, facts}
+    this.latencies = [];
+    this._poses = [];
+  }
+
+  take(message) {
+    switch (message.t) {
+      case "about":
+        this.about = message;
+        break;
+      case "state":
+        this.state = message;
+        this._note(message);
+        break;
+      case "zones":
+        this.zones = message;
+        if (this.picked?.zone) this._followPicked();
+        break;
+      case "health":
+        this.health = message;
+        break;
+      case "replay":
+        this.replay = message;
+        break;
+      case "texts":
+        this.texts = [...this.texts, ...message.texts.filter((x) => !(x.number <= this.texts.at(-1)?.number))].slice(-200);
+        break;
+      case "path":
+        if (message.number !== this._pathNumber || message.from === 0) this.path = [];
+        this._pathNumber = message.number;
+        this.path.push(...message.points);
+        break;
+    }
+  }
+
+  near() {
+    return this.zones?.near ?? [];
+  }
+
+  far() {
+    return this.zones?.far ?? [];
+  }
+
+  allZones() {
+    return [...this.near(), ...this.far()];
+  }
+
+  zone(id) {
+    return this.allZones().find((zone) => zone.id === id) ?? null;
+  }
+
+  selected() {
+    return this.zones?.selected ?? null;
+  }
+
+  /** Where it flies to, null while it does not. */
+  aim() {
+    return this.state?.aim_enu_m ?? null;
+  }
+
+  get operator() {
+    return this.about?.role === "operator";
+  }
+
+  /** Pose at a moment, between the last two that came, so that it moves without steps. */
+  pose(now = performance.now()) {
+    const [a, b] = this._poses.slice(-2);
+    if (!a) return null;
+    if (!b) return a;
+    const share = Math.min(1, Math.max(0, (now - b.at) / STEP_MS));
+    const turn = (p, q) => p + share * (((q - p + 540) % 360) - 180);
+    const mix = (name) => a[name] + share * (b[name] - a[name]);
+    return {
+      east: mix("east"), north: mix("north"), up: mix("up"),
+      yaw: turn(a.yaw, b.yaw), pitch: turn(a.pitch, b.pitch), roll: turn(a.roll, b.roll), height: b.height, velocity: b.velocity,
+    };
+  }
+
+  _note(s) {
+    if (s.east_m === null) {
+      this._poses = [];
+      return;
+    }
+    this._poses.push({
+      at: performance.now(), east: s.east_m, north: s.north_m, up: s.up_m,
+      yaw: s.yaw_deg, pitch: s.pitch_deg, roll: s.roll_deg, height: s.height_m, velocity: s.velocity_enu_ms,
+    });
+    if (this._poses.length > 2) this._poses.shift();
+  }
+
+  _followPicked() {
+    const again = this.zone(this.picked.zone.id);
+    this.picked = again ? { ...this.picked, zone: again } : null;
+  }
+}

@@ -1,0 +1,399 @@
+// The pilot's view: the ground, zones, posts and the way down in space, with an instrument's numbers over it.
+
+import { fitCanvas } from "./dom.js";
+import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
+import { Terrain } from "./terrain.js";
+import { STATE_STYLE, styleOf } from "./zones.js";
+
+const FRAME_MS = 60;
+const SKY = [0.36, 0.45, 0.55];
+const FIELD = (56 * Math.PI) / 180;
+const REACH_M = 110;
+const EYE_DOWN_DEG = 28;
+const GRID_M = 20;
+const GATE_M = 4;
+const GATE_STEP_M = 6;
+
+const LINE_VERTEX = `
+in vec3 place;
+in vec4 tint;
+uniform mat4 matrix;
+out vec4 shade;
+void main() { shade = tint; gl_Position = matrix * vec4(place, 1.0); }`;
+const LINE_FRAGMENT = `
+in vec4 shade;
+out vec4 colour;
+void main() { colour = shade; }`;
+
+export class PilotView {
+  constructor(canvas, hud, model, sheets) {
+    Object.assign(this, { canvas, hud, model, sheets });
+    this.frames = 0;
+    this.camera = "chase";
+    this.look = { yaw: 0, pitch: 0, zoom: 1 };
+    this._last = 0;
+    this.plain = drawsInSoftware(); // then fewer triangles and pixels, no smooth edges
+    this.gl = canvas.getContext("webgl2", { antialias: !this.plain, alpha: false });
+    if (!this.gl) {
+      document.getElementById("no-space").hidden = false;
+      return;
+    }
+    this._start();
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this._start());
+    this._listen();
+    const draw = (now) => {
+      requestAnimationFrame(draw);
+      if (now - this._last < FRAME_MS || canvas.clientWidth === 0) return;
+      this._last = now;
+      this._draw(now);
+      this.frames++;
+    };
+    requestAnimationFrame(draw);
+  }
+
+  use(camera) {
+    this.camera = camera;
+    this.look = { yaw: 0, pitch: 0, zoom: 1 };
+  }
+
+  _start() {
+    const { gl } = this;
+    this.terrain = new Terrain(gl, this.sheets, this.model, this.plain ? 4 : 2);
+    this.lines = program(gl, LINE_VERTEX, LINE_FRAGMENT);
+    this.buffer = gl.createBuffer();
+    gl.enable(gl.DEPTH_TEST);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+  }
+
+  _listen() {
+    let held = null;
+    this.canvas.addEventListener("pointerdown", (event) => {
+      this.canvas.setPointerCapture(event.pointerId);
+      held = [event.offsetX, event.offsetY];
+    });
+    this.canvas.addEventListener("pointermove", (event) => {
+      if (!held) return;
+      this.look.yaw += 0.35 * (event.offsetX - held[0]);
+      this.look.pitch = Math.min(60, Math.max(-60, this.look.pitch + 0.25 * (event.offsetY - held[1])));
+      held = [event.offsetX, event.offsetY];
+    });
+    for (const end of ["pointerup", "pointercancel"]) this.canvas.addEventListener(end, () => (held = null));
+    this.canvas.addEventListener("dblclick", () => this.use(this.camera));
+    this.canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.look.zoom = Math.min(4, Math.max(0.4, this.look.zoom * Math.exp(0.001 * event.deltaY)));
+    }, { passive: false });
+    this.canvas.addEventListener("keydown", (event) => {
+      const turn = { ArrowLeft: [-6, 0], ArrowRight: [6, 0], ArrowUp: [0, 5], ArrowDown: [0, -5] }[event.key];
+      if (!turn) return;
+      this.look.yaw += turn[0];
+      this.look.pitch = Math.min(60, Math.max(-60, this.look.pitch + turn[1]));
+      event.preventDefault();
+    });
+  }
+
+  // ---- drawing ---------------------------------------------------------------------------------
+
+  _draw(now) {
+    const { gl } = this;
+    const drawn = fitCanvas(this.canvas, this.plain ? 0.6 : 1);
+    const { width, height, ratio } = fitCanvas(this.hud);
+    gl.viewport(0, 0, drawn.width, drawn.height);
+    gl.clearColor(...SKY, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const pen = this.hud.getContext("2d");
+    pen.clearRect(0, 0, width, height);
+    const pose = this.model.pose(now);
+    if (!pose || gl.isContextLost()) return;
+    const view = this._view(pose);
+    const matrix = multiply(perspective(FIELD, width / height, 0.5, 8000), looking(view.eye, view.forward, view.up));
+    this._backdrop(view);
+    this.terrain.draw(matrix, [view.middle[0], view.middle[1]], REACH_M, SKY);
+    this._solids(matrix, pose);
+    this._labels(pen, matrix, width, height, ratio);
+    this._instruments(pen, pose, view, matrix, width, height, ratio);
+  }
+
+  _view(pose) {
+    const yaw = ((pose.yaw + this.look.yaw) * Math.PI) / 180;
+    if (this.camera === "eye") {
+      const pitch = ((pose.pitch - EYE_DOWN_DEG + this.look.pitch) * Math.PI) / 180;
+      const forward = [Math.sin(yaw) * Math.cos(pitch), Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)];
+      const right = [Math.cos(yaw), -Math.sin(yaw), 0];
+      const roll = (pose.roll * Math.PI) / 180;
+      const up = add([0, 0, Math.cos(roll)], right, Math.sin(roll));
+      const eye = [pose.east, pose.north, pose.up];
+      return { eye, forward, up, middle: add(eye, [Math.sin(yaw), Math.cos(yaw), 0], 0.45 * REACH_M) };
+    }
+    const far = 26 * this.look.zoom;
+    const pitch = Math.min(1.5, Math.max(0.06, ((30 + this.look.pitch) * Math.PI) / 180));
+    const from = [-Math.sin(yaw) * Math.cos(pitch), -Math.cos(yaw) * Math.cos(pitch), Math.sin(pitch)];
+    const target = [pose.east, pose.north, pose.up - 3 * this.look.zoom];
+    const eye = add([pose.east, pose.north, pose.up], from, far);
+    const forward = add(target, eye, -1);
+    return { eye, forward, up: [0, 0, 1], middle: [pose.east + 25 * Math.sin(yaw), pose.north + 25 * Math.cos(yaw), 0] };
+  }
+
+  /** Dark ground below the horizon where nothing was seen. */
+  _backdrop(view) {
+    this._shapes = { lines: [], faces: [] };
+    const [e, n, u] = view.eye;
+    const far = 5000;
+    const low = u - 40;
+    const tint = [0.12, 0.14, 0.17, 1];
+    this._face([e - far, n - far, low], [e + far, n - far, low], [e + far, n + far, low], [e - far, n + far, low], tint);
+    const ground = u - Math.max(2, this.model.state?.height_m ?? this.model.state?.height_home_m ?? 20) - 1.5;
+    const [e0, n0] = [GRID_M * Math.round(e / GRID_M), GRID_M * Math.round(n / GRID_M)];
+    for (let k = -10; k <= 10; k++) {
+      const [reach, at] = [10 * GRID_M, k * GRID_M];
+      this._line([e0 + at, n0 - reach, ground], [e0 + at, n0 + reach, ground], [0.55, 0.62, 0.7, 0.22]);
+      this._line([e0 - reach, n0 + at, ground], [e0 + reach, n0 + at, ground], [0.55, 0.62, 0.7, 0.22]);
+    }
+  }
+
+  _solids(matrix, pose) {
+    const { gl } = this;
+    this._zoneLines();
+    this._posts();
+    this._flown();
+    this._corridor(pose);
+    if (this.camera === "chase") this._vehicle(pose);
+    gl.useProgram(this.lines.made);
+    gl.uniformMatrix4fv(this.lines.uniforms.matrix, false, matrix);
+    this._flush(gl.TRIANGLES, this._shapes.faces);
+    this._flush(gl.LINES, this._shapes.lines);
+  }
+
+  _flush(kind, numbers) {
+    if (!numbers.length) return;
+    const { gl } = this;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(numbers), gl.DYNAMIC_DRAW);
+    for (const [name, size, at] of [["place", 3, 0], ["tint", 4, 12]]) {
+      const where = gl.getAttribLocation(this.lines.made, name);
+      gl.enableVertexAttribArray(where);
+      gl.vertexAttribPointer(where, size, gl.FLOAT, false, 28, at);
+    }
+    gl.drawArrays(kind, 0, numbers.length / 7);
+  }
+
+  _line(a, b, tint) {
+    this._shapes.lines.push(...a, ...tint, ...b, ...tint);
+  }
+
+  _face(a, b, c, d, tint) {
+    for (const corner of [a, b, c, a, c, d]) this._shapes.faces.push(...corner, ...tint);
+  }
+
+  /** A standing or lying bar, thick enough to be seen. */
+  _bar(a, b, half, tint) {
+    const along = Math.abs(b[2] - a[2]) > Math.hypot(b[0] - a[0], b[1] - a[1]);
+    const sides = along ? [[half, 0, 0], [0, half, 0]] : [[0, 0, half], crossed(a, b, half)];
+    for (const side of sides) this._face(add(a, side), add(b, side), add(b, side, -1), add(a, side, -1), tint);
+  }
+
+  _zoneLines() {
+    const point = this.model.selected();
+    if (!point) return;
+    const tint = colour(STATE_STYLE[point.state].line);
+    const up = (point.height_m ?? point.enu_m[2] ?? 0) + 0.25;
+    const [e, n] = point.enu_m;
+    const zone = this.model.near().find((z) => z.id === point.zone);
+    const half = this.model.zones.footprint_m / 2;
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [e + i * half, n + j * half, up]);
+    this._face(...corners, [...tint.slice(0, 3), 0.45]);
+    corners.forEach((corner, i) => this._bar(corner, corners[(i + 1) % 4], 0.12, tint));
+    this._bar([e, n, up], [e, n, up + 4], 0.08, tint);
+    if (!zone) return;
+    let last = null;
+    for (let i = 0; i <= 40; i++) {
+      const angle = (i * Math.PI) / 20;
+      const next = [e + zone.clearance_m * Math.sin(angle), n + zone.clearance_m * Math.cos(angle), up + 0.1];
+      if (last && i % 2) this._bar(last, next, 0.07, tint);
+      last = next;
+    }
+  }
+
+  _posts() {
+    for (const obstacle of this.model.selected()?.obstacles ?? []) {
+      const top = [obstacle.east_m, obstacle.north_m, obstacle.top_m + 0.3];
+      const foot = [obstacle.east_m, obstacle.north_m, obstacle.top_m - obstacle.height_m];
+      this._bar(foot, top, 0.13, [1, 0.62, 0.1, 0.95]);
+      const [west, south, east, north] = obstacle.extent_m;
+      const z = obstacle.top_m + 0.15;
+      const ring = [[west, south, z], [east, south, z], [east, north, z], [west, north, z]];
+      ring.forEach((corner, i) => this._line(corner, ring[(i + 1) % 4], [1, 0.62, 0.1, 0.9]));
+    }
+  }
+
+  _flown() {
+    const path = this.model.path.slice(-600);
+    for (let i = 1; i < path.length; i++) this._line(path[i - 1], path[i], [0.97, 0.95, 0.75, 0.8]);
+  }
+
+  /** The way to the point: over it at this height, then down, as gates to fly through. */
+  _corridor(pose) {
+    const aim = this.model.aim();
+    if (!aim) return;
+    const tint = [0.93, 0.36, 1, 0.95];
+    const here = [pose.east, pose.north, pose.up];
+    const above = [aim[0], aim[1], Math.max(pose.up, aim[2])];
+    const way = Math.hypot(above[0] - here[0], above[1] - here[1]);
+    const forward = way > 0.5 ? [(above[0] - here[0]) / way, (above[1] - here[1]) / way, 0] : [0, 1, 0];
+    const right = [forward[1], -forward[0], 0];
+    for (let at = GATE_STEP_M; at < way; at += GATE_STEP_M) this._gate(add(here, forward, at), right, [0, 0, 1], tint);
+    for (let up = above[2] - 2; up > aim[2] + 0.4; up -= 3) this._gate([aim[0], aim[1], up], [1, 0, 0], [0, 1, 0], tint);
+    this._bar(above, aim, 0.06, tint);
+    if (way > 2) this._bar(here, above, 0.06, tint);
+  }
+
+  _gate(middle, x, y, tint) {
+    const half = GATE_M / 2;
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => add(add(middle, x, i * half), y, j * half));
+    corners.forEach((corner, i) => this._line(corner, corners[(i + 1) % 4], tint));
+    this._face(...corners, [...tint.slice(0, 3), 0.08]);
+  }
+
+  _vehicle(pose) {
+    const yaw = (pose.yaw * Math.PI) / 180;
+    const at = [pose.east, pose.north, pose.up];
+    const turned = (f, r, u) => add(at, [Math.sin(yaw) * f + Math.cos(yaw) * r, Math.cos(yaw) * f - Math.sin(yaw) * r, u]);
+    const white = [1, 1, 1, 1];
+    for (const [f, r] of [[0.9, 0.9], [0.9, -0.9], [-0.9, 0.9], [-0.9, -0.9]]) {
+      this._bar(turned(0, 0, 0), turned(f, r, 0.05), 0.09, white);
+      const tint = f > 0 ? [0.3, 0.9, 0.5, 0.9] : [1, 0.35, 0.3, 0.9];
+      const disc = [...Array(12).keys()].map((i) => turned(f + 0.5 * Math.sin(i * 0.5236), r + 0.5 * Math.cos(i * 0.5236), 0.15));
+      for (let i = 1; i < 11; i++) this._face(disc[0], disc[i], disc[i + 1], disc[0], tint);
+    }
+    this._face(turned(0.5, 0, 0.12), turned(-0.3, 0.3, 0.12), turned(-0.15, 0, 0.12), turned(-0.3, -0.3, 0.12), white);
+    if (pose.height > 1) this._line(at, [pose.east, pose.north, pose.up - pose.height], [1, 1, 1, 0.5]);
+  }
+
+  // ---- words -----------------------------------------------------------------------------------
+
+  _labels(pen, matrix, width, height, r) {
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    const taken = [];
+    const label = (place, text, tint) => {
+      const at = project(matrix, place, width, height);
+      if (!at || at[2] > 160 || at[0] < 0 || at[1] < 40 * r || at[0] > width || at[1] > height) return;
+      pen.font = `600 ${11.5 * r}px system-ui, sans-serif`;
+      const half = pen.measureText(text).width / 2 + 6 * r;
+      const box = [at[0] - half, at[1] - 10 * r, at[0] + half, at[1] + 10 * r];
+      if (taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) return;
+      taken.push(box);
+      pen.fillStyle = "rgba(10, 13, 17, 0.72)";
+      pen.beginPath();
+      pen.roundRect(box[0], box[1], 2 * half, 20 * r, 4 * r);
+      pen.fill();
+      pen.fillStyle = tint;
+      pen.fillText(text, at[0], at[1] + 1);
+    };
+    const point = this.model.selected();
+    if (point) {
+      const style = STATE_STYLE[point.state];
+      label([point.enu_m[0], point.enu_m[1], (point.height_m ?? 0) + 4.6], `${style.mark} ${style.word}`, style.line);
+    }
+    for (const obstacle of (point?.obstacles ?? []).slice(0, 14)) {
+      label([obstacle.east_m, obstacle.north_m, obstacle.top_m + 1.2], `${obstacle.height_m.toFixed(1)} m`, "#ffcf87");
+    }
+    for (const zone of this.model.near()) {
+      if (zone.id === point?.zone) continue;
+      label([zone.best[0], zone.best[1], zone.best[2] + 1], `${zone.id} · ${Math.round(zone.area_m2)} m²`, styleOf(zone).line);
+    }
+  }
+
+  _instruments(pen, pose, view, matrix, width, height, r) {
+    this._heading(pen, pose, width, r);
+    if (this.camera === "eye") this._horizon(pen, pose, view, matrix, width, height, r);
+    const v = pose.velocity ?? [0, 0, 0];
+    const numbers = [
+      [28 * r, "left", Math.hypot(v[0], v[1]).toFixed(1), "m/s"],
+      [width - 28 * r, "right", pose.height === null ? "–" : pose.height.toFixed(1), "m over ground"],
+    ];
+    for (const [x, side, value, unit] of numbers) {
+      const y = height - 34 * r;
+      pen.textAlign = side;
+      pen.textBaseline = "alphabetic";
+      pen.lineWidth = 4 * r;
+      pen.strokeStyle = "rgba(6, 9, 13, 0.75)";
+      pen.fillStyle = "#ffffff";
+      pen.font = `700 ${30 * r}px system-ui, sans-serif`;
+      pen.strokeText(value, x, y);
+      pen.fillText(value, x, y);
+      pen.font = `600 ${11.5 * r}px system-ui, sans-serif`;
+      pen.strokeText(unit, x, y + 17 * r);
+      pen.fillText(unit, x, y + 17 * r);
+    }
+  }
+
+  _heading(pen, pose, width, r) {
+    const [middle, y, per] = [width / 2, 12 * r, 3 * r];
+    const half = Math.min(150 * r, width / 2 - 136 * r);
+    if (half < 40 * r) return;
+    pen.save();
+    pen.fillStyle = "rgba(10, 13, 17, 0.66)";
+    pen.beginPath();
+    pen.roundRect(middle - half, y, 2 * half, 30 * r, 5 * r);
+    pen.fill();
+    pen.clip();
+    pen.strokeStyle = pen.fillStyle = "#eef2f5";
+    pen.lineWidth = 1.2 * r;
+    pen.textAlign = "center";
+    pen.textBaseline = "top";
+    const names = { 0: "N", 90: "E", 180: "S", 270: "W" };
+    for (let d = -60; d <= 60; d++) {
+      const bearing = (Math.round(pose.yaw) + d + 720) % 360;
+      if (bearing % 10) continue;
+      const x = middle + (d + Math.round(pose.yaw) - pose.yaw) * per;
+      pen.beginPath();
+      pen.moveTo(x, y + 30 * r);
+      pen.lineTo(x, y + (bearing % 30 ? 25 : 22) * r);
+      pen.stroke();
+      pen.font = `${bearing in names ? 700 : 500} ${11 * r}px system-ui, sans-serif`;
+      if (bearing % 30 === 0) pen.fillText(names[bearing] ?? String(bearing), x, y + 6 * r);
+    }
+    pen.restore();
+    pen.fillStyle = "#ffd84d";
+    pen.beginPath();
+    for (const [px, py] of [[-6, 36], [6, 36], [0, 27]]) pen.lineTo(middle + px * r, y + py * r);
+    pen.fill();
+  }
+
+  /** The horizon and a fixed mark for the vehicle's nose. */
+  _horizon(pen, pose, view, matrix, width, height, r) {
+    pen.strokeStyle = "rgba(255, 255, 255, 0.75)";
+    pen.lineWidth = 1.5 * r;
+    const yaw = Math.atan2(view.forward[0], view.forward[1]);
+    const ends = [-0.35, 0.35].map((d) => project(matrix, add(view.eye, [500 * Math.sin(yaw + d), 500 * Math.cos(yaw + d), 0]), width, height));
+    if (ends[0] && ends[1]) {
+      pen.beginPath();
+      pen.moveTo(ends[0][0], ends[0][1]);
+      pen.lineTo(ends[1][0], ends[1][1]);
+      pen.stroke();
+    }
+    const [x, y] = [width / 2, height / 2];
+    pen.strokeStyle = "#ffd84d";
+    pen.lineWidth = 2.5 * r;
+    pen.beginPath();
+    for (const side of [-1, 1]) {
+      pen.moveTo(x + side * 34 * r, y);
+      pen.lineTo(x + side * 14 * r, y);
+      pen.lineTo(x + side * 9 * r, y + 6 * r);
+    }
+    pen.stroke();
+  }
+}
+
+function crossed(a, b, half) {
+  const [x, y] = [b[0] - a[0], b[1] - a[1]];
+  const length = Math.hypot(x, y) || 1;
+  return [(-y / length) * half, (x / length) * half, 0];
+}
+
+function colour(hex) {
+  return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255).concat(1);
+}

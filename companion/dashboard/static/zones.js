@@ -1,0 +1,74 @@
+// How zones look: colour by place and certainty, pattern by certainty, so that no colour is needed to tell.
+
+export const STYLE = {
+  largest: { fill: "rgba(0, 92, 40, 0.62)", line: "#0b7a3b", halo: "#d9ffe6" },
+  certain: { fill: "rgba(120, 214, 130, 0.50)", line: "#8be89a", halo: "#0d2a14" },
+  uncertain: { fill: "rgba(214, 60, 50, 0.42)", line: "#ff8a7a", halo: "#3a0d0a" },
+};
+export const SURE_WORDS = { certain: "certain", less: "less certain", uncertain: "uncertain" };
+export const STATE_STYLE = {
+  safe: { line: "#4cc2ff", fill: "rgba(76, 194, 255, 0.16)", word: "SAFE", mark: "✓" },
+  unsafe: { line: "#ff3b30", fill: "rgba(255, 59, 48, 0.34)", word: "UNSAFE", mark: "✕" },
+  unknown: { line: "#e2e6ea", fill: "rgba(200, 206, 212, 0.16)", word: "NOT JUDGED", mark: "?" },
+};
+
+export function styleOf(zone) {
+  if (zone.sure === "uncertain") return STYLE.uncertain;
+  return zone.largest ? STYLE.largest : STYLE.certain;
+}
+
+const patterns = new Map();
+
+/** Pattern over a zone: none where certain, lines where less, a lattice where uncertain. */
+export function patternOf(context, sure) {
+  if (sure === "certain") return null;
+  if (!patterns.has(sure)) {
+    const tile = document.createElement("canvas");
+    tile.width = tile.height = 16;
+    const pen = tile.getContext("2d");
+    pen.strokeStyle = sure === "less" ? "rgba(0, 50, 20, 0.55)" : "rgba(90, 0, 0, 0.65)";
+    pen.lineWidth = 2.5;
+    for (const shift of [-16, 0, 16]) {
+      pen.moveTo(shift, 16);
+      pen.lineTo(shift + 16, 0);
+      if (sure === "uncertain") {
+        pen.moveTo(shift, 0);
+        pen.lineTo(shift + 16, 16);
+      }
+    }
+    pen.stroke();
+    patterns.set(sure, tile);
+  }
+  return context.createPattern(patterns.get(sure), "repeat");
+}
+
+/** The zone's area as a path: rings of east, north ... in centimetres, put on the screen by `place`. */
+export function pathOf(zone, place) {
+  const path = new Path2D();
+  for (const polygon of zone.rings) {
+    for (const ring of polygon) {
+      for (let i = 0; i < ring.length; i += 2) {
+        const [x, y] = place(ring[i] / 100, ring[i + 1] / 100);
+        if (i === 0) path.moveTo(x, y);
+        else path.lineTo(x, y);
+      }
+      path.closePath();
+    }
+  }
+  return path;
+}
+
+/** Tell whether a point of the map lies in a zone (even-odd over all rings). */
+export function holds(zone, east, north) {
+  let inside = false;
+  const [x, y] = [100 * east, 100 * north];
+  for (const polygon of zone.rings) {
+    for (const ring of polygon) {
+      for (let i = 0, j = ring.length - 2; i < ring.length; j = i, i += 2) {
+        const [xi, yi, xj, yj] = [ring[i], ring[i + 1], ring[j], ring[j + 1]];
+        if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) inside = !inside;
+      }
+    }
+  }
+  return inside;
+}

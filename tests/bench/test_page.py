@@ -1,0 +1,149 @@
+"""What the pilot's page costs, in real time: `pytest -m bench -s -n 0 tests/bench/test_page.py`.
+
+The feeder's Mid-360 at 200,000 points/s, the map of 1 km at cells of 0.2 m, five browsers with all of it in
+view. Every window changes as many tiles as the page takes at most, somewhere else along a sweep over that
+kilometre.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+import params
+from companion.app import Companion
+from companion.dashboard.board import NEAR_TILES
+from companion.dashboard.page import Front
+from slz import Drawn, DrawnTile, Pipeline
+from slz.kernels.scatter import TILE
+from tests.bench.test_streams import POINTS_PER_S, feeder, free_port
+
+SETTLE_S, MEASURED_S = 10.0, 45.0
+BROWSERS, LEVEL = 5, 2
+SIDE_TILES = round(1000 / (TILE * 0.2))
+
+
+class Sweep:
+    """Ground of a kilometre that changes at 160 tiles a window, in place of the feeder's small circle."""
+
+    def __init__(self, companion: Companion) -> None:
+        self._companion = companion
+        self._next = 0
+        rng = np.random.default_rng(1)
+        self._ground = [_ground(rng) for _ in range(40)]
+
+    def look(self, pipeline: Pipeline) -> None:
+        """Copy what a window changed, as the page does, and show as much of the sweep instead."""
+        assert self._companion.page is not None
+        board = self._companion.page.board
+        if board.viewers == 0 or len(board.drawn) >= 4:
+            return
+        for name, most in (NEAR_TILES, ("far", 40)):
+            pipeline.drawn(name, most)  # type: ignore[arg-type]
+        board.drawn.append(("near", Drawn(-1, -500.0, -500.0, 0.2, self._tiles(), (), 0)))
+
+    def _tiles(self) -> tuple[DrawnTile, ...]:
+        tiles = []
+        for _ in range(NEAR_TILES[1]):
+            key = divmod(self._next % SIDE_TILES**2, SIDE_TILES)
+            self._next += 1
+            tiles.append(DrawnTile(key, *self._ground[self._next % len(self._ground)]))
+        return tuple(tiles)
+
+
+def _ground(rng: np.random.Generator) -> tuple[Any, ...]:
+    """Return the maps of a tile: a slope with noise of 2 cm, as uneven as a meadow."""
+    rise = np.add.outer(np.arange(TILE), np.arange(TILE)) * 0.01
+    height = (400 + rise + rng.normal(0, 0.02, (TILE, TILE))).astype(np.float32)
+    some = rng.random((TILE, TILE)).astype(np.float32)
+    state = np.ones((TILE, TILE), np.uint8)
+    return height, 3 + some, 0.05 + 0.1 * some, 0.9 + 0.1 * some, state
+
+
+@contextmanager
+def browsers(host: str) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-m", "tests.bench.onlooker", host, str(BROWSERS), str(LEVEL)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        yield process
+
+
+def cpu_s(prefix: str) -> float:
+    """Return processor time of the living threads whose name begins so."""
+    ticks = 0
+    for thread in threading.enumerate():
+        if thread.name.startswith(prefix) and thread.native_id is not None:
+            with open(f"/proc/self/task/{thread.native_id}/stat") as file:
+                fields = file.read().rpartition(")")[2].split()
+            ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+async def measure(page: bool) -> dict[str, Any]:
+    mavlink_port, lidar_port = free_port(), free_port()
+    front = Front("127.0.0.1:0") if page else None
+    with feeder(mavlink_port, lidar_port, POINTS_PER_S):
+        companion = Companion(
+            f"udpin:127.0.0.1:{mavlink_port}",
+            f"livox:127.0.0.1:{lidar_port}",
+            params.build({"zone_m": 1000.0, "cell_m": 0.2}),
+            auto=False,
+            front=front,
+        )
+        task = asyncio.create_task(companion.run())
+        while not (companion.link.ready and companion.worker.reports):
+            await asyncio.sleep(0.1)
+        if not page:
+            return await watch(companion, task)
+        assert front is not None
+        companion.worker.look = Sweep(companion).look
+        with browsers(str(front.address)) as process:
+            told = await watch(companion, task)
+            assert process.stdin is not None
+            assert process.stdout is not None
+            process.stdin.close()
+            return told | json.loads(process.stdout.read())
+
+
+async def watch(companion: Companion, task: asyncio.Task[None]) -> dict[str, Any]:
+    await asyncio.sleep(SETTLE_S)
+    companion.worker.latencies_ms.clear()
+    started, process_s, page_s = time.monotonic(), time.process_time(), cpu_s("slz-page")
+    await asyncio.sleep(MEASURED_S)
+    seconds = time.monotonic() - started
+    latencies = np.array(companion.worker.latencies_ms)
+    told = {
+        "latency_p50_ms": round(float(np.percentile(latencies, 50)), 1),
+        "latency_p99_ms": round(float(np.percentile(latencies, 99)), 1),
+        "reports": len(latencies),
+        "process_cpu": round((time.process_time() - process_s) / seconds, 3),
+        "page_cpu": round((cpu_s("slz-page") - page_s) / seconds, 3),
+        "dropped_windows": companion.worker.dropped_windows,
+        "load": round(os.getloadavg()[0], 1),
+    }
+    companion.stop()
+    await task
+    return told
+
+
+@pytest.mark.bench
+def test_the_page_costs_little_with_a_kilometre_and_five_browsers() -> None:
+    without = asyncio.run(measure(page=False))
+    shown = asyncio.run(measure(page=True))
+    print(json.dumps({"without": without, "with": shown}))
+    assert shown["page_cpu"] <= 0.15
+    assert shown["latency_p99_ms"] <= without["latency_p99_ms"] + 5
+    assert shown["dropped_windows"] == 0

@@ -1,0 +1,186 @@
+"""The pilot's page in a real browser, over a flight in the simulator.
+
+Simulated time stands still while the browser is asked something, so that both see the same.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+
+from companion.dashboard.site import Site
+from companion.landing.situation import Phase
+from sitl.intruder import Intruder
+from tests.e2e.chromium import Chromium
+from tests.e2e.harness import Mission
+
+Result = TypeVar("Result")
+BEST = (
+    "(z => { const [x, y] = slz.bird.place(z.best[0], z.best[1]),"
+    " b = slz.bird.canvas.getBoundingClientRect(), r = devicePixelRatio;"
+    " return [b.x + x / r, b.y + y / r]; })(slz.model.near()[0])"
+)
+
+
+@pytest.fixture
+def browser(chromium: Path) -> Iterator[Chromium]:
+    with Chromium(chromium) as made:
+        yield made
+
+
+class Watched:
+    """A mission and the browser that shows it."""
+
+    def __init__(self, mission: Mission, browser: Chromium) -> None:
+        self.mission, self.browser = mission, browser
+
+    async def see(self, look: Callable[..., Result], *args: object) -> Result:
+        """Ask the browser; simulated time waits."""
+        return await asyncio.get_running_loop().run_in_executor(None, look, *args)
+
+    async def until_seen(self, text: str) -> None:
+        """Wait until the page shows something; the flight goes on meanwhile."""
+        for _ in range(400):
+            try:
+                if await self.see(self.browser.script, text):
+                    return
+            except RuntimeError:
+                pass  # it is loading
+            await asyncio.sleep(0.2)
+        raise AssertionError(f"never seen: {text}; {self.browser.errors}")
+
+    async def open(self) -> None:
+        """Open the page over a vehicle that hovers and has found a zone."""
+        m = self.mission
+        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: m.height_m > 13)
+        assert m.front is not None
+        await self.see(self.browser.open, f"http://{m.front.address}/")
+        await self.until_seen("slz.model.near().length && slz.bird._fitted")
+
+    async def select_and_confirm(self) -> None:
+        """Click the best zone on the map, select it, wait for its judgement, confirm."""
+        await self.see(lambda: self.browser.click(*self.browser.script(BEST)))
+        await self.until_seen("slz.model.picked?.zone && !document.getElementById('select').disabled")
+        await self.see(self.browser.click_on, "#select")
+        await self.until_seen("slz.model.selected() && !document.getElementById('confirm').disabled")
+        await self.see(self.browser.click_on, "#confirm")
+
+
+def watch(browser: Chromium, scene: str = "plain", *, seed: int = 9) -> Watched:
+    return Watched(Mission(scene, seed=seed, auto=False, height_m=15.0, page=True), browser)
+
+
+def test_a_zone_is_clicked_selected_confirmed_and_the_landing_aborted_by_a_key(browser: Chromium) -> None:
+    w = watch(browser)
+
+    async def script(m: Mission) -> None:
+        await w.open()
+        await w.select_and_confirm()
+        await m.until_phase(Phase.APPROACH, 20)
+        await w.see(browser.reload)
+        await w.until_seen("slz.model.state?.phase === 'approach' && slz.model.selected()?.state === 'safe'")
+        await w.see(browser.press, "a")
+        await m.until_phase(Phase.HOLD, 10)
+        await w.until_seen("document.getElementById('phase').textContent === 'hold'")
+
+    w.mission.fly(script)
+    assert browser.errors == []
+
+
+@pytest.mark.browser
+def test_a_landing_confirmed_on_the_page_and_the_alarm_when_a_car_drives_in(
+    browser: Chromium, tmp_path: Path
+) -> None:
+    w = watch(browser, "stadium", seed=4)
+    w.mission.sim.intruder = Intruder(9.0)
+
+    async def script(m: Mission) -> None:
+        await w.open()
+        await w.select_and_confirm()
+        await m.until(lambda: m.sim.intruder is not None and m.sim.intruder.arrived)
+        await m.until_phase(Phase.CLIMB, 5)
+        await w.until_seen("document.querySelector('.alarm.critical')?.textContent.includes('UNSAFE')")
+        await w.see(browser.picture, tmp_path / "alarm.png")
+        await m.until_phase(Phase.LANDED)
+        await w.until_seen("slz.model.state.phase === 'landed'")
+
+    w.mission.fly(script)
+    assert w.mission.touchdown_safe()
+    assert w.mission.companion.executive.tally.aborts >= 1
+    assert browser.errors == []
+
+
+@pytest.mark.browser
+def test_five_browsers_four_stalled_a_reload_and_a_crash_of_the_page_do_not_touch_the_landing(
+    browser: Chromium, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    w = watch(browser)
+    crash = [False]
+    refresh = Site.refresh
+
+    def refresh_or_crash(site: Site) -> None:
+        if crash[0]:
+            crash[0] = False
+            raise RuntimeError("planted")
+        refresh(site)
+
+    monkeypatch.setattr(Site, "refresh", refresh_or_crash)
+
+    async def script(m: Mission) -> None:
+        await w.open()
+        assert m.front is not None
+        stalled = [_stalled(str(m.front.address)) for _ in range(4)]
+        await w.select_and_confirm()
+        await m.until_phase(Phase.DESCEND)
+        await w.see(browser.reload)
+        await w.until_seen("slz.model.state?.phase === 'descend'")
+        crash[0] = True
+        await m.until_phase(Phase.LANDED)
+        page = m.companion.page
+        assert page is not None
+        await m.until(lambda: page.starts == 2, 30)
+        await w.until_seen("slz.model.state.phase === 'landed' && !slz.link.stale")
+        for one in stalled:
+            one.close()
+
+    w.mission.fly(script)
+    assert w.mission.touchdown_safe()
+    assert w.mission.touchdown_error_m() <= 0.5
+
+
+def _stalled(host: str) -> socket.socket:
+    """Return a channel of a browser that reads nothing."""
+    address, _, port = host.rpartition(":")
+    sock = socket.create_connection((address, int(port)))
+    sock.sendall(
+        f"GET /live HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n"
+        "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
+    )
+    return sock
+
+
+@pytest.mark.browser
+def test_the_keyboard_reaches_every_order_and_each_has_a_name(browser: Chromium) -> None:
+    w = watch(browser)
+
+    async def script(_: Mission) -> None:
+        await w.open()
+        found = await w.see(
+            browser.script,
+            "JSON.stringify([...document.querySelectorAll('button, input, select, canvas[tabindex]')]"
+            ".map(b => [b.tabIndex, (b.textContent + (b.getAttribute('aria-label') ?? '') + (b.title ?? '')"
+            " + (b.labels?.[0]?.textContent ?? '')).trim()]))",
+        )
+        for index, name in json.loads(found):
+            assert index >= 0
+            assert name
+
+    w.mission.fly(script)
