@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from companion.dashboard.orders import Command
 from companion.dashboard.server import Server
 from companion.dashboard.site import Site
 from companion.landing.situation import Reply
+from companion.priority import SWITCH_S
 from params import Row
 from slz import Pipeline, Report
 
@@ -90,6 +92,8 @@ class Page:
     async def run(self) -> None:
         """Serve until cancelled; when the page's thread ends, start it anew after a growing pause."""
         pause_s = FIRST_PAUSE_S
+        # Whoever computes for the landing takes Python's lock back from the page after this long.
+        sys.setswitchinterval(min(SWITCH_S, sys.getswitchinterval()))
         log.info("the page is at http://%s/", self.front.address)
         while True:
             begun_s = time.monotonic()

@@ -14,7 +14,7 @@ from http.client import HTTPConnection
 
 from websockets.asyncio.client import connect
 
-LEAST_AGE_S = 1.5
+LEAST_AGE_S = 2.0
 AT_ONCE = 3
 
 
@@ -46,6 +46,8 @@ class Onlooker:
 
     async def _fetch(self) -> None:
         fetched: dict[tuple[str, int, int, int], float] = {}
+        host, _, port = self._host.rpartition(":")
+        connection = HTTPConnection(host, int(port), timeout=30)
         while True:
             ready = [key for key in self._due if time.monotonic() - fetched.get(key, -9) > LEAST_AGE_S]
             if not ready:
@@ -54,17 +56,13 @@ class Onlooker:
             key = ready[0]
             self._due.pop(key)
             fetched[key] = time.monotonic()
-            self.bytes += await asyncio.to_thread(self._get, key)
+            self.bytes += await asyncio.to_thread(self._get, connection, key)
             self.blocks += 1
 
-    def _get(self, key: tuple[str, int, int, int]) -> int:
-        host, _, port = self._host.rpartition(":")
+    def _get(self, connection: HTTPConnection, key: tuple[str, int, int, int]) -> int:
         name, serial, row, col = key
-        connection = HTTPConnection(host, int(port), timeout=30)
         connection.request("GET", f"/map/{name}/{serial}/{self._level}/{row}/{col}")
-        size = len(connection.getresponse().read())
-        connection.close()
-        return size
+        return len(connection.getresponse().read())
 
 
 async def main(host: str, count: int, level: int) -> None:

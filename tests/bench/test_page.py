@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -29,7 +30,7 @@ from slz import Drawn, DrawnTile, Pipeline
 from slz.kernels.scatter import TILE
 from tests.bench.test_streams import POINTS_PER_S, feeder, free_port
 
-SETTLE_S, MEASURED_S = 10.0, 45.0
+SETTLE_S, MEASURED_S = 10.0, 60.0
 BROWSERS, LEVEL = 5, 2
 SIDE_TILES = round(1000 / (TILE * 0.2))
 
@@ -73,7 +74,9 @@ def _ground(rng: np.random.Generator) -> tuple[Any, ...]:
 
 @contextmanager
 def browsers(host: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "tests.bench.onlooker", host, str(BROWSERS), str(LEVEL)]
+    # In flight they run on other computers: here they get what nobody else wants.
+    ordinary = ["chrt", "--other", "0"] if shutil.which("chrt") else []
+    command = [*ordinary, sys.executable, "-m", "tests.bench.onlooker", host, str(BROWSERS), str(LEVEL)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdin is not None
         assert process.stdout is not None

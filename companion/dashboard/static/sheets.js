@@ -4,7 +4,7 @@ import { paint } from "./paint.js";
 
 const HEAD_BYTES = 48;
 const AT_ONCE = 3;
-const LEAST_AGE_MS = 1500; // a block that changes each second is fetched less often than that
+const LEAST_AGE_MS = 2000; // a block that changes each second is fetched less often than that
 const MOST_BLOCKS = 220;
 
 /** Decode a block: see companion/dashboard/block.py. */
