@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
@@ -76,17 +77,19 @@ def _in_words(error: Exception) -> str:
     return f"{said[:1].lower()}{said[1:]} ('{command} --help' shows what there is)"
 
 
-def _front(address: str | None, tokens: Path | None) -> Front | None:
+@contextlib.contextmanager
+def _front(address: str | None, tokens: Path | None) -> Iterator[Front | None]:
     """Open the port of the pilot's page, so that what is wrong with it is said before the flight."""
     if address is None:
         if tokens is not None:
             raise UsageError("--dashboard-token goes with --dashboard HOST:PORT")
-        return None
+        yield None
+        return
     from companion.dashboard.page import Front
 
-    front = Front(address, tokens)
-    err.print(f"the pilot's page: http://{front.address}/", highlight=False)
-    return front
+    with contextlib.closing(Front(address, tokens)) as front:
+        err.print(f"the pilot's page: http://{front.address}/", highlight=False)
+        yield front
 
 
 def _fail(error: Exception | str, code: int) -> NoReturn:
@@ -144,8 +147,9 @@ def demo(
     chosen = flight.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen)
-    front = None if headless else _front(dashboard or DEMO_PAGE, dashboard_token)
-    summary = flight.fly(plan, parameters, err, context.obj, live=not headless, front=front)
+    flight.check(plan)
+    with _front(None if headless else dashboard or DEMO_PAGE, dashboard_token) as front:
+        summary = flight.fly(plan, parameters, err, context.obj, live=not headless, front=front)
     if as_json:
         print(json.dumps(summary))
     else:
@@ -201,19 +205,20 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
-    summary = flight.run(
-        mavlink,
-        lidar,
-        land == "auto",
-        parameters,
-        out,
-        state,
-        key_file=mavlink_key,
-        record=record,
-        radar_url=radar,
-        front=_front(dashboard, dashboard_token),
-        foxglove_port=foxglove,
-    )
+    with _front(dashboard, dashboard_token) as front:
+        summary = flight.run(
+            mavlink,
+            lidar,
+            land == "auto",
+            parameters,
+            out,
+            state,
+            key_file=mavlink_key,
+            record=record,
+            radar_url=radar,
+            front=front,
+            foxglove_port=foxglove,
+        )
     if as_json:
         print(json.dumps(summary))
 
@@ -256,12 +261,13 @@ def replay(
     from companion.replay.flown import Beside
 
     beside = Beside(points, tuple(pose), lidar, origin, profile)
-    front = _front(dashboard, dashboard_token)
-    if front is not None:
+    if dashboard is not None or dashboard_token is not None:
         from companion.dashboard.replay_page import show
 
         interrupts: Interrupts = context.obj
-        show(file, setting, front, beside, speed, interrupts.handled_by)
+        with _front(dashboard, dashboard_token) as front:
+            if front is not None:
+                show(file, setting, front, beside, speed, interrupts.handled_by)
         return
 
     with _progress(as_json) as step:

@@ -85,7 +85,7 @@ def fly(
     Interrupted
         A signal came.
     """
-    _check(plan)
+    check(plan)
     folder.prepare(plan.out)
     started = time.perf_counter()
     interrupts.leftovers.append(lambda: console.show_cursor(True))
@@ -116,8 +116,8 @@ def fly(
     return summary
 
 
-def _check(plan: Plan) -> None:
-    """Refuse what the simulator would, before it is started."""
+def check(plan: Plan) -> None:
+    """Refuse what the simulator would, before it is started: raise `UsageError`."""
     if plan.scene not in SCENES:
         raise UsageError(f"--scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
     for option, value, low, high in (

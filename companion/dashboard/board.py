@@ -74,7 +74,7 @@ class Board:
 
         anew: take all of them.
         """
-        if self.viewers == 0 or len(self.drawn) >= MOST_BATCHES:
+        if self.viewers <= 0 or len(self.drawn) >= MOST_BATCHES:
             return False
         for name, most in (NEAR_TILES, FAR_TILES):
             drawn = pipeline.drawn(name, most, anew=anew)

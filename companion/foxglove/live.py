@@ -53,9 +53,15 @@ class LiveView:
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-foxglove")
         self.dropped = 0
-        context = foxglove.Context()
+        self._context = context = foxglove.Context()  # its channels close with it
         try:
-            self._server = foxglove.start_server(name="slz", host=HOST, port=port, context=context)
+            self._server = foxglove.start_server(
+                name="slz",
+                host=HOST,
+                port=port,
+                context=context,
+                channel_filter=lambda channel: channel.topic in SHOWN,
+            )
         except Exception as error:
             raise UsageError(f"--foxglove {port}: {error}") from None
         self._channels = {t: c for t, c in scene.channels(context).items() if t in SHOWN}

@@ -93,6 +93,7 @@ export class Choice {
   }
 
   _nothing() {
+    if (this._model.about?.kind === "replay") return [el("h2", { text: "No landing point" }), el("p", { text: "Tap a zone or a point of the map to see its facts." })];
     const words = this._model.operator
       ? "Tap a zone or a point of the map to see its facts, select it, and confirm the landing."
       : "This page may look only.";
