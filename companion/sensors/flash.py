@@ -106,7 +106,7 @@ class FlashDecoder:
         self.counters.frames += 1
         image = process_frame(FlashFrame(self._samples, self._counter, self._stamp_ns), camera)
         self._counter = np.empty((0, 0), np.uint32)
-        points, _, pixels = sensor_pixels(image, camera)
+        points, _, pixels = sensor_pixels(image, camera, filtered=False)
         self.counters.unusable_frames += not image.verdict.usable
         self.counters.returns += len(points)
         self.counters.no_return += image.filtered_m.size - len(points)

@@ -56,20 +56,29 @@ def sensor_points(image: FlashImage, camera: FlashCamera) -> tuple[F64, F64]:
     return sensor_pixels(image, camera)[:2]
 
 
-def sensor_pixels(image: FlashImage, camera: FlashCamera) -> tuple[F64, F64, NDArray[np.bool_]]:
-    """Return points (n, 3) in the sensor frame (forward, left, up; m), their standard errors (n,), their
-    pixels.
+def sensor_pixels(
+    image: FlashImage, camera: FlashCamera, filtered: bool = True
+) -> tuple[F64, F64, NDArray[np.bool_]]:
+    """Return points (n, 3) forward, left, up of the sensor (m), their standard errors (n,), and their pixels.
 
-    None where the frame is not usable. A repaired pixel gives no point: nothing was measured there. Nor
-    does a pixel far from the median around it, a false trigger.
+    None where the frame is not usable. A repaired pixel gives no point: nothing was measured there.
+
+    Parameters
+    ----------
+    filtered
+        True: ranges after the median, as in the source; pixels far from it, false triggers, give none. But a
+        median of nine takes away what is narrower than two pixels, such as a post. False: every pixel's own
+        range, for stages that tell lone returns from things by themselves, as those of a flight do.
     """
     if not image.verdict.usable:
         return np.empty((0, 3)), np.empty(0), np.zeros(image.filtered_m.shape, bool)
     sigma = np.nan_to_num(image.measured.sigma_m, nan=camera.sample_m / 12)
-    apart = np.abs(image.measured.range_m - image.filtered_m)
-    with np.errstate(invalid="ignore"):
-        keep = apart < np.maximum(PARTED_M, PARTED * sigma)
-    return image.filtered_m[keep, np.newaxis] * _directions(camera)[keep], sigma[keep], keep
+    range_m = image.filtered_m if filtered else image.measured.range_m
+    keep = np.isfinite(image.measured.range_m)
+    if filtered:
+        with np.errstate(invalid="ignore"):
+            keep = np.abs(image.measured.range_m - range_m) < np.maximum(PARTED_M, PARTED * sigma)
+    return range_m[keep, np.newaxis] * _directions(camera)[keep], sigma[keep], keep
 
 
 @cache

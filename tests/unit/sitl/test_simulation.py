@@ -239,14 +239,14 @@ def signals() -> Iterator[None]:
     ("--mavlink tcp:1", "tcp:1"), ("--lidar-to nowhere", "nowhere"), ("--speedup nan", "--speedup"),
     ("--speedup -1", "--speedup"), ("--duration -1", "--duration"), ("--seed -1", "--seed"),
     ("--lockstep 70000", "70000"), ("--intruder cow@15", "cow@15"), ("--intruder car@0", "car@0"),
-    ("--point-rate 0", "--point-rate"), ("--takeoff-alt nan", "--takeoff-alt"), ("--lidar radar", "radar"),
+    ("--point-rate 0", "--point-rate"), ("--takeoff-alt nan", "--takeoff-alt"), ("--lidar sonar", "sonar"),
     ("--what", "--what"), ("--duration inf", "--duration"), ("--point-rate 9600", "9600"),
     ("--speedup inf", "--speedup inf: must be a number from 0 to 1000"), ("--intruder car@nan", "car@nan"),
     ("--intruder car@1e9", "up to 200 m"), ("--intruder car@201", "car@201"), ("--takeoff-alt 1001", "1000"),
     ("--wind 51", "from 0 to 50"), ("--wind nan", "--wind nan"), ("--footprint inf", "--footprint inf"),
     ("--point-rate 1e12", "from 1000 to 2000000"), ("--point-rate inf", "from 1000"),
     ("--point-rate 20000.5", "20000.5"), ("--lidar-to nowhere.invalid:1", "nowhere.invalid"),
-    ("--lidar-metadata os1.json", "only --lidar ouster"),
+    ("--lidar-metadata os1.json", "only --lidar ouster"), ("--radar-to nowhere", "--radar-to"),
     ("--lidar ouster --lidar-metadata /no/such/folder/os1.json", "/no/such/folder"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(

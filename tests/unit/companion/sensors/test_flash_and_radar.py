@@ -17,12 +17,13 @@ from companion.sensors.flash import FlashDecoder
 from companion.sensors.lookalike import lookalike
 from companion.sensors.radar import RadarDecoder
 from companion.sensors.returns import RawReturns
-from params import Parameters
+from params import Parameters, load
 from sitl.flash.sensor import FlashSensor
 from sitl.mount import Mount
-from sitl.primitives import Box, Ground, Kind
+from sitl.primitives import Box, Cylinder, Ground, Kind
 from sitl.radar.sensor import BODY, RadarSensor
 from sitl.world import World
+from slz import SAFE, UNSAFE, LocalFrame, Pipeline, Window
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -93,6 +94,36 @@ def test_over_a_crate_radar_points_rise_or_are_missing() -> None:
     low = points[on_it, 2] < 0.03 * points[on_it, 1] + 0.4
     beside = (np.abs(points[:, 0] - CRATE.x_m) < 1.2) & (np.abs(points[:, 1] - CRATE.y_m - 4) < 1.2)
     assert low.sum() < 0.1 * beside.sum()
+
+
+def test_posts_of_a_fence_seen_by_the_flash_camera_from_30_m_make_their_ground_unsafe() -> None:
+    """A pixel is as wide as a post there: the median of nine would take every post away."""
+    posts = [Cylinder(5.0, y, -0.5, 0.1, 1.7, Kind.WOOD) for y in (-2.5, 0.0, 2.5)]
+    flat = World(
+        Ground(-60.0, -60.0, 4.0, np.zeros((31, 31)), np.full((30, 30), Kind.GRASS, np.uint8)), posts
+    )
+
+    def hovering(stamps: I64) -> tuple[F64, F64]:
+        t = stamps * 1e-9
+        return np.column_stack([t, 0.5 * t, 30 + 0 * t]), np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+
+    sensor = FlashSensor(np.random.default_rng(1))
+    raw = decoded(FlashDecoder(), sensor.step(0, SECOND * 3 // 4, hovering, flat))
+    stamps = sensor.clock.simulated_ns(raw.stamp_ns - sensor.clock.offset_ns)
+    position, quat = hovering(stamps)
+    points = position + DOWN.lever_enu_m(quat) + DOWN.to_enu(raw.xyz_m.astype(float), quat)
+    pipeline = Pipeline(load("quadcopter"), (0.0, 0.0))
+    frame = LocalFrame(47.0, 8.0, 400.0)
+    pipeline.process(Window(points, stamps, position[-1].copy(), frame, int(stamps[0]), int(stamps[-1])))
+    maps = pipeline.maps(which="near")
+    assert maps is not None
+
+    def state(east_m: float, north_m: float) -> int:
+        row = int((north_m - maps.south_m) / maps.grid.cell_m)
+        return int(maps.state[row, int((east_m - maps.west_m) / maps.grid.cell_m)])
+
+    assert [state(5.0, post.y_m) for post in posts] == [UNSAFE] * 3
+    assert state(-1.0, 0.0) == SAFE
 
 
 def test_a_lost_row_leaves_its_pixels_unknown_and_is_counted() -> None:
