@@ -15,6 +15,7 @@ import pytest
 
 import params
 from companion import cli, flight
+from companion.link.event import Event
 from params import Parameters
 from tests.unit.companion.survey.clouds import field, placed, write
 
@@ -121,6 +122,7 @@ class Flown:
 
     def __init__(self, *_: Any, **__: Any) -> None:
         self.summary = {"landed": True}
+        self.on_ready: Event[[]] = Event()
 
     async def run(self) -> None: ...
 
