@@ -272,6 +272,8 @@ class Companion:
         self.obstacles.add(scan)
         if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
+        else:
+            self.worker.flush()
 
     def _on_radar_scan(self, scan: Scan) -> None:
         """Map what the radar sees; its points come late and in blocks, so they are no obstacles at hand."""

@@ -71,8 +71,17 @@ class PipelineWorker:
         """Take a scan, by its number among all; never blocks."""
         window = self._windower.add(scan)
         numbers, self._numbers = self._numbers, [number] if window is not None else [*self._numbers, number]
-        if window is None:
-            return
+        if window is not None:
+            self._put(window, numbers)
+
+    def flush(self) -> None:
+        """Take what was gathered as a window: for a while nothing is mapped, and it must not wait so long."""
+        window = self._windower.flush()
+        numbers, self._numbers = self._numbers, []
+        if window is not None:
+            self._put(window, numbers)
+
+    def _put(self, window: Window, numbers: list[int]) -> None:
         if self._waiting is not None:
             self.dropped_windows += 1
         self._waiting = (window, numbers, time.perf_counter())

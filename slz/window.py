@@ -94,7 +94,7 @@ def join(scans: Iterable[Scan]) -> Window:
         sensor_enu_m=scans[-1].sensor_enu_m,
         frame=scans[-1].frame,
         start_ns=int(stamps[0]),
-        end_ns=int(stamps[-1]),
+        end_ns=int(stamps.max()),  # scans of two sensors may not come in order
     )
 
 

@@ -13,10 +13,12 @@ from sitl.intruder import Intruder
 from sitl.modes import Mode
 from tests.e2e.harness import Mission
 
+OUSTER = pytest.param("plain", 3, "ouster", marks=pytest.mark.bench)  # on request, for its time
+
 
 @pytest.mark.parametrize(
     ("scene", "seed", "lidar"),
-    [("stadium", 2, "vlp16"), ("plain", 3, "mid360"), ("plain", 3, "ouster"), ("plain", 4, "sf45")],
+    [("stadium", 2, "vlp16"), ("plain", 3, "mid360"), ("plain", 4, "sf45"), OUSTER],
 )
 def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     scene: str, seed: int, lidar: str, tmp_path: Path

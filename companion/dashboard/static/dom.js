@@ -28,7 +28,8 @@ export function setClass(node, name, on) {
 /** A number with its unit, a dash where it is unknown. */
 export function shown(value, digits = 0, unit = "") {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  const text = value.toFixed(digits);
+  const rounded = value.toFixed(digits);
+  const text = Number(rounded) === 0 ? (0).toFixed(digits) : rounded; // no "-0.0"
   return unit ? `${text} ${unit}` : text;
 }
 

@@ -116,6 +116,17 @@ async def test_a_report_that_breaks_an_invariant_is_withdrawn_and_told_once(
     assert not worker.invalid
 
 
+async def test_what_was_gathered_is_not_kept_while_nothing_is_mapped() -> None:
+    reports: list[Report] = []
+    worker = worker_to(reports)
+    worker.offer(scan(0))
+    worker.flush()
+    worker.flush()
+    await drive(worker, lambda: bool(reports))
+    assert reports[0].n_points == 3000
+    assert worker.dropped_windows == 0
+
+
 async def test_a_point_selected_is_judged_with_the_next_window() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)

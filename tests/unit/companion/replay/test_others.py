@@ -186,7 +186,7 @@ def test_points_that_are_placed_already_are_refused(tmp_path: Path) -> None:
         ("flight.tlog", {"points": "absent.pcap"}, "No such file"),
         ("flight.tlog", {"points": "flight.tlog"}, "no pcap"),
         ("flight.tlog", {"points": "lidar.pcap", "poses": ("/odom",)}, "leave out --pose"),
-        ("flight.tlog", {"points": "lidar.pcap", "lidar": "radar"}, "'radar' is no sensor"),
+        ("flight.tlog", {"points": "lidar.pcap", "lidar": "sonar"}, "'sonar' is no sensor"),
         ("flight.tlog", {"points": "lidar.pcap", "lidar": "velodyne"}, "no return of the LiDAR"),
         ("yesterday.tlog", {"points": "lidar.pcap"}, "their clocks are not the same"),
     ],
