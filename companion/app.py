@@ -270,6 +270,8 @@ class Companion:
             if eye is not None and (pose := self.history.latest(self._last_scan_ns)) is not None:
                 eye.pose(pose, scan.frame)
         self.obstacles.add(scan)
+        if not self.link.ready:
+            return  # a window would wait for the warm-up, and be late
         if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
         else:
@@ -280,7 +282,7 @@ class Companion:
         if self.history.epoch != self._epoch:
             return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
         self._last_scan_ns = now_ns()
-        if self.executive.mapping and not self._stands_after_flight():
+        if self.link.ready and self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
 
     def _stands_after_flight(self) -> bool:

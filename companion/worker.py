@@ -153,9 +153,10 @@ class PipelineWorker:
         """Call the last answer invalid: this window has none."""
         was_invalid, self.invalid = self.invalid, True
         self.failed += 1
-        log.error("a window failed, the last report is withdrawn: %s", error, exc_info=error)
+        known = isinstance(error, BrokenInvariantError)
+        trace = None if known else error
+        log.error("a window failed, the last report is withdrawn: %s", error, exc_info=trace)
         if not was_invalid:
-            known = isinstance(error, BrokenInvariantError)
             self.on_invalid.emit(str(error) if known else type(error).__name__)
 
     def _process(

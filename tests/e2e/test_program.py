@@ -214,7 +214,7 @@ def test_a_signal_ends_a_demo_at_once_and_leaves_nothing_behind(
     ("arguments", "complaint"),
     [
         (["--mavlink", "carrier:pigeon", "--lidar", "livox:127.0.0.1:{free}"], "carrier"),
-        (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "radar:127.0.0.1:1"], "radar"),
+        (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "sonar:127.0.0.1:1"], "sonar"),
         (["--mavlink", "udpin:127.0.0.1:{taken}", "--lidar", "livox:127.0.0.1:{free}"], "in use"),
         (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "livox:127.0.0.1:{taken}"], "in use"),
         (
