@@ -270,20 +270,23 @@ class Companion:
             if eye is not None and (pose := self.history.latest(self._last_scan_ns)) is not None:
                 eye.pose(pose, scan.frame)
         self.obstacles.add(scan)
-        if not self.link.ready:
-            return  # a window would wait for the warm-up, and be late
-        if self.executive.mapping and not self._stands_after_flight():
-            self.worker.offer(scan, self.assembler.scans)
-        else:
-            self.worker.flush()
+        self._offer(scan)
 
     def _on_radar_scan(self, scan: Scan) -> None:
         """Map what the radar sees; its points come late and in blocks, so they are no obstacles at hand."""
         if self.history.epoch != self._epoch:
             return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
         self._last_scan_ns = now_ns()
-        if self.link.ready and self.executive.mapping and not self._stands_after_flight():
+        self._offer(scan)
+
+    def _offer(self, scan: Scan) -> None:
+        """Map a scan, if this is the time for it."""
+        if not self.link.ready:
+            return  # a window would wait for the warm-up, and be late
+        if self.executive.mapping and not self._stands_after_flight():
             self.worker.offer(scan, self.assembler.scans)
+        else:
+            self.worker.flush()
 
     def _stands_after_flight(self) -> bool:
         """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""
