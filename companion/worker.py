@@ -99,6 +99,11 @@ class PipelineWorker:
         """Span of the window that is being gathered: the pipeline adapts it."""
         return self._windower.window_s
 
+    @property
+    def busy(self) -> bool:
+        """Whether a window is being computed."""
+        return self._busy_since_s is not None
+
     def hangs(self, limit_s: float) -> bool:
         """Tell whether a window has been computed for longer than a limit."""
         since_s = self._busy_since_s
