@@ -249,10 +249,12 @@ class TiledLayers:
             self.touched.add(key)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
-        """Return a copy (rows, cols) of one layer of a box; one after the other of a box is read at once."""
-        if self._last is None or self._last[0] != box:
+        """Return a copy (rows, cols) of one layer of a box; all layers of a box and its parts are read at once."""
+        if self._last is None or not self._last[0].holds(box):
             self._last = box, self._read(box)
-        return np.array(self._last[1][layer])
+        whole, values = self._last
+        rows, cols = box.relative_to(whole).slices
+        return np.array(values[layer, rows, cols])
 
     def _read(self, box: Box) -> NDArray[Any]:
         out = np.empty((len(self._empty), *box.shape), self._empty.dtype)
