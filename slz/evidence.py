@@ -22,24 +22,22 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from params import Parameters
-from slz.certainty import certainty
 from slz.grid import Box, Grid
-from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, highest_around, planes, summarise
+from slz.kernels.footprint import HEIGHT, WEIGHT, closed, dilated, highest_around, planes, summarise
 from slz.kernels.pyramid import coarser
+from slz.kernels.verdict import SAFE as TOLD_SAFE
+from slz.kernels.verdict import verdict
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
-SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
 AGEING = 0.1  # of `max_age_s`, after which all is drawn anew
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
-_SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0 where nothing was drawn
-_STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
+_STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)  # by what a verdict tells
 State = NDArray[np.uint8]
 
 
@@ -162,30 +160,24 @@ class EvidenceTerrain:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
         p, m = self._parameters, self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m), now_s)
-        known = cells[WEIGHT] > 0
-        covered = closed(known.astype(np.uint8), self._gap)
-        cell_m = self.grid.cell_m
-        fits = planes(cells, covered, self.radius, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
+        known = (cells[WEIGHT] > 0).view(np.uint8)
+        near = m - self.radius  # no footprint of the box reaches farther
+        about = slice(near, m + box.shape[0] + self.radius), slice(near, m + box.shape[1] + self.radius)
+        k, inner = self.radius, slice(self.radius, -self.radius)
+        fits = planes(
+            np.ascontiguousarray(cells[:, *about]),
+            np.ascontiguousarray(closed(known, self._gap)[about]),
+            k, self.grid.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m,
+        )  # fmt: skip
         unseen = self._unseen(known, cells[HEIGHT])
-        inner = slice(m, m + box.shape[0]), slice(m, m + box.shape[1])
-        slope, sigma, relief, rms, noise, inside = (fit[inner] for fit in fits)
-        gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
-        even = gentle & (relief < np.float32(p.relief_m))
-        safe = even & ~unseen[inner]
-        unknown = np.isnan(slope) | (even & ~safe)
-        for fit in (slope, sigma, relief, rms, noise, inside):
-            fit[unknown] = np.nan
-        sure = certainty(slope, sigma, relief, inside, noise, self._share(known)[inner], p)
-        sure[unseen[inner]] = 0
-        values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure)
-        self._maps.write(box, np.stack(values))
-        self._verdict.write(box, np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))[None])
+        box_of = slice(m, m + box.shape[0]), slice(m, m + box.shape[1])
+        values, told = verdict(
+            cells[:, *box_of], fits[:, inner, inner], unseen[box_of], p.safe_slope_deg, p.relief_m
+        )
+        self._maps.write(box, values)
+        self._verdict.write(box, told)
 
-    def _share(self, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Return the share of each footprint's cells that hold a return."""
-        return np.asarray(ndimage.uniform_filter(known.astype(np.float32), 2 * self.radius + 1))
-
-    def _unseen(self, known: NDArray[np.bool_], height_m: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def _unseen(self, known: State, height_m: NDArray[np.float32]) -> State:
         """Tell which footprints hold unseen ground.
 
         What stands in the middle of unseen ground must not make that ground seen: cells above ground near
@@ -195,10 +187,9 @@ class EvidenceTerrain:
         p = self._parameters
         rise_m = math.tan(math.radians(p.safe_slope_deg)) * self.grid.cell_m / math.sqrt(2)
         lowest = -highest_around(-height_m, 2 * self._gap + 1, rise_m)
-        raised = height_m - lowest > np.float32(p.relief_m)
-        seen = known | (closed((known & ~raised).astype(np.uint8), self._gap) == 1)
-        whole = ndimage.binary_erosion(seen, np.ones((3, 3), bool), border_value=1)
-        return np.asarray(highest_around((~whole).astype(np.float32), self.radius, 0) > 0)
+        level = ~(height_m - lowest > np.float32(p.relief_m))
+        seen = known | closed(known & level.view(np.uint8), self._gap)
+        return dilated(np.uint8(1) - seen, self.radius + 1)
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""
@@ -221,7 +212,7 @@ class EvidenceTerrain:
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
-        return np.asarray(self._verdict.read(self._everywhere(box)) == _SAFE, np.uint8)
+        return np.asarray(self._verdict.read(self._everywhere(box)) == TOLD_SAFE, np.uint8)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""

@@ -82,7 +82,11 @@ def grouped(
     found = []
     for *place, first, stop in groups.tolist():
         highest = first + int(np.argmax(tops[first:stop]))
-        (row, col), (east, north), top = cells[highest].tolist(), centres[highest].tolist(), float(tops[highest])
+        (row, col), (east, north), top = (
+            cells[highest].tolist(),
+            centres[highest].tolist(),
+            float(tops[highest]),
+        )
         over = top - ground_m(Box(*place), row, col)
         found.append(Obstacle(east, north, top, over, centres[first:stop], grid.cell_m))
     return tuple(found)

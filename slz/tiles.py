@@ -249,7 +249,7 @@ class TiledLayers:
             self.touched.add(key)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
-        """Return a copy (rows, cols) of one layer of a box; all layers of a box and its parts are read at once."""
+        """Return a copy (rows, cols) of one layer of a box; all layers of a box are read at once."""
         if self._last is None or not self._last[0].holds(box):
             self._last = box, self._read(box)
         whole, values = self._last
