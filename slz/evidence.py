@@ -27,6 +27,7 @@ from params import Parameters
 from slz.grid import Box, Grid
 from slz.kernels.footprint import HEIGHT, WEIGHT, closed, dilated, highest_around, planes, summarise
 from slz.kernels.pyramid import coarser
+from slz.kernels.scatter import TILE
 from slz.kernels.verdict import SAFE as TOLD_SAFE
 from slz.kernels.verdict import verdict
 from slz.maps import SAFE, UNKNOWN, UNSAFE
@@ -34,7 +35,7 @@ from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
-AGEING = 0.1  # of `max_age_s`, after which all is drawn anew
+AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 _STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)  # by what a verdict tells
@@ -69,6 +70,7 @@ class EvidenceTerrain:
         self._verdict = TiledLayers(1, np.uint8)
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
+        self._drawn_s: dict[Key, float] = {}
         half = parameters.footprint_m / 2 / grid.cell_m
         self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
         self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
@@ -120,15 +122,30 @@ class EvidenceTerrain:
         )
         for box in change.boxes:
             self._seen = self._seen.union(_widened(box, self.level, 0))
-        changed = list(change.boxes) + [box_of_tile(key) for key in change.evicted]
-        if now_s - self._aged_s > AGEING * p.max_age_s:
-            self._aged_s = now_s
-            changed += self.tiles.boxes
+        for key in change.evicted:
+            self._drawn_s.pop(key, None)
+        self._drawn_s |= {(box.row0 // TILE, box.col0 // TILE): now_s for box in change.boxes}
+        changed = [*change.boxes, *map(box_of_tile, change.evicted), *map(box_of_tile, self._aged(now_s))]
         self._draw_all(changed, now_s)
         if change.evicted:
             for layers in (self._maps, self._verdict):
                 layers.keep(lambda key: self.tiles.any_near(key, self.level))
         return change
+
+    def _aged(self, now_s: float) -> list[Key]:
+        """Return tiles to be drawn anew because what they show ages, and count them as drawn.
+
+        Those drawn half of `AGEING` ago or longer come by and by, the oldest first, so many that all have
+        come before the rest of it is over.
+        """
+        longest_s = AGEING * self._parameters.max_age_s
+        share = min(1.0, (now_s - self._aged_s) / (longest_s / 2))
+        self._aged_s = now_s
+        old = sorted((at_s, key) for key, at_s in self._drawn_s.items() if now_s - at_s > longest_s / 2)
+        some = math.ceil(share * len(self._drawn_s))
+        due = [key for i, (at_s, key) in enumerate(old) if i < some or now_s - at_s > longest_s]
+        self._drawn_s |= dict.fromkeys(due, now_s)
+        return due
 
     def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
         """Keep the tiles around a point whatever the budget, those that decide on it included."""
@@ -208,6 +225,7 @@ class EvidenceTerrain:
         new.pinned, new._aged_s = self.pinned, self._aged_s
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._draw_all(self.tiles.boxes, self.tiles.latest_s)
+        new._drawn_s = dict.fromkeys(self._drawn_s, self.tiles.latest_s)
         return new
 
     def safe(self, box: Box) -> NDArray[np.uint8]:

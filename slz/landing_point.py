@@ -232,7 +232,7 @@ def _plane(
     if int(use.sum()) < 30:
         return np.full(height.shape, level_m)
     design = np.column_stack([np.ones(int(use.sum())), east[use], north[use]])
-    fit = np.linalg.lstsq(design, height[use].astype(np.float64), rcond=None)[0]
+    fit = np.linalg.lstsq(design.T @ design, design.T @ height[use].astype(np.float64), rcond=None)[0]
     return np.asarray(fit[0] + fit[1] * east + fit[2] * north)
 
 

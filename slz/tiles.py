@@ -250,9 +250,10 @@ class TiledLayers:
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
         """Return a copy (rows, cols) of one layer of a box; all layers of a box are read at once."""
-        if self._last is None or not self._last[0].holds(box):
-            self._last = box, self._read(box)
-        whole, values = self._last
+        held = self._last  # two threads may read, while none writes
+        if held is None or not held[0].holds(box):
+            held = self._last = box, self._read(box)
+        whole, values = held
         rows, cols = box.relative_to(whole).slices
         return np.array(values[layer, rows, cols])
 
