@@ -57,4 +57,4 @@ def horizon(
                     out[k] = tangent
         least = out.min()
         lowest = -np.inf if np.isnan(least) else least
-    return np.arctan(out)
+    return np.asarray(np.arctan(out))
