@@ -124,7 +124,8 @@ class EvidenceTerrain:
             self._seen = self._seen.union(_widened(box, self.level, 0))
         for key in change.evicted:
             self._drawn_s.pop(key, None)
-        self._drawn_s |= {(box.row0 // TILE, box.col0 // TILE): now_s for box in change.boxes}
+        for box in change.boxes:  # only a part of a tile, unless it is new
+            self._drawn_s.setdefault((box.row0 // TILE, box.col0 // TILE), now_s)
         changed = [*change.boxes, *map(box_of_tile, change.evicted), *map(box_of_tile, self._aged(now_s))]
         self._draw_all(changed, now_s)
         if change.evicted:
@@ -133,7 +134,7 @@ class EvidenceTerrain:
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
-        """Return tiles to be drawn anew because what they show ages, and count them as drawn.
+        """Return tiles to be drawn anew as a whole because what they show ages, and count them as drawn.
 
         Those drawn half of `AGEING` ago or longer come by and by, the oldest first, so many that all have
         come before the rest of it is over.

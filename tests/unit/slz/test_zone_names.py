@@ -393,7 +393,7 @@ def test_source_ids_are_unique_and_none_is_ever_lost(seed: int, n: int) -> None:
 def test_the_random_flights_hold_every_case() -> None:
     """Else the tests above would say nothing."""
     kept = changed = lost = fresh = 0
-    for seed in range(15):
+    for seed in range(12):
         before: tuple[Zone, ...] = ()
         for report in watch(aged(), random_maps(seed, 5), CELL_M):
             for zone in report.zones:
