@@ -269,7 +269,7 @@ def test_ground_ages_beside_what_is_still_seen() -> None:
     corner = ground()[:400] * [0.05, 0.05, 1] + [1, 1, 0]  # of the same tile
     for second in range(1, 15):
         pipe.process(window(corner, second))
-    assert state_at(pipe, 5, 5) == UNKNOWN
+    assert state_at(pipe, -5, -5) == UNKNOWN
 
 
 def test_the_order_of_points_changes_nothing() -> None:
