@@ -349,8 +349,12 @@ class Companion:
         return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
 
     def _scans_are_fresh(self, now: int) -> bool:
+        """Tell whether something is seen, and the LiDAR sends: a radar sees for it, but not in its place."""
+        stamps = [self._last_scan_ns]
+        if self.radar is not None:
+            stamps.append(self.lidar.last_arrival_ns)
         limit = self.parameters.lidar_timeout_s * 1e9
-        return self._last_scan_ns is not None and now - self._last_scan_ns < limit
+        return all(at_ns is not None and now - at_ns < limit for at_ns in stamps)
 
     def _report_is_fresh(self, now: int) -> bool:
         limit = (self.worker.window_s + self.parameters.window_s + 1.0) * 1e9
