@@ -26,5 +26,6 @@ def read(path: Path) -> dict[int, Flown]:
 def append(path: Path, flight: Flown) -> None:
     """Add a flight."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a+", encoding="utf-8") as out:
-        out.write(json.dumps(flight) + "\n")
+    cut = path.exists() and not path.read_bytes().endswith(b"\n")
+    with path.open("a", encoding="utf-8") as out:
+        out.write(("\n" if cut else "") + json.dumps(flight) + "\n")

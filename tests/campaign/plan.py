@@ -16,6 +16,7 @@ CELLS: tuple[tuple[str, Phase], ...] = tuple((fault, state) for fault in FAULTS 
 SCENES = ("landing_site", "landing_site", "streets", "buildings", "plain")
 # How long after a state is told the fault begins, at most: as long as the state usually lasts.
 LATEST_S = {Phase.SURVEY: 2.0, Phase.APPROACH: 4.0, Phase.DESCEND: 2.0, Phase.FINAL: 6.5, Phase.CLIMB: 2.0}
+STRIDE = 37  # shares no factor with the number of cells: neighbours in number are different faults
 SHORTEST_S, LONGEST_S = 4.0, 16.0
 
 
@@ -34,7 +35,7 @@ class Plan:
 
 def plan(number: int) -> Plan:
     """Return the flight of a number; each run of as many as there are cells holds each cell once."""
-    fault, state = CELLS[number % len(CELLS)]
+    fault, state = CELLS[number * STRIDE % len(CELLS)]
     rng = np.random.default_rng(number)
     return Plan(
         number=number,
@@ -45,3 +46,10 @@ def plan(number: int) -> Plan:
         lasts_s=float(rng.uniform(SHORTEST_S, LONGEST_S)),
         wind_ms=float(rng.uniform(0.0, 6.0)),
     )
+
+
+def number_of(fault: str, state: Phase, turn: int = 0) -> int:
+    """Return the number of the first flight of a fault in a state, or of the one so many turns later."""
+    place = CELLS.index((fault, state))
+    first = next(n for n in range(len(CELLS)) if n * STRIDE % len(CELLS) == place)
+    return first + turn * len(CELLS)
