@@ -28,14 +28,14 @@ CHEAP = {
     "survey_height_m": HEIGHT_M,
     "adaptive": "off",  # so few returns would stretch the windows to two seconds
     "zone_m": 80.0,
-    "max_range_m": 40.0,
+    "max_range_m": 60.0,
     "pose_rate_hz": 20.0,
     "landing_target_hz": 10.0,
     "obstacle_hz": 5.0,
 }
 TOLD = {float(k): phase for k, phase in enumerate(Phase)}
 STEP_S = 0.05
-REACH_S, AFTER_S, HANDS_OFF_S, HELD_S, RESTED_S = 60.0, 100.0, 8.0, 12.0, 3.0
+REACH_S, AFTER_S, HANDS_OFF_S, HELD_S, RESTED_S = 60.0, 150.0, 8.0, 12.0, 3.0
 
 
 class Sortie(Mission):
