@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sitl.simulation import Simulation
     from tests.campaign.sortie import Sortie
 
-STALL_TICKS = (10, 60)  # of 5 ms
+STALL_TICKS = (5, 30)  # of 10 ms
 LATE_S = (0.5, 4.0)
 CLOCK_S = 3600.0
 
