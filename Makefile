@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test setup checks kernels lint types unit bench clean
+.PHONY: demo test setup checks kernels lint types unit bench campaign clean
 
 demo: setup
 	$(BIN)/slz demo --headless --out out/demo
@@ -42,6 +42,10 @@ unit: setup
 
 bench: setup
 	$(BIN)/python -m pytest -m bench
+
+# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=125 flies each once.
+campaign: setup
+	$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),2000)
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info

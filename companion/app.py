@@ -345,6 +345,11 @@ class Companion:
         heard_ns = self.link.vehicle.last_heartbeat_ns
         return heard_ns is not None and now - heard_ns < HEARD_NS
 
+    def _mode_is_wanted(self) -> bool:
+        """Tell whether the mode asked for is still to be: a landing that was broken off must not come late."""
+        phase = self.executive.phase
+        return phase is Phase.FINAL if self._mode_wanted == "land" else phase in FLYING
+
     def _mode_is_reached(self) -> bool:
         return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
 
@@ -385,9 +390,9 @@ class Companion:
         if orders.mode is not None:
             self._change_mode(orders.mode)
         elif self._mode_change is not None and (
-            not situation.heard or self.executive.phase not in FLYING or self._mode_is_reached()
+            not situation.heard or not self._mode_is_wanted() or self._mode_is_reached()
         ):
-            self._mode_change.cancel()  # the pilot has it, may have it, or may change it now: ask no more
+            self._mode_change.cancel()  # given up, or the pilot has it, may have it, or may change it now
         vehicle = self.link.vehicle
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)

@@ -80,6 +80,23 @@ async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
         assert seat.ended == ["GUIDED"]
 
 
+@pytest.mark.parametrize("phase", [Phase.CLIMB, Phase.HOLD, Phase.SURVEY, Phase.APPROACH])
+async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_off(
+    monkeypatch: pytest.MonkeyPatch, phase: Phase
+) -> None:
+    """A try after that would land the vehicle where it is."""
+    async with cockpit(monkeypatch) as seat:
+        seat.companion.executive.phase = Phase.FINAL
+        seat.orders = Orders(mode="land")
+        await seat.tick("GUIDED")
+        seat.orders = Orders()
+        await seat.tick("GUIDED")
+        assert not seat.ended
+        seat.companion.executive.phase = phase
+        await seat.tick("GUIDED")
+        assert seat.ended == ["LAND"]
+
+
 async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     """ArduPilot flies on for three seconds with the last velocity that it was given."""
     async with cockpit(monkeypatch) as seat:
