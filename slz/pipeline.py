@@ -56,6 +56,8 @@ class Pipeline:
     follow
         Whether, in source mode, a return outside the zone moves it there (§3.2.5) or is passed over.
 
+    Notes
+    -----
     Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
     """
 

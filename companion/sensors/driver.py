@@ -20,6 +20,7 @@ from companion.sensors.lightware_stream import LightwareStream
 from companion.sensors.livox import LivoxDecoder
 from companion.sensors.livox_session import LivoxSession
 from companion.sensors.mavlink_lidar import MavlinkLidar
+from companion.sensors.others import other_sensor
 from companion.sensors.ouster import OusterDecoder
 from companion.sensors.serial_lidar import SerialLidar
 from companion.sensors.stream import Batch, Decoder, OnReturns, PacketStream
@@ -99,10 +100,11 @@ def open_lidar(
         return MavlinkLidar(link, parameters, on_returns)
     if kind == "lightware":
         return SerialLidar(_line(url, rest), LightwareStream(parameters, on_returns))
-    if kind not in DEFAULT_PORTS:
+    other = other_sensor(kind)
+    if kind not in DEFAULT_PORTS and other is None:
         raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
     address, _, query = rest.partition("?")
-    default = DEFAULT_PORTS[kind]
+    default = DEFAULT_PORTS[kind] if other is None else other.default_port
     host, colon, port = address.rpartition(":")
     if default is not None and not (colon and port):
         host, port = (host if colon else address), str(default)
@@ -209,6 +211,8 @@ def decoder_for(kind: str, setup: str = "") -> Decoder:
             from companion.sensors.radar import RadarDecoder
 
             return RadarDecoder()
+    if (other := other_sensor(kind)) is not None:
+        return other.make()
     raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
 
 
