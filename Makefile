@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test setup checks kernels lint types docs unit bench clean
+.PHONY: demo test setup checks kernels lint types docs unit bench fuzz audit clean
 
 demo: setup
 	$(BIN)/slz demo --headless --out out/demo
@@ -44,6 +44,17 @@ docs: setup
 
 unit: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench and not browser"
+
+# Inputs in all harnesses together; what fails is kept in out/fuzz (docs/fuzzing.md).
+INPUTS ?= 1000000
+fuzz: setup
+	$(BIN)/python -m tests.fuzz.campaign --inputs $(INPUTS)
+
+# Known vulnerabilities of what constraints.txt pins; without an answer it says that it did not run.
+audit: setup
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[audit]' 2>/dev/null \
+	    || echo 'dependency audit: pip-audit cannot be installed'
+	@$(BIN)/python -m tests.audit
 
 bench: setup
 	$(BIN)/python -m pytest -m bench

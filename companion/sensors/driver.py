@@ -108,7 +108,7 @@ def open_lidar(
     host, colon, port = address.rpartition(":")
     if default is not None and not (colon and port):
         host, port = (host if colon else address), str(default)
-    if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
+    if not (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
     try:
         setup = "" if kind == "livox" else description(kind, query)
@@ -157,9 +157,9 @@ def _sensor(url: str, query: str) -> str:
         ipaddress.IPv4Address(host)
     except ValueError:
         host = ""
-    sound = not colon or (port.isascii() and port.isdigit() and 0 < int(port) < 65536)
+    sound = not colon or (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536)
     if name != "sensor" or not host or not sound:
-        raise UsageError(f"LiDAR {url!r}: ?{query} is not understood: write {CONTROLLED}")
+        raise UsageError(f"LiDAR {url!r}: {'?' + query!r} is not understood: write {CONTROLLED}")
     return address
 
 
@@ -174,15 +174,16 @@ def description(kind: str, query: str) -> str:
     name, _, path = query.partition("=")
     if kind != "ouster":
         if query:
-            raise UsageError(f"?{query} is not understood: write {EXAMPLE}")
+            raise UsageError(f"{'?' + query!r} is not understood: write {EXAMPLE}")
         return ""
     if name != "meta" or not path:
         raise UsageError(f"no metadata is named: write {METADATA}")
     try:
         return Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "is no text"
-        raise UsageError(f"{path}: {why}") from None
+    except OSError as error:
+        raise UsageError(f"{path if path.isprintable() else repr(path)}: {error.strerror}") from None
+    except ValueError:  # no text, or a name that no file can have
+        raise UsageError(f"{path if path.isprintable() else repr(path)}: is no text") from None
 
 
 def decoder_for(kind: str, setup: str = "") -> Decoder:
