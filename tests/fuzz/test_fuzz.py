@@ -1,4 +1,4 @@
-"""Every parser takes what comes: some seeded inputs each, and every case ever found; `make fuzz` tries more."""
+"""Every parser takes what comes: seeded inputs each, and every case ever found (`make fuzz` tries more)."""
 
 from __future__ import annotations
 

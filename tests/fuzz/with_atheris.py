@@ -6,6 +6,7 @@ Needs the extra `fuzz` (atheris has wheels for x86-64 only). Further words are l
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import tempfile
 from pathlib import Path
@@ -13,6 +14,7 @@ from random import Random
 
 import atheris
 
+os.environ["NUMBA_DISABLE_JIT"] = "1"  # Numba cannot read what atheris makes of a function
 with atheris.instrument_imports(include=["companion", "params"]):
     from tests.fuzz.campaign import ALL
     from tests.fuzz.harness import Harness
