@@ -60,6 +60,8 @@ class Pipeline:
     threads
         With 2 the far map is drawn beside the near one; the reports are the same. Default mode only.
 
+    Notes
+    -----
     Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
     """
 

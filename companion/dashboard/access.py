@@ -108,4 +108,8 @@ class Access:
         origin = headers.get("origin")
         if origin is None:
             return "no Origin" if acts else ""
-        return "" if urlsplit(origin).netloc == host else "asked by another site's page"
+        try:
+            ours = urlsplit(origin).netloc == host
+        except ValueError:  # no URL at all
+            ours = False
+        return "" if ours else "asked by another site's page"
