@@ -98,7 +98,7 @@ def health(companion: Companion) -> dict[str, Any]:
     """Return rates, delays and losses: how the program itself does."""
     link = companion.link.statistics()
     lidar, fusion = companion.lidar.statistics(), companion.assembler.statistics()
-    recorder = companion.recorder
+    recorder = companion.recordings.recorder
     return {
         "ready": companion.link.ready,
         "autopilot": companion.link.vehicle.autopilot,
