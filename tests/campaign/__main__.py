@@ -33,7 +33,7 @@ def main() -> None:
     own.out.mkdir(parents=True, exist_ok=True)
     path = own.out / "flights.jsonl"
     plans = [plan(n) for n in range(own.first, own.first + own.flights)]
-    plans = [p for p in plans if own.fault in (None, p.fault)]
+    plans = [p for p in plans if p.fault in own.fault]
     if not own.report:
         _fly([p for p in plans if p.number not in log.read(path)], path, len(plans))
     wanted = {p.number for p in plans}
@@ -49,7 +49,7 @@ def _arguments() -> argparse.Namespace:
         "--flights", type=int, default=len(CELLS), help=f"each {len(CELLS)} hold each cell once"
     )
     parser.add_argument("--first", type=int, default=0, help="number of the first")
-    parser.add_argument("--fault", choices=FAULTS, help="only this one")
+    parser.add_argument("--fault", choices=FAULTS, nargs="+", default=FAULTS, help="only these")
     parser.add_argument("--out", type=Path, default=Path("out/campaign"), help="goes on where it was stopped")
     parser.add_argument("--report", action="store_true", help="fly nothing, write the report anew")
     return parser.parse_args()

@@ -95,10 +95,12 @@ def test_a_drifting_estimate_draws_the_vehicle_with_it_and_ends_at_five_metres(
 def test_the_pilot_asks_until_the_mode_shows(hovering: tuple[Simulation, Station]) -> None:
     sim, _ = hovering
     taken = fault("pilot_mode")
-    sim.router.model.loss = 0.7
+    sim.router.model.cut = True
     taken.begin(sim)
     sim.every_tick.append(taken.step)
-    sim.run(15.0)
+    sim.run(2.5)
+    sim.router.model.cut = False
+    sim.run(2.5)
     assert sim.autopilot.mode in (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
 
 
