@@ -339,6 +339,15 @@ def map_(
     classified: Annotated[
         bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
     ] = False,
+    tile_m: Annotated[
+        float | None, typer.Option(help="Side of a tile, m (1024 cells); it changes no result.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Worker processes on this machine; none: all in this one.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Use the workers of a Dask scheduler.")
+    ] = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
@@ -353,12 +362,14 @@ def map_(
         given["cell_m"] = 0.5
     own = [f"{name}={value}" for name, value in given.items() if value is not None]
     parameters = params.load(profile, [*own, *setting])
-    with _progress(as_json) as step:
-        summary = survey.run(files, out, parameters, step, crs, classified)
+    with survey.engine(scheduler, workers) as engine, _progress(as_json) as step:
+        summary = survey.run(files, out, parameters, step, survey.Plan(crs, classified, tile_m, engine))
     if as_json:
         print(json.dumps(summary))
     else:
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+    if summary["skipped"]:
+        sys.exit(2)
 
 
 @app.command()

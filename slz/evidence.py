@@ -22,24 +22,18 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from params import Parameters
-from slz.certainty import certainty
+from slz.drawing import LAYERS, VERDICT_SAFE, VERDICT_STATE, drawn, reach_of
 from slz.grid import Box, Grid
-from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, highest_around, planes, summarise
+from slz.kernels.footprint import summarise
 from slz.kernels.pyramid import coarser
-from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
-SIGMAS = 3.0  # standard errors that the slope keeps from its limit
-LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
 AGEING = 0.1  # of `max_age_s`, after which all is drawn anew
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
-_SAFE, _UNSAFE, _UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0 where nothing was drawn
-_STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
 State = NDArray[np.uint8]
 
 
@@ -71,10 +65,8 @@ class EvidenceTerrain:
         self._verdict = TiledLayers(1, np.uint8)
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
-        half = parameters.footprint_m / 2 / grid.cell_m
-        self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
-        self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
-        self._margin = self.radius + 4 * self._gap + 3  # how far one cell's evidence can matter
+        self._reach = reach_of(parameters, grid.cell_m)
+        self.radius, self._margin = self._reach.radius, self._reach.margin
 
     # ---- boxes: of the window, and of all ground (counted from the tiles' corner) ---------------
 
@@ -160,45 +152,11 @@ class EvidenceTerrain:
 
     def _draw(self, box: Box, now_s: float) -> None:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
-        p, m = self._parameters, self._margin
+        m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m), now_s)
-        known = cells[WEIGHT] > 0
-        covered = closed(known.astype(np.uint8), self._gap)
-        cell_m = self.grid.cell_m
-        fits = planes(cells, covered, self.radius, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
-        unseen = self._unseen(known, cells[HEIGHT])
-        inner = slice(m, m + box.shape[0]), slice(m, m + box.shape[1])
-        slope, sigma, relief, rms, noise, inside = (fit[inner] for fit in fits)
-        gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
-        even = gentle & (relief < np.float32(p.relief_m))
-        safe = even & ~unseen[inner]
-        unknown = np.isnan(slope) | (even & ~safe)
-        for fit in (slope, sigma, relief, rms, noise, inside):
-            fit[unknown] = np.nan
-        sure = certainty(slope, sigma, relief, inside, noise, self._share(known)[inner], p)
-        sure[unseen[inner]] = 0
-        values = (cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure)
-        self._maps.write(box, np.stack(values))
-        self._verdict.write(box, np.where(safe, _SAFE, np.where(unknown, _UNKNOWN, _UNSAFE))[None])
-
-    def _share(self, known: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Return the share of each footprint's cells that hold a return."""
-        return np.asarray(ndimage.uniform_filter(known.astype(np.float32), 2 * self.radius + 1))
-
-    def _unseen(self, known: NDArray[np.bool_], height_m: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Tell which footprints hold unseen ground.
-
-        What stands in the middle of unseen ground must not make that ground seen: cells above ground near
-        enough for a gap between to count as seen close no gap, unless a safe slope leads up to them. And the
-        outermost seen cells may be part water, part shore.
-        """
-        p = self._parameters
-        rise_m = math.tan(math.radians(p.safe_slope_deg)) * self.grid.cell_m / math.sqrt(2)
-        lowest = -highest_around(-height_m, 2 * self._gap + 1, rise_m)
-        raised = height_m - lowest > np.float32(p.relief_m)
-        seen = known | (closed((known & ~raised).astype(np.uint8), self._gap) == 1)
-        whole = ndimage.binary_erosion(seen, np.ones((3, 3), bool), border_value=1)
-        return np.asarray(highest_around((~whole).astype(np.float32), self.radius, 0) > 0)
+        values, verdict = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
+        self._maps.write(box, values)
+        self._verdict.write(box, verdict[None])
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""
@@ -221,11 +179,11 @@ class EvidenceTerrain:
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
-        return np.asarray(self._verdict.read(self._everywhere(box)) == _SAFE, np.uint8)
+        return np.asarray(self._verdict.read(self._everywhere(box)) == VERDICT_SAFE, np.uint8)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
-        return np.asarray(_STATE[self._verdict.read(self._everywhere(box))])
+        return np.asarray(VERDICT_STATE[self._verdict.read(self._everywhere(box))])
 
     # ---- what was drawn since somebody looked ----------------------------------------------------
 
@@ -255,7 +213,7 @@ class EvidenceTerrain:
             return None
         datum_m = np.float32(self.tiles.datum_m)
         layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
-        return layers, _STATE[verdict[0]]
+        return layers, VERDICT_STATE[verdict[0]]
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.
