@@ -368,6 +368,8 @@ def map_(
         print(json.dumps(summary))
     else:
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+    for skipped in summary["skipped"]:
+        print(f"slz: left out: {skipped['reason']}", file=sys.stderr)
     if summary["skipped"]:
         sys.exit(2)
 

@@ -82,8 +82,6 @@ def run(
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)
-    for skipped in told["skipped"]:
-        log.error("left out: %s", skipped["reason"])
     for warning in told["warnings"]:
         log.warning(warning)
     return told | {"seconds": round(time.perf_counter() - started, 3)}

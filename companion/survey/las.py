@@ -76,7 +76,12 @@ class LasSource:
         n = first
         with (
             translated(self.path),
-            laspy.open(self.path, encoding_errors="replace", decompression_selection=LAYERS) as reader,
+            laspy.open(
+                self.path,
+                encoding_errors="replace",
+                decompression_selection=LAYERS,
+                laz_backend=[laspy.LazBackend.Lazrs],  # one core: others have workers of their own
+            ) as reader,
         ):
             if first:
                 reader.seek(first)

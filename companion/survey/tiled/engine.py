@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol, TypeVar
@@ -12,8 +13,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 AHEAD = 3  # tasks of each worker that are handed out at a time
 MOST_DEATHS = 10  # of workers at one task, before it is taken for the task's fault
-START_S = 60  # that workers may take to come
 WORKER_MEMORY = "1GiB"
+CONNECT_S = 10.0
 
 
 class Engine(Protocol):
@@ -66,6 +67,10 @@ class Distributed:
     def _workers(self) -> int:
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
+    def process_ids(self) -> list[int]:
+        """Return the numbers of the workers' processes."""
+        return sorted(self._client.run(os.getpid).values())
+
 
 def _translated(error: Exception) -> Exception:
     from distributed import KilledWorker
@@ -106,7 +111,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
     with dask.config.set(settings):
         if scheduler is not None:
             try:
-                client = distributed.Client(scheduler, timeout=10)
+                client = distributed.Client(scheduler, timeout=CONNECT_S)
             except (OSError, ValueError) as error:
                 raise UsageError(f"--scheduler {scheduler}: no scheduler answers: {error}") from None
             with client:

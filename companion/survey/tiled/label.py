@@ -58,8 +58,8 @@ def labelled(state: NDArray[np.uint8]) -> Labels:
 
 def label_tile(layout: Layout, key: Key, least_side: int) -> TileLabels:
     """Label a tile; squares are sought with the cells before it, from which they may come."""
-    store, box, whole = Store(layout), layout.box(key), layout.whole
-    local = Box(box.row0 - whole.row0, box.row1 - whole.row0, box.col0 - whole.col0, box.col1 - whole.col0)
+    store, box = Store(layout), layout.held(key)
+    local = layout.local(box)
     label = labelled(store.state(local))
     before = least_side - 1
     wide = Box(local.row0 - before, local.row1, local.col0 - before, local.col1)
@@ -150,7 +150,7 @@ class Members:
         layout = self._store.layout
         out = np.zeros(window.shape, np.uint8)
         for key, numbers in zone.parts:
-            box = layout.box(key)
+            box = layout.held(key)
             part = common(box, window)
             if part.empty:
                 continue
@@ -164,9 +164,6 @@ class Members:
         if key not in self._labels:
             if len(self._labels) >= 8:
                 del self._labels[next(iter(self._labels))]
-            whole, box = self._store.layout.whole, self._store.layout.box(key)
-            local = Box(
-                box.row0 - whole.row0, box.row1 - whole.row0, box.col0 - whole.col0, box.col1 - whole.col0
-            )
-            self._labels[key] = labelled(self._store.state(local))
+            layout = self._store.layout
+            self._labels[key] = labelled(self._store.state(layout.local(layout.held(key))))
         return self._labels[key]

@@ -38,6 +38,15 @@ class Layout:
         row, col = key
         return Box(row * self.side, (row + 1) * self.side, col * self.side, (col + 1) * self.side)
 
+    def held(self, key: Key) -> Box:
+        """Return the cells of a tile that are of the survey."""
+        return common(self.box(key), self.whole)
+
+    def local(self, box: Box) -> Box:
+        """Return a box of the lattice as `grid` counts it."""
+        row, col = self.whole.row0, self.whole.col0
+        return Box(box.row0 - row, box.row1 - row, box.col0 - col, box.col1 - col)
+
     def keys(self, box: Box) -> Iterator[Key]:
         """Return the keys of the tiles that a box touches."""
         if box.empty:

@@ -95,14 +95,9 @@ def _found(zone: Joined, store: Store, members: Members, parameters: Parameters)
         cells = members.cells(zone, window)
         if not cells.any():
             continue
-        whole = layout.whole
-        local = Box(
-            window.row0 - whole.row0,
-            window.row1 - whole.row0,
-            window.col0 - whole.col0,
-            window.col1 - whole.col0,
-        )
-        for candidate in search_components(cells, local, least, parameters.min_boundary_points):
+        for candidate in search_components(
+            cells, layout.local(window), least, parameters.min_boundary_points
+        ):
             described = describe(candidate, store, NOWHERE, parameters, 0)
             yield Found(
                 first=_first(candidate, least),
