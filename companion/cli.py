@@ -111,7 +111,7 @@ def _log(verbose: bool) -> None:
         logging.basicConfig(level=level, format=PLAIN, stream=sys.stderr)
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it cannot read is our one line
-    for noisy in ("numba", "matplotlib", "rasterio", "PIL"):
+    for noisy in ("numba", "matplotlib", "rasterio", "PIL", "pyogrio", "distributed"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
@@ -372,6 +372,41 @@ def map_(
         print(f"slz: left out: {skipped['reason']}", file=sys.stderr)
     if summary["skipped"]:
         sys.exit(2)
+
+
+@app.command(context_settings={"ignore_unknown_options": True})  # longitudes may be negative
+def nearest(
+    lat: Annotated[float, typer.Argument(help="Latitude, degrees north.")],
+    lon: Annotated[float, typer.Argument(help="Longitude, degrees east.")],
+    folder: Annotated[Path, typer.Option("--survey", help="Folder that slz map wrote.")] = Path(),
+    radius_m: Annotated[
+        float | None, typer.Option(help="Only zones whose landing points lie this near, m.")
+    ] = None,
+    most: Annotated[int, typer.Option(help="So many at most.")] = 10,
+    as_json: Json = False,
+) -> None:
+    """Find the surveyed landing zones nearest to a position."""
+    from companion.survey import nearest as question
+
+    answer = question.nearest(folder, lat, lon, radius_m, most)
+    if as_json:
+        print(json.dumps(answer))
+        return
+    table = Table(
+        "zone", "distance m", "bearing °", "area m²", "certainty", "slope °", "latitude", "longitude"
+    )
+    for zone in answer["zones"]:
+        table.add_row(
+            str(zone["id"]),
+            f"{zone['distance_m']:.0f}",
+            f"{zone['bearing_deg']:.0f}",
+            f"{zone['area_m2']:.0f}",
+            f"{zone['certainty']:.2f}",
+            "" if zone["slope_deg"] is None else f"{zone['slope_deg']:.1f}",
+            f"{zone['lat']:.7f}",
+            f"{zone['lon']:.7f}",
+        )
+    _out().print(table if answer["zones"] else "no zone there")
 
 
 @app.command()

@@ -130,7 +130,7 @@ def _written(
     with unfinished(out) as folder:
         progress("writing", 0.87)
         written = outputs.rasters(folder, found, plan.engine)
-        written += outputs.zones(folder, found, described)
+        written += outputs.zones(folder, files, found, described)
         if plan.classified:
             progress("classifying", 0.92)
             used = [path for path in files if str(path) not in left_out]

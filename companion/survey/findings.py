@@ -46,8 +46,9 @@ class Held:
 class Findings:
     """Zones, the best first, and what is told of the survey.
 
-    shapes: outlines in longitude and latitude. square_centres_m: of the largest safe squares, metres of the
-    map. n_obstacles: inside the contours. cells: rows, cols, safe, unsafe, unknown. step: as in `Cloud`.
+    shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the largest
+    safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe, unsafe,
+    unknown. step: as in `Cloud`.
     skipped: files left out, and why.
     """
 
@@ -56,6 +57,7 @@ class Findings:
     maps: Maps
     zones: Sequence[Zone]
     shapes: Sequence[MultiPolygon]
+    outlines_m: Sequence[MultiPolygon]
     square_centres_m: Sequence[tuple[float, float]]
     n_obstacles: Sequence[int]
     cells: dict[str, int]
@@ -72,13 +74,15 @@ class Findings:
 def of_window(found: Survey, n_read: int, step: float) -> Findings:
     """Return what the pipeline found in a cloud of one window."""
     zones, maps = found.report.zones, found.maps
+    outlines_m = [zone_polygon(zone, maps.grid) for zone in zones]
     rows, cols = maps.state.shape
     return Findings(
         metric=found.metric,
         parameters=found.parameters,
         maps=Held(maps),
         zones=zones,
-        shapes=[wgs84(zone_polygon(zone, maps.grid), found.metric) for zone in zones],
+        shapes=[wgs84(outline, found.metric) for outline in outlines_m],
+        outlines_m=outlines_m,
         square_centres_m=[square_centre(zone, maps) for zone in zones],
         n_obstacles=[len(zone.obstacles) for zone in zones],
         cells={

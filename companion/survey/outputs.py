@@ -9,8 +9,11 @@ from typing import Any
 from companion.survey import raster
 from companion.survey.classified import write_classified
 from companion.survey.findings import Findings
+from companion.survey.flatgeobuf import write_flatgeobuf
 from companion.survey.kml import write_kml
+from companion.survey.page import write_page
 from companion.survey.reference import from_option
+from companion.survey.tables import write_csv, write_survey
 from companion.survey.tiled.engine import Engine
 from companion.survey.zones import write_geojson
 
@@ -28,12 +31,19 @@ def _raster(asked: tuple[Path, raster.Layer], maps: Any, metric: Any) -> None:
     raster.write(*asked, maps, metric)
 
 
-def zones(folder: Path, found: Findings, described: Sequence[dict[str, Any]]) -> list[Path]:
-    """Write the zones in all formats, and return their paths."""
-    geojson, kml = folder / "zones.geojson", folder / "zones.kml"
+def zones(
+    folder: Path, files: Sequence[Path], found: Findings, described: Sequence[dict[str, Any]]
+) -> list[Path]:
+    """Write the zones in all formats, a table of them and the page, and return the paths."""
+    geojson, kml, fgb, csv = (folder / f"zones.{suffix}" for suffix in ("geojson", "kml", "fgb", "csv"))
     write_geojson(geojson, found.shapes, described)
     write_kml(kml, found.shapes, described)
-    return [geojson, kml]
+    write_flatgeobuf(fgb, found.shapes, described)
+    write_csv(csv, described)
+    page, survey = folder / "map.html", folder / "survey.json"
+    write_page(page, found, described)
+    write_survey(survey, files, found)
+    return [geojson, kml, fgb, csv, page, survey]
 
 
 def points(folder: Path, files: Sequence[Path], crs: str | None, found: Findings) -> list[Path]:
