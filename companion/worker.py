@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -45,7 +46,7 @@ class PipelineWorker:
         self._on_report = on_report
         self._numbers: list[int] = []
         self._windower = Windower(parameters.window_s)
-        self._pipeline = Pipeline(parameters)
+        self._pipeline = new_pipeline(parameters)
         self._invariants = Invariants()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
         self._waiting: tuple[Window, list[int], float] | None = None
@@ -98,6 +99,11 @@ class PipelineWorker:
     def window_s(self) -> float:
         """Span of the window that is being gathered: the pipeline adapts it."""
         return self._windower.window_s
+
+    @property
+    def busy(self) -> bool:
+        """Whether a window is being computed."""
+        return self._busy_since_s is not None
 
     def hangs(self, limit_s: float) -> bool:
         """Tell whether a window has been computed for longer than a limit."""
@@ -167,7 +173,7 @@ class PipelineWorker:
         time_s: Callable[[], float],
     ) -> Report:
         if anew:
-            self._pipeline = Pipeline(self._parameters)
+            self._pipeline = new_pipeline(self._parameters)
         for point in selects:
             self._pipeline.select(point)
         report = self._pipeline.process(window)
@@ -178,3 +184,8 @@ class PipelineWorker:
         """End the thread after the window under way; return the last maps."""
         self._thread.shutdown(wait=True, cancel_futures=True)
         return self._pipeline.maps()
+
+
+def new_pipeline(parameters: Parameters) -> Pipeline:
+    """Return a pipeline that takes a second core where there is one."""
+    return Pipeline(parameters, threads=min(2, os.cpu_count() or 1))

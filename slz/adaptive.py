@@ -69,7 +69,8 @@ class Adapter:
 
     def look(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
         """Return the choice after a window, of which these returns are used."""
-        ground_m = float(np.median(points_enu_m[:, 2])) if len(points_enu_m) >= FEWEST else math.nan
+        some = points_enu_m[:: max(1, len(points_enu_m) // SOME)]
+        ground_m = float(np.median(some[:, 2])) if len(some) >= FEWEST else math.nan
         height = float(window.sensor_enu_m[2]) - ground_m
         speed = self._speed(window)
         density, reach = _density(points_enu_m, window.sensor_enu_m)
@@ -143,7 +144,7 @@ def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[
     """
     if not len(points):
         return 0.0, 0.0
-    thin = points[:: max(1, len(points) // 20_000)]
+    thin = points[:: max(1, len(points) // SOME)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
     density = 0.0
     least = np.array([points[:, 0].min(), points[:, 1].min()])

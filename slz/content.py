@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.boundary import without_collinear
 from slz.grid import Box
+from slz.kernels.bits import packed
+from slz.kernels.groups import middle_height
 from slz.landing_point import Terrain, best_point
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.search import Candidate
@@ -15,6 +17,7 @@ from slz.surroundings import Obstacle, grouped
 from slz.zone import Zone
 
 MOST_OBSTACLES = 200
+AROUND = 3  # cells, of the ground that an obstacle's height is over
 
 
 def describe(
@@ -76,11 +79,10 @@ def _obstacles(
     """Group the measured unsafe cells inside a contour; their height is over the zone around them."""
     height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
     top = np.where(np.isnan(top), height, top)
-    ground = own & np.isfinite(height)
+    ground = packed((own & np.isfinite(height)).view(np.uint8))
 
     def level(place: Box, row: int, col: int) -> float:
-        around = tuple(slice(max(0, s.start - 3), s.stop + 3) for s in place.slices)
-        heights = height[around][ground[around]]
-        return float(np.median(heights)) if len(heights) else float("nan")
+        edges = place.row0 - AROUND, place.row1 + AROUND, place.col0 - AROUND, place.col1 + AROUND
+        return middle_height(ground, height, *edges)
 
     return grouped(holes, top, level, terrain.grid, box, MOST_OBSTACLES)

@@ -7,17 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from params import Parameters
-from slz.certainty import certainty
-from slz.kernels.footprint import HEIGHT, TOP, WEIGHT, closed, highest_around, planes
+from slz.kernels.footprint import HEIGHT, WEIGHT, closed, dilated, highest_around, planes
+from slz.kernels.verdict import verdict
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 
-SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
-VERDICT_SAFE, VERDICT_UNSAFE, VERDICT_UNKNOWN = (np.uint8(i) for i in (1, 2, 3))  # 0: nothing was drawn
-VERDICT_STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)
+STATE_OF = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)  # by what a verdict tells
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,35 +55,28 @@ def drawn(
 
     Returns
     -------
-    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (rows, cols) uint8 verdicts, see `VERDICT_STATE`.
+    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 what `STATE_OF` turns into
+    states; 0 stands for cells that nobody drew.
     """
-    p, m = parameters, reach.margin
-    known = cells[WEIGHT] > 0
-    covered = closed(known.astype(np.uint8), reach.gap)
-    fits = planes(cells, covered, reach.radius, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m)
+    p, m, k = parameters, reach.margin, reach.radius
+    rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
+    known = (cells[WEIGHT] > 0).view(np.uint8)
+    near = m - k  # no footprint of the box reaches farther
+    about = slice(near, m + rows + k), slice(near, m + cols + k)
+    fits = planes(
+        np.ascontiguousarray(cells[:, *about]),
+        np.ascontiguousarray(closed(known, reach.gap)[about]),
+        k, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m,
+    )  # fmt: skip
     unseen = _unseen(known, cells[HEIGHT], reach, cell_m, p)
-    inner = slice(m, cells.shape[1] - m), slice(m, cells.shape[2] - m)
-    slope, sigma, relief, rms, noise, inside = (fit[inner] for fit in fits)
-    gentle = slope + SIGMAS * sigma < np.float32(p.safe_slope_deg)
-    even = gentle & (relief < np.float32(p.relief_m))
-    safe = even & ~unseen[inner]
-    unknown = np.isnan(slope) | (even & ~safe)
-    for fit in (slope, sigma, relief, rms, noise, inside):
-        fit[unknown] = np.nan
-    sure = certainty(slope, sigma, relief, inside, noise, _share(known, reach)[inner], p)
-    sure[unseen[inner]] = 0
-    values = np.stack((cells[HEIGHT][inner], cells[TOP][inner], slope, sigma, relief, rms, sure))
-    return values, np.where(safe, VERDICT_SAFE, np.where(unknown, VERDICT_UNKNOWN, VERDICT_UNSAFE))
-
-
-def _share(known: NDArray[np.bool_], reach: Reach) -> NDArray[np.float32]:
-    """Return the share of each footprint's cells that hold a return."""
-    return np.asarray(ndimage.uniform_filter(known.astype(np.float32), 2 * reach.radius + 1))
+    box, inner = (slice(m, m + rows), slice(m, m + cols)), slice(k, -k)
+    values, told = verdict(cells[:, *box], fits[:, inner, inner], unseen[box], p.safe_slope_deg, p.relief_m)
+    return values, told
 
 
 def _unseen(
-    known: NDArray[np.bool_], height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters
-) -> NDArray[np.bool_]:
+    known: NDArray[np.uint8], height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters
+) -> NDArray[np.uint8]:
     """Tell which footprints hold unseen ground.
 
     What stands in the middle of unseen ground must not make that ground seen: cells above ground near
@@ -95,7 +85,6 @@ def _unseen(
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
     lowest = -highest_around(-height_m, 2 * reach.gap + 1, rise_m)
-    raised = height_m - lowest > np.float32(p.relief_m)
-    seen = known | (closed((known & ~raised).astype(np.uint8), reach.gap) == 1)
-    whole = ndimage.binary_erosion(seen, np.ones((3, 3), bool), border_value=1)
-    return np.asarray(highest_around((~whole).astype(np.float32), reach.radius, 0) > 0)
+    level = ~(height_m - lowest > np.float32(p.relief_m))
+    seen = known | closed(known & level.view(np.uint8), reach.gap)
+    return dilated(np.uint8(1) - seen, reach.radius + 1)

@@ -24,14 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.drawing import LAYERS, VERDICT_SAFE, VERDICT_STATE, drawn, reach_of
+from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
 from slz.grid import Box, Grid
 from slz.kernels.footprint import summarise
 from slz.kernels.pyramid import coarser
+from slz.kernels.scatter import TILE
+from slz.kernels.verdict import SAFE as TOLD_SAFE
 from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
-AGEING = 0.1  # of `max_age_s`, after which all is drawn anew
+AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
@@ -65,6 +67,7 @@ class EvidenceTerrain:
         self._verdict = TiledLayers(1, np.uint8)
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
+        self._drawn_s: dict[Key, float] = {}
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
 
@@ -114,15 +117,31 @@ class EvidenceTerrain:
         )
         for box in change.boxes:
             self._seen = self._seen.union(_widened(box, self.level, 0))
-        changed = list(change.boxes) + [box_of_tile(key) for key in change.evicted]
-        if now_s - self._aged_s > AGEING * p.max_age_s:
-            self._aged_s = now_s
-            changed += self.tiles.boxes
+        for key in change.evicted:
+            self._drawn_s.pop(key, None)
+        for box in change.boxes:  # only a part of a tile, unless it is new
+            self._drawn_s.setdefault((box.row0 // TILE, box.col0 // TILE), now_s)
+        changed = [*change.boxes, *map(box_of_tile, change.evicted), *map(box_of_tile, self._aged(now_s))]
         self._draw_all(changed, now_s)
         if change.evicted:
             for layers in (self._maps, self._verdict):
                 layers.keep(lambda key: self.tiles.any_near(key, self.level))
         return change
+
+    def _aged(self, now_s: float) -> list[Key]:
+        """Return tiles to be drawn anew as a whole because what they show ages, and count them as drawn.
+
+        Those drawn half of `AGEING` ago or longer come by and by, the oldest first, so many that all have
+        come before the rest of it is over.
+        """
+        longest_s = AGEING * self._parameters.max_age_s
+        share = min(1.0, (now_s - self._aged_s) / (longest_s / 2))
+        self._aged_s = now_s
+        old = sorted((at_s, key) for key, at_s in self._drawn_s.items() if now_s - at_s > longest_s / 2)
+        some = math.ceil(share * len(self._drawn_s))
+        due = [key for i, (at_s, key) in enumerate(old) if i < some or now_s - at_s > longest_s]
+        self._drawn_s |= dict.fromkeys(due, now_s)
+        return due
 
     def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
         """Keep the tiles around a point whatever the budget, those that decide on it included."""
@@ -154,9 +173,9 @@ class EvidenceTerrain:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m), now_s)
-        values, verdict = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
+        values, told = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
         self._maps.write(box, values)
-        self._verdict.write(box, verdict[None])
+        self._verdict.write(box, told)
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""
@@ -175,15 +194,16 @@ class EvidenceTerrain:
         new.pinned, new._aged_s = self.pinned, self._aged_s
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._draw_all(self.tiles.boxes, self.tiles.latest_s)
+        new._drawn_s = dict.fromkeys(self._drawn_s, self.tiles.latest_s)
         return new
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
-        return np.asarray(self._verdict.read(self._everywhere(box)) == VERDICT_SAFE, np.uint8)
+        return np.asarray(self._verdict.read(self._everywhere(box)) == TOLD_SAFE, np.uint8)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
-        return np.asarray(VERDICT_STATE[self._verdict.read(self._everywhere(box))])
+        return np.asarray(STATE_OF[self._verdict.read(self._everywhere(box))])
 
     # ---- what was drawn since somebody looked ----------------------------------------------------
 
@@ -213,7 +233,7 @@ class EvidenceTerrain:
             return None
         datum_m = np.float32(self.tiles.datum_m)
         layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
-        return layers, VERDICT_STATE[verdict[0]]
+        return layers, STATE_OF[verdict[0]]
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.

@@ -30,6 +30,16 @@ class Box:
     def slices(self) -> tuple[slice, slice]:
         return slice(self.row0, self.row1), slice(self.col0, self.col1)
 
+    def holds(self, other: Box) -> bool:
+        """Tell whether another box lies within."""
+        rows = self.row0 <= other.row0 <= other.row1 <= self.row1
+        return rows and self.col0 <= other.col0 <= other.col1 <= self.col1
+
+    def relative_to(self, other: Box) -> Box:
+        """Return the box with its rows and columns counted from another's corner."""
+        down, right = other.row0, other.col0
+        return Box(self.row0 - down, self.row1 - down, self.col0 - right, self.col1 - right)
+
     def grown(self, cells: int, grid: Grid) -> Box:
         """Return the box with a margin, cut off at the edge of the grid."""
         return Box(

@@ -244,7 +244,7 @@ def _plane(
     if int(use.sum()) < 30:
         return np.full(height.shape, level_m)
     design = np.column_stack([np.ones(int(use.sum())), east[use], north[use]])
-    fit = np.linalg.lstsq(design, height[use].astype(np.float64), rcond=None)[0]
+    fit = np.linalg.lstsq(design.T @ design, design.T @ height[use].astype(np.float64), rcond=None)[0]
     return np.asarray(fit[0] + fit[1] * east + fit[2] * north)
 
 
@@ -257,12 +257,30 @@ def horizon_towards(
     """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
     if math.isnan(sensor_enu_m[0]) or not (np.isfinite(enu_m).all() and np.isfinite(sensor_enu_m).all()):
         return float("nan")
-    box = _around(_cell(enu_m, terrain), math.ceil(parameters.surround_m / terrain.grid.cell_m), terrain)
-    half_m = parameters.footprint_m / 2
     east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
     way = math.hypot(east, north)
     towards = (east / way, north / way) if way > 0 else (0.0, 0.0)
+    reach = math.ceil(parameters.surround_m / terrain.grid.cell_m)
+    box = _ahead(_around(_cell(enu_m, terrain), reach, terrain), _cell(enu_m, terrain), reach, *towards)
+    half_m = parameters.footprint_m / 2
     view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m, towards)
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
     ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]
     return float(np.nanmax(ahead)) if np.isfinite(ahead).any() else float("nan")
+
+
+def _ahead(box: Box, cell: Box, reach: int, east: float, north: float) -> Box:
+    """Return the part of a box about a cell that may hold what is within 45 degrees of a direction."""
+    bearing = math.atan2(east, north)
+    edges = (bearing - math.pi / 4, bearing + math.pi / 4)
+    axes = [k * math.pi / 2 for k in range(-4, 5) if edges[0] <= k * math.pi / 2 <= edges[1]]
+    if not (east or north):
+        return box
+    rows = [0.0, *(reach * math.cos(angle) for angle in (*edges, *axes))]
+    cols = [0.0, *(reach * math.sin(angle) for angle in (*edges, *axes))]
+    return Box(
+        max(box.row0, cell.row0 + math.floor(min(rows)) - 1),
+        min(box.row1, cell.row1 + math.ceil(max(rows)) + 1),
+        max(box.col0, cell.col0 + math.floor(min(cols)) - 1),
+        min(box.col1, cell.col1 + math.ceil(max(cols)) + 1),
+    )

@@ -128,7 +128,7 @@ class LoneReturns:
     """
 
     def __init__(self) -> None:
-        self._windows: deque[NDArray[np.float64]] = deque(maxlen=RECENT - 1)
+        self._windows: deque[cKDTree] = deque(maxlen=RECENT - 1)
 
     def returning(
         self, lone_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
@@ -137,8 +137,8 @@ class LoneReturns:
         way = lone_enu_m - sensor_enu_m
         expected = OBJECT_M2 * n_returns / (4 * np.pi) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
         lone = lone_enu_m[expected <= COMPANY]
-        before = [cKDTree(window) for window in self._windows if len(window)]
-        self._windows.append(lone)
+        before = [tree for tree in self._windows if tree.n]
+        self._windows.append(cKDTree(lone))
         if not len(lone) or len(before) < OFTEN - 1:
             return np.empty((0, 3))
         near = [tree.query(lone, distance_upper_bound=PLACE_M) for tree in before]

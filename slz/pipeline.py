@@ -6,6 +6,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Literal, TypeVar
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import Adapter, Choice
+from slz.beside import beside
 from slz.drawn import Drawn, take_drawn
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
@@ -30,7 +32,7 @@ from slz.outliers import (
     in_a_group,
     in_company,
 )
-from slz.registration import offset
+from slz.registration import Offset, offset
 from slz.report import MapReport, Report
 from slz.returns import Returns
 from slz.source_map import SourceMap
@@ -55,6 +57,8 @@ class Pipeline:
         East and north of the first zone's centre; None takes the first return (SLZ paper §3.1.2).
     follow
         Whether, in source mode, a return outside the zone moves it there (§3.2.5) or is passed over.
+    threads
+        With 2 the far map is drawn beside the near one; the reports are the same. Default mode only.
 
     Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
     """
@@ -64,7 +68,11 @@ class Pipeline:
         parameters: Parameters,
         centre_enu_m: tuple[float, float] | None = None,
         follow: bool = True,
+        threads: int = 1,
     ) -> None:
+        if threads not in (1, 2):
+            raise ValueError(f"the pipeline runs on 1 or 2 threads, not {threads}")
+        self._other = ThreadPoolExecutor(1, "slz-far-map") if threads == 2 else None
         self._parameters = parameters
         self._far_parameters = far_parameters(parameters)
         self._centre = centre_enu_m
@@ -129,15 +137,15 @@ class Pipeline:
         far.at_level(choice.level)
         clock.lap("choice")
         points = self._registered(points, used, sensor, near)
-        used |= self._contradictions(points, sensor, near)
+        self._contradictions(points, used, sensor, near)
         clock.lap("registration")
         self._pin()
         stamp_s = window.end_ns * 1e-9
-        moved = near.add(points[used], sensor, stamp_s)
-        far.add(points, sensor, stamp_s, near.tiles)
+        with beside(self._other, far.take, points, sensor, stamp_s, near.tiles):
+            moved = near.take(points[used], sensor, stamp_s)
         clock.lap("terrain")
-        near.find(sensor)
-        far.find(sensor)
+        near.name(sensor)
+        far.name(sensor)
         clock.lap("zones")
         return near, far, choice, int(used.sum()), moved
 
@@ -285,21 +293,20 @@ class Pipeline:
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
         """Return the points in the near map's heights, after following the drift of those to be used."""
-        tiles = near.tiles
-        points = points - np.array([0.0, 0.0, tiles.datum_m])
+        tiles, found = near.tiles, Offset()
         most_m = self._parameters.register_m
         if most_m > 0 and np.isfinite(sensor).all():
-            found = offset(points[used], sensor, tiles, most_m)
-            points[:, 2] -= found.at(points, sensor)
-            tiles.datum_m += found.up_m
+            found = offset(points, np.flatnonzero(used), sensor, tiles, most_m)
+        points = found.taken_out(points, sensor, tiles.datum_m)
+        tiles.datum_m += found.up_m
         return points
 
-    def _contradictions(self, points: Points, sensor: Points, near: ZoneMap) -> NDArray[np.bool_]:
-        """Tell which points, however far, stand on known ground of the near map: they count at once."""
-        terrain = near.terrain
-        if not np.isfinite(sensor).all():
-            return np.zeros(len(points), bool)
-        return terrain.tiles.contradicted_by(points, sensor, terrain.noise, self._parameters.relief_m)
+    def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
+        """Use what stands on known ground of the near map, too, however far: it counts at once."""
+        terrain, least_m = near.terrain, self._parameters.relief_m
+        if np.isfinite(sensor).all():
+            others = np.flatnonzero(~used)
+            used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
 
     def _judge_selected(self, near: AnyMap, far: AnyMap) -> SelectedPoint | None:
         if self._selected is None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.weighed import lowered, weighed
 from slz.tiles import Tiles
 
 MOST_RETURNS = 20_000
@@ -29,17 +30,16 @@ class Offset:
     east: float = 0.0
     north: float = 0.0
 
-    def at(self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the offset (n,) at points."""
-        return np.asarray(
-            self.up_m
-            + self.east * (points_enu_m[:, 0] - sensor_enu_m[0])
-            + self.north * (points_enu_m[:, 1] - sensor_enu_m[1])
-        )
+    def taken_out(
+        self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], up_m: float
+    ) -> NDArray[np.float64]:
+        """Return points (n, 3) without the offset, and lower by a height besides."""
+        return lowered(points_enu_m, sensor_enu_m, self.up_m + up_m, self.east, self.north)
 
 
 def offset(
     points_enu_m: NDArray[np.float64],
+    used: NDArray[np.intp],
     sensor_enu_m: NDArray[np.float64],
     tiles: Tiles,
     most_m: float,
@@ -49,18 +49,20 @@ def offset(
     Parameters
     ----------
     points_enu_m
-        (n, 3) returns in the map's heights.
+        (n, 3) returns, in heights of which the map's datum is one.
+    used
+        (m,) which of them to go by.
     most_m
         A greater shift is not believed.
     """
-    step = max(1, len(points_enu_m) // MOST_RETURNS)
-    found = tiles.differences(np.ascontiguousarray(points_enu_m[::step]))
+    some = used[:: max(1, len(used) // MOST_RETURNS)]
+    found = tiles.differences(points_enu_m[some] - np.array([0.0, 0.0, tiles.datum_m]))
     if len(found) < FEWEST_RETURNS:
         return Offset()
     places = found[:, :2] - sensor_enu_m[:2]
     level = bool((places.std(axis=0) < FEWEST_SPREAD_M).any())
     design = np.column_stack([np.ones(len(found)), *(() if level else places.T)])
-    fit, share = _robust(design, found[:, 2])
+    fit, share = _robust(design, np.ascontiguousarray(found[:, 2]))
     up, east, north = (float(v) for v in (*fit, 0.0, 0.0)[:3])
     if share < 0.5 or abs(up) > most_m or np.hypot(east, north) > MOST_TILT_RAD:
         return Offset()
@@ -70,12 +72,16 @@ def offset(
 def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return coefficients, and the share of values that agree with them."""
     fit: NDArray[np.float64] = np.zeros(design.shape[1])
-    fit[0] = np.median(values)
-    weight = np.ones(len(values))
+    fit[0] = _median(values)
+    share = 0.0
     for _ in range(ROUNDS):
         error = values - design @ fit
-        scale = max(0.02, 1.4826 * float(np.median(np.abs(error))))
-        weight = np.clip(1 - (error / (4.7 * scale)) ** 2, 0, None) ** 2
-        left = design.T * weight
-        fit = np.asarray(np.linalg.solve(left @ design + 1e-9 * np.eye(len(fit)), left @ values))
-    return fit, float((weight > 0).mean())
+        scale = max(0.02, 1.4826 * _median(np.abs(error)))
+        left, right, share = weighed(design, values, error, 4.7 * scale)
+        fit = np.asarray(np.linalg.solve(left + 1e-9 * np.eye(len(fit)), right))
+    return fit, share
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])

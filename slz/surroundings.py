@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
+from slz.kernels.bits import packed
+from slz.kernels.groups import largest_groups
 from slz.kernels.horizon import horizon
 
 SECTORS = 36
@@ -74,26 +75,20 @@ def grouped(
     ground_m
         Height of the ground of a group, given its box and its highest cell, both within the arrays.
     """
-    label, count = ndimage.label(raised, np.ones((3, 3)))
-    if count == 0:
-        return ()
-    size = np.bincount(label.ravel(), minlength=count + 1)
-    order = np.argsort(-size[1:], kind="stable")[:most] + 1
-    places = ndimage.find_objects(label)
+    groups, cells = largest_groups(packed(raised.view(np.uint8)), most)
+    tops = np.nan_to_num(top_m[cells[:, 0], cells[:, 1]], nan=-np.inf)
+    centres = grid.centres(cells + np.array([box.row0, box.col0]))
+    centres.flags.writeable = False
     found = []
-    for number in sorted(order.tolist()):
-        rows, cols = places[number - 1]
-        own = label[rows, cols] == number
-        highest = np.where(own, np.nan_to_num(top_m[rows, cols], nan=-np.inf), -np.inf)
-        row, col = np.unravel_index(int(np.argmax(highest)), highest.shape)
-        east, north = grid.centre(int(row) + rows.start + box.row0, int(col) + cols.start + box.col0)
-        top = float(highest[row, col])
-        place = Box(rows.start, rows.stop, cols.start, cols.stop)
-        over = top - ground_m(place, int(row) + rows.start, int(col) + cols.start)
-        corner = np.array([rows.start + box.row0, cols.start + box.col0])
-        cells = grid.centres(np.argwhere(own) + corner)
-        cells.flags.writeable = False
-        found.append(Obstacle(east, north, top, over, cells, grid.cell_m))
+    for *place, first, stop in groups.tolist():
+        highest = first + int(np.argmax(tops[first:stop]))
+        (row, col), (east, north), top = (
+            cells[highest].tolist(),
+            centres[highest].tolist(),
+            float(tops[highest]),
+        )
+        over = top - ground_m(Box(*place), row, col)
+        found.append(Obstacle(east, north, top, over, centres[first:stop], grid.cell_m))
     return tuple(found)
 
 

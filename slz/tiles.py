@@ -249,10 +249,13 @@ class TiledLayers:
             self.touched.add(key)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
-        """Return a copy (rows, cols) of one layer of a box; one after the other of a box is read at once."""
-        if self._last is None or self._last[0] != box:
-            self._last = box, self._read(box)
-        return np.array(self._last[1][layer])
+        """Return a copy (rows, cols) of one layer of a box; all layers of a box are read at once."""
+        held = self._last  # two threads may read, while none writes
+        if held is None or not held[0].holds(box):
+            held = self._last = box, self._read(box)
+        whole, values = held
+        rows, cols = box.relative_to(whole).slices
+        return np.array(values[layer, rows, cols])
 
     def _read(self, box: Box) -> NDArray[Any]:
         out = np.empty((len(self._empty), *box.shape), self._empty.dtype)

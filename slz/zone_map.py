@@ -15,7 +15,7 @@ from slz.evidence import EvidenceTerrain
 from slz.grid import Grid
 from slz.ranking import rank
 from slz.repeat import ZoneTracker
-from slz.search import search_components, side_in_cells
+from slz.search import Candidate, search_components, side_in_cells
 from slz.tiles import Tiles
 from slz.zone import Zone
 
@@ -41,6 +41,7 @@ class ZoneMap:
         self.terrain = EvidenceTerrain(grid, parameters)
         self._names = ZoneTracker(numbers)
         self.zones: tuple[Zone, ...] = ()
+        self._candidates: tuple[Candidate, ...] = ()
         self.n_without_tile = self.n_evicted = 0
 
     @property
@@ -48,10 +49,10 @@ class ZoneMap:
         """The evidence."""
         return self.terrain.tiles
 
-    def add(
+    def take(
         self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
     ) -> bool:
-        """Add a window's points to the terrain; tell whether the map's window was moved for that.
+        """Add a window's points and search the terrain; tell whether the map's window was moved for that.
 
         Parameters
         ----------
@@ -64,6 +65,7 @@ class ZoneMap:
             terrain.tiles.datum_m = like.datum_m
         change = terrain.add(points_enu_m, sensor_enu_m, stamp_s)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
+        self._candidates = self._search()
         return moved
 
     def zone_at(self, enu_m: Points) -> int | None:
@@ -105,19 +107,26 @@ class ZoneMap:
         self._names.moved(self.terrain.grid, terrain.grid)
         self.terrain = terrain
 
-    def find(self, sensor_enu_m: Points) -> None:
-        """Search the total map for zones, name and rank them."""
+    def _search(self) -> tuple[Candidate, ...]:
+        """Search the total map for what may be zones."""
         p, terrain = self._parameters, self.terrain
         seen = terrain.seen
         coarser = terrain.grid.cell_m / p.cell_m
-        found = search_components(
-            terrain.safe(seen),
-            seen,
-            side_in_cells(p.min_square_m, terrain.grid),
-            max(1, int(p.min_boundary_points / coarser)),
+        return tuple(
+            search_components(
+                terrain.safe(seen),
+                seen,
+                side_in_cells(p.min_square_m, terrain.grid),
+                max(1, int(p.min_boundary_points / coarser)),
+            )
         )
+
+    def name(self, sensor_enu_m: Points) -> None:
+        """Name, describe and rank the zones found."""
+        p, terrain = self._parameters, self.terrain
         named = self._names.update(
-            found, lambda candidate, zone_id: describe(candidate, terrain, sensor_enu_m, p, zone_id)
+            self._candidates,
+            lambda candidate, zone_id: describe(candidate, terrain, sensor_enu_m, p, zone_id),
         )
         self.zones = rank(named, p)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -52,6 +53,8 @@ class Board:
         In force.
     viewers
         Browsers that look; nothing is prepared while there are none.
+    computing
+        Tells whether a window is being computed: Python's lock is the landing's then.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -67,6 +70,7 @@ class Board:
         self.path_number = 0
         self.drawn: deque[tuple[str, Drawn]] = deque()
         self.viewers = 0
+        self.computing: Callable[[], bool] = lambda: False
         self._numbers = itertools.count(1)
 
     def look(self, pipeline: Pipeline, *, anew: bool) -> bool:

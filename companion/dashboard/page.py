@@ -83,6 +83,7 @@ class Page:
     def __init__(self, companion: Companion, front: Front) -> None:
         self._companion, self.front = companion, front
         self.board = Board(companion.parameters)
+        self.board.computing = lambda: companion.worker.busy
         self.starts = 0
         self._server: Server | None = None
         self._anew = True

@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 TICK_S = 0.1
 ANSWER_S = 3.0
 STALE_TICKS = 30
+# The page waits for a window to be computed, but no longer than this: what it shows must not grow old.
+MOST_WAIT_S, LOOK_AGAIN_S = 0.2, 0.01
 Result = TypeVar("Result")
 
 
@@ -77,6 +79,7 @@ class Site:
         async with asyncio.TaskGroup() as group:
             group.create_task(self._keep_drawing(), name="page drawing")
             while True:
+                await self.give_way()
                 self.refresh()
                 await asyncio.sleep(TICK_S)
 
@@ -111,7 +114,15 @@ class Site:
 
     async def in_thread(self, work: Callable[..., Result], *args: Any) -> Result:
         """Run what takes milliseconds in the encoder's thread."""
+        await self.give_way()
         return await asyncio.get_running_loop().run_in_executor(self._thread, work, *args)
+
+    async def give_way(self) -> None:
+        """Wait while a window is computed, for a fraction of a second at most."""
+        loop = asyncio.get_running_loop()
+        until_s = loop.time() + MOST_WAIT_S
+        while self.board.computing() and loop.time() < until_s:  # noqa: ASYNC110 - another thread's
+            await asyncio.sleep(LOOK_AGAIN_S)
 
     async def block(self, name: str, serial: int, level: int, row: int, col: int) -> bytes | None:
         """Return a block of a map, compressed; None where there is none, or the map is another one now."""

@@ -57,6 +57,7 @@ class Viewer:
     async def _send_all(self) -> None:
         await self._send(json.dumps({"t": "about", "role": self._role.value, **self._site.about}))
         while True:
+            await self._site.give_way()
             for message in self.news():
                 await self._send(message)
             self._budget = min(MOST_PER_S, self._budget + MOST_PER_S * TICK_S)

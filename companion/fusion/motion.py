@@ -20,6 +20,7 @@ Stamps = NDArray[np.int64]
 # Columns of a position sample: east, north, up; their rates; epoch.
 POSITION_WIDTH = 7
 EPOCH = 6
+SMALL_RAD = 0.5  # below which a sine is taken from its series
 
 
 @kernel("int64(int64[::1], int64, int64)")
@@ -73,14 +74,20 @@ def turn_between(before: Floats, after: Floats) -> tuple[float, float, float, fl
 
 
 @kernel("UniTuple(float64, 2)(float64)")
-def sine_versine(angle: float) -> tuple[float, float]:
-    """Return sin and 1 - cos of an angle; below half a radian by their series, which errs by 1e-11."""
-    if angle > 0.5:
-        return math.sin(angle), 1 - math.cos(angle)
+def sine_versine_of_small(angle: float) -> tuple[float, float]:
+    """Return sin and 1 - cos of an angle below half a radian by their series, which errs by 1e-11."""
     s = angle * angle  # times reciprocals: a chain of divisions takes longer than all the rest of a return
     sine = angle * (1 - s * (1 / 6) * (1 - s * (1 / 20) * (1 - s * (1 / 42) * (1 - s * (1 / 72)))))
     versine = 0.5 * s * (1 - s * (1 / 12) * (1 - s * (1 / 30) * (1 - s * (1 / 56) * (1 - s * (1 / 90)))))
     return sine, versine
+
+
+@kernel("UniTuple(float64, 2)(float64)")
+def sine_versine(angle: float) -> tuple[float, float]:
+    """Return sin and 1 - cos of an angle."""
+    if angle > SMALL_RAD:
+        return math.sin(angle), 1 - math.cos(angle)
+    return sine_versine_of_small(angle)
 
 
 @kernel("void(float64[:, ::1], int64, float64, float64[:, ::1])")

@@ -7,15 +7,110 @@ from numpy.typing import NDArray
 
 from companion.fusion.motion import (
     EPOCH,
+    SMALL_RAD,
     Floats,
     Stamps,
     hermite_cubic,
     rotation_enu,
     segment,
     sine_versine,
+    sine_versine_of_small,
     turn_between,
 )
 from slz.kernels.jit import kernel
+
+BLOCK = 256  # returns that are worked out at a time, without a branch, so that the compiler takes several
+SINE, VERSINE, X, Y, Z, SQUARE = range(6)
+ONE = np.uint64(1)
+
+
+@kernel("void(Array(int64, 1, 'C', True), uint64, uint64, int64, float64, float64, float64[:, ::1])")
+def _turns(
+    stamp_ns: Stamps,
+    first: np.uint64,
+    count: np.uint64,
+    since: np.int64,
+    share: float,
+    angle: float,
+    work: Floats,
+) -> None:
+    """Leave sin and 1 - cos of the angles that the body has turned since a segment's beginning."""
+    sine, versine = work[SINE], work[VERSINE]
+    if angle > SMALL_RAD:
+        for i in range(count):
+            sine[i], versine[i] = sine_versine(share * (stamp_ns[first + i] - since))
+        return
+    for i in range(count):
+        sine[i], versine[i] = sine_versine_of_small(share * (stamp_ns[first + i] - since))
+
+
+@kernel(
+    "void(Array(float32, 2, 'C', True), uint64, uint64, float64[:, ::1], float64[::1], float64, float64,"
+    " float64, float64[:, ::1])"
+)
+def _turned(
+    xyz_m: NDArray[np.float32],
+    first: np.uint64,
+    count: np.uint64,
+    m: Floats,
+    lever: Floats,
+    ax: float,
+    ay: float,
+    az: float,
+    work: Floats,
+) -> None:
+    """Leave returns in the body's axes at a segment's beginning: its motion since by Rodrigues' formula."""
+    m00, m01, m02 = m[0, 0], m[0, 1], m[0, 2]
+    m10, m11, m12 = m[1, 0], m[1, 1], m[1, 2]
+    m20, m21, m22 = m[2, 0], m[2, 1], m[2, 2]
+    lx, ly, lz = lever[0], lever[1], lever[2]
+    sine, versine, square = work[SINE], work[VERSINE], work[SQUARE]
+    tx, ty, tz = work[X], work[Y], work[Z]
+    for i in range(count):
+        x, y, z = (
+            np.float64(xyz_m[first + i, 0]),
+            np.float64(xyz_m[first + i, 1]),
+            np.float64(xyz_m[first + i, 2]),
+        )
+        square[i] = x * x + y * y + z * z
+        bx = m00 * x + m01 * y + m02 * z + lx
+        by = m10 * x + m11 * y + m12 * z + ly
+        bz = m20 * x + m21 * y + m22 * z + lz
+        s, c = sine[i], versine[i]
+        along = c * (ax * bx + ay * by + az * bz)
+        tx[i] = bx * (1 - c) + s * (ay * bz - az * by) + along * ax
+        ty[i] = by * (1 - c) + s * (az * bx - ax * bz) + along * ay
+        tz[i] = bz * (1 - c) + s * (ax * by - ay * bx) + along * az
+
+
+@kernel(
+    "void(Array(int64, 1, 'C', True), uint64, uint64, int64, float64, float64[:, ::1], float64[:, ::1],"
+    " float64[:, ::1])"
+)
+def _moved(
+    stamp_ns: Stamps,
+    first: np.uint64,
+    count: np.uint64,
+    since: np.int64,
+    share: float,
+    r: Floats,
+    cubic: Floats,
+    work: Floats,
+) -> None:
+    """Leave returns on the map instead: turned to its axes, and where the body was."""
+    r00, r01, r02 = r[0, 0], r[0, 1], r[0, 2]
+    r10, r11, r12 = r[1, 0], r[1, 1], r[1, 2]
+    r20, r21, r22 = r[2, 0], r[2, 1], r[2, 2]
+    x0, x1, x2, x3 = cubic[0, 0], cubic[1, 0], cubic[2, 0], cubic[3, 0]
+    y0, y1, y2, y3 = cubic[0, 1], cubic[1, 1], cubic[2, 1], cubic[3, 1]
+    z0, z1, z2, z3 = cubic[0, 2], cubic[1, 2], cubic[2, 2], cubic[3, 2]
+    xs, ys, zs = work[X], work[Y], work[Z]
+    for i in range(count):
+        u = (stamp_ns[first + i] - since) * share
+        tx, ty, tz = xs[i], ys[i], zs[i]
+        xs[i] = x0 + u * (x1 + u * (x2 + u * x3)) + r00 * tx + r01 * ty + r02 * tz
+        ys[i] = y0 + u * (y1 + u * (y2 + u * y3)) + r10 * tx + r11 * ty + r12 * tz
+        zs[i] = z0 + u * (z1 + u * (z2 + u * z3)) + r20 * tx + r21 * ty + r22 * tz
 
 
 @kernel(
@@ -60,23 +155,13 @@ def place(
     """
     n = out_of_range = without_pose = 0
     near, far = least_m * least_m, most_m * most_m
-    m, lever = rotation_frd_from_sensor, lever_frd_m
-    r = np.empty((3, 3))
-    cubic = np.empty((4, 3))
+    r, cubic, work = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, BLOCK))
     a = p = -1
     a_from = a_to = p_from = p_to = np.int64(0)  # the segments under way, empty at first
     ax, ay, az, angle, a_share, p_share = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(len(stamp_ns)):
-        x, y, z = (
-            np.float64(xyz_sensor_m[j, 0]),
-            np.float64(xyz_sensor_m[j, 1]),
-            np.float64(xyz_sensor_m[j, 2]),
-        )
-        square = x * x + y * y + z * z
-        if not (near <= square <= far):
-            out_of_range += 1
-            continue
-        t = stamp_ns[j]
+    first, total = np.uint64(0), np.uint64(len(stamp_ns))
+    while first < total:
+        t = stamp_ns[first]
         if a < 0 or t < a_from or t > a_to:
             a = segment(attitude_ns, t, a)
             if a >= 0:
@@ -96,26 +181,25 @@ def place(
                 else:
                     p_share = 1.0 / (p_to - p_from)
                     hermite_cubic(positions, p, (p_to - p_from) * 1e-9, cubic)
-        if a < 0 or p < 0:
-            without_pose += 1
-            continue
-        # sensor to body at the segment's beginning
-        bx = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + lever[0]
-        by = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + lever[1]
-        bz = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + lever[2]
-        # turned by the body's motion since, Rodrigues' formula
-        s, c = sine_versine(a_share * (t - a_from))
-        along = c * (ax * bx + ay * by + az * bz)
-        tx = bx * (1 - c) + s * (ay * bz - az * by) + along * ax
-        ty = by * (1 - c) + s * (az * bx - ax * bz) + along * ay
-        tz = bz * (1 - c) + s * (ax * by - ay * bx) + along * az
-        u = (t - p_from) * p_share
-        at_x = cubic[0, 0] + u * (cubic[1, 0] + u * (cubic[2, 0] + u * cubic[3, 0]))
-        points_enu_m[n, 0] = at_x + r[0, 0] * tx + r[0, 1] * ty + r[0, 2] * tz
-        at_y = cubic[0, 1] + u * (cubic[1, 1] + u * (cubic[2, 1] + u * cubic[3, 1]))
-        points_enu_m[n, 1] = at_y + r[1, 0] * tx + r[1, 1] * ty + r[1, 2] * tz
-        at_z = cubic[0, 2] + u * (cubic[1, 2] + u * (cubic[2, 2] + u * cubic[3, 2]))
-        points_enu_m[n, 2] = at_z + r[2, 0] * tx + r[2, 1] * ty + r[2, 2] * tz
-        point_ns[n] = t
-        n += 1
+        placed = a >= 0 and p >= 0
+        count, most = ONE, min(np.uint64(BLOCK), total - first)
+        if placed:  # so many that follow have the same segments
+            low, high = max(a_from, p_from), min(a_to, p_to)
+            while count < most and low <= stamp_ns[first + count] <= high:
+                count += ONE
+            _turns(stamp_ns, first, count, a_from, a_share, angle, work)
+        _turned(xyz_sensor_m, first, count, rotation_frd_from_sensor, lever_frd_m, ax, ay, az, work)
+        if placed:
+            _moved(stamp_ns, first, count, p_from, p_share, r, cubic, work)
+        for i in range(count):
+            if not (near <= work[SQUARE, i] <= far):
+                out_of_range += 1
+            elif not placed:
+                without_pose += 1
+            else:
+                points_enu_m[n, 0], points_enu_m[n, 1] = work[X, i], work[Y, i]
+                points_enu_m[n, 2] = work[Z, i]
+                point_ns[n] = stamp_ns[first + i]
+                n += 1
+        first += count
     return n, out_of_range, without_pose

@@ -61,6 +61,7 @@ class LivoxDecoder:
     _packets: list[bytes] = field(default_factory=list)
     _spans: list[tuple[int, int, int, int]] = field(default_factory=list)  # kind, points, stamp, interval
     _udp_count: int | None = None
+    _sound: tuple[bytes, tuple[int, ...]] = (b"", ())
 
     def __len__(self) -> int:
         """Return the number of packets taken and not decoded yet."""
@@ -75,7 +76,8 @@ class LivoxDecoder:
         if len(packet) < HEADER.size:
             c.malformed += 1
             return None
-        version, length, interval, count, _, _, kind, _, crc, stamp = HEADER.unpack_from(packet)
+        header = HEADER.unpack_from(packet)
+        version, length, interval, count, _, _, kind, _, crc, stamp = header
         if version != 0 or length != len(packet):
             c.malformed += 1
             return None
@@ -91,11 +93,15 @@ class LivoxDecoder:
         if size is None or count == 0 or length != HEADER.size + count * size or stamp > MOST_NS:
             c.malformed += 1
             return None
+        self._sound = packet, header
         return int(stamp + interval * 100)
 
     def take(self, packet: bytes) -> None:
         """Keep a packet that `check` found sound."""
-        _, _, interval, count, udp_count, _, kind, _, _, stamp = HEADER.unpack_from(packet)
+        checked, header = self._sound
+        if checked is not packet:
+            header = HEADER.unpack_from(packet)
+        _, _, interval, count, udp_count, _, kind, _, _, stamp = header
         self.counters.packets += 1
         self._count_lost(udp_count)
         self._packets.append(packet)
@@ -129,6 +135,9 @@ class LivoxDecoder:
     def _count_lost(self, udp_count: int) -> None:
         """Count gaps of a counter that runs on, or that begins anew with each frame."""
         newest = self._udp_count
+        if newest is not None and udp_count == newest + 1:
+            self._udp_count = udp_count
+            return
         ahead = 0 if newest is None else (udp_count - newest - 1) % 65536
         if newest is None or ahead < 32768:
             self.counters.lost_packets += ahead

@@ -17,38 +17,40 @@ DOUBTFUL = 0b101010
 LINES = 4
 
 
-@kernel()
-def _u16(data: NDArray[np.uint8], at: int) -> int:
-    return int(data[at]) | int(data[at + 1]) << 8
+Bytes = NDArray[np.uint8]
 
 
-@kernel()
-def _i16(data: NDArray[np.uint8], at: int) -> int:
-    value = _u16(data, at)
-    return value - 0x10000 if value >= 0x8000 else value
+@kernel("uint32(Array(uint8, 1, 'C', readonly=True), uint64)")
+def _u16(data: Bytes, at: np.uint64) -> np.uint32:
+    return np.uint32(data[at]) | np.uint32(data[at + np.uint64(1)]) << np.uint32(8)
 
 
-@kernel()
-def _u32(data: NDArray[np.uint8], at: int) -> int:
-    return _u16(data, at) | _u16(data, at + 2) << 16
+@kernel("uint32(Array(uint8, 1, 'C', readonly=True), uint64)")
+def _u32(data: Bytes, at: np.uint64) -> np.uint32:
+    return _u16(data, at) | _u16(data, at + np.uint64(2)) << np.uint32(16)
 
 
-@kernel()
-def _i32(data: NDArray[np.uint8], at: int) -> int:
-    value = _u32(data, at)
-    return value - 0x100000000 if value >= 0x80000000 else value
+@kernel("int32(Array(uint8, 1, 'C', readonly=True), uint64)")
+def _i32(data: Bytes, at: np.uint64) -> np.int32:
+    return np.int32(_u32(data, at))
 
 
-@kernel()
-def _metres(data: NDArray[np.uint8], at: int, kind: int) -> tuple[float, float, float]:
+@kernel("int16(Array(uint8, 1, 'C', readonly=True), uint64)")
+def _i16(data: Bytes, at: np.uint64) -> np.int16:
+    return np.int16(_u16(data, at))
+
+
+@kernel("UniTuple(float64, 3)(Array(uint8, 1, 'C', readonly=True), uint64, int64)")
+def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]:
     """Return x, y, z of the point that begins at a byte; 1: mm, 2: cm, 3: depth mm and two angles."""
+    two, four, six, eight = np.uint64(2), np.uint64(4), np.uint64(6), np.uint64(8)
     if kind == 1:
-        return _i32(data, at) * 1e-3, _i32(data, at + 4) * 1e-3, _i32(data, at + 8) * 1e-3
+        return _i32(data, at) * 1e-3, _i32(data, at + four) * 1e-3, _i32(data, at + eight) * 1e-3
     if kind == 2:
-        return _i16(data, at) * 1e-2, _i16(data, at + 2) * 1e-2, _i16(data, at + 4) * 1e-2
+        return _i16(data, at) * 1e-2, _i16(data, at + two) * 1e-2, _i16(data, at + four) * 1e-2
     depth = _u32(data, at) * 1e-3
-    theta = _u16(data, at + 4) * CENTIDEGREE  # from the z axis
-    phi = _u16(data, at + 6) * CENTIDEGREE  # from x towards y
+    theta = _u16(data, at + four) * CENTIDEGREE  # from the z axis
+    phi = _u16(data, at + six) * CENTIDEGREE  # from x towards y
     across = depth * math.sin(theta)
     return across * math.cos(phi), across * math.sin(phi), depth * math.cos(theta)
 
@@ -82,15 +84,15 @@ def decode_points(
         Points kept, points without a return, points of low confidence.
     """
     kept, absent, doubtful = 0, 0, 0
-    at = 0
+    at = np.uint64(0)  # unsigned: no index counts from the end
     for packet in range(spans.shape[0]):
         kind, count, stamp, interval = spans[packet]
-        size = 14 if kind == 1 else 8 if kind == 2 else 10
+        size = np.uint64(14 if kind == 1 else 8 if kind == 2 else 10)
         step = interval / max(1, count - 1)
-        at += HEADER_BYTES
+        at += np.uint64(HEADER_BYTES)
         for i in range(count):
             x, y, z = _metres(data, at, kind)
-            tag = data[at + size - 1]
+            tag = data[at + size - np.uint64(1)]
             if x == 0 and y == 0 and z == 0:
                 absent += 1
             elif tag & DOUBTFUL:
@@ -98,7 +100,7 @@ def decode_points(
             else:
                 xyz_m[kept, 0], xyz_m[kept, 1], xyz_m[kept, 2] = x, y, z
                 stamps_ns[kept] = stamp + np.int64(i * step)
-                intensity[kept] = data[at + size - 2]
+                intensity[kept] = data[at + size - np.uint64(2)]
                 ring[kept] = i % LINES
                 kept += 1
             at += size

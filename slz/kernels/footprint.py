@@ -102,16 +102,10 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
     return out
 
 
-@kernel("uint8[:, :](uint8[:, :], int64)")
-def closed(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
-    """Return the morphological closing by a square of 2 radius + 1 cells, the outside being unknown.
-
-    Gaps narrower than the square are filled; the edge of the known ground is not moved outwards.
-    """
+@kernel("uint8[:, ::1](uint8[:, ::1], int64)")
+def dilated(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
+    """Return 1 where a cell of the square of 2 radius + 1 cells around is not 0."""
     rows, cols = known.shape
-    out = known.copy()
-    if radius == 0:
-        return out
     wide = np.zeros((rows, cols), np.uint8)
     for r in range(rows):
         last = -radius - 1  # horizontal dilation by distance to the last known cell
@@ -126,26 +120,40 @@ def closed(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
                 last = c
             if last - c <= radius:
                 wide[r, c] = 1
-    dilated = np.zeros((rows, cols), np.uint8)
+    out = np.zeros((rows, cols), np.uint8)
     seen = np.full(cols, -radius - 1)
     for r in range(rows):
         for c in range(cols):
             if wide[r, c]:
                 seen[c] = r
             if r - seen[c] <= radius:
-                dilated[r, c] = 1
+                out[r, c] = 1
     seen[:] = rows + radius + 1
     for r in range(rows - 1, -1, -1):
         for c in range(cols):
             if wide[r, c]:
                 seen[c] = r
             if seen[c] - r <= radius:
-                dilated[r, c] = 1
+                out[r, c] = 1
+    return out
+
+
+@kernel("uint8[:, ::1](uint8[:, ::1], int64)")
+def closed(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
+    """Return the morphological closing by a square of 2 radius + 1 cells, the outside being unknown.
+
+    Gaps narrower than the square are filled; the edge of the known ground is not moved outwards.
+    """
+    rows, cols = known.shape
+    out = known.copy()
+    if radius == 0:
+        return out
+    wide = dilated(known, radius)
     tall = np.zeros((rows, cols), np.uint8)
     run = np.zeros(cols, np.int64)
-    for r in range(rows):  # vertical erosion by length of the run of dilated cells
+    for r in range(rows):  # vertical erosion by length of the run of cells
         for c in range(cols):
-            run[c] = run[c] + 1 if dilated[r, c] else 0
+            run[c] = run[c] + 1 if wide[r, c] else 0
             if run[c] > 2 * radius:
                 tall[r - radius, c] = 1
     for r in range(rows):
@@ -346,16 +354,17 @@ def planes(
 ) -> NDArray[np.float32]:
     """Fit a plane to the cells of the footprint around every cell.
 
-    Returns (6, rows, cols): slope (deg), its standard deviation (deg), relief (m): the peak-to-peak of
+    Returns (7, rows, cols): slope (deg), its standard deviation (deg), relief (m): the peak-to-peak of
     tops and bottoms about the plane, less their excess, rms residual of the heights (m), standard deviation
-    of one return (m), and the relief without the outermost cells of the footprint (m). NaN where any cell of
+    of one return (m), the relief without the outermost cells of the footprint (m), and the share of its cells
+    that hold a return. NaN where any cell of
     the footprint is not covered or fewer than six have a height. Where the slope exceeds its limit by three
     standard deviations both reliefs stay NaN; where a cheap upper bound is below half of the limit, that one
     is returned; above twice the limit they are lower bounds. Else they are exact.
     """
     rows, cols = covered.shape
     k = radius
-    out = np.full((6, rows, cols), np.float32(np.nan))
+    out = np.full((7, rows, cols), np.float32(np.nan))
     if rows < 2 * k + 1 or cols < 2 * k + 1:
         return out
     reference = np.float64(0)
@@ -368,8 +377,8 @@ def planes(
         return out
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
-    highest, lowest = highest_around(cells[TOP], k, 0), highest_around(-cells[BOTTOM], k, 0)
     lower, upper = cells[BOTTOM] + cells[EXCESS], cells[TOP] - cells[EXCESS]
+    highest, lowest = highest_around(upper, k, 0), highest_around(-lower, k, 0)
     sums, fit, relief = np.zeros((13, cols)), np.empty((7, cols)), np.empty((4, cols))
     wanted = np.empty(cols, np.int64)
     for r in range(rows):
@@ -389,12 +398,13 @@ def planes(
             out[1, row, col] = np.degrees(fit[SIGMA, col])
             out[3, row, col] = fit[RMS, col]
             out[4, row, col] = fit[RETURN, col]
+            out[6, row, col] = sums[W, col] / (2 * k + 1) ** 2
             if out[0, row, col] > slope_limit + 3 * out[1, row, col]:
                 continue
             tilted = 2 * k * cell_m * (abs(fit[EAST, col]) + abs(fit[NORTH, col]))
             bound = highest[row, col] + lowest[row, col] + tilted
             if bound < 0.5 * relief_limit:
-                out[2, row, col] = out[5, row, col] = bound
+                out[2, row, col] = out[5, row, col] = max(0.0, bound)
                 continue
             wanted[n] = col
             n += 1

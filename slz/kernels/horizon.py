@@ -29,26 +29,32 @@ def horizon(
     `far_m` of the point count, each in all the sectors that it spans. With a direction, a vector of length 1,
     only the sectors within 20 degrees of it are worked out; with 0, 0 all.
     """
-    out = np.full(sectors, np.nan)
+    out = np.full(sectors, np.nan)  # tangents of the angles
     width = 2 * np.pi / sectors
     # a cell is seen 15 degrees to either side at most, sectors reach 5 degrees beyond the way to their middle
     ahead = 0.75 if to_east != 0 or to_north != 0 else -2.0
-    for r in range(top.shape[0]):
+    middle, lowest = min(max(np.int64(row), 0), top.shape[0] - 1), -np.inf
+    for i in range(2 * top.shape[0]):  # outwards, for what is near hides most of what is far
+        r = middle + (i + 1) // 2 if i % 2 else middle - i // 2
+        if r < 0 or r >= top.shape[0]:
+            continue
         for c in range(top.shape[1]):
             z = top[r, c]
             east, north = (c - col) * cell_m, (r - row) * cell_m
             distance = np.sqrt(east * east + north * north)
-            if np.isnan(z) or distance < near_m or distance > far_m:
+            tangent = (z - base_m) / distance
+            if np.isnan(z) or distance < near_m or distance > far_m or tangent <= lowest:
                 continue
             if distance > 2 * cell_m and east * to_east + north * to_north < ahead * distance:
                 continue
-            angle = np.arctan2(z - base_m, distance)
             bearing = np.arctan2(east, north)
             half = np.arcsin(min(1.0, 0.5 * cell_m / max(distance, 1e-9)))
             first = int(np.floor((bearing - half) / width + 0.5))
             last = int(np.floor((bearing + half) / width + 0.5))
             for s in range(first, last + 1):
-                i = s % sectors
-                if np.isnan(out[i]) or angle > out[i]:
-                    out[i] = angle
-    return out
+                k = s % sectors
+                if np.isnan(out[k]) or tangent > out[k]:
+                    out[k] = tangent
+        least = out.min()
+        lowest = -np.inf if np.isnan(least) else least
+    return np.asarray(np.arctan(out))

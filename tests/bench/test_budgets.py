@@ -138,7 +138,8 @@ def test_fusion() -> None:
         history.add_position(stamp, 45.0 + 1e-7 * k, -75.0, 30.0, (0.5, 0.0, 0.0))
     rng = np.random.default_rng(0)
     xyz = rng.uniform(2, 20, (n, 3)).astype(np.float32)
-    returns = Returns(xyz, np.linspace(0, 10**9, n).astype(np.int64), np.zeros(n, np.uint8))
+    some = np.ones(n, np.uint8)
+    returns = Returns(xyz, np.linspace(0, 10**9, n).astype(np.int64), some, some, some, some)
     place = Georeferencer(p)
 
     def task() -> int:

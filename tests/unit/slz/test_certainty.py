@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN
-from slz.certainty import certainty
+from slz.kernels.certainty import certainty
 from tests.unit.slz.test_pipeline import block, ground, maps, pipeline, run
 
 PARAMETERS = params.load("quadcopter")
@@ -23,8 +23,8 @@ def of(
     share: float = 1.0,
 ) -> float:
     inner_m = relief_m if inner_m is None else inner_m
-    values = (slope_deg, sigma_deg, relief_m, inner_m, noise_m, share)
-    return float(certainty(*(np.array([value], np.float32) for value in values), PARAMETERS)[0])
+    values = slope_deg, sigma_deg, relief_m, inner_m, noise_m, share
+    return certainty(*values, PARAMETERS.safe_slope_deg, PARAMETERS.relief_m)
 
 
 def falling(values: list[float]) -> bool:
@@ -57,11 +57,11 @@ def test_gaps_cost_certainty() -> None:
     assert falling([of(share=share) for share in (1.0, 0.7, 0.4, 0.1)])
 
 
-@pytest.mark.parametrize("missing", range(5))
+@pytest.mark.parametrize("missing", range(6))
 def test_nothing_is_certain_of_what_is_not_known(missing: int) -> None:
-    values = [np.array([value], np.float32) for value in (2.0, 0.2, 0.1, 0.1, 0.03, 1.0)]
-    values[missing][:] = np.nan
-    assert certainty(*values, PARAMETERS)[0] == 0
+    values = [2.0, 0.2, 0.1, 0.1, 0.03, 1.0]
+    values[missing] = np.nan
+    assert certainty(*values, PARAMETERS.safe_slope_deg, PARAMETERS.relief_m) == 0
 
 
 def at(array: NDArray[np.float32], pipe: object, east: float, north: float) -> float:

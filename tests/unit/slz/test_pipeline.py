@@ -263,6 +263,15 @@ def test_evidence_ages() -> None:
     assert state_at(pipe, 5, 5) == UNKNOWN
 
 
+def test_ground_ages_beside_what_is_still_seen() -> None:
+    pipe = pipeline("max_age_s=10")
+    run(pipe, ground())
+    corner = ground()[:400] * [0.05, 0.05, 1] + [1, 1, 0]  # of the same tile
+    for second in range(1, 15):
+        pipe.process(window(corner, second))
+    assert state_at(pipe, -5, -5) == UNKNOWN
+
+
 def test_the_order_of_points_changes_nothing() -> None:
     cloud = np.vstack([ground(), block(1, 1, 2, 1.0)])
     first, second = pipeline(), pipeline()

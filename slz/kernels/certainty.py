@@ -1,0 +1,64 @@
+"""Certainty: the probability that the whole footprint at a cell is safe.
+
+The numbers were found on surveys that the simulator flew (`slz reproduce` draws the reliability diagram): of
+cells told 0.9, nine of ten or more are safe.
+"""
+
+from __future__ import annotations
+
+import math
+
+from slz.kernels.jit import kernel
+
+SLOPE_MARGIN_DEG = 0.06  # how much steeper ground is than its fitted plane, and how much that varies
+RELIEF_NOISE = 1.3  # standard deviations of one return that the noise adds to a relief beyond its excess,
+RELIEF_SPREAD = 0.6  # and how much that varies
+HIDDEN = 0.01  # share of footprints nearly all gaps in which these hide a hazard; of half gaps a sixteenth
+RIM = 0.15  # share of hazards in the outermost cells of a footprint alone that truly reach into it
+ENOUGH = 6.0  # standard deviations, beyond which single precision knows no doubt
+
+
+@kernel("float64(float64)")
+def _below(deviations: float) -> float:
+    """Return the standard normal distribution; NaN of NaN."""
+    if deviations > ENOUGH:
+        return 1.0
+    return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
+
+
+@kernel("float64(float64, float64, float64)")
+def _even(relief_m: float, noise_m: float, limit_m: float) -> float:
+    return _below(((limit_m - relief_m) / max(noise_m, 1e-3) + RELIEF_NOISE) / RELIEF_SPREAD)
+
+
+@kernel("float64(float64, float64, float64, float64, float64, float64, float64, float64)")
+def certainty(
+    slope_deg: float,
+    slope_sigma_deg: float,
+    relief_m: float,
+    inner_relief_m: float,
+    noise_m: float,
+    share_seen: float,
+    slope_limit_deg: float,
+    relief_limit_m: float,
+) -> float:
+    """Return the probability that slope and relief of a footprint are within their limits; 0 where unknown.
+
+    Parameters
+    ----------
+    slope_deg, slope_sigma_deg
+        Slope of the footprint's plane and its standard error.
+    relief_m, inner_relief_m
+        Relief of all of the footprint, and without its outermost cells; NaN where the slope is too steep.
+    noise_m
+        Standard deviation of the height of one return.
+    share_seen
+        Share of the footprint's cells that hold a return; gaps may hide a hazard.
+    """
+    if math.isnan(slope_deg + slope_sigma_deg + relief_m + inner_relief_m + noise_m + share_seen):
+        return 0.0
+    spread_deg = math.hypot(slope_sigma_deg, SLOPE_MARGIN_DEG)
+    gentle = _below((slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg) / spread_deg)
+    outer = _even(relief_m, noise_m, relief_limit_m)
+    inner = _even(inner_relief_m, noise_m, relief_limit_m)
+    return gentle * (RIM * outer + (1 - RIM) * inner) * (1 - HIDDEN * (1 - share_seen) ** 4)
