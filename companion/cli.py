@@ -45,6 +45,10 @@ DashboardToken = Annotated[
     Path | None,
     typer.Option(help="File with lines 'operator TOKEN', 'viewer TOKEN': needed but on 127.0.0.1."),
 ]
+Prior = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Survey of slz map to begin with: where to look first."),
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]
 
 
@@ -137,6 +141,7 @@ def demo(
     dashboard_token: DashboardToken = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006 - typer reads the default
+    prior: Prior = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -146,7 +151,7 @@ def demo(
 
     chosen = flight.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
-    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen)
+    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
     flight.check(plan)
     with _front(None if headless else dashboard or DEMO_PAGE, dashboard_token) as front:
         summary = flight.fly(plan, parameters, err, context.obj, live=not headless, front=front)
@@ -193,6 +198,7 @@ def run(
         int | None,
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
     ] = None,
+    prior: Prior = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -218,6 +224,7 @@ def run(
             radar_url=radar,
             front=front,
             foxglove_port=foxglove,
+            prior=prior,
         )
     if as_json:
         print(json.dumps(summary))
