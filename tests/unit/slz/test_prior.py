@@ -86,7 +86,8 @@ def test_one_return_that_contradicts_takes_the_ground_at_once_and_for_good(up_m:
     one = np.array([[best[0], best[1], up_m]])
     beside = one + np.array([[0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0.1], [-0.1, 0, 0]])  # lest it be alone
     after = pipeline.process(window(np.vstack([ground(), one, beside]), 1))
-    assert not holding(after, best[0], best[1])
+    for east in (-1.0, 0.0, 1.0):  # nor do footprints that reach over it
+        assert not holding(after, best[0] + east, best[1])
     assert after.prior is not None
     assert all(np.hypot(*(zone.best.enu_m - best)[:2]) > 1 for zone in after.prior.zones)
     for second in range(2, 9):
@@ -107,8 +108,14 @@ def test_returns_on_the_surveyed_ground_contradict_nothing_whatever_the_datum() 
 def test_a_survey_of_other_ground_is_given_up_where_it_was_hit() -> None:
     rng = np.random.default_rng(4)
     wrong = replace(surveyed(), height_m=rng.uniform(0, 30, (CELLS, CELLS)).astype(np.float32))
-    _, (report,) = flown(ground(60.0, 60_000), survey=wrong)
-    assert not holding(report, 30.0, 30.0)
+    sparse = ground(90.0, 4_000)  # live maps know nothing there
+    _, (as_surveyed,) = flown(sparse)
+    _, (report,) = flown(sparse, survey=wrong)
+    assert as_surveyed.prior is not None
+    assert report.prior is not None
+    within = [sum(holding(r, x, 60.0) != [] for x in range(-80, 10)) for r in (as_surveyed, report)]
+    assert within[0] > 80
+    assert within[1] < 0.4 * within[0]  # returns hit one cell in eight, and spoil the footprints about it
 
 
 def test_the_live_maps_are_the_same_with_a_survey_and_without() -> None:
