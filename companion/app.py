@@ -29,6 +29,7 @@ from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
+from companion.prior import SurveyPrior
 from companion.recordings import Recordings
 from companion.sensors.beside import open_beside
 from companion.sensors.driver import open_lidar
@@ -76,6 +77,8 @@ class Companion:
         Where to serve the pilot's page; None for nowhere.
     foxglove_port
         Port of this computer for Foxglove's live view; None for none.
+    prior
+        Folder of a survey to begin with (docs/survey.md).
 
     Raises
     ------
@@ -96,6 +99,7 @@ class Companion:
         radar_url: str | None = None,
         front: Front | None = None,
         foxglove_port: int | None = None,
+        prior: Path | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self._record_into = record
@@ -106,7 +110,8 @@ class Companion:
         orders = (OrderParameters(operator),)
         self.services = Services(self.link, self.settings, signing, state, self._fresh_report, orders)
         self.history = PoseHistory(parameters)
-        self.worker = PipelineWorker(parameters, self._on_report)
+        surveyed = None if prior is None else SurveyPrior(prior, parameters)
+        self.worker = PipelineWorker(parameters, self._on_report, surveyed)
         self.worker.on_invalid.subscribe(self._on_invalid)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
         self._wall_offset_ns = WallOffset()

@@ -45,6 +45,10 @@ DashboardToken = Annotated[
     Path | None,
     typer.Option(help="File with lines 'operator TOKEN', 'viewer TOKEN': needed but on 127.0.0.1."),
 ]
+Prior = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Survey of slz map to begin with: where to look first."),
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]
 
 
@@ -111,7 +115,7 @@ def _log(verbose: bool) -> None:
         logging.basicConfig(level=level, format=PLAIN, stream=sys.stderr)
     logging.getLogger("asyncio").setLevel(logging.WARNING)
     logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it cannot read is our one line
-    for noisy in ("numba", "matplotlib", "rasterio", "PIL"):
+    for noisy in ("numba", "matplotlib", "rasterio", "PIL", "pyogrio", "distributed"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
@@ -137,6 +141,7 @@ def demo(
     dashboard_token: DashboardToken = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006 - typer reads the default
+    prior: Prior = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -146,7 +151,7 @@ def demo(
 
     chosen = flight.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
-    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen)
+    plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
     flight.check(plan)
     with _front(None if headless else dashboard or DEMO_PAGE, dashboard_token) as front:
         summary = flight.fly(plan, parameters, err, context.obj, live=not headless, front=front)
@@ -193,6 +198,7 @@ def run(
         int | None,
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
     ] = None,
+    prior: Prior = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -218,6 +224,7 @@ def run(
             radar_url=radar,
             front=front,
             foxglove_port=foxglove,
+            prior=prior,
         )
     if as_json:
         print(json.dumps(summary))
@@ -339,6 +346,15 @@ def map_(
     classified: Annotated[
         bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
     ] = False,
+    tile_m: Annotated[
+        float | None, typer.Option(help="Side of a tile, m (1024 cells); it changes no result.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Worker processes on this machine; none: all in this one.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Use the workers of a Dask scheduler.")
+    ] = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
@@ -353,12 +369,51 @@ def map_(
         given["cell_m"] = 0.5
     own = [f"{name}={value}" for name, value in given.items() if value is not None]
     parameters = params.load(profile, [*own, *setting])
-    with _progress(as_json) as step:
-        summary = survey.run(files, out, parameters, step, crs, classified)
+    with survey.engine(scheduler, workers) as engine, _progress(as_json) as step:
+        summary = survey.run(files, out, parameters, step, survey.Plan(crs, classified, tile_m, engine))
     if as_json:
         print(json.dumps(summary))
     else:
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+    for skipped in summary["skipped"]:
+        print(f"slz: left out: {skipped['reason']}", file=sys.stderr)
+    if summary["skipped"]:
+        sys.exit(2)
+
+
+@app.command(context_settings={"ignore_unknown_options": True})  # longitudes may be negative
+def nearest(
+    lat: Annotated[float, typer.Argument(help="Latitude, degrees north.")],
+    lon: Annotated[float, typer.Argument(help="Longitude, degrees east.")],
+    folder: Annotated[Path, typer.Option("--survey", help="Folder that slz map wrote.")] = Path(),
+    radius_m: Annotated[
+        float | None, typer.Option(help="Only zones whose landing points lie this near, m.")
+    ] = None,
+    most: Annotated[int, typer.Option(help="So many at most.")] = 10,
+    as_json: Json = False,
+) -> None:
+    """Find the surveyed landing zones nearest to a position."""
+    from companion.survey import nearest as question
+
+    answer = question.nearest(folder, lat, lon, radius_m, most)
+    if as_json:
+        print(json.dumps(answer))
+        return
+    table = Table(
+        "zone", "distance m", "bearing °", "area m²", "certainty", "slope °", "latitude", "longitude"
+    )
+    for zone in answer["zones"]:
+        table.add_row(
+            str(zone["id"]),
+            f"{zone['distance_m']:.0f}",
+            f"{zone['bearing_deg']:.0f}",
+            f"{zone['area_m2']:.0f}",
+            f"{zone['certainty']:.2f}",
+            "" if zone["slope_deg"] is None else f"{zone['slope_deg']:.1f}",
+            f"{zone['lat']:.7f}",
+            f"{zone['lon']:.7f}",
+        )
+    _out().print(table if answer["zones"] else "no zone there")
 
 
 @app.command()

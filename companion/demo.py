@@ -60,6 +60,7 @@ class Plan:
     point_rate_hz: float = 200_000.0
     limit_s: float = 900.0
     sensor: DemoSensor = SENSORS[0]
+    prior: Path | None = None
 
 
 def fly(
@@ -222,6 +223,7 @@ async def _mission(
         auto=True,
         radar_url=f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
         front=front,
+        prior=plan.prior,
     )
     watch = asyncio.create_task(_watch(companion, plan, status, interrupts))
     try:

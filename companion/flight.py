@@ -40,6 +40,7 @@ def run(
     radar_url: str | None = None,
     front: Front | None = None,
     foxglove_port: int | None = None,
+    prior: Path | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -67,6 +68,7 @@ def run(
             radar_url=radar_url,
             front=front,
             foxglove_port=foxglove_port,
+            prior=prior,
         )
         return await _run(companion, out)
 

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.mission import HIGHEST_M, Download, RallyPoint, Transfer, Upload
 from companion.link.vehicle import VehicleState
 from params import Parameters
-from slz import Report
+from slz import Report, Zone
 
 log = logging.getLogger(__name__)
 
@@ -41,16 +41,33 @@ TRANSFERS = frozenset(
 
 
 def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -> tuple[RallyPoint, ...]:
-    """Return the rally points of a report: its best near zones, safe and certain, in reach of the vehicle."""
+    """Return the rally points of a report: its best near zones, safe and certain, in reach of the vehicle.
+
+    As long as no near zone is, those surveyed before the flight stand in.
+    """
     if vehicle.position_lla is None or vehicle.relative_alt_m is None:
         return ()
     lat, lon, alt = vehicle.position_lla
     here = (round(lat * 1e7), round(lon * 1e7))
     home_m = alt - vehicle.relative_alt_m
+    found = _points(report, report.near.zones, parameters.min_certainty, here, home_m, parameters)
+    if not found and report.prior is not None:
+        found = _points(report, report.prior.zones, 0.0, here, home_m, parameters)
+    return found
+
+
+def _points(
+    report: Report,
+    zones: Iterable[Zone],
+    least_certainty: float,
+    here: tuple[int, int],
+    home_m: float,
+    parameters: Parameters,
+) -> tuple[RallyPoint, ...]:
     points: list[RallyPoint] = []
-    for zone in report.near.zones:
+    for zone in zones:
         best = zone.best
-        if best.certainty < parameters.min_certainty or not all(map(math.isfinite, best.enu_m)):
+        if best.certainty < least_certainty or not all(map(math.isfinite, best.enu_m)):
             continue
         there = [float(v) for v in report.frame.lla(best.enu_m)]
         above_home_m = math.ceil(there[2] - home_m + parameters.rally_height_m - 0.01)

@@ -19,6 +19,7 @@ from companion.link.event import Event
 from companion.window_event import WindowEvent, runs
 from params import Parameters
 from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
+from slz.prior import Source as PriorSource
 from slz.warm_up import warm_up
 
 log = logging.getLogger(__name__)
@@ -31,6 +32,11 @@ class PipelineWorker:
     counted as dropped. An exception in the pipeline, or a report that breaks an invariant, makes `invalid`
     true until a window succeeds again.
 
+    Parameters
+    ----------
+    prior
+        Gives ground surveyed before the flight.
+
     Attributes
     ----------
     on_invalid
@@ -41,12 +47,18 @@ class PipelineWorker:
         Called with the pipeline, in its thread, after a report while no window waits; for displays.
     """
 
-    def __init__(self, parameters: Parameters, on_report: Callable[[Report], None]) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        on_report: Callable[[Report], None],
+        prior: PriorSource | None = None,
+    ) -> None:
         self._parameters = parameters
+        self._prior = prior
         self._on_report = on_report
         self._numbers: list[int] = []
         self._windower = Windower(parameters.window_s)
-        self._pipeline = new_pipeline(parameters)
+        self._pipeline = new_pipeline(parameters, prior)
         self._invariants = Invariants()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
         self._waiting: tuple[Window, list[int], float] | None = None
@@ -173,7 +185,7 @@ class PipelineWorker:
         time_s: Callable[[], float],
     ) -> Report:
         if anew:
-            self._pipeline = new_pipeline(self._parameters)
+            self._pipeline = new_pipeline(self._parameters, self._prior)
         for point in selects:
             self._pipeline.select(point)
         report = self._pipeline.process(window)
@@ -186,6 +198,6 @@ class PipelineWorker:
         return self._pipeline.maps()
 
 
-def new_pipeline(parameters: Parameters) -> Pipeline:
+def new_pipeline(parameters: Parameters, prior: PriorSource | None = None) -> Pipeline:
     """Return a pipeline that takes a second core where there is one."""
-    return Pipeline(parameters, threads=min(2, os.cpu_count() or 1))
+    return Pipeline(parameters, threads=min(2, os.cpu_count() or 1), prior=prior)

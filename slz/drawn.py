@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.evidence import EvidenceTerrain
 from slz.kernels.scatter import TILE
-from slz.landing_point import Terrain
+from slz.source_terrain import SourceTerrain
 from slz.tiles import Key
 
 NAMES = ("height_m", "slope_deg", "relief_m", "certainty")
@@ -44,7 +45,9 @@ class Drawn:
     left: int
 
 
-def take_drawn(terrain: Terrain, most: int, around_enu_m: NDArray[np.float64]) -> Drawn:
+def take_drawn(
+    terrain: EvidenceTerrain | SourceTerrain, most: int, around_enu_m: NDArray[np.float64]
+) -> Drawn:
     """Return copies of the tiles that changed and mark them as seen; the nearest to a point first.
 
     Parameters

@@ -24,22 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
 from slz.grid import Box, Grid
-from slz.kernels.footprint import HEIGHT, WEIGHT, closed, dilated, highest_around, planes, summarise
+from slz.kernels.footprint import summarise
 from slz.kernels.pyramid import coarser
 from slz.kernels.scatter import TILE
 from slz.kernels.verdict import SAFE as TOLD_SAFE
-from slz.kernels.verdict import verdict
-from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
-LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
 AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
 PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
-_STATE = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)  # by what a verdict tells
 State = NDArray[np.uint8]
 
 
@@ -72,10 +69,8 @@ class EvidenceTerrain:
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
         self._drawn_s: dict[Key, float] = {}
-        half = parameters.footprint_m / 2 / grid.cell_m
-        self.radius = max(1, math.ceil(half - 0.5 - 1e-9))
-        self._gap = max(0, round((parameters.coverage_m / grid.cell_m - 1) / 2))
-        self._margin = self.radius + 4 * self._gap + 3  # how far one cell's evidence can matter
+        self._reach = reach_of(parameters, grid.cell_m)
+        self.radius, self._margin = self._reach.radius, self._reach.margin
 
     # ---- boxes: of the window, and of all ground (counted from the tiles' corner) ---------------
 
@@ -180,38 +175,11 @@ class EvidenceTerrain:
 
     def _draw(self, box: Box, now_s: float) -> None:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
-        p, m = self._parameters, self._margin
+        m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m), now_s)
-        known = (cells[WEIGHT] > 0).view(np.uint8)
-        near = m - self.radius  # no footprint of the box reaches farther
-        about = slice(near, m + box.shape[0] + self.radius), slice(near, m + box.shape[1] + self.radius)
-        k, inner = self.radius, slice(self.radius, -self.radius)
-        fits = planes(
-            np.ascontiguousarray(cells[:, *about]),
-            np.ascontiguousarray(closed(known, self._gap)[about]),
-            k, self.grid.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m,
-        )  # fmt: skip
-        unseen = self._unseen(known, cells[HEIGHT])
-        box_of = slice(m, m + box.shape[0]), slice(m, m + box.shape[1])
-        values, told = verdict(
-            cells[:, *box_of], fits[:, inner, inner], unseen[box_of], p.safe_slope_deg, p.relief_m
-        )
+        values, told = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
         self._maps.write(box, values)
         self._verdict.write(box, told)
-
-    def _unseen(self, known: State, height_m: NDArray[np.float32]) -> State:
-        """Tell which footprints hold unseen ground.
-
-        What stands in the middle of unseen ground must not make that ground seen: cells above ground near
-        enough for a gap between to count as seen close no gap, unless a safe slope leads up to them. And the
-        outermost seen cells may be part water, part shore.
-        """
-        p = self._parameters
-        rise_m = math.tan(math.radians(p.safe_slope_deg)) * self.grid.cell_m / math.sqrt(2)
-        lowest = -highest_around(-height_m, 2 * self._gap + 1, rise_m)
-        level = ~(height_m - lowest > np.float32(p.relief_m))
-        seen = known | closed(known & level.view(np.uint8), self._gap)
-        return dilated(np.uint8(1) - seen, self.radius + 1)
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""
@@ -239,7 +207,7 @@ class EvidenceTerrain:
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
-        return np.asarray(_STATE[self._verdict.read(self._everywhere(box))])
+        return np.asarray(STATE_OF[self._verdict.read(self._everywhere(box))])
 
     # ---- what was drawn since somebody looked ----------------------------------------------------
 
@@ -269,7 +237,7 @@ class EvidenceTerrain:
             return None
         datum_m = np.float32(self.tiles.datum_m)
         layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
-        return layers, _STATE[verdict[0]]
+        return layers, STATE_OF[verdict[0]]
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.evidence import EvidenceTerrain
-from slz.grid import Box
+from slz.grid import Box, Grid
 from slz.kernels.bits import packed
 from slz.kernels.room import farthest
 from slz.maps import SAFE, UNSAFE
@@ -22,7 +22,19 @@ from slz.source_terrain import SourceTerrain
 from slz.surroundings import Surroundings, grouped, horizon_at
 from slz.zone import LandingPoint
 
-Terrain = EvidenceTerrain | SourceTerrain
+
+class Readable(Protocol):
+    """Maps of a grid, wherever they are kept, see `EvidenceTerrain`."""
+
+    @property
+    def grid(self) -> Grid: ...
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]: ...
+
+    def state(self, box: Box) -> NDArray[np.uint8]: ...
+
+
+Terrain = EvidenceTerrain | SourceTerrain | Readable
 Judge = Literal["near", "far", "none"]
 MOST_OBSTACLES = 64
 BULGE = 0.02  # how much ground rises over its plane, per metre of distance

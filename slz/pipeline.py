@@ -32,6 +32,8 @@ from slz.outliers import (
     in_a_group,
     in_company,
 )
+from slz.prior import Prior
+from slz.prior import Source as PriorSource
 from slz.registration import Offset, offset
 from slz.report import MapReport, Report
 from slz.returns import Returns
@@ -59,6 +61,8 @@ class Pipeline:
         Whether, in source mode, a return outside the zone moves it there (§3.2.5) or is passed over.
     threads
         With 2 the far map is drawn beside the near one; the reports are the same. Default mode only.
+    prior
+        Gives ground surveyed before the flight, see `slz.prior`. Default mode only.
 
     Notes
     -----
@@ -71,6 +75,7 @@ class Pipeline:
         centre_enu_m: tuple[float, float] | None = None,
         follow: bool = True,
         threads: int = 1,
+        prior: PriorSource | None = None,
     ) -> None:
         if threads not in (1, 2):
             raise ValueError(f"the pipeline runs on 1 or 2 threads, not {threads}")
@@ -87,6 +92,7 @@ class Pipeline:
         self._adapter = Adapter(parameters)
         self._far_is_active = False
         self._numbers = itertools.count(1)
+        self._prior = None if prior is None or self._source else Prior(prior, parameters)
         self._lone = LoneReturns()
         self._selected: SelectedPoint | None = None
         self._sensor = np.zeros(3)
@@ -124,6 +130,7 @@ class Pipeline:
             far_is_active=self._far_is_active,
             stage_ms=clock.ms,
             nearby=around,
+            prior=self._prior_report(),
         )
 
     def _by_default(
@@ -149,6 +156,9 @@ class Pipeline:
         near.name(sensor)
         far.name(sensor)
         clock.lap("zones")
+        if self._prior is not None:
+            self._prior.take(points, sensor, window.frame, stamp_s, (near.terrain, far.terrain))
+            clock.lap("prior")
         return near, far, choice, int(used.sum()), moved
 
     def _by_the_sources(
@@ -251,6 +261,10 @@ class Pipeline:
         if anew:
             zone_map.terrain.touch_all()
         return take_drawn(zone_map.terrain, most, self._sensor)
+
+    def _prior_report(self) -> MapReport | None:
+        grid = None if self._prior is None else self._prior.grid
+        return None if self._prior is None or grid is None else MapReport(grid, self._prior.zones)
 
     # ---- stages ---------------------------------------------------------------------------------
 

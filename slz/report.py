@@ -30,7 +30,8 @@ class Report:
     n_used: those near enough for the near map. new_map: the window of the near map was moved before.
     n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up.
     far_is_active: the far map is the one to land by. stage_ms: processing time by stage. nearby: heights
-    around the vehicle, None where its place is unknown.
+    around the vehicle, None where its place is unknown. prior: zones on ground surveyed before the flight,
+    to fly to and to look at; never to be landed in before the other maps say so. None without a survey.
     """
 
     stamp_ns: int
@@ -47,6 +48,7 @@ class Report:
     far_is_active: bool
     stage_ms: Mapping[str, float]
     nearby: Nearby | None = None
+    prior: MapReport | None = None
 
     @property
     def active(self) -> MapReport:

@@ -13,6 +13,7 @@ from params import Parameters
 from slz import Grid, Obstacle, Report, SelectedPoint, Zone
 
 MOST_OBSTACLES = 40
+MOST_PRIOR = 100  # zones of a survey drawn, the best
 MOST_HELD = 512  # outlines
 CENTIMETRES = 100
 
@@ -41,6 +42,9 @@ class Picture:
             "stamp_ns": report.stamp_ns,
             "near": self._zones(report.near.zones, report.near.grid, parameters),
             "far": self._zones(report.far.zones, report.far.grid, parameters),
+            "prior": self._zones(report.prior.zones[:MOST_PRIOR], report.prior.grid, parameters)
+            if report.prior
+            else [],
             "selected": None if report.selected is None else point(report.selected),
             "footprint_m": parameters.footprint_m,
             "choice": {

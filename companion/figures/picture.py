@@ -29,8 +29,8 @@ class Picture:
         west, south = maps.west_m, maps.south_m
         self.bounds = west, west + self.extent_m[0], south, south + self.extent_m[1]
         self.state = maps.state[::step, ::step]
-        self.height_m = _filled(maps.height_m[::step, ::step])
-        self.shade = _shade(self.height_m, self.cell_m)
+        self.height_m = filled(maps.height_m[::step, ::step])
+        self.shade = shade(self.height_m, self.cell_m)
 
     def zone_cells(self, zone: Zone) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
         """Return the thinned cells of a zone and where they lie in the picture."""
@@ -49,7 +49,7 @@ class Picture:
         return mask
 
 
-def _filled(height_m: NDArray[np.float32]) -> NDArray[np.float32]:
+def filled(height_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return heights with the nearest one put into small gaps, for the eye."""
     unknown = np.isnan(height_m)
     if unknown.all() or not unknown.any():
@@ -60,7 +60,7 @@ def _filled(height_m: NDArray[np.float32]) -> NDArray[np.float32]:
     return filled
 
 
-def _shade(height_m: NDArray[np.float32], cell_m: float) -> NDArray[np.float64]:
+def shade(height_m: NDArray[np.float32], cell_m: float) -> NDArray[np.float64]:
     """Return the light from the north-west at 45 degrees, 0 to 1; flat and unknown ground at 0.7."""
     level = np.nanmedian(height_m) if np.isfinite(height_m).any() else 0.0
     known = np.where(np.isnan(height_m), level, height_m)

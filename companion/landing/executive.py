@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.landing.aim import Aim, same_place
-from companion.landing.choice import choose, soonest
+from companion.landing.choice import choose, look_at, soonest
 from companion.landing.custody import Custody
 from companion.landing.guidance import level, towards
 from companion.landing.route import Route, Way
@@ -84,8 +84,7 @@ class Executive:
 
     def land_in_zone(self, situation: Situation, zone_id: int) -> Reply:
         """Take the order to land in a zone by its ID."""
-        zones = situation.report.zones if situation.report else ()
-        zone = next((zone for zone in zones if zone.id == zone_id), None)
+        zone = _zone(situation, zone_id)
         if zone is None:
             return Reply(False, f"no zone {zone_id}")
         return self._hand_over(situation, Wish(zone.best.enu_m, zone_id))
@@ -122,8 +121,7 @@ class Executive:
 
     def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
         """Keep the best point of a zone under watch: a selection to be confirmed."""
-        zones = situation.report.zones if situation.report else ()
-        zone = next((zone for zone in zones if zone.id == zone_id), None)
+        zone = _zone(situation, zone_id)
         return Reply(False, f"no zone {zone_id}") if zone is None else self.watch(zone.best.enu_m)
 
     def abort(self, situation: Situation) -> Reply:
@@ -295,14 +293,19 @@ class Executive:
         return self._route.fly(position, offset, self._p.survey_speed_ms)
 
     def _choice(self, s: Situation) -> Zone | None:
-        """Return where to land, once the survey has lasted: a near zone, else a far one to be looked at."""
+        """Return where to land, once the survey has lasted: a near zone, else one to be looked at.
+
+        That is a far one, or one of ground surveyed before the flight.
+        """
         urgent = self._wish is not None and self._wish.urgent
         if s.report is None or (not urgent and s.now_ns - self._since_ns < self._p.survey_s * 1e9):
             return None
         if urgent:
             return soonest(s.report, self._refused, self._p, _known(s.position_enu_m))
-        return choose(s.report.zones, self._refused, self._p) or choose(
-            s.report.far.zones, self._refused, self._p
+        return (
+            choose(s.report.zones, self._refused, self._p)
+            or choose(s.report.far.zones, self._refused, self._p)
+            or look_at(s.report, self._refused)
         )
 
     def _take_over(self, s: Situation) -> Orders:
@@ -547,6 +550,14 @@ class Executive:
 
     def _say(self, severity: Severity, text: str) -> None:
         self._texts.append((severity, f"SLZ: {text}"))
+
+
+def _zone(s: Situation, zone_id: int) -> Zone | None:
+    """Return a zone by its ID, of the active map or of ground surveyed before the flight."""
+    if s.report is None:
+        return None
+    prior = () if s.report.prior is None else s.report.prior.zones
+    return next((zone for zone in (*s.report.zones, *prior) if zone.id == zone_id), None)
 
 
 def _not_flying(s: Situation) -> Reply | None:

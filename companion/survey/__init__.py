@@ -1,5 +1,6 @@
 """Stored clouds: `slz map`."""
 
-from companion.survey.command import run
+from companion.survey.command import Plan, run
+from companion.survey.tiled.engine import engine
 
-__all__ = ["run"]
+__all__ = ["Plan", "engine", "run"]

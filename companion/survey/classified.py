@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.survey.cloud import open_source
+from companion.survey.findings import Maps
 from companion.survey.las import LasSource, coordinates, pieces
 from companion.survey.metric import Metric
 from companion.survey.reference import Reference
 from companion.survey.source import Source, translated
-from slz import SAFE, UNSAFE, TerrainMaps
+from slz import SAFE, UNSAFE, Box
 
 SAFE_CLASS, UNSAFE_CLASS, UNKNOWN_CLASS = 64, 65, 66
 NEWER = {0: 6, 1: 6, 2: 7, 3: 7, 4: 9, 5: 10}  # point formats of LAS 1.4 that hold those before
@@ -30,10 +31,11 @@ MADE = frozenset({2111, 2112, 34735, 34736, 34737, 4, 22204, 1})
 SCALE_M, SCALE_DEG = 1e-3, 1e-9  # of points that had no scale
 SCAN_ANGLE = 0.006  # degrees, unit of formats 6 to 10
 SUFFIX = ".laz"
+SQUARE = 1024  # cells read at a time
 
 
 def write_classified(
-    folder: Path, files: Sequence[Path], crs: Reference | None, maps: TerrainMaps, metric: Metric
+    folder: Path, files: Sequence[Path], crs: Reference | None, maps: Maps, metric: Metric
 ) -> list[Path]:
     """Write classified.laz, of several files classified-1-NAME.laz and so on, and return their paths.
 
@@ -53,22 +55,37 @@ def write_classified(
     return written
 
 
-def classes(points: NDArray[np.float64], maps: TerrainMaps, metric: Metric) -> NDArray[np.uint8]:
+def classes(points: NDArray[np.float64], maps: Maps, metric: Metric) -> NDArray[np.uint8]:
     """Return the classes (n,) of points (n, 3) of the CRS by the cells they fall on."""
-    local = metric.local(points)
+    local, grid = metric.local(points), maps.grid
     row, col = (
-        np.floor((local[:, axis] - edge) / maps.grid.cell_m)
-        for axis, edge in ((1, maps.south_m), (0, maps.west_m))
+        np.floor((local[:, axis] - edge) / grid.cell_m)
+        for axis, edge in ((1, grid.south_m), (0, grid.west_m))
     )
-    rows, cols = maps.state.shape
-    inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)  # NaN is not
+    inside = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)  # NaN is not
     found = np.full(len(points), UNKNOWN_CLASS, np.uint8)
-    state = maps.state[row[inside].astype(np.int64), col[inside].astype(np.int64)]
+    state = _state_at(row[inside].astype(np.int64), col[inside].astype(np.int64), maps)
     found[inside] = np.select([state == SAFE, state == UNSAFE], [SAFE_CLASS, UNSAFE_CLASS], UNKNOWN_CLASS)
     return found
 
 
-def _of_las(out: Path, source: LasSource, maps: TerrainMaps, metric: Metric) -> None:
+def _state_at(row: NDArray[np.int64], col: NDArray[np.int64], maps: Maps) -> NDArray[np.uint8]:
+    """Return the state of cells, of which only the squares are read that hold some."""
+    out = np.empty(len(row), np.uint8)
+    if not len(row):
+        return out
+    across = maps.grid.cols // SQUARE + 1
+    square = row // SQUARE * across + col // SQUARE
+    order = np.argsort(square, kind="stable")
+    for part in np.split(order, np.flatnonzero(np.diff(square[order])) + 1):
+        row0, col0 = row[part[0]] // SQUARE * SQUARE, col[part[0]] // SQUARE * SQUARE
+        box = Box(int(row0), int(row0) + SQUARE, int(col0), int(col0) + SQUARE)
+        box = box.grown(0, maps.grid)
+        out[part] = maps.read("state", box)[row[part] - row0, col[part] - col0]
+    return out
+
+
+def _of_las(out: Path, source: LasSource, maps: Maps, metric: Metric) -> None:
     with laspy.open(source.path, encoding_errors="replace") as reader:
         old = reader.header
     header = _header(NEWER.get(old.point_format.id, old.point_format.id), old.scales, old.offsets, metric)
@@ -95,7 +112,7 @@ def _copied(piece: Any, header: Any, found: NDArray[np.uint8]) -> Any:
     return new
 
 
-def _of_others(out: Path, source: Source, maps: TerrainMaps, metric: Metric) -> None:
+def _of_others(out: Path, source: Source, maps: Maps, metric: Metric) -> None:
     scale = SCALE_DEG if source.reference.unit_m is None else SCALE_M / source.reference.unit_m
     scales = np.array([scale, scale, SCALE_M / source.reference.vertical_m])
     header = _header(6, scales, np.array(metric.origin), metric)

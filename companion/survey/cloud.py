@@ -60,7 +60,7 @@ def read(
     """
     if not files:
         raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
-    _refuse_twice(files)
+    refuse_twice(files)
     given = from_option(crs) if crs else None
     sources = [open_source(path, given) for path in files]
     for source in sources[1:]:
@@ -118,7 +118,7 @@ def open_source(path: Path, given: Reference | None) -> Source:
     return open_ply(path, given) if kind == "ply" else open_text(path, given)
 
 
-def _refuse_twice(files: Sequence[Path]) -> None:
+def refuse_twice(files: Sequence[Path]) -> None:
     """Refuse a file that is named twice: its points would count twice."""
     seen: set[Path] = set()
     for path in files:

@@ -3,28 +3,45 @@
 from __future__ import annotations
 
 import logging
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from companion import figures
 from companion.errors import UsageError
-from companion.interrupt import Interrupted
-from companion.survey import raster, zones
-from companion.survey.classified import write_classified
+from companion.survey import outputs
 from companion.survey.cloud import read
-from companion.survey.kml import write_kml
-from companion.survey.reference import from_option
+from companion.survey.findings import Findings, Held, of_window
 from companion.survey.summary import summary
 from companion.survey.survey import survey
+from companion.survey.tiled.engine import Engine, InProcess
+from companion.survey.tiled.outcome import of_tiles, whole_maps
+from companion.survey.tiled.survey import Survey
+from companion.survey.unfinished import finish, look, unfinished, work_folder
+from companion.survey.zones import rows
 from params import Parameters
 
 log = logging.getLogger(__name__)
 
 Progress = Callable[[str, float], None]
+MOST_DRAWN = 40_000_000  # cells of which pictures are drawn; larger surveys have the page only
+MOST_DRAWN_ZONES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is asked for beside files and parameters.
+
+    crs overrides the CRS of the files, and names that of files that cannot. classified: write the points with
+    their classes, too. tile_m: side of a tile, which changes no result. engine: who carries out the tasks.
+    """
+
+    crs: str | None = None
+    classified: bool = False
+    tile_m: float | None = None
+    engine: Engine = InProcess()  # noqa: RUF009 - it has no state
 
 
 def run(
@@ -32,12 +49,12 @@ def run(
     out: Path,
     parameters: Parameters,
     progress: Progress,
-    crs: str | None = None,
-    classified: bool = False,
+    plan: Plan = Plan(),
 ) -> dict[str, Any]:
     """Survey clouds, write zones, GeoTIFF and pictures, and return the summary for JSON.
 
-    The folder gets all results at the end, or none.
+    The folder gets all results at the end, or none. Work that was interrupted is taken up again when the same
+    survey is run again.
 
     Parameters
     ----------
@@ -49,10 +66,6 @@ def run(
         `coverage_m` and `max_zones` follow the cloud where nobody set them.
     progress
         Called with what is done next and the share that is done.
-    crs
-        Overrides the CRS of the files, and names that of files that cannot.
-    classified
-        Write the points with their classes, too.
 
     Raises
     ------
@@ -60,67 +73,72 @@ def run(
         A file, the CRS, the folder or the size of the grid cannot be used.
     """
     started = time.perf_counter()
-    _look(out)
-    progress("reading", 0.0)
-    cloud = read(files, crs, lambda share: progress("reading", 0.5 * share))
-    progress("mapping", 0.5)
-    found = survey(cloud, parameters)
-    progress("writing", 0.65)
-    described = zones.rows(found.report.zones, found.maps, found.metric)
+    look(out)
     try:
-        with _unfinished(out) as folder:
-            outputs = raster.write(folder, found.maps, found.metric, found.parameters.mode == "source")
-            outputs.append(folder / "zones.geojson")
-            zones.write_geojson(outputs[-1], found.report.zones, described, found.maps, found.metric)
-            outputs.append(folder / "zones.kml")
-            write_kml(outputs[-1], found.report.zones, described, found.maps, found.metric)
-            if classified:
-                progress("classifying", 0.75)
-                given = from_option(crs) if crs else None
-                outputs += write_classified(folder, files, given, found.maps, found.metric)
-            progress("drawing", 0.8)
-            outputs += figures.save_maps(folder, found.maps, found.report.zones, found.parameters)
-            outputs = _finish(outputs, out)
+        if parameters.mode == "source":
+            told = _in_one_window(files, out, parameters, progress, plan)
+        else:
+            told = _in_tiles(files, out, parameters, progress, plan)
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)
-    told = summary(files, cloud, found, described, outputs)
     for warning in told["warnings"]:
         log.warning(warning)
     return told | {"seconds": round(time.perf_counter() - started, 3)}
 
 
-@contextmanager
-def _unfinished(out: Path) -> Iterator[Path]:
-    """Make a folder within `out` for results that are not yet whole; nothing of it is left behind."""
-    made = [part for part in (out, *out.parents) if not part.exists()]
-    out.mkdir(parents=True, exist_ok=True)
-    try:
-        with tempfile.TemporaryDirectory(prefix=".slz-map-", dir=out, ignore_cleanup_errors=True) as folder:
-            yield Path(folder)
-    finally:
-        for part in made:
-            with suppress(OSError):  # results lie in it
-                part.rmdir()
+def _in_tiles(
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
+) -> dict[str, Any]:
+    with work_folder(out) as work:
+        tiled = Survey(
+            files,
+            work,
+            parameters,
+            plan.engine,
+            lambda *told: _scaled(progress, *told),
+            plan.crs,
+            plan.tile_m,
+        )
+        return _written(files, out, of_tiles(tiled.run()), progress, plan)
 
 
-def _finish(written: list[Path], out: Path) -> list[Path]:
-    """Move whole results to where they belong, all of them, whatever signal comes; return where they are."""
-    try:
-        for path in written:
-            path.replace(out / path.name)
-    except Interrupted:
-        for path in written:
-            if path.exists():
-                path.replace(out / path.name)
-        raise
-    return [out / path.name for path in written]
+def _in_one_window(
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
+) -> dict[str, Any]:
+    """Survey by the sources' rules, which know windows but no tiles."""
+    if plan.tile_m is not None or not isinstance(plan.engine, InProcess):
+        raise UsageError(
+            "mode=source maps one window in one piece: leave --tile-m, --workers, --scheduler out"
+        )
+    progress("reading", 0.0)
+    cloud = read(files, plan.crs, lambda share: progress("reading", 0.5 * share))
+    progress("mapping", 0.5)
+    found = of_window(survey(cloud, parameters), cloud.n_read, cloud.step)
+    return _written(files, out, found, progress, plan)
 
 
-def _look(out: Path) -> None:
-    """Refuse a folder that is a file before minutes are spent; it is made when something is written."""
-    for part in (out, *out.parents):
-        if part.exists():
-            if not part.is_dir():
-                raise UsageError(f"--out {out}: {part} is a file: name a folder")
-            return
+def _scaled(progress: Progress, what: str, share: float) -> None:
+    progress(what, 0.85 * share)
+
+
+def _written(
+    files: Sequence[Path], out: Path, found: Findings, progress: Progress, plan: Plan
+) -> dict[str, Any]:
+    described = rows(found)
+    left_out = {one["file"] for one in found.skipped}
+    with unfinished(out) as folder:
+        progress("writing", 0.87)
+        written = outputs.rasters(folder, found, plan.engine)
+        written += outputs.zones(folder, files, found, described)
+        if plan.classified:
+            progress("classifying", 0.92)
+            used = [path for path in files if str(path) not in left_out]
+            written += outputs.points(folder, used, plan.crs, found)
+        rows_, cols = found.maps.grid.rows, found.maps.grid.cols
+        if rows_ * cols <= MOST_DRAWN and len(found.zones) <= MOST_DRAWN_ZONES:
+            progress("drawing", 0.95)
+            maps = found.maps.maps if isinstance(found.maps, Held) else whole_maps(found)
+            written += figures.save_maps(folder, maps, found.zones, found.parameters)
+        written = finish(written, out)
+    return summary(files, found, described, written)

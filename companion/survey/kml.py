@@ -10,9 +10,7 @@ from xml.etree import ElementTree as Xml
 
 from shapely.geometry import MultiPolygon, Polygon
 
-from companion.survey.metric import Metric
-from companion.survey.polygon import DECIMALS, wgs84, zone_polygon
-from slz import TerrainMaps, Zone
+from companion.survey.polygon import DECIMALS
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"  # that of 2.3 too
 # Red, green, blue of the ranks, the best first; those behind the last share its colour.
@@ -33,24 +31,22 @@ TOLD = (
 )
 
 
-def write_kml(
-    path: Path, zones: Sequence[Zone], described: Sequence[dict[str, Any]], maps: TerrainMaps, metric: Metric
-) -> None:
+def write_kml(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
     """Write each zone as a polygon with holes and its landing point as a placemark, on the ground.
 
-    described: `zones.rows`, the best first.
+    shapes: in longitude and latitude. described: `zones.rows`, the best first.
     """
     root = Xml.Element("kml", xmlns=NAMESPACE)
     document = Xml.SubElement(root, "Document")
     _text(document, "name", "Safe landing zones")
     for rank, colour in enumerate(COLOURS, start=1):
         _style(document, f"rank{rank}", colour)
-    for zone, row in zip(zones, described, strict=True):
+    for shape, row in zip(shapes, described, strict=True):
         folder = Xml.SubElement(document, "Folder")
-        _text(folder, "name", f"{row['rank']}: zone {zone.id}")
+        _text(folder, "name", f"{row['rank']}: zone {row['id']}")
         style = f"#rank{min(row['rank'], len(COLOURS))}"
-        outline = _placemark(folder, f"Zone {zone.id}", style, row)
-        _polygons(outline, wgs84(zone_polygon(zone, maps.grid), metric))
+        outline = _placemark(folder, f"Zone {row['id']}", style, row)
+        _polygons(outline, shape)
         point = Xml.SubElement(_placemark(folder, f"Landing point {row['rank']}", style, row), "Point")
         _text(point, "coordinates", _place(row["lon"], row["lat"]))
     Xml.indent(root)

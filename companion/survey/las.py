@@ -20,6 +20,29 @@ from companion.survey.source import CHUNK, Chunk, Clock, translated
 
 # ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
 LOW_NOISE, HIGH_NOISE, WATER = 7, 18, 9
+COPC = "copc"
+# Of LAZ 1.4 (point formats 6 to 10) only these layers are decompressed for a map; older formats have none.
+LAYERS = (
+    laspy.DecompressionSelection.XY_RETURNS_CHANNEL
+    | laspy.DecompressionSelection.Z
+    | laspy.DecompressionSelection.CLASSIFICATION
+    | laspy.DecompressionSelection.FLAGS
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Points of a piece of a file by coordinate, and which of them to use.
+
+    x, y, z : (n,) float64 contiguous, CRS units. keep : (n,) bool. n_read, dropped: as in `Chunk`.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    keep: NDArray[np.bool_]
+    n_read: int
+    dropped: dict[str, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +54,10 @@ class LasSource:
     reference: Reference
     clock: Clock | None
     single: bool = False
+    seekable: bool = True
+    low: tuple[float, float] | None = None
+    """Least x and y that the header tells."""
+    high: tuple[float, float] | None = None
 
     def chunks(self) -> Iterator[Chunk]:
         for piece in pieces(self.path, self.n_points):
@@ -38,6 +65,38 @@ class LasSource:
             points, keep = _usable(piece, dropped)
             gps_s = None if self.clock is None else np.asarray(piece.gps_time, np.float64)[keep]
             yield Chunk(points, gps_s, len(piece), dropped)
+
+    def columns(self, first: int, stop: int) -> Iterator[Columns]:
+        """Read points `first` to `stop`, only what a map needs of them.
+
+        Raises
+        ------
+        UsageError
+            The file is truncated or corrupt.
+        """
+        n = first
+        with (
+            translated(self.path),
+            laspy.open(
+                self.path,
+                encoding_errors="replace",
+                decompression_selection=LAYERS,
+                laz_backend=[laspy.LazBackend.Lazrs],  # one core: others have workers of their own
+            ) as reader,
+        ):
+            if first:
+                reader.seek(first)
+            while n < stop:
+                piece = reader.read_points(min(CHUNK, stop - n))
+                if not len(piece):
+                    break
+                n += len(piece)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    x, y, z = (np.ascontiguousarray(piece[axis], np.float64) for axis in "xyz")
+                dropped: dict[str, int] = {}
+                yield Columns(x, y, z, _kept(piece, (x, y, z), dropped), len(piece), dropped)
+        if n != stop:
+            raise UsageError(f"{self.path}: it is truncated, {n} of {stop} points: copy it again")
 
 
 def open_las(path: Path, given: Reference | None) -> LasSource:
@@ -70,7 +129,17 @@ def open_las(path: Path, given: Reference | None) -> LasSource:
         for packing in header.vlrs.get("LasZipVlr") if header.are_points_compressed else ():
             check_chunks(path, least, int(header.point_format.size), bytes(packing.record_data))
         clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
-        return LasSource(path, n_points, given or of_header(header, path), clock)
+        corners = [(float(edge[0]), float(edge[1])) for edge in (header.mins, header.maxs)]
+        seekable = not any(vlr.user_id == COPC for vlr in header.vlrs)
+        return LasSource(
+            path,
+            n_points,
+            given or of_header(header, path),
+            clock,
+            seekable=seekable,
+            low=corners[0],
+            high=corners[1],
+        )
 
 
 def pieces(path: Path, n_points: int) -> Iterator[Any]:
@@ -99,14 +168,20 @@ def coordinates(piece: Any) -> NDArray[np.float64]:
 def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return coordinates of the points to use, and which of the piece they are; count the others."""
     xyz = coordinates(piece)
+    keep = _kept(piece, tuple(xyz.T), dropped)
+    return xyz[keep], keep
+
+
+def _kept(piece: Any, axes: tuple[NDArray[np.float64], ...], dropped: dict[str, int]) -> NDArray[np.bool_]:
+    """Tell which points of a piece to use; count the others by reason."""
     kind = np.asarray(piece.classification)
-    keep = np.ones(len(xyz), bool)
+    keep = np.ones(len(kind), bool)
     for reason, bad in (
         ("withheld", np.asarray(piece.withheld) != 0),
         ("noise", (kind == LOW_NOISE) | (kind == HIGH_NOISE)),
         ("water", kind == WATER),
-        ("not_finite", ~np.isfinite(xyz).all(axis=1)),
+        ("not_finite", ~np.logical_and.reduce([np.isfinite(values) for values in axes])),
     ):
-        dropped[reason] = int((keep & bad).sum())
+        dropped[reason] = int(np.count_nonzero(keep & bad))
         keep &= ~bad
-    return xyz[keep], keep
+    return keep

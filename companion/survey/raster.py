@@ -2,87 +2,125 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rasterio
+import rasterio.shutil
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 from rasterio.transform import Affine
+from rasterio.windows import Window
 
+from companion.survey.findings import Maps
 from companion.survey.metric import Metric
 from companion.survey.reference import unit_name
-from slz import UNKNOWN, TerrainMaps
+from slz import UNKNOWN, Box
 
 TILE = 256  # cells
+STRIP = 1024  # rows read at a time
+CACHE_MB = 128  # of GDAL
 
 
-def write(folder: Path, maps: TerrainMaps, metric: Metric, source_mode: bool) -> list[Path]:
-    """Write dsm.tif, slope.tif, roughness.tif and safe.tif, north up, and return their paths.
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A map as it is written: of which layer, in which unit, and what its cells mean."""
+
+    name: str
+    of: str
+    unit: str
+    meaning: str
+
+    @property
+    def is_float(self) -> bool:
+        return self.of != "state"
+
+
+def layers(metric: Metric, source_mode: bool) -> tuple[Layer, ...]:
+    """Return what is written of a survey.
 
     dsm: height in the cloud's own vertical unit and datum. slope: degrees. roughness: rms residual about
     the plane of the footprint, metres; in source mode the gradient of the slope map, degrees. These are
     float32 with NaN where unknown. safe: uint8, 0 unsafe, 1 safe, 255 (nodata) unknown.
     """
-    z = metric.reference.vertical_m
-    height = (metric.altitude_m(maps.height_m.astype(np.float64)) / z).astype(np.float32)
-    rough_unit = "degree" if source_mode else "m"
-    layers: tuple[tuple[str, NDArray[Any], float, str, str], ...] = (
-        ("dsm", height, np.nan, unit_name(z), f"mean height of the returns, {unit_name(z)}"),
-        ("slope", maps.slope_deg, np.nan, "degree", "slope, degrees"),
-        ("roughness", maps.roughness, np.nan, rough_unit, f"roughness, {rough_unit}"),
-        ("safe", maps.state, int(UNKNOWN), "", "0 unsafe, 1 safe, 255 unknown"),
+    height, rough = unit_name(metric.reference.vertical_m), "degree" if source_mode else "m"
+    return (
+        Layer("dsm", "height_m", height, f"mean height of the returns, {height}"),
+        Layer("slope", "slope_deg", "degree", "slope, degrees"),
+        Layer("roughness", "roughness", rough, f"roughness, {rough}"),
+        Layer("safe", "state", "", "0 unsafe, 1 safe, 255 unknown"),
     )
-    affine = transform(maps, metric)
-    return [
-        _write(folder / f"{name}.tif", values, nodata, unit, description, affine, metric)
-        for name, values, nodata, unit, description in layers
-    ]
 
 
-def transform(maps: TerrainMaps, metric: Metric) -> Affine:
+def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
+    """Write a map, north up, with overviews where it is larger than a tile; those of the state invent none.
+
+    It is read and written strip by strip, so memory does not grow with the map.
+    """
+    unfinished = path.with_suffix(".part.tif")
+    rows, cols = maps.grid.rows, maps.grid.cols
+    values: Callable[[Box], NDArray[Any]] = lambda box: _values(layer, maps, metric, box)  # noqa: E731
+    tiled = rows > TILE or cols > TILE
+    try:
+        with rasterio.Env(GDAL_CACHEMAX=CACHE_MB):
+            with rasterio.open(
+                unfinished,
+                "w",
+                driver="GTiff",
+                height=rows,
+                width=cols,
+                count=1,
+                dtype="float32" if layer.is_float else "uint8",
+                nodata=np.nan if layer.is_float else int(UNKNOWN),
+                crs=CRS.from_wkt(metric.reference.crs.to_wkt()),
+                transform=transform(maps, metric),
+                bigtiff="if_safer",
+                sparse_ok=True,
+                **({"tiled": True, "blockxsize": TILE, "blockysize": TILE} if tiled else {}),
+            ) as file:
+                for first in range(0, rows, STRIP):
+                    stop = min(first + STRIP, rows)
+                    strip = values(Box(rows - stop, rows - first, 0, cols))
+                    file.write(
+                        np.ascontiguousarray(strip[::-1]), 1, window=Window(0, first, cols, stop - first)
+                    )
+                file.set_band_description(1, layer.meaning)
+                if layer.unit:
+                    file.set_band_unit(1, layer.unit)
+            _optimize(unfinished, path, layer)
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return path
+
+
+def transform(maps: Maps, metric: Metric) -> Affine:
     """Return the affine map from columns and rows, north up, to the CRS."""
-    cell = maps.grid.cell_m
-    north_m = maps.south_m + maps.box.shape[0] * cell
-    ((west, north),) = metric.crs_xy(np.array([[maps.west_m, north_m]]))
-    return Affine(cell / metric.x_m, 0, west, 0, -cell / metric.y_m, north)
+    grid = maps.grid
+    ((west, north),) = metric.crs_xy(np.array([[grid.west_m, grid.north_m]]))
+    return Affine(grid.cell_m / metric.x_m, 0, west, 0, -grid.cell_m / metric.y_m, north)
 
 
-def _write(
-    path: Path,
-    values: NDArray[Any],
-    nodata: float,
-    unit: str,
-    description: str,
-    affine: Affine,
-    metric: Metric,
-) -> Path:
-    """Write one map, with overviews where it is larger than a tile; those of safe.tif invent no state."""
-    rows, cols = values.shape
-    is_float = values.dtype == np.float32
-    with rasterio.open(
+def _values(layer: Layer, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
+    found = maps.read(layer.of, box)
+    if layer.of != "height_m":
+        return found
+    height = metric.altitude_m(found.astype(np.float64)) / metric.reference.vertical_m
+    return np.asarray(height.astype(np.float32))
+
+
+def _optimize(unfinished: Path, path: Path, layer: Layer) -> None:
+    rasterio.shutil.copy(
+        unfinished,
         path,
-        "w",
         driver="COG",
-        height=rows,
-        width=cols,
-        count=1,
-        dtype=values.dtype,
-        nodata=nodata,
-        crs=CRS.from_wkt(metric.reference.crs.to_wkt()),
-        transform=affine,
         compress="deflate",
-        predictor="floating_point" if is_float else "no",
+        predictor="floating_point" if layer.is_float else "no",
         level=1,
         blocksize=TILE,
         overviews="auto",
-        overview_resampling="average" if is_float else "nearest",
+        overview_resampling="average" if layer.is_float else "nearest",
         bigtiff="if_safer",
-        num_threads="all_cpus",
-    ) as file:
-        file.write(np.ascontiguousarray(values[::-1]), 1)
-        file.set_band_description(1, description)
-        if unit:
-            file.set_band_unit(1, unit)
-    return path
+    )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slz import SAFE, TerrainMaps, Zone
+from slz import SAFE, Grid, TerrainMaps, Zone
 from slz.kernels.contour import squares
 
 
@@ -16,10 +17,14 @@ def square_centre(zone: Zone, maps: TerrainMaps) -> tuple[float, float]:
     down, right = zone.box.row0 - maps.box.row0, zone.box.col0 - maps.box.col0
     rows, cols = zone.cells.shape
     safe = (maps.state[down : down + rows, right : right + cols] == SAFE) & (zone.cells == 1)
-    side = squares(np.ascontiguousarray(safe.astype(np.uint8)))
+    return centre_of(zone, safe.astype(np.uint8), maps.grid)
+
+
+def centre_of(zone: Zone, safe: NDArray[np.uint8], grid: Grid) -> tuple[float, float]:
+    """Return the same, given which cells of the zone's box are safe ones of it."""
+    side = squares(np.ascontiguousarray(safe))
     largest = int(side.max())
     last_row, last_col = np.nonzero(side == largest)
-    grid = maps.grid
     # A square ends with its last row and column, so its centre lies half a side before their far edge.
     north = grid.south_m + (last_row + 1 - largest / 2 + zone.box.row0) * grid.cell_m
     east = grid.west_m + (last_col + 1 - largest / 2 + zone.box.col0) * grid.cell_m

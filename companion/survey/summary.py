@@ -6,25 +6,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from companion.survey.cloud import Cloud
+from companion.survey.findings import Findings
 from companion.survey.reference import unit_name
-from companion.survey.survey import Survey
 from params import Parameters
-from slz import SAFE, UNKNOWN, UNSAFE
 
 COARSE = 0.25  # of a cell
 WGS84_ERROR_M = 2.0  # greater ones are worth a warning to whoever lands by latitude and longitude
 
 
 def summary(
-    files: Sequence[Path], cloud: Cloud, found: Survey, described: list[dict[str, Any]], outputs: list[Path]
+    files: Sequence[Path], found: Findings, described: list[dict[str, Any]], outputs: list[Path]
 ) -> dict[str, Any]:
     """Return the JSON object of a survey but for its duration; it holds no NaN."""
-    state, grid = found.maps.state, found.maps.grid
-    rows, cols = state.shape
-    reference = cloud.reference
+    reference = found.metric.reference
     return {
         "files": [str(path) for path in files],
+        "skipped": list(found.skipped),
         "crs": reference.name,
         "epsg": reference.epsg,
         "unit_m": reference.unit_m,
@@ -32,36 +29,29 @@ def summary(
         "vertical_unit_from": reference.vertical_from,
         "wgs84_error_m": found.metric.wgs84_error_m,
         "points": {
-            "read": cloud.n_read,
-            "used": found.report.n_used,
+            "read": found.n_read,
+            "used": found.n_used,
             "dropped": {name: count for name, count in found.dropped.items() if count},
             "per_m2": round(found.density_per_m2, 3),
         },
-        "cells": {
-            "cell_m": grid.cell_m,
-            "rows": rows,
-            "cols": cols,
-            "safe": int((state == SAFE).sum()),
-            "unsafe": int((state == UNSAFE).sum()),
-            "unknown": int((state == UNKNOWN).sum()),
-        },
+        "cells": {"cell_m": found.parameters.cell_m, **found.cells},
         "coverage_m": found.parameters.coverage_m,
         "zones": described,
         "outputs": [str(path) for path in outputs],
-        "warnings": [*_warnings(found), *_coarse(cloud, found)],
-        "stage_ms": {name: round(ms, 1) for name, ms in found.report.stage_ms.items()},
+        "warnings": [*_warnings(found), *_coarse(found)],
+        "stage_ms": {name: round(ms, 1) for name, ms in found.stage_ms.items()},
     }
 
 
-def _coarse(cloud: Cloud, found: Survey) -> list[str]:
+def _coarse(found: Findings) -> list[str]:
     """Say so when 32-bit coordinates are too large to be exact to a quarter of a cell."""
-    step_m = cloud.step * max(found.metric.x_m, found.metric.y_m)
+    step_m = found.step * max(found.metric.x_m, found.metric.y_m)
     if step_m <= COARSE * found.parameters.cell_m:
         return []
     return [f"32-bit coordinates of this size are {step_m:g} m apart: store them as 64-bit numbers"]
 
 
-def _warnings(found: Survey) -> list[str]:
+def _warnings(found: Findings) -> list[str]:
     """Say what the user must know before he trusts the zones."""
     own, warnings = found.parameters, []
     default = Parameters.model_fields["coverage_m"].default
@@ -70,13 +60,17 @@ def _warnings(found: Survey) -> list[str]:
             f"{found.density_per_m2:.1f} points/m2: gaps of up to {own.coverage_m:g} m count as seen,"
             " so a narrower hazard may have no return"
         )
-    if not (found.maps.state != UNKNOWN).any():
+    if not found.cells["safe"] + found.cells["unsafe"]:
         warnings.append(
             f"{found.density_per_m2:.1f} points/m2 cover no ground without gaps of {own.coverage_m:g} m:"
             " try a larger --cell-m or --set coverage_m"
         )
     if found.dropped.get("stray"):
         warnings.append(f"{found.dropped['stray']} points lie far from all others and were dropped")
+    if found.n_cut:
+        warnings.append(
+            f"{found.n_cut} zones are parts of larger ones, cut along lines of a fixed lattice: they adjoin"
+        )
     reference, error_m = found.metric.reference, found.metric.wgs84_error_m
     if reference.vertical_from == "horizontal unit" and reference.vertical_m != 1.0:
         unit = unit_name(reference.vertical_m)

@@ -9,38 +9,47 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shapely.geometry import mapping
+from shapely.geometry import MultiPolygon, mapping
 
+from companion.survey.findings import Findings
 from companion.survey.metric import Metric
-from companion.survey.polygon import DECIMALS, wgs84, zone_polygon
-from companion.survey.square import square_centre
-from slz import TerrainMaps, Zone
+from companion.survey.polygon import DECIMALS
+from slz import Zone
 
 
-def rows(zones: Sequence[Zone], maps: TerrainMaps, metric: Metric) -> list[dict[str, Any]]:
+def rows(findings: Findings) -> list[dict[str, Any]]:
     """Return one JSON object a zone, the best first; why: what places it behind the one before.
 
     lat, lon, elevation_m: the landing point, WGS-84 and metres above the cloud's vertical datum.
     square_centre: [lon, lat] of the largest safe square. Areas and lengths are those on the ground.
     """
-    return [{**_row(zone, maps, metric), "rank": rank} for rank, zone in enumerate(zones, start=1)]
+    metric, zones = findings.metric, findings.zones
+    if not zones:
+        return []
+    points = metric.lonlat(np.array([zone.best.enu_m[:2] for zone in zones])).round(DECIMALS)
+    centres = metric.lonlat(np.array(findings.square_centres_m)).round(DECIMALS)
+    return [
+        {**_row(zone, metric), "obstacles": n, "why": zone.why, "rank": rank}
+        | {"lat": point[1], "lon": point[0], "square_centre": centre}
+        for rank, (zone, n, point, centre) in enumerate(
+            zip(zones, findings.n_obstacles, points.tolist(), centres.tolist(), strict=True), start=1
+        )
+    ]
 
 
-def write_geojson(
-    path: Path, zones: Sequence[Zone], described: Sequence[dict[str, Any]], maps: TerrainMaps, metric: Metric
-) -> None:
+def write_geojson(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
     """Write the zones as a GeoJSON feature collection (RFC 7946: WGS-84, longitude before latitude)."""
-    features = []
-    for zone, row in zip(zones, described, strict=True):
-        shape = wgs84(zone_polygon(zone, maps.grid), metric)
-        geometry = mapping(shape.geoms[0] if len(shape.geoms) == 1 else shape)
-        features.append({"type": "Feature", "id": zone.id, "geometry": geometry, "properties": row})
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), "utf-8")
+    with path.open("w", encoding="utf-8") as file:
+        file.write('{"type": "FeatureCollection", "features": [')
+        for k, (shape, row) in enumerate(zip(shapes, described, strict=True)):
+            geometry = mapping(shape.geoms[0] if len(shape.geoms) == 1 else shape)
+            feature = {"type": "Feature", "id": row["id"], "geometry": geometry, "properties": row}
+            file.write((", " if k else "") + json.dumps(feature))
+        file.write("]}")
 
 
-def _row(zone: Zone, maps: TerrainMaps, metric: Metric) -> dict[str, Any]:
+def _row(zone: Zone, metric: Metric) -> dict[str, Any]:
     best = zone.best
-    here = metric.lonlat(np.array([best.enu_m[:2], square_centre(zone, maps)]))
     length = math.sqrt(metric.area_factor)
     return {
         "id": zone.id,
@@ -49,17 +58,15 @@ def _row(zone: Zone, maps: TerrainMaps, metric: Metric) -> dict[str, Any]:
         "slope_deg": _number(zone.slope_deg, 3),
         "roughness": _number(zone.roughness, 4),
         "square_side_m": round(best.square_side_m * length, 3),
-        "square_centre": here[1].round(DECIMALS).tolist(),
-        "lat": round(float(here[0, 1]), DECIMALS),
-        "lon": round(float(here[0, 0]), DECIMALS),
+        "square_centre": None,
+        "lat": None,
+        "lon": None,
         "elevation_m": _number(metric.altitude_m(float(best.enu_m[2])), 3),
         "point_certainty": round(best.certainty, 4),
         "point_slope_deg": _number(best.slope_deg, 3),
         "clearance_m": round(best.clearance_m * length, 3),
         "boundary_points": len(zone.boundary_cells),
         "corner_points": len(zone.corners_enu_m),
-        "obstacles": len(zone.obstacles),
-        "why": zone.why,
     }
 
 

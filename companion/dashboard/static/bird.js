@@ -2,7 +2,7 @@
 
 import { fitCanvas } from "./dom.js";
 import { rampColour, SLOPE_FULL_DEG } from "./paint.js";
-import { holds, pathOf, patternOf, STATE_STYLE, styleOf, SURE_WORDS } from "./zones.js";
+import { holds, pathOf, patternOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS } from "./zones.js";
 
 const FRAME_MS = 45;
 const [LEAST_SCALE, MOST_SCALE] = [0.15, 60]; // pixels a metre
@@ -199,6 +199,7 @@ export class BirdView {
 
   _zones(pen) {
     const r = this._ratio;
+    this._surveyed(pen);
     for (const [zones, far] of [[this.model.far(), true], [this.model.near(), false]]) {
       for (const zone of zones) {
         const path = pathOf(zone, this.place);
@@ -225,6 +226,21 @@ export class BirdView {
         pen.stroke(path);
         pen.setLineDash([]);
       }
+    }
+  }
+
+  /** What a survey before the flight found: grey and dotted, below all that was seen since. */
+  _surveyed(pen) {
+    const r = this._ratio;
+    for (const zone of this.model.prior()) {
+      const path = pathOf(zone, this.place);
+      pen.fillStyle = STYLE.prior.fill;
+      pen.fill(path, "evenodd");
+      pen.setLineDash([2 * r, 4 * r]);
+      pen.lineWidth = 2 * r;
+      pen.strokeStyle = STYLE.prior.line;
+      pen.stroke(path);
+      pen.setLineDash([]);
     }
   }
 

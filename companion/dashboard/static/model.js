@@ -55,6 +55,11 @@ export class Model {
     return this.zones?.far ?? [];
   }
 
+  /** Zones on ground surveyed before the flight: to look at, never yet to land in. */
+  prior() {
+    return this.zones?.prior ?? [];
+  }
+
   allZones() {
     return [...this.near(), ...this.far()];
   }

@@ -4,6 +4,7 @@ export const STYLE = {
   largest: { fill: "rgba(0, 92, 40, 0.62)", line: "#0b7a3b", halo: "#d9ffe6" },
   certain: { fill: "rgba(120, 214, 130, 0.50)", line: "#8be89a", halo: "#0d2a14" },
   uncertain: { fill: "rgba(214, 60, 50, 0.42)", line: "#ff8a7a", halo: "#3a0d0a" },
+  prior: { fill: "rgba(176, 188, 200, 0.20)", line: "#c3ced9", halo: "#10151a" },
 };
 export const SURE_WORDS = { certain: "certain", less: "less certain", uncertain: "uncertain" };
 export const STATE_STYLE = {

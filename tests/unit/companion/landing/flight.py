@@ -79,6 +79,7 @@ class Flight:
         self.battery_pct: float | None = 80.0
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
         self.far_zones: list[Zone] = []
+        self.prior_zones: list[Zone] = []
 
     def situation(self) -> Situation:
         selected = None
@@ -88,6 +89,7 @@ class Flight:
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, False, 0, 0, False, {})
+        report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)))
         return Situation(
             now_ns=round(self.time_s * 1e9),
             connected=self.connected,

@@ -204,3 +204,35 @@ class TestOperator:
     def test_abort_without_a_landing_is_refused(self) -> None:
         flight = Flight([], auto=False).run(1)
         assert not flight.executive.abort(flight.situation()).accepted
+
+
+def test_ground_of_a_survey_is_flown_to_and_left_again_unless_live_maps_call_it_safe() -> None:
+    flight = Flight([])
+    flight.prior_zones = [zone(100_001, 15, 5, certainty=0.5)]
+    flight.state = lambda _h, _point: PointState.UNKNOWN
+    flight.run(120)
+    assert Phase.APPROACH in flight.phases
+    assert not {Phase.DESCEND, Phase.FINAL} & set(flight.phases)
+    assert flight.position[2] > 25
+    assert flight.executive.tally.abort_reasons[0] == "point not seen"
+
+
+def test_ground_of_a_survey_that_live_maps_call_safe_is_landed_on() -> None:
+    flight = Flight([])
+    flight.prior_zones = [zone(100_001, 15, 5, certainty=0.5)]
+    flight.fly_to(Phase.LANDED)
+    assert np.hypot(*(flight.position[:2] - [15, 5])) < 0.5
+
+
+def test_a_zone_that_was_seen_goes_before_one_of_a_survey() -> None:
+    flight = Flight([zone(1, 40, 10)])
+    flight.prior_zones = [zone(100_001, 1, 1, certainty=0.5)]
+    assert flight.fly_to(Phase.LANDED).executive.tally.zone_id == 1
+
+
+def test_in_an_emergency_a_survey_s_zone_will_do_when_nothing_else_is_known() -> None:
+    flight = Flight([], auto=False)
+    flight.prior_zones = [zone(100_002, 60, 0, certainty=0.5), zone(100_001, 20, 0, certainty=0.5)]
+    assert flight.executive.land_now(flight.situation()).accepted
+    flight.fly_to(Phase.APPROACH)
+    assert flight.executive.tally.zone_id == 100_001

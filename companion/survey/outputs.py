@@ -1,0 +1,52 @@
+"""All files of a survey."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from companion.survey import raster
+from companion.survey.classified import write_classified
+from companion.survey.findings import Findings
+from companion.survey.flatgeobuf import write_flatgeobuf
+from companion.survey.kml import write_kml
+from companion.survey.page import write_page
+from companion.survey.reference import from_option
+from companion.survey.tables import write_csv, write_survey
+from companion.survey.tiled.engine import Engine
+from companion.survey.zones import write_geojson
+
+
+def rasters(folder: Path, found: Findings, engine: Engine) -> list[Path]:
+    """Write all maps, each a task of its own, and return their paths."""
+    layers = raster.layers(found.metric, found.parameters.mode == "source")
+    asked = [(folder / f"{layer.name}.tif", layer) for layer in layers]
+    for _ in engine.each(_raster, asked, found.maps, found.metric):
+        pass
+    return [path for path, _ in asked]
+
+
+def _raster(asked: tuple[Path, raster.Layer], maps: Any, metric: Any) -> None:
+    raster.write(*asked, maps, metric)
+
+
+def zones(
+    folder: Path, files: Sequence[Path], found: Findings, described: Sequence[dict[str, Any]]
+) -> list[Path]:
+    """Write the zones in all formats, a table of them and the page, and return the paths."""
+    geojson, kml, fgb, csv = (folder / f"zones.{suffix}" for suffix in ("geojson", "kml", "fgb", "csv"))
+    write_geojson(geojson, found.shapes, described)
+    write_kml(kml, found.shapes, described)
+    write_flatgeobuf(fgb, found.shapes, described)
+    write_csv(csv, described)
+    page, survey = folder / "map.html", folder / "survey.json"
+    write_page(page, found, described)
+    write_survey(survey, files, found)
+    return [geojson, kml, fgb, csv, page, survey]
+
+
+def points(folder: Path, files: Sequence[Path], crs: str | None, found: Findings) -> list[Path]:
+    """Write the points with their classes, and return the paths."""
+    given = from_option(crs) if crs else None
+    return write_classified(folder, files, given, found.maps, found.metric)

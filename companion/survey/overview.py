@@ -1,0 +1,45 @@
+"""A small picture of the ground of a survey, whatever its size: shaded heights and what is known."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.figures.picture import filled, shade
+from companion.survey.findings import Maps
+from slz import SAFE, UNKNOWN, Box
+
+MOST_PIXELS = 1200  # on a side
+STRIP = 1024  # rows read at a time
+SAFE_TINT, UNSAFE_TINT = (0.85, 0.91, 0.83), (0.93, 0.87, 0.80)
+
+
+def thinned(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
+    """Return every `step`-th row and column of a layer, row 0 the southernmost."""
+    rows, cols = maps.grid.rows, maps.grid.cols
+    strip = STRIP // step * step or step
+    parts = [
+        maps.read(name, Box(first, min(first + strip, rows), 0, cols))[::step, ::step]
+        for first in range(0, rows, strip)
+    ]
+    return np.concatenate(parts)
+
+
+def ground_png(maps: Maps) -> tuple[bytes, int]:
+    """Return a PNG, north up, and how many cells one of its pixels stands for along a side."""
+    from PIL import Image
+
+    step = max(1, math.ceil(max(maps.grid.rows, maps.grid.cols) / MOST_PIXELS))
+    state = thinned(maps, "state", step)
+    height = filled(np.asarray(thinned(maps, "height_m", step), np.float32))
+    light = (0.35 + 0.75 * shade(height, maps.grid.cell_m * step)).clip(0, 1)
+    tint = np.where((state == SAFE)[..., None], SAFE_TINT, UNSAFE_TINT)
+    picture = np.zeros((*state.shape, 4), np.uint8)
+    picture[..., :3] = (255 * tint * light[..., None]).astype(np.uint8)
+    picture[..., 3] = np.where((state == UNKNOWN) & np.isnan(height), 0, 255)
+    out = io.BytesIO()
+    Image.fromarray(picture[::-1]).save(out, "PNG", optimize=False, compress_level=6)
+    return out.getvalue(), step

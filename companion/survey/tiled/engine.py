@@ -1,0 +1,131 @@
+"""Who carries out the tasks of a survey: this process, or workers of Dask."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol, TypeVar
+
+from companion.errors import CompanionError, UsageError
+
+T = TypeVar("T")
+R = TypeVar("R")
+AHEAD = 3  # tasks of each worker that are handed out at a time
+MOST_DEATHS = 10  # of workers at one task, before it is taken for the task's fault
+WORKER_MEMORY = "1GiB"
+CONNECT_S = 10.0
+
+
+class Engine(Protocol):
+    """Carries out tasks that may be repeated: what a task leaves is a file, whole or absent."""
+
+    def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
+        """Call the task with every item, and what all share; return items and results as they come."""
+
+
+class InProcess:
+    """One task after the other, here."""
+
+    def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
+        for item in items:
+            yield item, task(item, *shared)
+
+
+class Distributed:
+    """Tasks on the workers of a Dask scheduler. What a worker that dies was at is done by another."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
+        from distributed import as_completed
+
+        waiting = iter(items)
+        futures: dict[Any, T] = {}
+
+        def hand_out(most: int) -> list[Any]:
+            new = []
+            for _, item in zip(range(most), waiting, strict=False):
+                future = self._client.submit(task, item, *shared, pure=False)
+                futures[future] = item
+                new.append(future)
+            return new
+
+        flow = as_completed(hand_out(AHEAD * max(2, self._workers)))
+        for future in flow:
+            item = futures.pop(future)
+            try:
+                result = future.result()
+            except Exception as error:
+                raise _translated(error) from None
+            for new in hand_out(1):
+                flow.add(new)
+            yield item, result
+
+    @property
+    def _workers(self) -> int:
+        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+
+    def process_ids(self) -> list[int]:
+        """Return the numbers of the workers' processes."""
+        return sorted(self._client.run(os.getpid).values())
+
+
+def _translated(error: Exception) -> Exception:
+    from distributed import KilledWorker
+
+    if isinstance(error, KilledWorker):
+        return CompanionError(
+            f"workers died {MOST_DEATHS} times at one tile: give them more memory; run again to go on"
+        )
+    return error
+
+
+@contextmanager
+def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
+    """Return who carries out the tasks: a scheduler's workers, so many processes here, or this process.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, no scheduler answers, or both were asked for.
+    """
+    if scheduler is None and workers is None:
+        yield InProcess()
+        return
+    if scheduler is not None and workers is not None:
+        raise UsageError("--scheduler and --workers exclude each other: the scheduler's workers are used")
+    if workers is not None and workers < 1:
+        raise UsageError(f"--workers {workers}: one at least")
+    try:
+        import dask
+        import distributed
+    except ImportError:
+        raise UsageError("--workers and --scheduler need Dask: pip install 'slz[survey]'") from None
+    settings = {
+        "distributed.scheduler.allowed-failures": MOST_DEATHS,
+        "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.comm.timeouts.connect": "10s",
+    }
+    with dask.config.set(settings):
+        if scheduler is not None:
+            try:
+                client = distributed.Client(scheduler, timeout=CONNECT_S)
+            except (OSError, ValueError) as error:
+                raise UsageError(f"--scheduler {scheduler}: no scheduler answers: {error}") from None
+            with client:
+                yield Distributed(client)
+            return
+        with (
+            distributed.LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                memory_limit=WORKER_MEMORY,
+                dashboard_address=None,
+                host="127.0.0.1",
+                silence_logs="CRITICAL",
+            ) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            yield Distributed(client)

@@ -1,0 +1,247 @@
+"""A survey of any size, step by step: sort, count, draw, join, describe."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from companion.errors import UsageError
+from companion.survey.density import coverage_for
+from companion.survey.metric import Metric
+from companion.survey.source import Source
+from companion.survey.tiled import packed, plan
+from companion.survey.tiled.census import Census, take
+from companion.survey.tiled.density import per_m2, tally
+from companion.survey.tiled.draw import Ground, draw_tile
+from companion.survey.tiled.engine import Engine
+from companion.survey.tiled.label import joined, label_tile
+from companion.survey.tiled.lattice import UNIT_M, Lattice
+from companion.survey.tiled.progress import Progress
+from companion.survey.tiled.scale import first_guess, metric_of
+from companion.survey.tiled.sort import Piece, sort_piece
+from companion.survey.tiled.store import Layout, Store
+from companion.survey.tiled.zones import Found, batches, describe_zones, load
+from params import Parameters
+from slz.drawing import reach_of
+from slz.search import side_in_cells
+
+SORTED_BYTES, DRAWN_BYTES = 6.5, 26.0  # on disk for a point, and for a cell with its share of the rasters
+LEAST_SHARES = {"sorting": 0.6, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1}
+MOST_ZONES = 10**9
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """What a survey found, and where its maps lie. found: in the order of their IDs, from 1 on."""
+
+    layout: Layout
+    metric: Metric
+    parameters: Parameters
+    density_per_m2: float
+    n_read: int
+    n_used: int
+    dropped: dict[str, int]
+    n_safe: int
+    n_unsafe: int
+    step: float
+    found: list[Found]
+    skipped: list[plan.Skipped]
+    stage_ms: dict[str, float]
+
+
+class Survey:
+    """One survey in a work folder; whatever of it is there already is not done again."""
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        work: Path,
+        parameters: Parameters,
+        engine: Engine,
+        tell: Callable[[str, float], None],
+        crs: str | None = None,
+        tile_m: float | None = None,
+    ) -> None:
+        self._files, self._work, self._crs = files, work, crs
+        self._parameters = parameters
+        self._engine = engine
+        self._progress = Progress(tell)
+        self._side = plan.tile_side(tile_m, parameters.cell_m)
+        self._bin_m = parameters.outlier_gap_m / 4
+        self.stage_ms: dict[str, float] = {}
+
+    def run(self) -> Surveyed:
+        """Carry the survey out.
+
+        Raises
+        ------
+        UsageError
+            A file, their CRS or the work folder cannot be used, or no point is left.
+        """
+        p = self._parameters
+        sources, skipped = plan.opened(self._files, self._crs)
+        guess = first_guess(sources, p.cell_m)
+        self._check_room(sources)
+        plan.claim(self._work, plan.manifest(self._files, self._crs, p, guess, self._side))
+        sorted_, census, metric, broken = self._sorted(sources, guess)
+        skipped += broken
+        layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
+        density, p = self._fitted(layout, sorted_)
+        drawn = self._drawn(layout, sorted_, census, metric, p)
+        self._zones(layout, p)
+        found = sorted(
+            (one for path in (self._work / "zones").glob("*.zones") for one in load(path)),
+            key=lambda one: one.first,
+        )
+        found = [replace(one, zone=replace(one.zone, id=k)) for k, one in enumerate(found, start=1)]
+        used, lone = drawn["n_used"], drawn["n_outliers"]
+        astray = census.n_read - sum(census.dropped.values()) - used - lone
+        dropped = Counter(census.dropped) + Counter(stray=astray, outlier=lone)
+        return Surveyed(
+            layout, metric, p, density, census.n_read, used, dict(dropped), drawn["safe"], drawn["unsafe"],
+            plan.spacing(sources, census.box, guess), found, skipped, self.stage_ms,
+        )  # fmt: skip
+
+    # ---- steps ----------------------------------------------------------------------------------
+
+    def _each(
+        self, what: str, task: Callable[..., Any], items: Sequence[T], done: int, *shared: Any
+    ) -> list[tuple[T, Any]]:
+        """Carry out the tasks of a step and tell how far it is."""
+        began = time.perf_counter()
+        self._progress.step(what, LEAST_SHARES[what], len(items), done)
+        results = []
+        for count, pair in enumerate(self._engine.each(task, items, *shared), start=1):
+            results.append(pair)
+            self._progress.at(count)
+        ms = (time.perf_counter() - began) * 1e3
+        self.stage_ms[what] = self.stage_ms.get(what, 0.0) + ms
+        return results
+
+    def _sorted(
+        self, sources: Sequence[Source], lattice: Lattice
+    ) -> tuple[list[Path], Census, Metric, list[plan.Skipped]]:
+        """Sort all points; twice where only they tell how long a unit of the CRS is."""
+        paths, census, broken = self._sort(sources, lattice, "sorted")
+        metric = metric_of(sources[0], census, lattice)
+        if (metric.x_m, metric.y_m) != (lattice.x_m, lattice.y_m):
+            lattice = replace(lattice, x_m=metric.x_m, y_m=metric.y_m)
+            for path in paths:
+                path.unlink(missing_ok=True)
+            paths, census, broken = self._sort(sources, lattice, "sorted-again")
+        box, cell_m = census.box, lattice.cell_m
+        origin = (
+            box.col0 * cell_m / lattice.x_m,
+            box.row0 * cell_m / lattice.y_m,
+            math.floor(census.lowest * UNIT_M / lattice.z_m),
+        )
+        return paths, census, replace(metric, origin=origin), broken
+
+    def _sort(
+        self, sources: Sequence[Source], lattice: Lattice, folder: str
+    ) -> tuple[list[Path], Census, list[plan.Skipped]]:
+        (self._work / folder).mkdir(exist_ok=True)
+        pieces = plan.pieces(sources, self._crs, self._work / folder)
+        done = sum(piece.sorted.exists() for piece in pieces)
+        outcomes = self._each("sorting", sort_piece, pieces, done, lattice, self._bin_m)
+        reasons = {piece.path: outcome.broken for piece, outcome in outcomes if outcome.broken}
+        whole = [piece for piece in pieces if piece.path not in reasons]
+        reasons |= _empty(whole)
+        whole = [piece for piece in whole if piece.path not in reasons]
+        broken = [plan.Skipped(path, str(reasons[path])) for path in self._files if path in reasons]
+        if not whole:
+            raise UsageError(broken[0].reason)
+        paths = [piece.sorted for piece in whole]
+        census = take(paths, self._bin_m)
+        if census is None:
+            raise UsageError("no point is left: all are higher than 20 km; is the vertical unit right?")
+        return paths, census, broken
+
+    def _fitted(self, layout: Layout, paths: list[Path]) -> tuple[float, Parameters]:
+        """Return the density, and parameters whose limits hold a survey of any size."""
+        p = self._parameters
+        tiles = plan.tiles(layout, paths, 0)
+        shared = (layout.whole, p.cell_m)
+        pairs = self._each("counting", _tally, tiles, 0, *shared)
+        density = per_m2([found for _, found in pairs], p.cell_m)
+        own: dict[str, Any] = {}
+        if "coverage_m" not in p.model_fields_set:
+            own["coverage_m"] = coverage_for(density, p.cell_m, p.coverage_m, p.min_square_m)
+        if "max_zones" not in p.model_fields_set:
+            own["max_zones"] = MOST_ZONES
+        return density, p.model_copy(update=own)
+
+    def _drawn(
+        self, layout: Layout, paths: list[Path], census: Census, metric: Metric, p: Parameters
+    ) -> Counter[str]:
+        tiles = plan.tiles(layout, paths, reach_of(p, p.cell_m).margin + 16)
+        done = sum(tile.drawn.exists() for tile in tiles)
+        datum = round(metric.origin[2] * metric.z_m / UNIT_M)
+        ground = Ground(census.box, census.interval, datum, p)
+        total: Counter[str] = Counter()
+        for _, notes in self._each("drawing", draw_tile, tiles, done, ground):
+            total.update({name: notes[name] for name in ("n_used", "n_outliers", "safe", "unsafe")})
+        return total
+
+    def _zones(self, layout: Layout, p: Parameters) -> None:
+        """Join the safe ground of all tiles and work out every zone."""
+        keys = sorted(tuple(map(int, path.stem.split("_"))) for path in layout.folder.glob("*.tile"))
+        least = side_in_cells(p.min_square_m, layout.grid)
+        pairs = self._each("joining", _labelled, [(layout, key, least) for key in keys], 0)
+        work = batches(joined({found.key: found for _, found in pairs}), self._work / "zones")
+        done = sum(one.done.exists() for one in work)
+        self._each("zones", describe_zones, work, done, layout, p)
+
+    def _check_room(self, sources: Sequence[Source]) -> None:
+        """Refuse what does not fit on the disk, before hours are spent."""
+        need = SORTED_BYTES * sum(source.n_points for source in sources)
+        free = shutil.disk_usage(
+            next(part for part in (self._work, *self._work.parents) if part.exists())
+        ).free
+        if need > free:
+            raise UsageError(
+                f"{self._work}: {free / 1e9:.1f} GB are free, the points alone take {need / 1e9:.1f} GB:"
+                " choose another disk by --out, or map fewer files at a time"
+            )
+
+
+def _tally(tile: Any, whole: Any, cell_m: float) -> Any:
+    return tally(tile.sources, tile.box, whole, cell_m)
+
+
+def _labelled(asked: tuple[Layout, Any, int]) -> Any:
+    return label_tile(*asked)
+
+
+def _empty(pieces: Sequence[Piece]) -> dict[Path, str]:
+    """Return the files none of whose points can be used, and why."""
+    used: Counter[Path] = Counter()
+    read: Counter[Path] = Counter()
+    dropped: dict[Path, Counter[str]] = {}
+    for piece in pieces:
+        arrays, notes = packed.read(piece.sorted)
+        used[piece.path] += len(arrays["cells"])
+        read[piece.path] += int(notes["n_read"])
+        dropped.setdefault(piece.path, Counter()).update(notes["dropped"])
+    return {
+        path: f"{path}: none of its {read[path]} points is usable{_reasons(dropped[path])}"
+        for path in dropped
+        if not used[path]
+    }
+
+
+def _reasons(dropped: Counter[str]) -> str:
+    counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in dropped.items() if count)
+    return f" ({counts})" if counts else ""
+
+
+def store_of(surveyed: Surveyed) -> Store:
+    """Return the maps of a survey."""
+    return Store(surveyed.layout)

@@ -1,0 +1,90 @@
+"""The maps of a rectangle of cells from their evidence: slope, relief and certainty of every footprint."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.kernels.footprint import HEIGHT, WEIGHT, closed, dilated, highest_around, planes
+from slz.kernels.verdict import verdict
+from slz.maps import SAFE, UNKNOWN, UNSAFE
+
+LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
+STATE_OF = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)  # by what a verdict tells
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far evidence reaches, in cells.
+
+    radius: of a footprint about its cell. gap: of the closing that fills gaps which count as seen. margin:
+    evidence farther than this from a cell says nothing of it. A footprint reaches by its radius. Whether a
+    cell of it is seen depends on a closing of seen ground (twice the gap), of which the raised cells are
+    taken out, found by the lowest cell within 2 gap + 1; one more cell for the rim of seen ground, one for
+    the company of extremes (`summarise`). So the margin is radius + 4 gap + 3.
+    """
+
+    radius: int
+    gap: int
+
+    @property
+    def margin(self) -> int:
+        return self.radius + 4 * self.gap + 3
+
+
+def reach_of(parameters: Parameters, cell_m: float) -> Reach:
+    """Return how far evidence reaches with cells of a size."""
+    half = parameters.footprint_m / 2 / cell_m
+    gap = max(0, round((parameters.coverage_m / cell_m - 1) / 2))
+    return Reach(max(1, math.ceil(half - 0.5 - 1e-9)), gap)
+
+
+def drawn(
+    cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Draw the maps of all cells but a margin of `reach.margin` on every side.
+
+    Parameters
+    ----------
+    cells
+        (6, rows, cols) of `slz.kernels.footprint.summarise`.
+
+    Returns
+    -------
+    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 what `STATE_OF` turns into
+    states; 0 stands for cells that nobody drew.
+    """
+    p, m, k = parameters, reach.margin, reach.radius
+    rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
+    known = (cells[WEIGHT] > 0).view(np.uint8)
+    near = m - k  # no footprint of the box reaches farther
+    about = slice(near, m + rows + k), slice(near, m + cols + k)
+    fits = planes(
+        np.ascontiguousarray(cells[:, *about]),
+        np.ascontiguousarray(closed(known, reach.gap)[about]),
+        k, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m,
+    )  # fmt: skip
+    unseen = _unseen(known, cells[HEIGHT], reach, cell_m, p)
+    box, inner = (slice(m, m + rows), slice(m, m + cols)), slice(k, -k)
+    values, told = verdict(cells[:, *box], fits[:, inner, inner], unseen[box], p.safe_slope_deg, p.relief_m)
+    return values, told
+
+
+def _unseen(
+    known: NDArray[np.uint8], height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters
+) -> NDArray[np.uint8]:
+    """Tell which footprints hold unseen ground.
+
+    What stands in the middle of unseen ground must not make that ground seen: cells above ground near
+    enough for a gap between to count as seen close no gap, unless a safe slope leads up to them. And the
+    outermost seen cells may be part water, part shore.
+    """
+    rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
+    lowest = -highest_around(-height_m, 2 * reach.gap + 1, rise_m)
+    level = ~(height_m - lowest > np.float32(p.relief_m))
+    seen = known | closed(known & level.view(np.uint8), reach.gap)
+    return dilated(np.uint8(1) - seen, reach.radius + 1)

@@ -1,0 +1,64 @@
+"""Live returns against ground that was surveyed before."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+
+@kernel("float64[:](float64[:, :], float64, float64, float64, uint8[:, ::1], float32[:, ::1])")
+def heights_over(
+    points: NDArray[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    safe: NDArray[np.uint8],
+    height: NDArray[np.float32],
+) -> NDArray[np.float64]:
+    """Return how high points lie over surveyed ground; NaN where that was not safe, or none was there."""
+    rows, cols = safe.shape
+    out = np.full(len(points), np.nan)
+    for i in range(len(points)):
+        c = int(np.floor((points[i, 0] - west) / cell))
+        r = int(np.floor((points[i, 1] - south) / cell))
+        if 0 <= r < rows and 0 <= c < cols and safe[r, c] == 1:
+            out[i] = points[i, 2] - height[r, c]
+    return out
+
+
+@kernel(
+    "int64(float64[:, :], float64[:], float64[:], float64, float64, float64, float64, float64, float64,"
+    " uint8[:, ::1])"
+)
+def contradict(
+    points: NDArray[np.float64],
+    over: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    offset_m: float,
+    least_m: float,
+    angle_noise_rad: float,
+    west: float,
+    south: float,
+    cell: float,
+    contradicted: NDArray[np.uint8],
+) -> int:
+    """Mark the cells of points that lie above or below surveyed ground; return how many are new.
+
+    over: `heights_over`. offset_m: how high all ground lies over the survey. A point contradicts when it
+    differs by least_m and four standard deviations of a height at its distance.
+    """
+    n = 0
+    for i in range(len(points)):
+        if np.isnan(over[i]):
+            continue
+        way = np.sqrt((points[i, 0] - sensor[0]) ** 2 + (points[i, 1] - sensor[1]) ** 2)
+        if not abs(over[i] - offset_m) > least_m + 4 * angle_noise_rad * way:
+            continue
+        c = int(np.floor((points[i, 0] - west) / cell))
+        r = int(np.floor((points[i, 1] - south) / cell))
+        if contradicted[r, c] == 0:
+            contradicted[r, c] = 1
+            n += 1
+    return n

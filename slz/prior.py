@@ -1,0 +1,257 @@
+"""Ground surveyed before the flight: known from the first window on, and worth less than any live return.
+
+The prior is a layer of its own. It is no evidence in the cells of the maps, so it can make nothing safe that
+no live return fell on, and outvote none. Where a live map says anything, safe or unsafe, the prior says
+nothing. A single live return higher or lower than the surveyed ground takes that ground out of the prior for
+the rest of the flight, however far from the sensor it lies. What is left are zones to fly to and to look at:
+whether a point in one is safe the live maps alone decide (`landing_point.judge`).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from params import Parameters
+from slz.content import describe
+from slz.frame import LocalFrame
+from slz.grid import Box, Grid
+from slz.kernels.prior import contradict, heights_over
+from slz.landing_point import Readable
+from slz.maps import SAFE, UNKNOWN, UNSAFE
+from slz.ranking import rank
+from slz.repeat import ZoneTracker
+from slz.search import search_components, side_in_cells
+from slz.zone import Zone
+
+CERTAINTY = 0.5  # of surveyed ground: below what a landing asks for (`min_certainty`)
+FEWEST_RETURNS = 200
+AGREEING = 0.5  # share of returns that must lie on the surveyed ground, or all of it that was hit is given up
+FIRST_ID = 100_001  # of its zones, so that those of the live maps have the IDs they would have without it
+LATER_S = 5.0  # between two looks at what the live maps have come to know
+SAMPLE = 20_000  # returns, of which the height of the survey is found
+Points = NDArray[np.float64]
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """Surveyed ground in the map frame: state as in `TerrainMaps`, heights (m, up) and slopes (degrees).
+
+    The zero of the heights may be another than the map's.
+    """
+
+    grid: Grid
+    state: NDArray[np.uint8]
+    height_m: NDArray[np.float32]
+    slope_deg: NDArray[np.float32]
+
+
+Source = Callable[[LocalFrame, Points], Surveyed | None]
+"""Gives the surveyed ground around a place (3,) of a frame; None where there is none."""
+
+
+class PriorTerrain:
+    """What is left of surveyed ground, to be read as the live maps are (`Readable`)."""
+
+    def __init__(self, surveyed: Surveyed) -> None:
+        self.surveyed = surveyed
+        self.given_up = np.zeros(surveyed.state.shape, np.uint8)
+        self.hidden = np.zeros(surveyed.state.shape, bool)
+        self.offset_m = 0.0
+
+    @property
+    def grid(self) -> Grid:
+        return self.surveyed.grid
+
+    @property
+    def _whole(self) -> NDArray[np.uint8]:
+        state = np.where(self.given_up == 1, UNSAFE, self.surveyed.state)
+        return np.where(self.hidden & (self.given_up == 0), UNKNOWN, state)
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        return _window(self._whole, box, int(UNKNOWN))
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]:
+        if name == "certainty":
+            return np.where(self.state(box) == SAFE, np.float32(CERTAINTY), np.float32(0))
+        if name in ("height_m", "top_m"):
+            return np.asarray(_window(self.surveyed.height_m, box, np.nan) + np.float32(self.offset_m))
+        if name == "slope_deg":
+            return _window(self.surveyed.slope_deg, box, np.nan)
+        return np.full(box.shape, np.nan, np.float32)
+
+
+class Prior:
+    """Zones on surveyed ground that no live return contradicts and no live map has come to know.
+
+    Parameters
+    ----------
+    source
+        Gives the surveyed ground; asked once for a frame, and again when the vehicle leaves its middle.
+    """
+
+    def __init__(self, source: Source, parameters: Parameters) -> None:
+        self._source = source
+        self._parameters = parameters
+        self._names = ZoneTracker(itertools.count(FIRST_ID))
+        self._frame: LocalFrame | None = None
+        self._asked: Points | None = None
+        self.terrain: PriorTerrain | None = None
+        self._looked_s = -math.inf
+        self._registered = False
+        self.zones: tuple[Zone, ...] = ()
+
+    @property
+    def grid(self) -> Grid | None:
+        """The surveyed ground's raster in the map frame; None where there is none."""
+        return None if self.terrain is None else self.terrain.grid
+
+    def take(
+        self,
+        points_enu_m: Points,
+        sensor_enu_m: Points,
+        frame: LocalFrame,
+        now_s: float,
+        live: tuple[Readable, ...],
+    ) -> None:
+        """Compare a window's returns with the survey and find what zones are left.
+
+        Parameters
+        ----------
+        points_enu_m
+            (n, 3) returns of the window, outliers removed, however far.
+        live
+            The maps that go before the prior.
+        """
+        self._follow(frame, sensor_enu_m)
+        terrain = self.terrain
+        if terrain is None:
+            return
+        news = self._contradicted(terrain, points_enu_m, sensor_enu_m) > 0
+        if (
+            news
+            or now_s - self._looked_s >= LATER_S
+            or any(self._overruled(zone, live) for zone in self.zones)
+        ):
+            self._looked_s = now_s
+            terrain.hidden = known_to(live, terrain.grid)
+            self.zones = self._found(terrain, sensor_enu_m)
+
+    def _follow(self, frame: LocalFrame, sensor_enu_m: Points) -> None:
+        """Ask for other ground in another frame, and when the vehicle is a quarter of it off its middle."""
+        if frame != self._frame:
+            self._frame, self._asked, self.terrain, self.zones = frame, None, None, ()
+            self._registered = False
+        here = np.nan_to_num(sensor_enu_m)
+        old = self.terrain
+        if self._asked is not None:
+            if old is None:
+                return
+            side_m = min(old.grid.rows, old.grid.cols) * old.grid.cell_m
+            if np.abs(here[:2] - self._asked[:2]).max() < side_m / 4:
+                return
+        self._asked = here
+        surveyed = self._source(frame, here)
+        self.terrain = None if surveyed is None else PriorTerrain(surveyed)
+        self.zones, self._looked_s = (), -math.inf
+        if self.terrain is not None and old is not None:
+            self.terrain.offset_m = old.offset_m
+            self.terrain.given_up = moved(old.given_up, old.grid, self.terrain.grid)
+            self._names.moved(old.grid, self.terrain.grid)
+
+    def _contradicted(self, terrain: PriorTerrain, points: Points, sensor: Points) -> int:
+        """Give up surveyed ground that returns contradict; return how many cells are new.
+
+        How high the ground lies over the survey is found anew with every window: the datum of the survey is
+        another than the autopilot's, and a barometer drifts.
+        """
+        p, grid, surveyed = self._parameters, terrain.grid, terrain.surveyed
+        place = (grid.west_m, grid.south_m, grid.cell_m)
+        if not np.isfinite(sensor).all():
+            return 0
+        over = heights_over(points, *place, (surveyed.state == SAFE).view(np.uint8), surveyed.height_m)
+        hit = np.flatnonzero(np.isfinite(over))
+        least_m, noise = p.relief_m, math.radians(p.angle_noise_deg)
+        if len(hit) >= FEWEST_RETURNS:
+            sample = over[hit[:: max(1, len(hit) // SAMPLE)]]
+            middle = float(np.median(sample))
+            if float((np.abs(sample - middle) <= least_m).mean()) >= AGREEING:
+                terrain.offset_m, self._registered = middle, True
+            else:  # wrong ground, or ground that has changed as a whole: none of it that was hit counts
+                least_m, noise = -1.0, 0.0
+        elif not self._registered:
+            return 0  # too few to know the height of the survey by
+        return int(
+            contradict(points, over, sensor, terrain.offset_m, least_m, noise, *place, terrain.given_up)
+        )
+
+    def _overruled(self, zone: Zone, live: tuple[Readable, ...]) -> bool:
+        """Tell whether a live map calls anything unsafe where a zone's landing point would be."""
+        reach_m = self._parameters.footprint_m / 2 + self._parameters.touchdown_error_m
+        east, north = zone.best.enu_m[:2].tolist()
+        for terrain in live:
+            row0, col0 = terrain.grid.index(east - reach_m, north - reach_m)
+            row1, col1 = terrain.grid.index(east + reach_m, north + reach_m)
+            if (terrain.state(Box(row0, row1 + 1, col0, col1 + 1)) == UNSAFE).any():
+                return True
+        return False
+
+    def _found(self, terrain: PriorTerrain, sensor: Points) -> tuple[Zone, ...]:
+        p, grid = self._parameters, terrain.grid
+        half = max(1, math.ceil(p.footprint_m / 2 / grid.cell_m))
+        box = grid.everything
+        clear = ~ndimage.maximum_filter(terrain.given_up, 2 * half + 1).astype(bool)
+        safe = ((terrain.state(box) == SAFE) & clear).astype(np.uint8)
+        fewest = max(1, int(p.min_boundary_points * p.cell_m / grid.cell_m))
+        found = search_components(safe, box, side_in_cells(p.min_square_m, grid), fewest)
+        named = self._names.update(found, lambda one, number: describe(one, terrain, sensor, p, number))
+        return rank(named, p)
+
+
+def known_to(live: tuple[Readable, ...], grid: Grid) -> NDArray[np.bool_]:
+    """Return the cells of a raster whose centres lie on ground of which a live map says anything."""
+    out = np.zeros((grid.rows, grid.cols), bool)
+    for terrain in live:
+        own = terrain.grid
+        rows = np.floor(
+            (grid.south_m + (np.arange(grid.rows) + 0.5) * grid.cell_m - own.south_m) / own.cell_m
+        )
+        cols = np.floor((grid.west_m + (np.arange(grid.cols) + 0.5) * grid.cell_m - own.west_m) / own.cell_m)
+        r, c = (np.flatnonzero((at >= 0) & (at < most)) for at, most in ((rows, own.rows), (cols, own.cols)))
+        if not (len(r) and len(c)):
+            continue
+        there_r, there_c = rows[r].astype(np.int64), cols[c].astype(np.int64)
+        box = Box(int(there_r[0]), int(there_r[-1]) + 1, int(there_c[0]), int(there_c[-1]) + 1)
+        state = terrain.state(box)[np.ix_(there_r - box.row0, there_c - box.col0)]
+        out[np.ix_(r, c)] |= state != UNKNOWN
+    return out
+
+
+def moved(marks: NDArray[np.uint8], old: Grid, new: Grid) -> NDArray[np.uint8]:
+    """Return marks of cells in another raster of the same cells."""
+    down, right = old.shift_to(new)
+    out = np.zeros((new.rows, new.cols), np.uint8)
+    rows, cols = np.nonzero(marks)
+    rows, cols = rows + down, cols + right
+    inside = (rows >= 0) & (rows < new.rows) & (cols >= 0) & (cols < new.cols)
+    out[rows[inside], cols[inside]] = 1
+    return out
+
+
+def _window(values: NDArray[T], box: Box, empty: float) -> NDArray[T]:
+    """Return a copy of a box of an array, which may reach beyond it."""
+    out = np.full(box.shape, empty, values.dtype)
+    rows, cols = values.shape
+    row0, row1, col0, col1 = max(0, box.row0), min(rows, box.row1), max(0, box.col0), min(cols, box.col1)
+    if row0 < row1 and col0 < col1:
+        there = slice(row0 - box.row0, row1 - box.row0), slice(col0 - box.col0, col1 - box.col0)
+        out[there] = values[row0:row1, col0:col1]
+    return out

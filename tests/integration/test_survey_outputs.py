@@ -1,0 +1,137 @@
+"""What `slz map` leaves for other programs: FlatGeobuf, a table, a page without network; nearest zones."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+import math
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+import shapely
+from pyproj import Geod
+from shapely.geometry import shape
+
+from companion import cli, survey
+from companion.errors import UsageError
+from companion.survey.flatgeobuf import write_flatgeobuf, zones_within
+from companion.survey.nearest import nearest
+from tests.unit.companion.survey.clouds import LAT, LON, write
+from tests.unit.companion.survey.tiled.ground import parameters, points
+
+GEOD = Geod(ellps="WGS84")
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("outputs")
+    path = write(folder / "a.laz", points(100_000))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("companion.figures.save_maps", lambda *_: [])
+        told = survey.run([path], folder / "out", parameters(), lambda *_: None)
+    return folder / "out", told
+
+
+def test_flatgeobuf_geojson_and_table_say_the_same(out: tuple[Path, dict[str, Any]]) -> None:
+    folder, told = out
+    features = json.loads((folder / "zones.geojson").read_text("utf-8"))["features"]
+    rows, outlines = zones_within(folder / "zones.fgb", (-180, -90, 180, 90))
+    with (folder / "zones.csv").open(encoding="utf-8") as file:
+        table = {int(row["id"]): row for row in csv.DictReader(file)}
+    assert len(rows) == len(features) == len(table) == len(told["zones"]) >= 2
+    theirs = {
+        row["id"]: (row, shapely.from_wkb(outline)) for row, outline in zip(rows, outlines, strict=True)
+    }
+    for feature in features:
+        row, outline = theirs[feature["id"]]
+        assert outline.equals(shape(feature["geometry"]))
+        for name, value in row.items():
+            assert value == feature["properties"][name]
+            assert table[row["id"]][name] == ("" if value is None else str(value))
+
+
+def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[str, Any]]) -> None:
+    folder, told = out
+    page = (folder / "map.html").read_text("utf-8")
+    assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//|@import|fetch\(|XMLHttpRequest""", page)
+    assert "__" not in re.sub(r"base64,[^\"]*", "", page)
+    found = re.search(r'<script id="survey"[^>]*>(.*?)</script>', page, re.DOTALL)
+    assert found is not None
+    data = json.loads(found[1])
+    assert [zone["id"] for zone in data["zones"]] == [zone["id"] for zone in told["zones"]]
+    for zone, row in zip(data["zones"], told["zones"], strict=True):
+        area = sum(
+            0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+            for x, y in (np.array(ring).reshape(-1, 2).T for ring in zone["rings"])
+        )
+        assert area == pytest.approx(row["area_m2"], rel=0.03)  # holes run the other way
+    png = re.search(r"base64,([^\"]*)", page)
+    assert png is not None
+    picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(png[1])))
+    assert picture.shape[:2] == (told["cells"]["rows"], told["cells"]["cols"])
+
+
+def test_the_nearest_zones_are_those_that_trying_all_finds(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    rows, shapes = [], []
+    for number in range(1, 401):
+        lon, lat = LON + rng.normal(0, 0.05), LAT + rng.normal(0, 0.04)
+        ring = shapely.Point(lon, lat).buffer(rng.uniform(1e-4, 1e-3), 4)
+        rows.append({"id": number, "rank": number, "lat": lat, "lon": lon, "why": "", "obstacles": 0}
+            | {"boundary_points": 50, "corner_points": 9, "slope_deg": None, "area_m2": 9.0, "certainty": 1.0}
+            | dict.fromkeys(("roughness", "square_side_m", "elevation_m"), 1.0)
+            | dict.fromkeys(("point_certainty", "point_slope_deg", "clearance_m"), 1.0))  # fmt: skip
+        shapes.append(shapely.MultiPolygon([ring]))
+    write_flatgeobuf(tmp_path / "zones.fgb", shapes, rows)
+    for _ in range(5):
+        lon, lat = LON + rng.normal(0, 0.06), LAT + rng.normal(0, 0.05)
+        away = {row["id"]: GEOD.inv(lon, lat, row["lon"], row["lat"])[2] for row in rows}
+        order = sorted(away, key=away.__getitem__)
+        assert [zone["id"] for zone in nearest(tmp_path, lat, lon)["zones"]] == order[:10]
+        inside = nearest(tmp_path, lat, lon, 3000, 1000)["zones"]
+        assert [zone["id"] for zone in inside] == [k for k in order if away[k] <= 3000]
+        for zone in inside:
+            assert zone["distance_m"] == pytest.approx(away[zone["id"]], abs=0.01)
+            held = shapes[zone["id"] - 1].contains(shapely.Point(lon, lat))
+            assert zone["holds"] == held
+            assert zone["slope_deg"] is None
+    assert nearest(tmp_path, -LAT, LON, 1000)["zones"] == []
+
+
+def test_the_command_takes_western_longitudes(
+    out: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder, told = out
+    best = told["zones"][0]
+    words = [str(best["lat"]), str(best["lon"]), "--survey", str(folder), "--json"]
+    monkeypatch.setattr(sys, "argv", ["slz", "nearest", *words])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    zone = json.loads(capfd.readouterr().out)["zones"][0]
+    assert zone["id"] == best["id"]
+    assert zone["distance_m"] < 0.01
+    assert zone["holds"]
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "radius_m", "said"),
+    [
+        (91, 0, None, "no position"),
+        (0, 0, -1, "--radius-m"),
+        (0, math.nan, None, "no position"),
+        (0, 0, 1, "no zones.fgb"),
+    ],
+)
+def test_a_question_that_cannot_be_answered_is_one_line(
+    tmp_path: Path, lat: float, lon: float, radius_m: float | None, said: str
+) -> None:
+    with pytest.raises(UsageError, match=said):
+        nearest(tmp_path, lat, lon, radius_m)

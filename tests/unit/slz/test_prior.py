@@ -1,0 +1,135 @@
+"""Ground surveyed before the flight is known at once, and any live return goes before it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import params
+from slz import SAFE, UNKNOWN, UNSAFE, Grid, LocalFrame, Pipeline, PointState, Report, Window
+from slz.prior import CERTAINTY, FIRST_ID, Surveyed
+
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+CELLS, OFFSET_M = 256, 37.0  # the survey's heights have another datum
+PARAMETERS = params.build({"zone_m": 80.0, "memory_mb": 64.0})
+Points = NDArray[np.float64]
+
+
+def surveyed(safe: bool = True) -> Surveyed:
+    """Flat ground 256 m x 256 m; a lake, unknown, and a wood, unsafe, on it."""
+    grid = Grid(-128.0, -128.0, 1.0, CELLS, CELLS)
+    state = np.full((CELLS, CELLS), SAFE if safe else UNSAFE, np.uint8)
+    state[:, 150:160] = UNSAFE
+    state[100:110, :] = UNKNOWN
+    flat = np.zeros((CELLS, CELLS), np.float32)
+    return Surveyed(grid, state, flat - np.float32(OFFSET_M), flat)
+
+
+def ground(half_m: float = 12.0, n: int = 20_000, seed: int = 0) -> Points:
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-half_m, half_m, (n, 2)), rng.normal(0, 0.02, n)])
+
+
+def window(points: Points, second: float) -> Window:
+    stamps = (second * 1e9 + np.linspace(0, 0.9e9, len(points))).astype(np.int64)
+    return Window(points, stamps, np.array([0.0, 0.0, 30.0]), FRAME, int(stamps[0]), int(stamps[-1]))
+
+
+def flown(*windows: Points, survey: Surveyed | None = None) -> tuple[Pipeline, list[Report]]:
+    pipeline = Pipeline(PARAMETERS, prior=lambda _frame, _place: survey or surveyed())
+    return pipeline, [pipeline.process(window(points, k)) for k, points in enumerate(windows)]
+
+
+def holding(report: Report, east: float, north: float) -> list[int]:
+    assert report.prior is not None
+    row, col = report.prior.grid.index(east, north)
+    return [zone.id for zone in report.prior.zones if zone.holds(row, col)]
+
+
+def test_far_zones_are_known_with_the_first_window_and_as_uncertain_as_they_are() -> None:
+    _, (report,) = flown(ground())
+    assert report.prior is not None
+    assert len(report.prior.zones) == 4  # the wood and the lake part them
+    assert all(holding(report, *place) for place in ((-100, 100), (100, 100), (-100, -100), (100, -100)))
+    assert all(zone.id >= FIRST_ID for zone in report.prior.zones)
+    for zone in report.prior.zones:
+        assert zone.best.certainty == CERTAINTY < PARAMETERS.min_certainty
+        assert zone.best.enu_m[2] == pytest.approx(0.0, abs=0.05)  # in the map's heights
+
+
+def test_what_live_maps_know_is_no_ground_of_the_survey_s() -> None:
+    _, (report,) = flown(ground())
+    assert report.near.zones
+    assert not holding(report, 0.0, 5.0)
+    assert holding(report, 40.0, 100.0) or holding(report, -40.0, 100.0)
+
+
+def test_a_point_of_the_survey_alone_is_never_safe() -> None:
+    pipeline, (report,) = flown(ground())
+    assert report.prior is not None
+    for second, zone in enumerate(report.prior.zones, start=1):
+        pipeline.select(zone.best.enu_m)
+        selected = pipeline.process(window(ground(), second)).selected
+        assert selected is not None
+        assert selected.state is PointState.UNKNOWN
+        assert selected.judged_by == "none"
+
+
+@pytest.mark.parametrize("up_m", [2.0, -2.0])
+def test_one_return_that_contradicts_takes_the_ground_at_once_and_for_good(up_m: float) -> None:
+    pipeline, (before,) = flown(ground())
+    assert before.prior is not None
+    best = before.prior.zones[0].best.enu_m
+    one = np.array([[best[0], best[1], up_m]])
+    beside = one + np.array([[0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0.1], [-0.1, 0, 0]])  # lest it be alone
+    after = pipeline.process(window(np.vstack([ground(), one, beside]), 1))
+    for east in (-1.0, 0.0, 1.0):  # nor do footprints that reach over it
+        assert not holding(after, best[0] + east, best[1])
+    assert after.prior is not None
+    assert all(np.hypot(*(zone.best.enu_m - best)[:2]) > 1 for zone in after.prior.zones)
+    for second in range(2, 9):
+        after = pipeline.process(window(ground(), second))
+    assert not holding(after, best[0], best[1])
+
+
+def test_returns_on_the_surveyed_ground_contradict_nothing_whatever_the_datum() -> None:
+    far = ground(100.0, 40_000)
+    _, reports = flown(ground(), far, far + np.array([0, 0, 0.2]))
+    assert reports[-1].prior is not None
+    assert (
+        sum(zone.n_safe for zone in reports[-1].prior.zones)
+        > 0.9 * sum(zone.n_safe for zone in reports[0].prior.zones if reports[0].prior) - 60 * 60
+    )
+
+
+def test_a_survey_of_other_ground_is_given_up_where_it_was_hit() -> None:
+    rng = np.random.default_rng(4)
+    wrong = replace(surveyed(), height_m=rng.uniform(0, 30, (CELLS, CELLS)).astype(np.float32))
+    sparse = ground(90.0, 4_000)  # live maps know nothing there
+    _, (as_surveyed,) = flown(sparse)
+    _, (report,) = flown(sparse, survey=wrong)
+    assert as_surveyed.prior is not None
+    assert report.prior is not None
+    within = [sum(holding(r, x, 60.0) != [] for x in range(-80, 10)) for r in (as_surveyed, report)]
+    assert within[0] > 80
+    assert within[1] < 0.4 * within[0]  # returns hit one cell in eight, and spoil the footprints about it
+
+
+def test_the_live_maps_are_the_same_with_a_survey_and_without() -> None:
+    views = [ground(seed=k) for k in range(3)]
+    _, reports = flown(*views)
+    alone = Pipeline(PARAMETERS)
+    for report, points, second in zip(reports, views, range(3), strict=True):
+        own = alone.process(window(points, second))
+        for mine, theirs in ((report.near, own.near), (report.far, own.far)):
+            assert [(z.id, z.area_m2, z.certainty) for z in mine.zones] == [
+                (z.id, z.area_m2, z.certainty) for z in theirs.zones
+            ]
+
+
+def test_without_ground_there_is_no_prior_and_no_harm() -> None:
+    pipeline = Pipeline(PARAMETERS, prior=lambda _frame, _place: None)
+    assert pipeline.process(window(ground(), 0)).prior is None
