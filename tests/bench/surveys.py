@@ -1,8 +1,8 @@
 """Make surveys of any size and measure `slz map` on them: docs/SCALE.md.
 
-    python -m tests.bench.surveys make --points 1e7 --out /tmp/cloud
-    python -m tests.bench.surveys decode /tmp/cloud
-    python -m tests.bench.surveys measure /tmp/cloud --out /tmp/maps [--workers 2] [--repeat 3]
+python -m tests.bench.surveys make --points 1e7 --out /tmp/cloud
+python -m tests.bench.surveys decode /tmp/cloud
+python -m tests.bench.surveys measure /tmp/cloud --out /tmp/maps [--workers 2] [--repeat 3]
 """
 
 from __future__ import annotations
