@@ -88,9 +88,7 @@ class _Format:
             self.direction = _by_column(far - near)
             self.offset_m = _by_column(2 * near - far)
         if not (np.abs(self.direction) < MOST_M).all() or not (np.abs(self.offset_m) < MOST_M).all():
-            raise UsageError(
-                "LiDAR ouster: its metadata places points nowhere: fetch it again from the sensor"
-            )
+            raise UsageError("LiDAR ouster: its metadata places points nowhere: fetch it again")
         columns = int(self._packet.columns_per_packet)
         first, last = (int(column) for column in info.format.column_window)
         window = np.arange(first, last + 1 if last >= first else last + 1 + self.frame_columns)
