@@ -397,18 +397,6 @@ async def test_a_hundred_idle_connections_of_a_stranger_leave_room_and_more_are_
         await closed(writer, *(one for _, one in idle))
 
 
-async def test_a_connection_that_is_used_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("companion.dashboard.connection.LOOK_S", 0.02)
-    async with served() as s:
-        reader, writer = await asyncio.open_connection(s.front.address.host, s.front.address.port)
-        end = time.monotonic() + 0.3
-        async with asyncio.timeout(10):
-            while time.monotonic() < end:
-                writer.write(f"GET /static/icon.svg HTTP/1.1\r\nHost: {s.host}\r\n\r\n".encode())
-                assert await reader.readuntil(b"</svg>")
-        await closed(writer)
-
-
 async def test_the_api_says_what_its_description_promises() -> None:
     async with served() as s:
         report = Flight([zone(1, 5.0, 5.0)]).situation().report
