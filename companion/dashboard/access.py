@@ -108,8 +108,12 @@ class Access:
         origin = headers.get("origin")
         if origin is None:
             return "no Origin" if acts else ""
-        try:
-            ours = urlsplit(origin).netloc == host
-        except ValueError:  # no URL at all
-            ours = False
-        return "" if ours else "asked by another site's page"
+        return "" if _named(origin) == host else "asked by another site's page"
+
+
+def _named(origin: str) -> str | None:
+    """Return host and port of an origin, None where it is none."""
+    try:
+        return urlsplit(origin).netloc or None
+    except ValueError:
+        return None
