@@ -14,6 +14,7 @@ SOURCES = (
     "companion/settings.py",
     "companion/dashboard/alarms.py",
     "companion/dashboard/desk.py",
+    "companion/dashboard/page.py",
     "companion/dashboard/site.py",
     "companion/dashboard/viewer.py",
     "companion/dashboard/replay_page.py",
