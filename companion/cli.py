@@ -106,7 +106,16 @@ def _out() -> Console:
     return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
+def _say_what_takes_long() -> None:
+    """Say why nothing happens at the first start: what is imported next compiles every kernel."""
+    own = os.environ.get("NUMBA_CACHE_DIR")
+    cache = Path(own) if own else Path(__file__).parents[1] / "slz" / "kernels"
+    if next(cache.rglob("*.nbi"), None) is None:
+        err.print("first start: compiling the kernels for this computer, one to three minutes")
+
+
 def _log(verbose: bool) -> None:
+    _say_what_takes_long()
     level = logging.DEBUG if verbose else logging.INFO
     if err.is_terminal:
         rich = RichHandler(console=err, show_path=False, rich_tracebacks=False)

@@ -38,7 +38,10 @@ def shown() -> Iterator[Shown]:
 
 def opened(browser: Chromium, shown: Shown) -> None:
     browser.open(shown.url)
-    browser.until("slz.model.near().length && slz.model.state && slz.bird._fitted")
+    browser.until(
+        "slz.model.near().length && slz.model.state && slz.bird._fitted"
+        " && document.getElementById('answer').dataset.hint !== undefined"  # a line of text, which moves the map
+    )
 
 
 def test_a_finger_moves_the_map_by_as_much_as_itself(phone: Chromium, shown: Shown) -> None:
