@@ -59,11 +59,6 @@ def lands_or_calls(flight: Flown) -> str:
     return "" if called else lands(flight)
 
 
-def stays_safe(flight: Flown) -> str:
-    """It lands in the end, calls the pilot, or still looks for a place in the air when time is up."""
-    return "" if flight["phase"] not in (Phase.IDLE.value, Phase.LANDED.value) else lands(flight)
-
-
 def goes_on(flight: Flown) -> str:
     """It lands as if nothing were wrong: what is aborted or lost is not for this reason."""
     causes = [text for text in flight["heard"] if "lost" in text or "invalid" in text or "jumped" in text]
@@ -149,7 +144,7 @@ TABLE: dict[str, Row] = {
     "lidar_stop": _BLIND,
     "lidar_half": _always(goes_on),
     "lidar_stuck": _always(lands_or_calls),
-    "lidar_garbage": _always(stays_safe),
+    "lidar_garbage": _always(lands_or_calls),
     "lidar_clock": _always(lands),
     "lidar_misaligned": _always(lands_or_calls),
     "lidar_dust": _always(lands_or_calls),

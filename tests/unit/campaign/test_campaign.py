@@ -91,8 +91,6 @@ HELD = {"fault": "lidar_stop", "path": way("hold"), "landed": False, "phase": "h
         ({"fault": "lidar_stop", "state": "survey", "path": way("survey", speed_ms=2.0)}, "still moves"),
         ({"fault": "lidar_stop", "state": "survey", "path": way("survey")}, ""),
         (HELD, "did not land"),
-        (HELD | {"fault": "lidar_garbage"}, ""),
-        (HELD | {"fault": "lidar_garbage", "phase": "idle"}, "did not land"),
         (HELD | {"heard": ["take over"]}, ""),
         ({"fault": "pilot_mode", "path": way("final"), "landed": False}, "still in final at 12.0 s"),
         ({"fault": "pilot_mode", "path": way("idle"), "landed": False}, ""),
