@@ -313,7 +313,7 @@ class Companion:
         return heard_ns is not None and now - heard_ns < HEARD_NS
 
     def _mode_is_wanted(self) -> bool:
-        """Tell whether the mode asked for is still to be: no landing that was broken off may come late."""
+        """Tell whether the mode asked for is still to be: a landing broken off must not come late."""
         phase = self.executive.phase
         return phase is Phase.FINAL if self._mode_wanted == "land" else phase in FLYING
 

@@ -35,7 +35,7 @@ CHEAP = {
 }
 TOLD = {float(k): phase for k, phase in enumerate(Phase)}
 STEP_S = 0.05
-REACH_S, AFTER_S, HANDS_OFF_S, HELD_S, RESTED_S = 60.0, 150.0, 8.0, 12.0, 3.0
+REACH_S, AFTER_S, HANDS_OFF_S, HELD_S, RESTED_S = 60.0, 240.0, 8.0, 6.0, 2.0
 
 
 class Sortie(Mission):
