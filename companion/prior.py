@@ -22,8 +22,7 @@ from slz.prior import Surveyed
 
 log = logging.getLogger(__name__)
 
-CELL_M = 1.0  # at least
-CELLS = 1024  # along a side
+CELLS = 512  # along a side
 STRIP = 64  # rows resampled at a time
 KNOT = 32  # cells between places whose coordinates are worked out; those between lie on straight lines
 AROUND = ((0.0, 0.0), (-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4))  # of a cell: all must be safe
@@ -58,7 +57,7 @@ class SurveyPrior:
         horizontal = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
         self._to_crs = Transformer.from_crs("EPSG:4326", horizontal, always_xy=True)
         self._unit_m = float(told["vertical_unit_m"])
-        self._cell_m = max(CELL_M, float(told["cells"]["cell_m"]))
+        self._cell_m = max(parameters.far_cell_m / 2, float(told["cells"]["cell_m"]))
 
     def __call__(self, frame: LocalFrame, enu_m: Floats) -> Surveyed | None:
         """Return the surveyed ground around a place of a frame; None where there is none."""

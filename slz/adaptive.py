@@ -20,6 +20,9 @@ FEWEST = 30  # returns that tell the height of the ground
 STEADY = 3  # windows in a row that must ask for another level
 TIMING_S = 0.005  # how well poses and returns are matched in time
 HYSTERESIS = 0.9
+LOW_M = (
+    10.0  # height over the ground, below which no window is stretched: what drives in must be seen at once
+)
 SOME = 20_000  # returns that are enough to tell what a window was like
 MOST_SQUARES = 100_000_000
 SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in
@@ -53,7 +56,7 @@ class Adapter:
       placed: two standard deviations of ray direction times height, and of timing times speed. Three
       windows in a row must agree. The near map keeps its cells: coarser ones hide hazards;
     - windows that give the near map's cells eight returns each, in which the vehicle flies no farther than
-      half of what it sees to one side; between half and twice `window_s`.
+      half of what it sees to one side; between half and twice `window_s`, below `LOW_M` no more than it.
 
     With `adaptive=off` and in source mode only near and far change, and far cells are those of `far_cell_m`.
     """
@@ -79,7 +82,7 @@ class Adapter:
         if self._adaptive and density > 0 and math.isfinite(height):
             span_s = max((window.end_ns - window.start_ns) * 1e-9, 1e-3)
             level = self._steady(self._wanted_level(density, height, speed))
-            window_s = self._wanted_window(density / span_s, reach, speed)
+            window_s = self._wanted_window(density / span_s, reach, height, speed)
         return Choice(density, height, speed, self._far, level, window_s)
 
     def look_at_some(self, window: Window, returns: Returns) -> Choice:
@@ -127,9 +130,9 @@ class Adapter:
             self._level = max(self._asked)
         return self._level
 
-    def _wanted_window(self, per_m2_s: float, reach_m: float, speed_ms: float) -> float:
+    def _wanted_window(self, per_m2_s: float, reach_m: float, height_m: float, speed_ms: float) -> float:
         p = self._p
-        step_s, longest_s = p.window_s / 4, 2 * p.window_s
+        step_s, longest_s = p.window_s / 4, (2 if height_m > LOW_M else 1) * p.window_s
         steps = round(min(RETURNS_WANTED / (per_m2_s * p.cell_m**2), longest_s) / step_s)
         if speed_ms > 0 and math.isfinite(reach_m):
             steps = min(steps, math.floor(min(reach_m / 2 / speed_ms, longest_s) / step_s))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -107,6 +107,7 @@ class Prior:
         self.terrain: PriorTerrain | None = None
         self._looked_s = -math.inf
         self._registered = False
+        self._dirty = True
         self.zones: tuple[Zone, ...] = ()
 
     @property
@@ -135,15 +136,28 @@ class Prior:
         terrain = self.terrain
         if terrain is None:
             return
-        news = self._contradicted(terrain, points_enu_m, sensor_enu_m) > 0
-        if (
-            news
-            or now_s - self._looked_s >= LATER_S
-            or any(self._overruled(zone, live) for zone in self.zones)
-        ):
-            self._looked_s = now_s
-            terrain.hidden = known_to(live, terrain.grid)
+        if self._contradicted(terrain, points_enu_m, sensor_enu_m):
+            self._dirty = True
+            self._take_out(terrain)
+        due = now_s - self._looked_s >= LATER_S
+        overruled = any(self._overruled(zone, terrain, live) for zone in self.zones)
+        if not (due or overruled):
+            return
+        self._looked_s = now_s
+        hidden = known_to(live, terrain.grid)
+        if overruled or self._dirty or not np.array_equal(hidden, terrain.hidden):
+            terrain.hidden, self._dirty = hidden, False
             self.zones = self._found(terrain, sensor_enu_m)
+
+    def _take_out(self, terrain: PriorTerrain) -> None:
+        """Take contradicted ground out of the zones at once; their outlines follow with the next look."""
+        clear = self._clear(terrain).astype(np.uint8)
+        self.zones = tuple(replace(zone, cells=zone.cells & clear[zone.box.slices]) for zone in self.zones)
+
+    def _clear(self, terrain: PriorTerrain) -> NDArray[np.bool_]:
+        """Return the cells whose footprints hold nothing that was contradicted."""
+        half = max(1, math.ceil(self._parameters.footprint_m / 2 / terrain.grid.cell_m))
+        return ~ndimage.maximum_filter(terrain.given_up, 2 * half + 1).astype(bool)
 
     def _follow(self, frame: LocalFrame, sensor_enu_m: Points) -> None:
         """Ask for other ground in another frame, and when the vehicle is a quarter of it off its middle."""
@@ -161,7 +175,7 @@ class Prior:
         self._asked = here
         surveyed = self._source(frame, here)
         self.terrain = None if surveyed is None else PriorTerrain(surveyed)
-        self.zones, self._looked_s = (), -math.inf
+        self.zones, self._looked_s, self._dirty = (), -math.inf, True
         if self.terrain is not None and old is not None:
             self.terrain.offset_m = old.offset_m
             self.terrain.given_up = moved(old.given_up, old.grid, self.terrain.grid)
@@ -193,23 +207,24 @@ class Prior:
             contradict(points, over, sensor, terrain.offset_m, least_m, noise, *place, terrain.given_up)
         )
 
-    def _overruled(self, zone: Zone, live: tuple[Readable, ...]) -> bool:
-        """Tell whether a live map calls anything unsafe where a zone's landing point would be."""
+    def _overruled(self, zone: Zone, terrain: PriorTerrain, live: tuple[Readable, ...]) -> bool:
+        """Tell whether a return or a live map speaks against a zone's landing point."""
+        row, col = terrain.grid.index(*zone.best.enu_m[:2].tolist())
+        if not zone.holds(row, col):
+            return True
         reach_m = self._parameters.footprint_m / 2 + self._parameters.touchdown_error_m
         east, north = zone.best.enu_m[:2].tolist()
-        for terrain in live:
-            row0, col0 = terrain.grid.index(east - reach_m, north - reach_m)
-            row1, col1 = terrain.grid.index(east + reach_m, north + reach_m)
-            if (terrain.state(Box(row0, row1 + 1, col0, col1 + 1)) == UNSAFE).any():
+        for seen in live:
+            row0, col0 = seen.grid.index(east - reach_m, north - reach_m)
+            row1, col1 = seen.grid.index(east + reach_m, north + reach_m)
+            if (seen.state(Box(row0, row1 + 1, col0, col1 + 1)) == UNSAFE).any():
                 return True
         return False
 
     def _found(self, terrain: PriorTerrain, sensor: Points) -> tuple[Zone, ...]:
         p, grid = self._parameters, terrain.grid
-        half = max(1, math.ceil(p.footprint_m / 2 / grid.cell_m))
         box = grid.everything
-        clear = ~ndimage.maximum_filter(terrain.given_up, 2 * half + 1).astype(bool)
-        safe = ((terrain.state(box) == SAFE) & clear).astype(np.uint8)
+        safe = ((terrain.state(box) == SAFE) & self._clear(terrain)).astype(np.uint8)
         fewest = max(1, int(p.min_boundary_points * p.cell_m / grid.cell_m))
         found = search_components(safe, box, side_in_cells(p.min_square_m, grid), fewest)
         named = self._names.update(found, lambda one, number: describe(one, terrain, sensor, p, number))

@@ -26,7 +26,7 @@ from params import Parameters
 log = logging.getLogger(__name__)
 
 Progress = Callable[[str, float], None]
-MOST_DRAWN = 40_000_000  # cells of which pictures are drawn; larger surveys have the page only
+MOST_DRAWN = 4_000_000  # cells of which pictures are drawn; larger surveys have the page only
 MOST_DRAWN_ZONES = 1000
 
 

@@ -12,6 +12,7 @@ import json
 import os
 import resource
 import shutil
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -28,6 +29,7 @@ from companion.survey.las import LAYERS
 from params import load
 
 FILE_POINTS = 5_000_000
+DISTINCT = 4  # files of other ground; the rest are these elsewhere
 CORNER = np.array([500_000.0, 4_500_000.0])
 LINES_M, STEP_M = 0.5, 0.25  # between scan lines, and along one: 8 points/m2
 GROUND_M = 60.0  # grid of the things on the ground
@@ -67,8 +69,24 @@ def make(n_points: int, folder: Path, density: float, form: int) -> None:
     side_m = (each / density) ** 0.5
     across = int(np.ceil(count**0.5))
     for k in range(count):
-        corner = CORNER + side_m * np.array([k % across, k // across])
-        _write(folder / f"{k:05d}.laz", _scanned(corner, side_m, each, k), form)
+        path = folder / f"{k:05d}.laz"
+        place = side_m * np.array([k % across, k // across])
+        if k < DISTINCT:
+            _write(path, _scanned(CORNER, side_m, each, k), form)
+            _move(path, path, place)
+        else:
+            before = side_m * np.array([k % DISTINCT % across, k % DISTINCT // across])
+            _move(folder / f"{k % DISTINCT:05d}.laz", path, place - before)
+
+
+def _move(source: Path, path: Path, by_m: np.ndarray) -> None:
+    """Copy a file of points to another place: only its header tells where they lie."""
+    data = bytearray(source.read_bytes())
+    for axis in (0, 1):  # LAS 1.4 R15, table 3: offsets, then the greatest and least coordinates
+        for at in (155 + 8 * axis, 179 + 16 * axis, 187 + 16 * axis):
+            (value,) = struct.unpack_from("<d", data, at)
+            struct.pack_into("<d", data, at, value + float(by_m[axis]))
+    path.write_bytes(data)
 
 
 def _scanned(corner: np.ndarray, side_m: float, n: int, seed: int) -> np.ndarray:

@@ -40,7 +40,7 @@ def opened(browser: Chromium, shown: Shown) -> None:
     browser.open(shown.url)
     browser.until(
         "slz.model.near().length && slz.model.state && slz.bird._fitted"
-        " && document.getElementById('answer').dataset.hint !== undefined"  # a line of text, which moves the map
+        " && document.getElementById('answer').dataset.hint !== undefined"  # its line moves the map
     )
 
 

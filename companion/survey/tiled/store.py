@@ -15,7 +15,7 @@ from companion.survey.tiled import packed
 from companion.survey.tiled.lattice import common, within
 from slz import UNKNOWN, Box, Grid
 
-HELD = 64  # tiles whose files stay open
+HELD = 8  # tiles whose files stay mapped: 22 MB each at most, which count as memory of the worker
 Key = tuple[int, int]
 
 

@@ -35,6 +35,7 @@ from slz.search import side_in_cells
 SORTED_BYTES, DRAWN_BYTES = 6.5, 26.0  # on disk for a point, and for a cell with its share of the rasters
 LEAST_SHARES = {"sorting": 0.6, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1}
 MOST_ZONES = 10**9
+MOST_HELD = 40_000_000  # cells of a survey whose zones keep theirs in memory, for pictures
 T = TypeVar("T")
 
 
@@ -97,8 +98,14 @@ class Survey:
         density, p = self._fitted(layout, sorted_)
         drawn = self._drawn(layout, sorted_, census, metric, p)
         self._zones(layout, p)
+        rows, cols = layout.whole.shape
+        small = rows * cols <= MOST_HELD
         found = sorted(
-            (one for path in (self._work / "zones").glob("*.zones") for one in load(path)),
+            (
+                one if small else _without_cells(one)
+                for path in (self._work / "zones").glob("*.zones")
+                for one in load(path)
+            ),
             key=lambda one: one.first,
         )
         found = [replace(one, zone=replace(one.zone, id=k)) for k, one in enumerate(found, start=1)]
@@ -211,6 +218,11 @@ class Survey:
                 f"{self._work}: {free / 1e9:.1f} GB are free, the points alone take {need / 1e9:.1f} GB:"
                 " choose another disk by --out, or map fewer files at a time"
             )
+
+
+def _without_cells(found: Found) -> Found:
+    """Return a zone without what grows with its area; its outline and boundary grow with its rim."""
+    return replace(found, zone=replace(found.zone, cells=found.zone.cells[:0, :0]))
 
 
 def _tally(tile: Any, whole: Any, cell_m: float) -> Any:
