@@ -20,9 +20,7 @@ FEWEST = 30  # returns that tell the height of the ground
 STEADY = 3  # windows in a row that must ask for another level
 TIMING_S = 0.005  # how well poses and returns are matched in time
 HYSTERESIS = 0.9
-LOW_M = (
-    10.0  # height over the ground, below which no window is stretched: what drives in must be seen at once
-)
+LOW_M = 8.0  # over the ground, below which no window is stretched: what drives in is seen at once
 SOME = 20_000  # returns that are enough to tell what a window was like
 MOST_SQUARES = 100_000_000
 SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in

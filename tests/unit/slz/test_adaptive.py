@@ -107,6 +107,12 @@ def test_the_window_is_shorter_where_returns_are_denser_and_longer_where_they_ar
     assert looks(per_m2)[-1].window_s == window_s
 
 
+@pytest.mark.parametrize(("height_m", "window_s"), [(3.0, 1.0), (7.0, 1.0), (9.0, 2.0)])
+def test_no_window_is_stretched_near_the_ground(height_m: float, window_s: float) -> None:
+    """However sparse the returns: what drives under the vehicle there must be seen at once."""
+    assert looks(4.0, height_m=height_m)[-1].window_s == window_s
+
+
 @pytest.mark.parametrize("span_s", [0.5, 2.0])
 def test_what_counts_is_the_density_per_second(span_s: float) -> None:
     """So a window that got longer is not asked to be short again for what it gathered."""
