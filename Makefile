@@ -1,10 +1,11 @@
 # The two commands: `make demo` flies and lands in the simulator, `make test` runs every check.
+# `make docs` builds the documentation site into out/site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test setup checks kernels lint types unit bench clean
+.PHONY: demo test setup checks kernels lint types docs unit bench campaign fuzz audit clean
 
 demo: setup
 	$(BIN)/slz demo --headless --out out/demo
@@ -14,7 +15,7 @@ test: setup
 	$(MAKE) -j2 checks kernels
 	$(MAKE) unit
 
-checks: lint types
+checks: lint types docs
 
 kernels: setup
 	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; import companion.dashboard.small_numbers; warm_up(Parameters())'
@@ -24,7 +25,7 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: run 'make PYTHON=/path/to/python3.11'"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,docs]'
 	@# Alone, for what they bring along is large or pins what ours does not go with; we use their core only.
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps MAVProxy ouster-sdk
 	@touch $@
@@ -37,11 +38,30 @@ lint: setup
 types: setup
 	$(BIN)/mypy
 
+# Strictly: a broken link, a page that nobody reaches and anything loaded from another host fail.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 unit: setup
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench and not browser"
 
+# Inputs in all harnesses together; what fails is kept in out/fuzz (docs/fuzzing.md).
+INPUTS ?= 1000000
+fuzz: setup
+	$(BIN)/python -m tests.fuzz.campaign --inputs $(INPUTS)
+
+# Known vulnerabilities of what constraints.txt pins; without an answer it says that it did not run.
+audit: setup
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[audit]' 2>/dev/null \
+	    || echo 'dependency audit: pip-audit cannot be installed'
+	@$(BIN)/python -m tests.audit
+
 bench: setup
 	$(BIN)/python -m pytest -m bench
+
+# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=125 flies each once.
+campaign: setup
+	$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),2000)
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info

@@ -5,10 +5,8 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
-import time
 from collections import deque
 from collections.abc import Coroutine
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.clock import WallOffset, now_ns
-from companion.errors import UsageError
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
 from companion.landing.look_ahead import LEVEL_M, held_back
 from companion.landing.operator import Operator
 from companion.landing.order_parameters import OrderParameters
-from companion.landing.situation import FLYING, Phase, Reply, Severity, Situation
+from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
-from companion.link.event import Event, Unsubscribe
+from companion.link.event import Event
 from companion.link.link import Link
 from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
@@ -33,14 +30,14 @@ from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
 from companion.prior import SurveyPrior
-from companion.recorder.recorder import Recorder
+from companion.recordings import Recordings
 from companion.sensors.beside import open_beside
 from companion.sensors.driver import open_lidar
 from companion.services import Services
 from companion.settings import Settings
 from companion.state import StateDir
 from companion.streams import Streams
-from companion.summary import choice_summary, point_summary, zone_summary
+from companion.summary import flight_summary
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps, Zone
@@ -105,10 +102,7 @@ class Companion:
         prior: Path | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
-        self.recorder: Recorder | None = None
         self._record_into = record
-        self._recordings = None if state is None else state.folder / "recordings"
-        self._unsubscribe: list[Unsubscribe] = []
         self.parameters = parameters = self.settings.live
         self.link = Link(mavlink_url, parameters, signing)
         operator = Operator(self)
@@ -123,6 +117,9 @@ class Companion:
         self._wall_offset_ns = WallOffset()
         self.lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=self._wall_offset_ns
+        )
+        self.recordings = Recordings(
+            self.link, self.lidar.stream, self.worker, self.settings, self._wall_offset_ns, state
         )
         self.radar = None
         if radar_url is not None:
@@ -155,46 +152,12 @@ class Companion:
         self.live: LiveView | None = None
         self.page = None if front is None else _page(self, front)
 
-    def _record(self, path: Path) -> None:
-        stream = self.lidar.stream
-        recorder = Recorder(path, stream.kind, self.settings.running, self._wall_offset_ns(), stream.setup)
-        self._unsubscribe = [
-            self.link.on_frame.subscribe(recorder.frame_in),
-            self.link.on_sent.subscribe(recorder.frame_out),
-            self.link.on_time_asked.subscribe(recorder.time_asked),
-            stream.batches.subscribe(recorder.packets),
-            self.worker.on_window.subscribe(recorder.window),
-            self.settings.on_change.subscribe(recorder.changed),
-        ]
-        self.recorder = recorder
-
-    async def record(self, on: bool) -> Reply:
-        """Begin a recording in the state directory, or end the one that is made."""
-        if on == (self.recorder is not None):
-            return Reply(False, "recording already" if on else "nothing is recorded")
-        if not on:
-            recorder, self.recorder = self.recorder, None
-            for unsubscribe in self._unsubscribe:
-                unsubscribe()
-            if recorder is not None:
-                await asyncio.get_running_loop().run_in_executor(None, recorder.close)
-            return Reply(True, "recording ended")
-        if self._recordings is None:
-            return Reply(False, "there is no state directory to record in")
-        path = self._recordings / time.strftime("slz-%Y%m%d-%H%M%S.mcap", time.gmtime())
-        try:
-            self._recordings.mkdir(exist_ok=True)
-            self._record(path)
-        except (OSError, UsageError) as error:
-            return Reply(False, f"cannot record: {error}")
-        return Reply(True, f"recording {path.name}")
-
     # ---- life -----------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
         if self._record_into is not None:
-            self._record(self._record_into)
+            self.recordings.begin(self._record_into)
         if self._foxglove_port is not None:
             self.live = _live_view(self, self._foxglove_port)
         self.link.on_attitude.subscribe(self.history.add_attitude)
@@ -225,9 +188,8 @@ class Companion:
             self.maps = self.worker.close()
             if self.live is not None:
                 self.live.close()
-            if self.recorder is not None:
-                self.recorder.close()
-            self.summary = self._summary()
+            self.recordings.close()
+            self.summary = flight_summary(self)
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
@@ -271,7 +233,7 @@ class Companion:
             self.report = self._last_report_ns = None
             return
         self._last_scan_ns = now_ns()
-        for eye in (self.recorder, self.live):
+        for eye in (self.recordings.recorder, self.live):
             if eye is not None and (pose := self.history.latest(self._last_scan_ns)) is not None:
                 eye.pose(pose, scan.frame)
         self.obstacles.add(scan)
@@ -301,8 +263,8 @@ class Companion:
 
     def _on_report(self, report: Report) -> None:
         self.report = report
-        if self.recorder is not None:
-            self.recorder.report(report)
+        if self.recordings.recorder is not None:
+            self.recordings.recorder.report(report)
         if self.live is not None:
             self.live.report(report)
         self.streams.take(report)
@@ -350,12 +312,21 @@ class Companion:
         heard_ns = self.link.vehicle.last_heartbeat_ns
         return heard_ns is not None and now - heard_ns < HEARD_NS
 
+    def _mode_is_wanted(self) -> bool:
+        """Tell whether the mode asked for is still to be: no landing that was broken off may come late."""
+        phase = self.executive.phase
+        return phase is Phase.FINAL if self._mode_wanted == "land" else phase in FLYING
+
     def _mode_is_reached(self) -> bool:
         return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
 
     def _scans_are_fresh(self, now: int) -> bool:
+        """Tell whether something is seen, and the LiDAR sends: a radar sees for it, but not in its place."""
+        stamps = [self._last_scan_ns]
+        if self.radar is not None:
+            stamps.append(self.lidar.last_arrival_ns)
         limit = self.parameters.lidar_timeout_s * 1e9
-        return self._last_scan_ns is not None and now - self._last_scan_ns < limit
+        return all(at_ns is not None and now - at_ns < limit for at_ns in stamps)
 
     def _report_is_fresh(self, now: int) -> bool:
         limit = (self.worker.window_s + self.parameters.window_s + 1.0) * 1e9
@@ -386,9 +357,9 @@ class Companion:
         if orders.mode is not None:
             self._change_mode(orders.mode)
         elif self._mode_change is not None and (
-            not situation.heard or self.executive.phase not in FLYING or self._mode_is_reached()
+            not situation.heard or not self._mode_is_wanted() or self._mode_is_reached()
         ):
-            self._mode_change.cancel()  # the pilot has it, may have it, or may change it now: ask no more
+            self._mode_change.cancel()  # given up, or the pilot has it, may have it, or may change it now
         vehicle = self.link.vehicle
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)
@@ -462,54 +433,6 @@ class Companion:
             self._was_lost = lost
             log.warning("autopilot lost" if lost else "autopilot is back")
 
-    # ---- summary --------------------------------------------------------------------------------
-
-    def _summary(self) -> dict[str, Any]:
-        """Return what the flight came to, as `--json` prints it."""
-        tally, frame = self.executive.tally, self.history.frame
-        chosen = None
-        if tally.chosen_enu_m is not None and frame is not None:
-            lat, lon, alt = (float(v) for v in frame.lla(tally.chosen_enu_m))
-            chosen = {"lat": lat, "lon": lon, "alt_m": alt, "zone": tally.zone_id}
-        return {
-            "phase": self.executive.phase.value,
-            "landed": self.executive.phase is Phase.LANDED,
-            "chosen": chosen,
-            "touchdown": self._touchdown(),
-            "aborts": tally.aborts,
-            "abort_reasons": tally.abort_reasons,
-            "pilot_took_over": tally.hands_off,
-            **self._found(),
-            "zones_seen": len(self.zones_seen),
-            "reports": self.worker.reports,
-            "dropped_windows": self.worker.dropped_windows,
-            "failed_windows": self.worker.failed,
-            "latency_ms": _quantiles(list(self.worker.latencies_ms)),
-            "streams": self.streams.statistics(),
-            "link": asdict(self.link.statistics()),
-            "lidar": self.lidar.statistics(),
-            "radar": None if self.radar is None else self.radar.statistics(),
-            "fusion": self.assembler.statistics(),
-            "recording": None if self.recorder is None else self.recorder.statistics(),
-        }
-
-    def _found(self) -> dict[str, Any]:
-        report = self.report
-        if report is None:
-            return {"zones": [], "choice": None, "point": None}
-        selected = report.selected
-        return {
-            "zones": [zone_summary(zone, report.frame) for zone in report.zones],
-            "choice": choice_summary(report),
-            "point": None if selected is None else point_summary(selected, report.frame),
-        }
-
-    def _touchdown(self) -> dict[str, float] | None:
-        if self.executive.phase is not Phase.LANDED or not self.path_enu_m or self.history.frame is None:
-            return None
-        lat, lon, alt = (float(v) for v in self.history.frame.lla(self.path_enu_m[-1]))
-        return {"lat": lat, "lon": lon, "alt_m": alt}
-
 
 def _page(companion: Companion, front: Front) -> Page:
     from companion.dashboard.page import Page  # the server's libraries only where they are used
@@ -532,10 +455,3 @@ def _first(errors: BaseExceptionGroup[BaseException]) -> BaseException:
     while isinstance(error, BaseExceptionGroup):
         error = error.exceptions[0]
     return error
-
-
-def _quantiles(values: list[float]) -> dict[str, float | None]:
-    if not values:
-        return {"p50": None, "p99": None, "max": None}
-    p50, p99 = np.percentile(values, [50, 99])
-    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(max(values), 2)}

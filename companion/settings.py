@@ -110,7 +110,7 @@ def read_stored(state: StateDir) -> dict[str, Any]:
     """Return the values of the state directory's file; raise `UsageError` if it is no TOML."""
     try:
         return tomllib.loads(state.read(FILE) or "")
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{state.folder / FILE}: {error}; mend or delete the file") from None
 
 

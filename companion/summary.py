@@ -1,13 +1,19 @@
-"""What `--json` tells of zones and of the landing point."""
+"""What `--json` tells of a flight, of its zones and of the landing point."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from companion.landing.situation import Phase
 from slz import LocalFrame, Obstacle, Report, SelectedPoint, Zone
+
+if TYPE_CHECKING:
+    from companion.app import Companion
 
 MOST_OBSTACLES = 20
 
@@ -78,3 +84,60 @@ def _obstacle(obstacle: Obstacle, point: SelectedPoint, frame: LocalFrame) -> di
         "width_m": round(obstacle.width_m, 2),
         "distance_m": round(obstacle.distance_m(point.enu_m), 2),
     }
+
+
+def flight_summary(companion: Companion) -> dict[str, Any]:
+    """Return what the flight came to, as `--json` prints it."""
+    executive, worker, radar = companion.executive, companion.worker, companion.radar
+    tally, frame = executive.tally, companion.history.frame
+    chosen = None
+    if tally.chosen_enu_m is not None and frame is not None:
+        chosen = {**_place(frame, tally.chosen_enu_m), "zone": tally.zone_id}
+    landed = executive.phase is Phase.LANDED
+    touchdown = None
+    if landed and companion.path_enu_m and frame is not None:
+        touchdown = _place(frame, companion.path_enu_m[-1])
+    return {
+        "phase": executive.phase.value,
+        "landed": landed,
+        "chosen": chosen,
+        "touchdown": touchdown,
+        "aborts": tally.aborts,
+        "abort_reasons": tally.abort_reasons,
+        "pilot_took_over": tally.hands_off,
+        **_found(companion.report),
+        "zones_seen": len(companion.zones_seen),
+        "reports": worker.reports,
+        "dropped_windows": worker.dropped_windows,
+        "failed_windows": worker.failed,
+        "latency_ms": _quantiles(list(worker.latencies_ms)),
+        "streams": companion.streams.statistics(),
+        "link": asdict(companion.link.statistics()),
+        "lidar": companion.lidar.statistics(),
+        "radar": None if radar is None else radar.statistics(),
+        "fusion": companion.assembler.statistics(),
+        "recording": companion.recordings.statistics(),
+    }
+
+
+def _found(report: Report | None) -> dict[str, Any]:
+    if report is None:
+        return {"zones": [], "choice": None, "point": None}
+    selected = report.selected
+    return {
+        "zones": [zone_summary(zone, report.frame) for zone in report.zones],
+        "choice": choice_summary(report),
+        "point": None if selected is None else point_summary(selected, report.frame),
+    }
+
+
+def _place(frame: LocalFrame, enu_m: NDArray[np.float64]) -> dict[str, float]:
+    lat, lon, alt = (float(v) for v in frame.lla(enu_m))
+    return {"lat": lat, "lon": lon, "alt_m": alt}
+
+
+def _quantiles(values: list[float]) -> dict[str, float | None]:
+    if not values:
+        return {"p50": None, "p99": None, "max": None}
+    p50, p99 = np.percentile(values, [50, 99])
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(max(values), 2)}

@@ -85,7 +85,7 @@ def _profile(profile: str) -> dict[str, Any]:
 def _toml(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # TOML, a number too long, lists too deep
         raise ParameterError(f"profile {name!r} is not valid TOML: {error}") from None
 
 

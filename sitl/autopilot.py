@@ -89,6 +89,7 @@ class Autopilot:
         self._wanted: tuple[F64, float] = (np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
         self._next_outer_ns = 0
         self._settled_since_ns: int | None = None
+        self._silent_until_ns = 0
 
     # ---- what others ask --------------------------------------------------------------------------
 
@@ -127,6 +128,8 @@ class Autopilot:
     def receive(self, message: Any, link: int, now_ns: int) -> None:
         """Take a message for this autopilot or for everybody."""
         self._now_ns = max(self._now_ns, now_ns)
+        if self._now_ns < self._silent_until_ns:
+            return
         self.add_link(link)
         try:
             self.commands.receive(message, link)
@@ -145,6 +148,8 @@ class Autopilot:
     def take_outgoing(self, now_ns: int) -> list[tuple[int | None, Any]]:
         """Return what is to be sent now: link or None for all, and the message."""
         self._now_ns = max(self._now_ns, now_ns)
+        if self._now_ns < self._silent_until_ns:
+            return []
         self.telemetry.emit(self._now_ns)
         self.rally.step(self._now_ns)
         out = list(self._outgoing)
@@ -219,6 +224,26 @@ class Autopilot:
         if self.armed:
             self.disarm(force=True)
             self.say("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
+
+    def reboot(self, silent_s: float) -> None:
+        """Begin anew in flight, as after a watchdog's reset: armed and in the same mode, all else forgotten.
+
+        It is deaf and mute for so long; the time since boot begins at zero now.
+        """
+        self._silent_until_ns = self._now_ns + round(silent_s * 1e9)
+        self.boot_offset_ns = -self._now_ns
+        self.precland = self.navigator.precland = PrecisionLanding()
+        self.proximity = Proximity()
+        self.rangefinder = None
+        self.telemetry.restart()
+        self._outgoing.clear()
+        if self.estimate is not None:
+            self.navigator.enter(self.mode, self.estimate)
+
+    def follow_reset(self, jump_enu_m: F64) -> None:
+        """Move every target with a reset of the position estimate, so that the vehicle stays where it is."""
+        self.navigator.move(jump_enu_m)
+        self.precland.move(jump_enu_m)
 
     def take_off(self, height_m: float) -> str | None:
         """Climb to a height above home; return the reason when that is refused."""

@@ -83,6 +83,16 @@ class Navigator:
         if mode is Mode.RTL:
             self.return_enu_m = self._return_point(state)
 
+    def move(self, jump_enu_m: F64) -> None:
+        """Follow a reset of the position estimate; home and rally points are places on Earth and stay."""
+        self.hold_enu_m = self.hold_enu_m + jump_enu_m
+        if self.guided.position_enu_m is not None:
+            self.guided.position_enu_m = self.guided.position_enu_m + jump_enu_m
+        for name in ("seen_enu_m", "hover_enu_m"):
+            place = getattr(self.search, name)
+            if place is not None:
+                setattr(self.search, name, place + jump_enu_m)
+
     def velocity(self, mode: Mode, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
         """Return the velocity wanted (3,) east, north, up; `rangefinder_m` is None without a healthy one."""
         if self.takeoff_up_m is not None:

@@ -31,6 +31,8 @@ class Pilot:
         self.done = False
         self.heard: list[str] = []
         self.acks: list[tuple[int, int]] = []
+        self.told: dict[str, float] = {}
+        """Newest NAMED_VALUE_FLOAT of each name."""
 
     def step(self, now_ns: int) -> None:
         """Read what came, and take the next step of the script."""
@@ -85,5 +87,7 @@ class Pilot:
             self.landed_state = message.landed_state
         elif kind == "STATUSTEXT":
             self.heard.append(str(message.text))
+        elif kind == "NAMED_VALUE_FLOAT":
+            self.told[message.name] = float(message.value)
         elif kind == "COMMAND_ACK":
             self.acks.append((message.command, message.result))

@@ -63,6 +63,12 @@ class PrecisionLanding:
         self._last_ns = now_ns
         return None
 
+    def move(self, jump_enu_m: F64) -> None:
+        """Follow a reset of the position estimate."""
+        moved = [(stamp, position + jump_enu_m, attitude) for stamp, position, attitude in self._poses]
+        self._poses = deque(moved, maxlen=self._poses.maxlen)
+        self._target = None if self._target is None else self._target + jump_enu_m
+
     def acquired(self, now_ns: int) -> bool:
         """Tell whether the target is believed now."""
         if self._first_ns is None or self._last_ns is None:

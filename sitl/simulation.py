@@ -52,6 +52,7 @@ class Simulation:
         mavlink_key: bytes | None = None,
         lidar_ms: int = 10,
         radar_to: Address | None = None,
+        tick_ns: int = TICK_NS,
     ) -> None:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
         x, y, heading = scene.home_enu
@@ -65,7 +66,8 @@ class Simulation:
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
         self.lidar = lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to) if lidar_to else None
         self.lidar_on = True
-        self._lidar_ticks = max(1, lidar_ms * 1_000_000 // TICK_NS)
+        self._tick_ns = tick_ns
+        self._lidar_ticks = max(1, lidar_ms * 1_000_000 // tick_ns)
         self.radar = lidars.open_port("radar", streams[4], point_rate_hz, radar_to) if radar_to else None
         self._clear = self._sight()
         self.log = FlightLog(self)
@@ -106,13 +108,13 @@ class Simulation:
         self.router.read(self.now_ns)
         if self.pilot is not None:
             self.pilot.step(self.now_ns)
-        dt = TICK_NS * 1e-9
+        dt = self._tick_ns * 1e-9
         truth = self.vehicle.truth
         if not self._track.stamps:
             self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
         estimate = self.estimator.update(dt, truth)
         demand = self.autopilot.step(dt, self.now_ns, estimate, self.vehicle.on_ground)
-        self.now_ns += TICK_NS
+        self.now_ns += self._tick_ns
         self._ticks += 1
         if self._ticks % 4 == 0 or truth.pos_enu_m[2] - self._ground_m < 3.0:
             ground = self.scene.world.height_m(float(truth.pos_enu_m[0]), float(truth.pos_enu_m[1]))

@@ -87,6 +87,10 @@ class Telemetry:
             self._due[link] = {number: [ms * 1_000_000, now_ns] for number, ms in DEFAULT_MS.items()}
             self._next_ns = 0
 
+    def restart(self) -> None:
+        """Forget every link and what it asked for."""
+        self._due.clear()
+
     def set_interval(self, link: int, number: int, interval_us: float) -> bool:
         """Set a stream's interval: 0 the default, -1 off."""
         if number not in self._makers:

@@ -34,6 +34,7 @@ from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
 
 HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
+PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
@@ -121,8 +122,9 @@ class EvidenceTerrain:
             self._drawn_s.pop(key, None)
         for box in change.boxes:  # only a part of a tile, unless it is new
             self._drawn_s.setdefault((box.row0 // TILE, box.col0 // TILE), now_s)
-        changed = [*change.boxes, *map(box_of_tile, change.evicted), *map(box_of_tile, self._aged(now_s))]
-        self._draw_all(changed, now_s)
+        self._draw_all([*change.boxes, *map(box_of_tile, change.evicted)], now_s)
+        for key in self._aged(now_s):
+            self._draw_all([box_of_tile(key)], now_s)
         if change.evicted:
             for layers in (self._maps, self._verdict):
                 layers.keep(lambda key: self.tiles.any_near(key, self.level))
@@ -131,13 +133,15 @@ class EvidenceTerrain:
     def _aged(self, now_s: float) -> list[Key]:
         """Return tiles to be drawn anew as a whole because what they show ages, and count them as drawn.
 
-        Those drawn half of `AGEING` ago or longer come by and by, the oldest first, so many that all have
-        come before the rest of it is over.
+        Those drawn `PATIENCE` of the time ago that a map may be old come by and by, the oldest first, so
+        many that all have come before the rest of it is over.
         """
         longest_s = AGEING * self._parameters.max_age_s
-        share = min(1.0, (now_s - self._aged_s) / (longest_s / 2))
+        share = min(1.0, (now_s - self._aged_s) / ((1 - PATIENCE) * longest_s))
         self._aged_s = now_s
-        old = sorted((at_s, key) for key, at_s in self._drawn_s.items() if now_s - at_s > longest_s / 2)
+        old = sorted(
+            (at_s, key) for key, at_s in self._drawn_s.items() if now_s - at_s > PATIENCE * longest_s
+        )
         some = math.ceil(share * len(self._drawn_s))
         due = [key for i, (at_s, key) in enumerate(old) if i < some or now_s - at_s > longest_s]
         self._drawn_s |= dict.fromkeys(due, now_s)

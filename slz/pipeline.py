@@ -64,6 +64,8 @@ class Pipeline:
     prior
         Gives ground surveyed before the flight, see `slz.prior`. Default mode only.
 
+    Notes
+    -----
     Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
     """
 

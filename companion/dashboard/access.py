@@ -108,4 +108,12 @@ class Access:
         origin = headers.get("origin")
         if origin is None:
             return "no Origin" if acts else ""
-        return "" if urlsplit(origin).netloc == host else "asked by another site's page"
+        return "" if _named(origin) == host else "asked by another site's page"
+
+
+def _named(origin: str) -> str | None:
+    """Return host and port of an origin, None where it is none."""
+    try:
+        return urlsplit(origin).netloc or None
+    except ValueError:
+        return None

@@ -34,7 +34,7 @@ def parse_address(text: str) -> Address:
     """Return the address; raise `UsageError` if the text is none."""
     host, colon, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
-    if not (colon and host and port.isascii() and port.isdigit() and int(port) < 65536):
+    if not (colon and host and port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65536):
         raise UsageError(f"--dashboard {text!r}: write HOST:PORT, such as 127.0.0.1:8080")
     return Address(host, int(port))
 

@@ -7,6 +7,7 @@ takes what is there now. So nobody ever waits for a browser.
 from __future__ import annotations
 
 import itertools
+import secrets
 import time
 from collections import deque
 from collections.abc import Callable
@@ -55,6 +56,8 @@ class Board:
         Browsers that look; nothing is prepared while there are none.
     computing
         Tells whether a window is being computed: Python's lock is the landing's then.
+    run
+        Name of this run of the companion; a page that was open before forgets what it knew of another one.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -71,6 +74,7 @@ class Board:
         self.drawn: deque[tuple[str, Drawn]] = deque()
         self.viewers = 0
         self.computing: Callable[[], bool] = lambda: False
+        self.run = secrets.token_hex(8)
         self._numbers = itertools.count(1)
 
     def look(self, pipeline: Pipeline, *, anew: bool) -> bool:

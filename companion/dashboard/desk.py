@@ -56,7 +56,7 @@ class FlightDesk:
             case SetParameter():
                 return self._set(order)
             case Record():
-                return await self._companion.record(order.on)
+                return await self._companion.recordings.ask(order.on)
             case Replay():
                 return Reply(False, "this is a flight, no replay")
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from companion.fusion.pose import Pose
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.situation import FLYING
 from companion.link.vehicle import VehicleState
@@ -24,8 +25,6 @@ def state(companion: Companion) -> dict[str, Any]:
     pose = companion.history.latest(s.now_ns)
     vehicle, executive, parameters = companion.link.vehicle, companion.executive, companion.parameters
     aim = executive.aim_enu_m
-    east, north, up = (None, None, None) if pose is None else _rounded(pose.position_enu_m)
-    roll, pitch, yaw = (None, None, None) if pose is None else _angles_deg(pose.rotation_enu_from_frd)
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
     return {
         "at_ns": s.now_ns,
@@ -43,13 +42,7 @@ def state(companion: Companion) -> dict[str, Any]:
         "battery_pct": s.battery_pct,
         "battery_v": vehicle.battery_v,
         "battery_low": low,
-        "east_m": east,
-        "north_m": north,
-        "up_m": up,
-        "velocity_enu_ms": None if pose is None else _rounded(pose.velocity_enu_ms),
-        "roll_deg": roll,
-        "pitch_deg": pitch,
-        "yaw_deg": yaw,
+        **_motion(pose),
         "height_m": _finite(companion.streams.height_m, 1),
         "height_home_m": _finite(s.height_above_home_m, 1),
         "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
@@ -61,8 +54,6 @@ def state(companion: Companion) -> dict[str, Any]:
 def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[str, Any]:
     """Return the same document from a recording, as far as that tells."""
     pose = history.latest(at_ns)
-    east, north, up = (None, None, None) if pose is None else _rounded(pose.position_enu_m)
-    roll, pitch, yaw = (None, None, None) if pose is None else _angles_deg(pose.rotation_enu_from_frd)
     return {
         "at_ns": at_ns,
         "phase": "replay",
@@ -79,13 +70,7 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         "battery_pct": vehicle.battery_pct,
         "battery_v": vehicle.battery_v,
         "battery_low": False,
-        "east_m": east,
-        "north_m": north,
-        "up_m": up,
-        "velocity_enu_ms": None if pose is None else _rounded(pose.velocity_enu_ms),
-        "roll_deg": roll,
-        "pitch_deg": pitch,
-        "yaw_deg": yaw,
+        **_motion(pose),
         "height_m": None,
         "height_home_m": _finite(vehicle.relative_alt_m, 1),
         "aim_enu_m": None,
@@ -94,11 +79,26 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
     }
 
 
+def _motion(pose: Pose | None) -> dict[str, Any]:
+    """Return where the vehicle is, how it moves and how it is turned; all None where that is not known."""
+    east, north, up = (None, None, None) if pose is None else _rounded(pose.position_enu_m)
+    roll, pitch, yaw = (None, None, None) if pose is None else _angles_deg(pose.rotation_enu_from_frd)
+    return {
+        "east_m": east,
+        "north_m": north,
+        "up_m": up,
+        "velocity_enu_ms": None if pose is None else _rounded(pose.velocity_enu_ms),
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "yaw_deg": yaw,
+    }
+
+
 def health(companion: Companion) -> dict[str, Any]:
     """Return rates, delays and losses: how the program itself does."""
     link = companion.link.statistics()
     lidar, fusion = companion.lidar.statistics(), companion.assembler.statistics()
-    recorder = companion.recorder
+    recorder = companion.recordings.recorder
     return {
         "ready": companion.link.ready,
         "autopilot": companion.link.vehicle.autopilot,

@@ -19,7 +19,7 @@ from companion.dashboard.board import Board
 from companion.dashboard.desk import Desk, FlightDesk
 from companion.dashboard.orders import Command
 from companion.dashboard.server import Server
-from companion.dashboard.site import Site
+from companion.dashboard.site import ANSWER_S, Site
 from companion.landing.situation import Reply
 from companion.priority import SWITCH_S
 from params import Row
@@ -70,11 +70,22 @@ def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Serv
     loop = asyncio.get_running_loop()
 
     async def carry_out(order: Command) -> Reply:
-        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(desk.carry_out(order), loop))
+        asked = carry_out_in_time(desk, order, time.monotonic() + ANSWER_S)
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(asked, loop))
 
     server = Server(lambda: Site(board, front.access, carry_out, about), front.socket)
     server.start()
     return server
+
+
+async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply:
+    """Do what was ordered unless it is too late for that: then its sender was told that nothing came of it.
+
+    until_s: of the monotonic clock. An abort is never too late.
+    """
+    if time.monotonic() > until_s and order.do != "abort":
+        return Reply(False, "the landing program was busy for too long: look and try again")
+    return await desk.carry_out(order)
 
 
 class Page:

@@ -17,6 +17,7 @@ from companion.dashboard.site import Site
 from companion.dashboard.viewer import Viewer
 
 MOST_VIEWERS = 16
+KEPT_FOR_OPERATORS = 4  # of these
 OPENAPI = "/api/openapi.json"
 KINDS = {"js": "text/javascript", "css": "text/css", "html": "text/html", "svg": "image/svg+xml"}
 
@@ -90,10 +91,11 @@ def make_app(site: Site) -> ASGIApp:
 
     @app.websocket("/live")
     async def live(socket: WebSocket) -> None:
-        if site.board.viewers >= MOST_VIEWERS:
+        role = socket.scope[ROLE]
+        kept = 0 if role is Role.OPERATOR else KEPT_FOR_OPERATORS
+        if site.board.viewers >= MOST_VIEWERS - kept:
             await socket.close(1013, "too many browsers")
             return
-        role = socket.scope[ROLE]
         site.board.viewers += 1
         try:
             await Viewer(site, socket, role if isinstance(role, Role) else Role.VIEWER).run()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import uvicorn
 
+from companion.dashboard.connection import Connection
 from companion.dashboard.orders import MOST_BYTES
 from companion.dashboard.routes import make_app
 from companion.dashboard.site import Site
@@ -70,18 +71,17 @@ class Server:
             make_app(site),
             lifespan="off",
             log_config=None,
-            log_level=logging.WARNING,
+            log_level=logging.ERROR,  # strangers' bad requests are no news
             access_log=False,
             ws="websockets-sansio",
             ws_max_size=MOST_BYTES + 32,
             ws_per_message_deflate=False,
             h11_max_incomplete_event_size=16_384,
-            limit_concurrency=64,
             backlog=64,
             timeout_keep_alive=10,
             timeout_graceful_shutdown=1,
             server_header=False,
-            http="h11",
+            http=Connection,
         )
         server = self._uvicorn = uvicorn.Server(config)
         server.should_exit = self._stopping

@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import secrets
+import time
+from collections import deque
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -22,7 +25,8 @@ log = logging.getLogger(__name__)
 
 TICK_S = 0.1
 ANSWER_S = 3.0
-STALE_TICKS = 30
+STALE_S = 3.0
+TICKS_KEPT = 256  # older ones are stale whatever their age
 # The page waits for a window to be computed, but no longer than this: what it shows must not grow old.
 MOST_WAIT_S, LOOK_AGAIN_S = 0.2, 0.01
 Result = TypeVar("Result")
@@ -45,7 +49,10 @@ class Site:
     Attributes
     ----------
     tick
-        Times that `refresh` ran: the age of what a browser has seen.
+        States that were shown so far: what a browser has seen. It rises only when the companion left a new
+        one, so that one which hangs is not taken for one that flies on.
+    serving
+        Name of this site; with another one the maps are sent anew.
     state, zones, health, replay
         Messages ready to send, each with a number that rises when it changes.
     """
@@ -59,6 +66,7 @@ class Site:
     ) -> None:
         self.board, self.access, self.about = board, access, about
         self.atlas = Atlas()
+        self.serving = secrets.token_hex(8)
         self.tick = 0
         self.state: tuple[int, str] = (0, "")
         self.zones: tuple[int, str] = (0, "")
@@ -71,6 +79,8 @@ class Site:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-page-encoder")
         self._collection: tuple[int, bytes] = (-1, b"")
         self._sources: dict[str, Any] = {}
+        self._shown: tuple[Any, Any] = (None, None)
+        self._ticked_s: deque[float] = deque(maxlen=TICKS_KEPT)
 
     # ---- what is sent ---------------------------------------------------------------------------
 
@@ -86,8 +96,11 @@ class Site:
     def refresh(self) -> None:
         """Make the messages of this tick."""
         board = self.board
-        self.tick += 1
-        if board.state is not None:
+        shown, self._shown = self._shown, (board.state, board.replay)
+        renewed = self._shown[0] is not shown[0] or self._shown[1] is not shown[1]  # a replay may stand still
+        if board.state is not None and renewed:
+            self.tick += 1
+            self._ticked_s.append(time.monotonic())
             selected = None if self.picture is None else self.picture["selected"]
             document = {"t": "state", "tick": self.tick, **board.state}
             document["alarms"] = standing(board.state, selected)
@@ -143,17 +156,22 @@ class Site:
     async def answer(self, order: Command, seen_tick: int | None) -> Reply:
         """Carry out an order of an operator.
 
-        seen_tick: the newest state that the sender's screen showed. What was ordered on the sight of an old
-        one is refused, but for an abort.
+        seen_tick: the newest state that the sender's screen showed, None for none. What was ordered on the
+        sight of one that is older than three seconds, or that was never shown, is refused, but for an abort.
         """
-        late = seen_tick is None or self.tick - seen_tick > STALE_TICKS
-        if late and order.do != "abort":
+        age_s = None if seen_tick is None else self._age_s(seen_tick)
+        if (age_s is None or age_s > STALE_S) and order.do != "abort":
             return Reply(False, "sent on the sight of old data: look and try again")
         try:
             async with asyncio.timeout(ANSWER_S):
                 return await self._carry_out(order)
         except TimeoutError:
             return Reply(False, "no answer from the landing program: try again")
+
+    def _age_s(self, tick: int) -> float | None:
+        """Return how long ago a state was shown; None when it was not, or too long ago."""
+        back = self.tick - tick
+        return time.monotonic() - self._ticked_s[-1 - back] if 0 <= back < len(self._ticked_s) else None
 
     def facts(self, question: Facts) -> dict[str, Any]:
         """Return what the maps say of a point."""

@@ -55,7 +55,9 @@ class Viewer:
     # ---- to the browser -------------------------------------------------------------------------
 
     async def _send_all(self) -> None:
-        await self._send(json.dumps({"t": "about", "role": self._role.value, **self._site.about}))
+        site = self._site
+        told = {"t": "about", "role": self._role.value, "run": site.board.run, "serving": site.serving}
+        await self._send(json.dumps({**told, **site.about}))
         while True:
             await self._site.give_way()
             for message in self.news():
@@ -143,7 +145,8 @@ class Viewer:
         elif self._role is not Role.OPERATOR:
             await self._reply(message.id, Reply(False, "this page may look only"))
         else:
-            await self._reply(message.id, await self._site.answer(message, seen))
+            told = seen if seen is not None and seen <= self._sent["state"] else None  # else another run's
+            await self._reply(message.id, await self._site.answer(message, told))
 
     async def _reply(self, number: int | None, reply: Reply) -> None:
         document = {"t": "reply", "id": number, "ok": reply.accepted, "reason": reply.reason}

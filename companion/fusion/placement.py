@@ -153,7 +153,7 @@ def place(
     tuple of int
         Points written, returns out of range (NaN among them), returns without a pose.
     """
-    n = out_of_range = without_pose = 0
+    n, out_of_range, without_pose = np.uint64(0), 0, 0
     near, far = least_m * least_m, most_m * most_m
     r, cubic, work = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, BLOCK))
     a = p = -1
@@ -200,6 +200,6 @@ def place(
                 points_enu_m[n, 0], points_enu_m[n, 1] = work[X, i], work[Y, i]
                 points_enu_m[n, 2] = work[Z, i]
                 point_ns[n] = stamp_ns[first + i]
-                n += 1
+                n += ONE
         first += count
-    return n, out_of_range, without_pose
+    return int(n), out_of_range, without_pose

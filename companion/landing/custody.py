@@ -37,13 +37,18 @@ class Custody:
         """Forget what was asked for."""
         self._land_ns, self._leaving, self._lands = None, None, False
 
+    def lands_for_us(self, s: Situation) -> bool:
+        """Tell whether the vehicle is in the landing mode because we asked for it."""
+        return s.landing and self._shown and self._land_ns is not None
+
     def lost(self, s: Situation) -> bool:
         """Tell whether somebody else chose the mode that the vehicle is in."""
         if s.guided:
             self._leaving = None
             if self._lands:
                 return True
-            late = self._land_ns is not None and s.now_ns - self._land_ns > SETTLE_NS
+            # Only a mode heard now tells that the landing mode has not come.
+            late = s.heard and self._land_ns is not None and s.now_ns - self._land_ns > SETTLE_NS
             if self._shown or late:
                 self._land_ns = None
             return False

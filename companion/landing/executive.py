@@ -205,6 +205,8 @@ class Executive:
                 return self._hands_off(s)
             if s.position_enu_m is None or s.velocity_enu_ms is None:
                 return self._without_pose(s)
+            if self.phase not in (Phase.FINAL, Phase.CLIMB, Phase.HOLD) and self._custody.lands_for_us(s):
+                return self._leave_landing(s)
         match self.phase:
             case Phase.IDLE | Phase.LANDED:
                 return self._wait(s)
@@ -431,6 +433,12 @@ class Executive:
             self._break_off(s, "position lost")
         self._waits_for("position", s)
         return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
+
+    def _leave_landing(self, s: Situation) -> Orders:
+        """Leave a landing mode that was asked for, given up, and entered late: nobody chose this ground."""
+        self._say(Severity.WARNING, "LAND came late: climbing")
+        self._go(Phase.CLIMB, s)
+        return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _follow_jumps(self, s: Situation) -> None:
         """Where the position estimate jumps, move what is remembered with it: the vehicle did not move."""

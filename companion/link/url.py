@@ -65,7 +65,7 @@ def parse_url(text: str) -> Url:
 
 
 def _port(text: str, port: str) -> int:
-    if not (port.isascii() and port.isdigit() and 1 <= int(port[:6]) <= 65535):
+    if not (port.isascii() and port.isdigit() and len(port) <= 5 and 1 <= int(port) <= 65535):
         _refuse(text, f"port {port!r} is not a number from 1 to 65535")
     return int(port)
 
@@ -73,7 +73,7 @@ def _port(text: str, port: str) -> int:
 def _baud(text: str, baud: str | None) -> int:
     if baud is None:
         return DEFAULT_BAUD
-    if not (baud.isascii() and baud.isdigit() and 1200 <= int(baud[:9]) <= 12_500_000):
+    if not (baud.isascii() and baud.isdigit() and len(baud) <= 8 and 1200 <= int(baud) <= 12_500_000):
         _refuse(text, f"baud rate {baud!r} is not a number from 1200 to 12500000")
     return int(baud)
 

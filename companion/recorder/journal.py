@@ -92,7 +92,7 @@ def unpack_event(data: bytes) -> WindowEvent | int:
             tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in window["selects"]),
             bool(window["anew"]),
         )
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError) as error:
         raise BadRecordError(f"an event cannot be read: {error!r}") from None
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
+from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
 from mcap.records import Channel, DataEnd, Message, Metadata
 from mcap.stream_reader import StreamReader
 
@@ -106,7 +105,9 @@ class Recording:
                 raise UsageError(f"{self._path} is no MCAP file") from None
         except (EndOfFile, RecordLengthLimitExceeded):
             self.cut = "" if whole else "it ends in the middle, as after a loss of power"
-        except (McapError, struct.error, ValueError, RuntimeError, EOFError, MemoryError) as error:
+        except UsageError:
+            raise
+        except Exception as error:  # of mcap, and of whatever unpacks its chunks
             self.cut = "" if whole else f"it is damaged or cut off: {error}"
 
     def _header(self, metadata: dict[str, str]) -> Header:

@@ -20,6 +20,7 @@ from companion.sensors.lightware_stream import LightwareStream
 from companion.sensors.livox import LivoxDecoder
 from companion.sensors.livox_session import LivoxSession
 from companion.sensors.mavlink_lidar import MavlinkLidar
+from companion.sensors.others import other_sensor
 from companion.sensors.ouster import OusterDecoder
 from companion.sensors.serial_lidar import SerialLidar
 from companion.sensors.stream import Batch, Decoder, OnReturns, PacketStream
@@ -99,14 +100,15 @@ def open_lidar(
         return MavlinkLidar(link, parameters, on_returns)
     if kind == "lightware":
         return SerialLidar(_line(url, rest), LightwareStream(parameters, on_returns))
-    if kind not in DEFAULT_PORTS:
+    other = other_sensor(kind)
+    if kind not in DEFAULT_PORTS and other is None:
         raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
     address, _, query = rest.partition("?")
-    default = DEFAULT_PORTS[kind]
+    default = DEFAULT_PORTS[kind] if other is None else other.default_port
     host, colon, port = address.rpartition(":")
     if default is not None and not (colon and port):
         host, port = (host if colon else address), str(default)
-    if not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
+    if not (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
     try:
         setup = "" if kind == "livox" else description(kind, query)
@@ -155,9 +157,9 @@ def _sensor(url: str, query: str) -> str:
         ipaddress.IPv4Address(host)
     except ValueError:
         host = ""
-    sound = not colon or (port.isascii() and port.isdigit() and 0 < int(port) < 65536)
+    sound = not colon or (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536)
     if name != "sensor" or not host or not sound:
-        raise UsageError(f"LiDAR {url!r}: ?{query} is not understood: write {CONTROLLED}")
+        raise UsageError(f"LiDAR {url!r}: {'?' + query!r} is not understood: write {CONTROLLED}")
     return address
 
 
@@ -172,15 +174,16 @@ def description(kind: str, query: str) -> str:
     name, _, path = query.partition("=")
     if kind != "ouster":
         if query:
-            raise UsageError(f"?{query} is not understood: write {EXAMPLE}")
+            raise UsageError(f"{'?' + query!r} is not understood: write {EXAMPLE}")
         return ""
     if name != "meta" or not path:
         raise UsageError(f"no metadata is named: write {METADATA}")
     try:
         return Path(path).read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "is no text"
-        raise UsageError(f"{path}: {why}") from None
+    except OSError as error:
+        raise UsageError(f"{path if path.isprintable() else repr(path)}: {error.strerror}") from None
+    except ValueError:  # no text, or a name that no file can have
+        raise UsageError(f"{path if path.isprintable() else repr(path)}: is no text") from None
 
 
 def decoder_for(kind: str, setup: str = "") -> Decoder:
@@ -209,6 +212,8 @@ def decoder_for(kind: str, setup: str = "") -> Decoder:
             from companion.sensors.radar import RadarDecoder
 
             return RadarDecoder()
+    if (other := other_sensor(kind)) is not None:
+        return other.make()
     raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
 
 

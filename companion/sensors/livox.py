@@ -83,7 +83,7 @@ class LivoxDecoder:
             return None
         if crc == 0:
             c.unchecked += 1
-        elif zlib.crc32(memoryview(packet)[CHECKED_FROM:]) != crc:
+        elif zlib.crc32(packet[CHECKED_FROM:]) != crc:
             c.bad_checksum += 1
             return None
         if kind == IMU:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ LEGACY = "LEGACY"
 LIDAR_TYPE = 1
 MOST_NS = 2**62
 MOST_PACKET_NS = 50_000_000  # no packet takes longer, at 5 Hz and 512 columns a frame it takes 6 ms
+MOST_ROWS, MOST_COLUMNS = 512, 16_384  # of a frame; the largest sensors have 128 and 4096
+MOST_M = 10.0  # of a point 1 m away
 PAUSE_FRAMES = 10  # a longer gap is a sensor switched off, not lost packets
 Bytes = NDArray[np.uint8]
 
@@ -66,6 +68,7 @@ class _Format:
             raise UsageError(INSTALL) from None
         try:
             info = sdk.SensorInfo(metadata)
+            _check_size(info.format)
             self._packet = sdk.PacketFormat(info)
             project = sdk.XYZLut(info)
         except (RuntimeError, ValueError) as error:
@@ -81,8 +84,11 @@ class _Format:
         if "RANGE2" in names:
             self._echoes.append(("RANGE2", "REFLECTIVITY2"))
         near, far = (project(np.full((self.rows, self.frame_columns), mm, np.uint32)) for mm in (1000, 2000))
-        self.direction = _by_column(far - near)
-        self.offset_m = _by_column(2 * near - far)
+        with np.errstate(all="ignore"):
+            self.direction = _by_column(far - near)
+            self.offset_m = _by_column(2 * near - far)
+        if not (np.abs(self.direction) < MOST_M).all() or not (np.abs(self.offset_m) < MOST_M).all():
+            raise UsageError("LiDAR ouster: its metadata places points nowhere: fetch it again")
         columns = int(self._packet.columns_per_packet)
         first, last = (int(column) for column in info.format.column_window)
         window = np.arange(first, last + 1 if last >= first else last + 1 + self.frame_columns)
@@ -123,6 +129,15 @@ class _Format:
         range_mm = np.stack([field(name, data).T[valid] for name, _ in self._echoes], -1)
         bright = np.stack([field(name, data).T[valid] for _, name in self._echoes], -1)
         return range_mm.astype(np.uint32, copy=False), np.minimum(bright, 255).astype(np.uint8)
+
+
+def _check_size(form: Any) -> None:
+    """Refuse metadata of a sensor that cannot be, before memory is asked for."""
+    rows, columns = int(form.pixels_per_column), int(form.columns_per_frame)
+    packet = int(form.columns_per_packet)
+    if not (0 < rows <= MOST_ROWS and 0 < columns <= MOST_COLUMNS and 0 < packet <= columns):
+        told = f"{rows} rows, {columns} columns, {packet} of them in a packet"
+        raise UsageError(f"LiDAR ouster: its metadata tells of {told}: fetch it again from the sensor")
 
 
 def _by_column(rows_columns: NDArray[np.float64]) -> NDArray[np.float32]:

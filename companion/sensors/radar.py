@@ -27,6 +27,7 @@ HEADER = struct.Struct("<4sBBHIQdfffffffff")
 BLOCK = 8
 MOST_NS = 2**62
 MOST_BLOCK_NS = 3_000_000_000
+LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # of a sample: what lies beyond overflows when it is squared
 MOST_SIGMA_M = 0.10
 """Points less certain are left out: the map takes all of a sensor's points for equally good."""
 
@@ -152,7 +153,9 @@ def _line(packet: bytes) -> _Line | None:
     baseline, tilt, range_m, azimuth, first, step, altitude, roll, unit = floats
     if len(packet) != HEADER.size + 8 * looks * bins or stamp >= MOST_NS or not np.isfinite(floats).all():
         return None
-    if not (0.5 < altitude < 1000 and abs(roll) < 1 and first > 0 and 0 < step <= range_m and unit > 0):
+    if not (0.5 < altitude < 1000 and abs(roll) < 1 and first > 0 and 0 < step <= range_m):
+        return None
+    if not LEAST_UNIT < unit < MOST_UNIT:
         return None
     try:
         radar = Interferometer(carrier, baseline, tilt, range_m, azimuth, looks)

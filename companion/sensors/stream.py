@@ -180,7 +180,7 @@ class PacketStream:
         if not self._wrong_sensor:
             log.error(
                 "packets from %s look like those of %s, not of %s: is %s: meant in the LiDAR's URL?",
-                *(host, NAMES[found], NAMES[self.kind], found),
+                *(host, NAMES[found], NAMES.get(self.kind, self.kind), found),
             )
         self._wrong_sensor += 1
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.errors import UsageError
+from companion.survey.laz_chunks import check_chunks
 from companion.survey.reference import Reference, of_header
 from companion.survey.signature import look
 from companion.survey.source import CHUNK, Chunk, Clock, translated
@@ -125,6 +126,8 @@ def open_las(path: Path, given: Reference | None) -> LasSource:
             raise UsageError(
                 f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
             )
+        for packing in header.vlrs.get("LasZipVlr") if header.are_points_compressed else ():
+            check_chunks(path, least, int(header.point_format.size), bytes(packing.record_data))
         clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
         corners = [(float(edge[0]), float(edge[1])) for edge in (header.mins, header.maxs)]
         seekable = not any(vlr.user_id == COPC for vlr in header.vlrs)

@@ -6,8 +6,6 @@ of 0.1 m and what stands there.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from sitl import scenes
 from sitl.flash.instrument import FlashLidar
 from sitl.primitives import Ellipsoid
+from sitl.recording import run
 from sitl.scenes.borrow_pit import BOXES
 
 F64 = NDArray[np.float64]
@@ -58,15 +57,5 @@ def record(seed: int, out: Path) -> None:
     )
 
 
-def main() -> int:
-    """Run as a program."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    record(options.seed, options.out)
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    run(record)

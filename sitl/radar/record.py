@@ -3,8 +3,6 @@ evaluation."""
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 from sitl import scenes
 from sitl.primitives import Kind
 from sitl.radar.side_looker import SideLooker, Track
+from sitl.recording import run
 from sitl.scenes.landing_site import HALF_M
 
 HEIGHTS_M = (65.0, 75.0, 85.0, 95.0)
@@ -41,15 +40,5 @@ def record(seed: int, out: Path) -> None:
     np.savez(out, truth_m=height_m.astype(np.float32), water=kind == Kind.WATER, **held)
 
 
-def main() -> int:
-    """Run as a program."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    record(options.seed, options.out)
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    run(record)

@@ -9,11 +9,9 @@ from slz.kernels.jit import kernel
 from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
 FEW = 20  # returns of 3 x 3 cells up to which each stands for itself
-NEAR = 4  # cells between two, up to which those between are worked out too
 CROWD = 64  # returns of a cell from which on its hazards show in more than one of them
 
 Row = NDArray[np.float32]
-Reals = NDArray[np.float64]
 
 # Layers of `summarise`.
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
@@ -192,6 +190,34 @@ def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDA
     return out
 
 
+@kernel("float32[:, ::1](float32[:, :], int64)")
+def highest_in_square(values: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
+    """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
+
+    Maxima of 2, 4, 8 ... cells in a row come from each other, those of a square's rows likewise.
+    """
+    rows, cols = values.shape
+    side = 2 * radius + 1
+    wide = np.full((rows + 2 * radius, cols + 2 * radius), np.float32(-np.inf))
+    for r in range(rows):
+        line = wide[r + radius]
+        for c in range(np.uint64(cols)):
+            v = values[r, c]
+            line[c + np.uint64(radius)] = v if v > np.float32(-np.inf) else np.float32(-np.inf)
+        done = 1
+        while done < side:
+            step = min(done, side - done)
+            _raise(line[step:], line[: len(line) - step], 0.0)
+            done += step
+    done = 1
+    while done < side:
+        step = min(done, side - done)
+        for r in range(len(wide) - step):
+            _raise(wide[r + step], wide[r], 0.0)
+        done += step
+    return wide[:rows, :cols].copy()
+
+
 @kernel("void(float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64[:, ::1])")
 def _add_row(
     cells: NDArray[np.float32],
@@ -288,58 +314,41 @@ def _solve(
         fit[GRADIENT, c] = gradient if good else np.nan
 
 
-@kernel("void(float32[::1], float64[::1], float64[::1], int64, float64, float64[::1])")
-def _lowest(values: Row, tilt: Reals, east: Reals, right: int, cell_m: float, low: Reals) -> None:
-    """Lower what is lowest about planes to what lies so many cells to the right; no tilt, no change."""
-    for c in range(np.uint64(len(low))):
-        over = values[c] - (tilt[c] + east[c] * right * cell_m)
-        low[c] = over if over < low[c] else low[c]
-
-
-@kernel("void(float32[::1], float64[::1], float64[::1], int64, float64, float64[::1])")
-def _highest(values: Row, tilt: Reals, east: Reals, right: int, cell_m: float, high: Reals) -> None:
-    """Raise what is highest likewise."""
-    for c in range(np.uint64(len(high))):
-        over = values[c] - (tilt[c] + east[c] * right * cell_m)
-        high[c] = over if over > high[c] else high[c]
-
-
 @kernel(
-    "void(float32[:, ::1], float32[:, ::1], float64[:, ::1], int64, int64, int64, int64, float64, float64,"
-    " float64, float64[:, ::1])"
+    "UniTuple(float64, 2)(float32[:, ::1], float32[:, ::1], float64[:, ::1], int64, int64, int64, float64,"
+    " float64, float64)"
 )
-def _reliefs(
+def _relief(
     lower: NDArray[np.float32],
     upper: NDArray[np.float32],
     fit: NDArray[np.float64],
     row: int,
-    first: int,
-    stop: int,
+    col: int,
     k: int,
     cell_m: float,
     reference: float,
     most: float,
-    out: NDArray[np.float64],
-) -> None:
-    """Leave the lowest and highest of a row's footprints about their planes, and of their inner cells.
+) -> tuple[float, float]:
+    """Return the peak-to-peak of a footprint about its plane, and that of its inner cells.
 
-    Of a footprint whose inner relief exceeds `most` the rows that follow are passed over.
+    Where the inner one exceeds `most` the rows that follow are passed over.
     """
-    here = slice(first, stop)
-    low, high, inner_low, inner_high = out[0, here], out[1, here], out[2, here], out[3, here]
-    low[:], high[:], inner_low[:], inner_high[:] = np.inf, -np.inf, np.inf, -np.inf
-    east, north, level, tilt = fit[EAST, here], fit[NORTH, here], fit[LEVEL, here], np.empty(stop - first)
+    low = inner_low = np.inf
+    high = inner_high = -np.inf
+    east, north, level = fit[EAST, col], fit[NORTH, col], fit[LEVEL, col]
     for i in range(row - k, row + k + 1):
-        for c in range(np.uint64(stop - first)):
-            closed_ = inner_high[c] - inner_low[c] > most
-            tilt[c] = np.nan if closed_ else level[c] + north[c] * (i - row) * cell_m + reference
+        if inner_high - inner_low > most:
+            break
+        tilt = level + north * (i - row) * cell_m + reference
         for d in range(-k, k + 1):
-            there = slice(first + d, stop + d)
-            inner = abs(i - row) < k and abs(d) < k
-            _lowest(lower[i, there], tilt, east, d, cell_m, inner_low if inner else low)
-            _highest(upper[i, there], tilt, east, d, cell_m, inner_high if inner else high)
-    for c in range(np.uint64(stop - first)):
-        low[c], high[c] = min(low[c], inner_low[c]), max(high[c], inner_high[c])
+            under = lower[i, col + d] - (tilt + east * d * cell_m)
+            over = upper[i, col + d] - (tilt + east * d * cell_m)
+            low = under if under < low else low  # NaN is not
+            high = over if over > high else high
+            if abs(i - row) < k and abs(d) < k:
+                inner_low = under if under < inner_low else inner_low
+                inner_high = over if over > inner_high else inner_high
+    return max(0.0, high - low), max(0.0, inner_high - inner_low)
 
 
 @kernel("float32[:, :, :](float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64)")
@@ -378,16 +387,15 @@ def planes(
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
     lower, upper = cells[BOTTOM] + cells[EXCESS], cells[TOP] - cells[EXCESS]
-    highest, lowest = highest_around(upper, k, 0), highest_around(-lower, k, 0)
-    sums, fit, relief = np.zeros((13, cols)), np.empty((7, cols)), np.empty((4, cols))
-    wanted = np.empty(cols, np.int64)
+    highest, lowest = highest_in_square(upper, k), highest_in_square(-lower, k)
+    sums, fit = np.zeros((13, cols)), np.empty((7, cols))
     for r in range(rows):
         _add_row(cells, covered, r, r * cell_m, 1.0, reference, column)
         if r > 2 * k:
             _add_row(cells, covered, r - 2 * k - 1, (r - 2 * k - 1) * cell_m, -1.0, reference, column)
         if r < 2 * k:
             continue
-        row, n = r - k, 0
+        row = r - k
         _over_columns(column, k, cell_m, sums)
         _solve(sums, k, cell_m, row * cell_m, noise_m, fit)
         for col in range(k, cols - k):
@@ -406,20 +414,7 @@ def planes(
             if bound < 0.5 * relief_limit:
                 out[2, row, col] = out[5, row, col] = max(0.0, bound)
                 continue
-            wanted[n] = col
-            n += 1
-        at = 0
-        while at < n:  # stretches in which most cells are wanted
-            stop = at + 1
-            while stop < n and wanted[stop] - wanted[stop - 1] <= NEAR:
-                stop += 1
-            _reliefs(
-                lower, upper, fit, row, wanted[at], wanted[stop - 1] + 1, k, cell_m, reference,
-                2 * relief_limit, relief,
-            )  # fmt: skip
-            for i in range(at, stop):
-                col = wanted[i]
-                out[2, row, col] = max(0.0, relief[1, col] - relief[0, col])
-                out[5, row, col] = max(0.0, relief[3, col] - relief[2, col])
-            at = stop
+            out[2, row, col], out[5, row, col] = _relief(
+                lower, upper, fit, row, col, k, cell_m, reference, 2 * relief_limit
+            )
     return out

@@ -109,9 +109,41 @@ class Chromium:
 
     def click_on(self, selector: str) -> None:
         """Click in the middle of an element."""
+        self.click(*self.middle(selector))
+
+    def middle(self, selector: str) -> tuple[float, float]:
+        """Return where the middle of an element is."""
         box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
         x, y = self.script(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({box})")
-        self.click(x, y)
+        return x, y
+
+    def touch(self, kind: str, points: list[tuple[float, float]]) -> None:
+        """Let fingers do something: touchStart, touchMove, touchEnd, touchCancel; where they are now."""
+        fingers = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+        self.call("Input.dispatchTouchEvent", type=kind, touchPoints=fingers)
+
+    def tap(self, x: float, y: float) -> None:
+        """Tap at a place."""
+        self.touch("touchStart", [(x, y)])
+        self.touch("touchEnd", [])
+
+    def tap_on(self, selector: str) -> None:
+        """Tap in the middle of an element, on whatever lies there."""
+        self.tap(*self.middle(selector))
+
+    def drag(self, begin: list[tuple[float, float]], end: list[tuple[float, float]], steps: int = 8) -> None:
+        """Put fingers down, move them, lift them."""
+        self.touch("touchStart", begin)
+        for step in range(1, steps + 1):
+            share = step / steps
+            self.touch(
+                "touchMove",
+                [
+                    (a + share * (c - a), b + share * (d - b))
+                    for (a, b), (c, d) in zip(begin, end, strict=True)
+                ],
+            )
+        self.touch("touchEnd", [])
 
     def press(self, key: str) -> None:
         """Press a key."""

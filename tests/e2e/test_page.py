@@ -9,6 +9,7 @@ import asyncio
 import json
 import socket
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,6 +22,7 @@ from tests.e2e.chromium import Chromium
 from tests.e2e.harness import Mission
 
 Result = TypeVar("Result")
+RENEW_S = 0.1
 BEST = (
     "(z => { const [x, y] = slz.bird.place(z.best[0], z.best[1]),"
     " b = slz.bird.canvas.getBoundingClientRect(), r = devicePixelRatio;"
@@ -41,8 +43,15 @@ class Watched:
         self.mission, self.browser = mission, browser
 
     async def see(self, look: Callable[..., Result], *args: object) -> Result:
-        """Ask the browser; simulated time waits."""
-        return await asyncio.get_running_loop().run_in_executor(None, look, *args)
+        """Ask the browser; simulated time waits, but the companion is there all the same."""
+        loop, page = asyncio.get_running_loop(), self.mission.companion.page
+        assert page is not None
+        with ThreadPoolExecutor(1) as beside:
+            asked = beside.submit(look, *args)
+            while not asked.done():
+                await loop.run_in_executor(None, wait, [asked], RENEW_S)
+                page.board.state = None if page.board.state is None else dict(page.board.state)
+            return asked.result()
 
     async def until_seen(self, text: str) -> None:
         """Wait until the page shows something; the flight goes on meanwhile."""

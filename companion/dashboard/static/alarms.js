@@ -9,7 +9,8 @@ export class Alarms {
     this._model = model;
     this._box = byId("alarms");
     this._heard = new Set(); // keys of standing alarms that were acknowledged
-    this._read = Number(sessionStorage.getItem("slz-read") ?? -1); // newest text that was acknowledged
+    this._read = -1; // newest text that was acknowledged, -1 before it is known
+    this._run = null;
     this._shown = "";
     this._beepAt = 0;
     document.addEventListener("pointerdown", () => this._wake(), { once: true });
@@ -18,9 +19,9 @@ export class Alarms {
   }
 
   update() {
+    this._know();
     const standing = this._model.state?.alarms ?? [];
     for (const key of [...this._heard]) if (!standing.some((alarm) => alarm.key === key)) this._heard.delete(key);
-    if (this._read < 0 && this._model.texts.length) this._read = 0;
     const texts = this._model.texts.filter((x) => x.severity <= CRITICAL && x.number > this._read);
     const items = standing.map((alarm) => ({ ...alarm, loud: alarm.level === "critical" && !this._heard.has(alarm.key) }));
     const last = texts.at(-1);
@@ -39,8 +40,18 @@ export class Alarms {
   acknowledge() {
     for (const alarm of this._model.state?.alarms ?? []) this._heard.add(alarm.key);
     this._read = this._model.texts.at(-1)?.number ?? this._read;
-    sessionStorage.setItem("slz-read", String(this._read));
+    if (this._run) sessionStorage.setItem("slz-acknowledged", JSON.stringify([this._run, this._read]));
     this.update();
+  }
+
+  /** What was acknowledged counts for the run of the companion that said it. */
+  _know() {
+    const run = this._model.about?.run;
+    if (!run || run === this._run) return;
+    this._run = run;
+    const [known, read] = JSON.parse(sessionStorage.getItem("slz-acknowledged") ?? "[null, 0]");
+    this._read = known === run ? read : 0;
+    this._heard.clear();
   }
 
   _banner(item) {

@@ -91,13 +91,17 @@ export class BirdView {
       this.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX * this._ratio, event.offsetY * this._ratio);
     }, { passive: false });
     canvas.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
       canvas.setPointerCapture(event.pointerId);
       this._pointers.set(event.pointerId, { x: event.offsetX, y: event.offsetY, x0: event.offsetX, y0: event.offsetY });
       if (this._pointers.size > 1) this._pinched = true;
     });
     canvas.addEventListener("pointermove", (event) => this._move(event));
     canvas.addEventListener("pointerup", (event) => this._up(event));
-    canvas.addEventListener("pointercancel", (event) => this._pointers.delete(event.pointerId));
+    canvas.addEventListener("pointercancel", (event) => {
+      this._pointers.delete(event.pointerId);
+      if (!this._pointers.size) this._pinched = false;
+    });
     canvas.addEventListener("keydown", (event) => this._key(event));
   }
 

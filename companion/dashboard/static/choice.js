@@ -52,10 +52,12 @@ export class Choice {
   }
 
   abort() {
+    byId("ask").close();
     this._send({ do: "abort" });
   }
 
   clear() {
+    byId("ask").close();
     this._model.picked = null;
     this.update();
   }
@@ -72,10 +74,22 @@ export class Choice {
     byId("best").disabled = !ready || !state.guided || !this._model.near().length || this._descending();
     byId("now").disabled = !ready || !state.armed || state.on_ground;
     byId("abort").disabled = !may;
+    byId("answer").dataset.hint = this._hint(point);
     const now = JSON.stringify([picked, point, this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;
     this._drawn = now;
     byId("choice").replaceChildren(...(picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
+  }
+
+  /** What is missing before an order can be given, shown while nothing was answered. */
+  _hint(point) {
+    const { state, about } = this._model;
+    if (!state || about?.kind !== "flight") return "";
+    if (!this._model.operator) return "This page may look only.";
+    if (!state.connected) return "No autopilot: no order but abort.";
+    if (!state.armed || state.on_ground) return "";
+    if (!state.guided && this._model.near().length) return "To land, hand over first: guided flight mode.";
+    return point?.state === "unsafe" ? "The landing point is unsafe: select another." : "";
   }
 
   _descending() {
@@ -191,7 +205,7 @@ export class Choice {
     };
     const no = el("button", { class: "act", text: "No", onclick: () => dialog.close() });
     dialog.replaceChildren(el("h2", { text: title }), el("p", { text: words }), el("div", { class: "row" }, no, yes));
-    dialog.showModal();
+    dialog.show(); // not modal: the abort button stays within reach
     yes.focus();
   }
 

@@ -57,6 +57,7 @@ export class Link {
     const socket = (this._socket = new WebSocket(`${scheme}://${location.host}/live`));
     socket.onopen = () => {
       this._pause = FIRST_PAUSE_MS;
+      this.tick = 0; // nothing was seen on this channel yet
       this._onUp();
     };
     socket.onmessage = (event) => this._take(JSON.parse(event.data));

@@ -19,7 +19,10 @@ const sheets = new Sheets(() => {});
 const link = new Link(
   (message) => {
     if (message.t === "map") sheets.take(message);
-    else model.take(message);
+    else {
+      if (message.t === "about") sheets.serve(message.serving);
+      model.take(message);
+    }
     due = true;
   },
   () => sheets.restart(),
@@ -76,12 +79,18 @@ setInterval(() => {
 }, 200);
 
 document.addEventListener("keydown", (event) => {
-  if (event.target.closest("input, select, dialog") || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  const key = event.key.length === 1 ? event.key.toLowerCase() : event.key; // with caps lock on, too
+  // Where letters are written they are letters; in any other field and before a question only these two act.
+  if (event.target.closest("input[type=search], input[type=text]")) return;
+  if (event.target.closest("input, select, dialog") && key !== "a" && key !== "Escape") return;
   const acts = {
     a: () => choice.abort(), s: () => choice.select(), c: () => choice.confirm(), k: () => alarms.acknowledge(),
     f: () => byId("follow").click(), t: () => byId("track").click(), Escape: () => choice.clear(),
   };
-  acts[event.key]?.();
+  if (!(key in acts)) return;
+  event.preventDefault(); // a list would choose by the letter
+  acts[key]();
 });
 
 // ---- legend ------------------------------------------------------------------------------------

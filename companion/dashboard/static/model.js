@@ -5,6 +5,11 @@ const STEP_MS = 100; // between two states
 export class Model {
   constructor() {
     this.about = null;
+    this.forget();
+  }
+
+  /** Forget a flight: another run of the companion numbers anew whatever it tells. */
+  forget() {
     this.state = null;
     this.health = null;
     this.replay = null;
@@ -20,6 +25,7 @@ export class Model {
   take(message) {
     switch (message.t) {
       case "about":
+        if (this.about && this.about.run !== message.run) this.forget();
         this.about = message;
         break;
       case "state":

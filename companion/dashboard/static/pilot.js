@@ -68,30 +68,40 @@ export class PilotView {
   }
 
   _listen() {
-    let held = null;
+    const held = new Map(); // fingers by id
     this.canvas.addEventListener("pointerdown", (event) => {
       this.canvas.setPointerCapture(event.pointerId);
-      held = [event.offsetX, event.offsetY];
+      held.set(event.pointerId, [event.offsetX, event.offsetY]);
     });
     this.canvas.addEventListener("pointermove", (event) => {
-      if (!held) return;
-      this.look.yaw += 0.35 * (event.offsetX - held[0]);
-      this.look.pitch = Math.min(60, Math.max(-60, this.look.pitch + 0.25 * (event.offsetY - held[1])));
-      held = [event.offsetX, event.offsetY];
+      const before = held.get(event.pointerId);
+      if (!before) return;
+      const span = spanOf(held);
+      held.set(event.pointerId, [event.offsetX, event.offsetY]);
+      if (held.size > 1) this._zoom(span / spanOf(held));
+      else this._turn(0.35 * (event.offsetX - before[0]), 0.25 * (event.offsetY - before[1]));
     });
-    for (const end of ["pointerup", "pointercancel"]) this.canvas.addEventListener(end, () => (held = null));
+    for (const end of ["pointerup", "pointercancel"]) this.canvas.addEventListener(end, (event) => held.delete(event.pointerId));
     this.canvas.addEventListener("dblclick", () => this.use(this.camera));
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
-      this.look.zoom = Math.min(4, Math.max(0.4, this.look.zoom * Math.exp(0.001 * event.deltaY)));
+      this._zoom(Math.exp(0.001 * event.deltaY));
     }, { passive: false });
     this.canvas.addEventListener("keydown", (event) => {
       const turn = { ArrowLeft: [-6, 0], ArrowRight: [6, 0], ArrowUp: [0, 5], ArrowDown: [0, -5] }[event.key];
       if (!turn) return;
-      this.look.yaw += turn[0];
-      this.look.pitch = Math.min(60, Math.max(-60, this.look.pitch + turn[1]));
+      this._turn(turn[0], turn[1]);
       event.preventDefault();
     });
+  }
+
+  _turn(yaw, pitch) {
+    this.look.yaw += yaw;
+    this.look.pitch = Math.min(60, Math.max(-60, this.look.pitch + pitch));
+  }
+
+  _zoom(factor) {
+    this.look.zoom = Math.min(4, Math.max(0.4, this.look.zoom * factor));
   }
 
   // ---- drawing ---------------------------------------------------------------------------------
@@ -386,6 +396,12 @@ export class PilotView {
     }
     pen.stroke();
   }
+}
+
+/** How far the first two fingers are apart. */
+function spanOf(held) {
+  const [a, b] = [...held.values()];
+  return b ? Math.max(1, Math.hypot(a[0] - b[0], a[1] - b[1])) : 1;
 }
 
 function crossed(a, b, half) {

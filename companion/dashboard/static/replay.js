@@ -18,7 +18,7 @@ export class ReplayBar {
     this._play.textContent = replay.ended ? "Ended" : replay.speed > 0 ? "❚❚ Pause" : "▶ Play";
     this._play.disabled = replay.ended && replay.at_s >= replay.length_s;
     this._line.max = String(replay.length_s);
-    if (document.activeElement !== this._line || !this._dragging) this._line.value = String(replay.at_s);
+    if (!this._dragging) this._line.value = String(replay.at_s);
     this._time.textContent = `${clock(replay.at_s)} / ${clock(replay.length_s)}`;
     if (replay.speed > 0) this._speed.value = String(replay.speed);
   }
@@ -29,6 +29,8 @@ export class ReplayBar {
     this._play.onclick = () => this._order({ speed: this.model.replay.speed > 0 ? 0 : Number(this._speed.value) || 1 });
     this._line = el("input", { type: "range", min: 0, max: 1, step: 0.1, value: 0, "aria-label": "Time of the flight" });
     this._line.oninput = () => (this._dragging = true);
+    // A finger that goes back to where it began changes nothing, and one may be taken away.
+    for (const end of ["pointerup", "pointercancel", "blur"]) this._line.addEventListener(end, () => (this._dragging = false));
     this._line.onchange = () => {
       this._dragging = false;
       this._order({ at_s: Number(this._line.value) });

@@ -100,6 +100,14 @@ export class Sheets {
     for (const sheet of Object.values(this.sheets)) sheet.versions.clear();
   }
 
+  /** Forget the maps of another run of the page's server, which may bear the same numbers. */
+  serve(serving) {
+    if (this._serving !== undefined && this._serving !== serving) {
+      for (const name of Object.keys(this.sheets)) this.sheets[name] = new Sheet(name);
+    }
+    this._serving = serving;
+  }
+
   /** Blocks to draw in a box, the coarse map first; what is missing is fetched. */
   view(west, south, east, north, metresPerPixel) {
     const found = [];

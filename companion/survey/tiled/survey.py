@@ -26,7 +26,8 @@ from companion.survey.tiled.progress import Progress
 from companion.survey.tiled.scale import first_guess, metric_of
 from companion.survey.tiled.sort import Piece, sort_piece
 from companion.survey.tiled.store import Layout, Store
-from companion.survey.tiled.zones import Found, batches, describe_zones, load
+from companion.survey.tiled.zone_file import Found, load
+from companion.survey.tiled.zones import batches, describe_zones
 from params import Parameters
 from slz.drawing import reach_of
 from slz.search import side_in_cells

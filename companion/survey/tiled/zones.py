@@ -6,22 +6,20 @@ into memory and its parts are the same on any tiles; each part that holds a safe
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from shapely.geometry import MultiPolygon
 
 from companion.survey.polygon import zone_polygon
 from companion.survey.square import centre_of
-from companion.survey.tiled import packed
 from companion.survey.tiled.label import Joined, Members
 from companion.survey.tiled.lattice import common
 from companion.survey.tiled.store import Layout, Store
+from companion.survey.tiled.zone_file import Found, load, save
 from params import Parameters
-from slz import Box, Zone
+from slz import Box
 from slz.content import describe
 from slz.kernels.contour import squares
 from slz.search import Candidate, search_components, side_in_cells
@@ -39,18 +37,6 @@ class Work:
     done: Path
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A zone worked out. first: its place in the order of IDs. cut: whether it is part of a greater one."""
-
-    first: int
-    zone: Zone
-    polygon_m: MultiPolygon
-    square_centre_m: tuple[float, float]
-    n_obstacles: int
-    cut: bool
-
-
 def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
     """Work out zones, write them to their file and return how many there are."""
     if work.done.exists():
@@ -58,15 +44,8 @@ def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
     store = Store(layout)
     members = Members(store)
     found = [one for zone in work.zones for one in _found(zone, store, members, parameters)]
-    with packed.whole(work.done) as unfinished:
-        unfinished.path.write_bytes(pickle.dumps(found))
+    save(work.done, found)
     return len(found)
-
-
-def load(path: Path) -> list[Found]:
-    """Read what `describe_zones` wrote."""
-    found: list[Found] = pickle.loads(path.read_bytes())
-    return found
 
 
 def batches(zones: Sequence[Joined], folder: Path, most_cells: int = MOST_CELLS // 4) -> list[Work]:

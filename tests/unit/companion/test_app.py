@@ -80,6 +80,23 @@ async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
         assert seat.ended == ["GUIDED"]
 
 
+@pytest.mark.parametrize("phase", [Phase.CLIMB, Phase.HOLD, Phase.SURVEY, Phase.APPROACH])
+async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_off(
+    monkeypatch: pytest.MonkeyPatch, phase: Phase
+) -> None:
+    """A try after that would land the vehicle where it is."""
+    async with cockpit(monkeypatch) as seat:
+        seat.companion.executive.phase = Phase.FINAL
+        seat.orders = Orders(mode="land")
+        await seat.tick("GUIDED")
+        seat.orders = Orders()
+        await seat.tick("GUIDED")
+        assert not seat.ended
+        seat.companion.executive.phase = phase
+        await seat.tick("GUIDED")
+        assert seat.ended == ["LAND"]
+
+
 async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     """ArduPilot flies on for three seconds with the last velocity that it was given."""
     async with cockpit(monkeypatch) as seat:
@@ -126,3 +143,25 @@ async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
         now = now_ns()
         seat.companion._last_report_ns = now - round(age_s * 1e9)
         assert seat.companion._report_is_fresh(now) is fresh
+
+
+@pytest.mark.parametrize(
+    ("lidar_s", "seen_s", "fresh"),
+    [(0.1, 0.1, True), (1.9, 0.1, False), (None, 0.1, False), (0.1, 1.9, False)],
+)
+async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
+    lidar_s: float | None, seen_s: float, fresh: bool
+) -> None:
+    """In dust the LiDAR sends packets without a return; one whose cable broke sends none."""
+    companion = Companion(
+        "udpin:127.0.0.1:14550",
+        "livox:127.0.0.1:56301",
+        params.load("quadcopter", ["lidar_timeout_s=1"]),
+        auto=False,
+        radar_url="radar:127.0.0.1:7611",
+    )
+    now = now_ns()
+    companion._last_scan_ns = now - round(seen_s * 1e9)
+    companion.lidar.stream.last_arrival_ns = None if lidar_s is None else now - round(lidar_s * 1e9)  # type: ignore[attr-defined]
+    assert companion._scans_are_fresh(now) is fresh
+    companion.worker.close()

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import socket
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -15,8 +16,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import params
 from companion.dashboard.board import Board
-from companion.dashboard.orders import Command
-from companion.dashboard.page import Front, about, serve
+from companion.dashboard.orders import Command, Simple
+from companion.dashboard.page import Front, about, carry_out_in_time, serve
 from companion.landing.situation import Reply
 from tests.unit.companion.dashboard.test_alarms import QUIET
 from tests.unit.companion.dashboard.test_map_blocks import drawn, tile
@@ -48,6 +49,7 @@ class Served:
         self.clerk = Clerk()
         self.server = serve(self.front, self.board, self.clerk, about(params.rows()))
         self.host = str(self.front.address)
+        self.renewing: asyncio.Task[None] | None = None
 
     def connect(self, token: str = "", **headers: str) -> connect:
         origin = headers.pop("origin", f"http://{self.host}")
@@ -70,12 +72,21 @@ class Served:
         return int(answer.split()[1]), content
 
 
+async def renew(board: Board) -> None:
+    """Leave a new state on a board again and again, as a companion does that is well."""
+    while True:
+        board.state = dict(board.state or {})
+        await asyncio.sleep(0.02)
+
+
 @asynccontextmanager
 async def served(tokens: Path | None = None) -> AsyncIterator[Served]:
     made = Served(tokens)
+    made.renewing = asyncio.create_task(renew(made.board))
     try:
         yield made
     finally:
+        made.renewing.cancel()
         await asyncio.to_thread(made.server.stop)
         made.front.close()
     assert not made.server.alive
@@ -118,6 +129,16 @@ async def all_heard(page: ClientConnection, kinds: set[str]) -> dict[str, dict[s
     return found
 
 
+async def newest_tick(page: ClientConnection) -> int:
+    """Return the newest state's of all that comes within a second."""
+    newest = 0
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(1.0):
+            while True:
+                newest = max(newest, json.loads(await page.recv()).get("tick", 0))
+    return newest
+
+
 async def ask(page: ClientConnection, text: str) -> dict[str, Any]:
     await page.send(text)
     return await heard(page, "reply")
@@ -154,14 +175,61 @@ async def test_an_order_on_the_sight_of_old_data_is_refused_but_for_an_abort(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A phone that slept sends what was tapped half a minute ago."""
-    monkeypatch.setattr("companion.dashboard.site.STALE_TICKS", 2)
+    monkeypatch.setattr("companion.dashboard.site.STALE_S", 0.2)
     async with served() as s, s.connect() as page:
-        while (await heard(page, "state"))["tick"] <= 3:
+        seen = (await heard(page, "state"))["tick"]
+        while (await heard(page, "state"))["tick"] <= seen + 3:
             pass
-        late = await ask(page, '0 {"id": 1, "do": "land_best"}')
+        late = await ask(page, f'{seen} {{"id": 1, "do": "land_best"}}')
         assert (late["ok"], "old data" in late["reason"]) == (False, True)
-        assert (await ask(page, '0 {"id": 2, "do": "abort"}'))["ok"]
+        assert (await ask(page, f'{seen} {{"id": 2, "do": "abort"}}'))["ok"]
         assert [order.do for order in s.clerk.orders] == ["abort"]
+
+
+async def test_an_order_on_the_sight_of_a_state_that_this_channel_was_never_sent_is_refused() -> None:
+    """A phone that slept while the page was started anew holds a higher number than the new one's."""
+    async with served() as s, s.connect() as page:
+        await heard(page, "state")
+        for tick in (0, 10**6, 10**15 - 1):
+            answer = await ask(page, f'{tick} {{"id": 1, "do": "land_best"}}')
+            assert (answer["ok"], "old data" in answer["reason"]) == (False, True)
+        assert (await ask(page, f'{10**6} {{"id": 2, "do": "abort"}}'))["ok"]
+        assert [order.do for order in s.clerk.orders] == ["abort"]
+
+
+async def test_a_companion_that_hangs_is_shown_as_silent_and_takes_no_order(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The page's own thread lives on, but what it shows grows old."""
+    monkeypatch.setattr("companion.dashboard.site.STALE_S", 0.3)
+    async with served() as s, s.connect() as page:
+        seen = (await heard(page, "state"))["tick"]
+        assert s.renewing is not None
+        s.renewing.cancel()
+        seen = max(seen, await newest_tick(page))
+        answer = await ask(page, f'{seen} {{"id": 1, "do": "confirm", "east_m": 0, "north_m": 0}}')
+        assert (answer["ok"], "old data" in answer["reason"]) == (False, True)
+        assert s.clerk.orders == []
+
+
+async def test_what_was_told_to_have_failed_is_not_done_later_but_for_an_abort() -> None:
+    """The landing's loop wakes after the page has given its answer up."""
+    clerk, late_s = Clerk(), time.monotonic() - 0.001
+    refused = await carry_out_in_time(clerk, Simple(id=1, do="land_best"), late_s)
+    assert not refused.accepted
+    assert clerk.orders == []
+    assert (await carry_out_in_time(clerk, Simple(id=2, do="abort"), late_s)).accepted
+    assert (await carry_out_in_time(clerk, Simple(id=3, do="land_best"), late_s + 60)).accepted
+
+
+async def test_a_page_is_told_when_it_is_served_by_another_run() -> None:
+    """Then it forgets numbers of messages and maps, which begin anew."""
+    told = []
+    for _ in range(2):
+        async with served() as s, s.connect() as page, s.connect() as other:
+            told += [await heard(page, "about"), await heard(other, "about")]
+    assert told[0]["run"] == told[1]["run"] != told[2]["run"] == told[3]["run"]
+    assert told[0]["serving"] == told[1]["serving"] != told[2]["serving"] == told[3]["serving"]
 
 
 @pytest.mark.parametrize("token", ["", "x" * 20, OPERATOR + "o"])
@@ -198,7 +266,7 @@ async def test_a_viewer_sees_all_and_orders_nothing(tokens: Path) -> None:
         assert s.clerk.orders == []
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "", "null"])
+@pytest.mark.parametrize("origin", ["http://evil.example", "", "null", "http://[", "http://[::1"])
 async def test_a_page_of_another_site_gets_no_channel(origin: str) -> None:
     async with served() as s:
         with pytest.raises(InvalidStatus):
@@ -275,6 +343,58 @@ async def test_five_browsers_are_served_and_a_crowd_is_turned_away() -> None:
             await s.connect()
         for page in pages:
             await page.close()
+
+
+async def test_viewers_leave_room_for_an_operator(tokens: Path) -> None:
+    async with served(tokens) as s:
+        pages = [await s.connect(VIEWER) for _ in range(12)]
+        with pytest.raises(InvalidStatus):
+            await s.connect(VIEWER)
+        pages.append(await s.connect(OPERATOR))
+        assert (await heard(pages[-1], "about"))["role"] == "operator"
+        for page in pages:
+            await page.close()
+
+
+async def until_closed(reader: asyncio.StreamReader) -> bytes:
+    async with asyncio.timeout(10):
+        try:
+            return await reader.read()
+        except ConnectionError:
+            return b""
+
+
+async def closed(*writers: asyncio.StreamWriter) -> None:
+    for one in writers:
+        one.close()
+        with contextlib.suppress(ConnectionError):
+            await one.wait_closed()
+
+
+@pytest.mark.parametrize(
+    "begun",
+    [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: x\r\nA: ", b"POST /login HTTP/1.1\r\n%s\r\ntoken="],
+)
+async def test_whoever_asks_too_slowly_is_let_go(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
+    """It needs no token for that, and without end would keep a connection from the pilot."""
+    monkeypatch.setattr("companion.dashboard.connection.LOOK_S", 0.05)
+    async with served() as s:
+        reader, writer = await asyncio.open_connection(s.front.address.host, s.front.address.port)
+        mine = f"Host: {s.host}\r\nOrigin: http://{s.host}\r\nContent-Length: 500\r\n".encode()
+        writer.write(begun % mine if b"%s" in begun else begun)
+        assert await until_closed(reader) == b""
+        await closed(writer)
+
+
+async def test_a_hundred_idle_connections_of_a_stranger_leave_room_and_more_are_refused() -> None:
+    async with served() as s:
+        address = s.front.address.host, s.front.address.port
+        idle = [await asyncio.open_connection(*address) for _ in range(100)]
+        assert (await s.http("/api/status"))[0] == 200
+        idle += [await asyncio.open_connection(*address) for _ in range(28)]
+        reader, writer = await asyncio.open_connection(*address)
+        assert await until_closed(reader) == b""
+        await closed(writer, *(one for _, one in idle))
 
 
 async def test_the_api_says_what_its_description_promises() -> None:

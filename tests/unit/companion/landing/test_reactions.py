@@ -408,6 +408,44 @@ def test_a_landing_mode_that_shows_after_the_abort_is_ours_and_left_again() -> N
     assert flight.position[0] < -19
 
 
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND])
+def test_a_landing_mode_that_shows_when_it_already_looks_elsewhere_is_left_again(phase: Phase) -> None:
+    """The request for LAND was under way while the position was lost; nobody chose the ground below."""
+    flight = Flight([zone(1, 10, 0), zone(2, 10, 7)], final_height_m=29.5, approach_speed_ms=20.0)
+    flight.until(lambda f: f.executive.phase is Phase.DESCEND)
+    flight.obeys = False
+    flight.fly_to(Phase.FINAL)
+    flight.blind = True
+    flight.step()
+    flight.blind = False
+    flight.executive._go(phase, flight.situation())
+    flight.run(0.5)
+    assert flight.executive.phase is phase
+    flight.mode = "LAND"
+    flight.obeys = True
+    flight.run(1.0)
+    assert flight.executive.phase is Phase.CLIMB
+    assert flight.mode == "GUIDED"
+    assert "SLZ: LAND came late: climbing" in flight.texts
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.hands_off == 0
+
+
+def test_a_landing_mode_entered_while_nothing_was_heard_is_ours_and_broken_off() -> None:
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0)
+    flight.until(lambda f: f.executive.phase is Phase.DESCEND)
+    flight.obeys = False
+    flight.fly_to(Phase.FINAL).run(0.3)
+    flight.blind, flight.heard = True, False
+    flight.run(4.5)
+    flight.blind, flight.heard, flight.obeys = False, True, True
+    flight.mode = "LAND"
+    flight.run(1.0)
+    assert flight.mode == "GUIDED"
+    assert flight.executive.phase is Phase.CLIMB
+    assert flight.executive.tally.hands_off == 0
+
+
 def test_a_landing_mode_that_the_pilot_chooses_later_is_the_pilot_s() -> None:
     flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0).fly_to(Phase.FINAL)
     flight.until(lambda f: f.mode == "LAND")

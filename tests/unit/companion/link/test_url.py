@@ -36,6 +36,7 @@ def test_every_form_is_read_and_written_back(text: str, url: Url) -> None:
         ("tcp::5760", "the host is missing"),
         ("tcp:127.0.0.1:99999", "port '99999' is not a number from 1 to 65535"),
         ("udpin:0.0.0.0:0", "port '0'"),
+        ("tcp:127.0.0.1:0000099999", "port '0000099999'"),
         ("udpin:0.0.0.0:٣", "port '٣'"),
         ("tcp:127.0.0.1:", "port ''"),
         ("/dev/ttyAMA0,fast", "baud rate 'fast'"),

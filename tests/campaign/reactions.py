@@ -1,0 +1,177 @@
+"""What the companion must do about each fault in each state (docs/faults.md), and whether a flight did it.
+
+A reaction looks at what was seen of a flight from outside and returns what was not as stated, or nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from companion.landing.situation import Phase
+from tests.campaign.log import Flown
+from tests.campaign.witness import Sight
+
+COMMITTED_M = 3.0  # from here the rest of the way is shorter than any reaction
+STOPPED_MS = 1.0
+Reaction = Callable[[Flown], str]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Reactions to one fault: before the descent, in the descent, in the autopilot's landing, climbing."""
+
+    before: tuple[Reaction, ...]
+    descent: tuple[Reaction, ...]
+    final: tuple[Reaction, ...]
+    climb: tuple[Reaction, ...]
+
+    def of(self, state: Phase) -> tuple[Reaction, ...]:
+        """Return the reactions in a state."""
+        match state:
+            case Phase.DESCEND:
+                return self.descent
+            case Phase.FINAL:
+                return self.final
+            case Phase.CLIMB:
+                return self.climb
+        return self.before
+
+
+def seen(flight: Flown, after_s: float = 0.0) -> list[Sight]:
+    """Return what was seen while the fault lasted, from so long after it began."""
+    began, ended = flight["began_s"], flight["ended_s"]
+    sights = (Sight(*row) for row in flight["path"])
+    return [s for s in sights if began + after_s <= s.t_s <= ended]
+
+
+# ---- reactions ------------------------------------------------------------------------------------
+
+
+def lands(flight: Flown) -> str:
+    """It lands in the end, if need be elsewhere or at the second try."""
+    return "" if flight["landed"] else f"did not land: {flight['phase']} in {flight['mode']}"
+
+
+def lands_or_calls(flight: Flown) -> str:
+    """It lands in the end, or hovers and calls the pilot."""
+    called = flight["phase"] == "hold" and any("take over" in text for text in flight["heard"])
+    return "" if called else lands(flight)
+
+
+def goes_on(flight: Flown) -> str:
+    """It lands as if nothing were wrong: what is aborted or lost is not for this reason."""
+    causes = [text for text in flight["heard"] if "lost" in text or "invalid" in text or "jumped" in text]
+    return f"said {causes[0]!r}" if causes else lands(flight)
+
+
+def hands_off(flight: Flown) -> str:
+    """Within 2 s it commands no more; the pilot keeps the vehicle, in the air and in the pilot's mode."""
+    if flight["landed"] and _reached_ground_at_once(flight):
+        return ""
+    late = [s for s in seen(flight, 2.0) if s.phase not in (Phase.IDLE.value, Phase.LANDED.value)]
+    if late:
+        return f"still in {late[0].phase} at {late[0].t_s:.1f} s"
+    return "landed all the same" if flight["landed"] else ""
+
+
+def stops(after_s: float) -> Reaction:
+    """Return the reaction to stand still from some seconds after the beginning until the end of the fault."""
+
+    def check(flight: Flown) -> str:
+        moving = [s for s in seen(flight, after_s) if s.level_ms > STOPPED_MS or abs(s.climb_ms) > STOPPED_MS]
+        return f"still moves at {moving[0].t_s:.1f} s" if moving else ""
+
+    check.__doc__ = f"Within {after_s:g} s it stands still, as long as the fault lasts."
+    return check
+
+
+def breaks_off(within_s: float) -> Reaction:
+    """Return the reaction to climb within some seconds, unless it was about to touch down."""
+
+    def check(flight: Flown) -> str:
+        during = seen(flight)
+        if not during or during[-1].t_s - during[0].t_s < within_s:
+            return ""
+        left = [s for s in during if s.t_s <= during[0].t_s + within_s]
+        if left[-1].height_m < COMMITTED_M:
+            return ""
+        landing = (Phase.DESCEND.value, Phase.FINAL.value)
+        return f"still in {left[-1].phase} after {within_s:g} s" if left[-1].phase in landing else ""
+
+    check.__doc__ = f"Within {within_s:g} s it leaves the point, unless it is about to touch down."
+    return check
+
+
+def _reached_ground_at_once(flight: Flown) -> bool:
+    touchdown = flight["touchdown"]
+    return touchdown is not None and touchdown["t_ns"] * 1e-9 < flight["began_s"] + 2.5
+
+
+# ---- the table ------------------------------------------------------------------------------------
+
+
+def _always(*reactions: Reaction) -> Row:
+    return Row(reactions, reactions, reactions, reactions)
+
+
+_BLIND = Row(
+    before=(stops(4.0), lands_or_calls),
+    descent=(breaks_off(3.5), lands_or_calls),
+    final=(breaks_off(3.5), lands_or_calls),
+    climb=(lands_or_calls,),
+)
+_SILENT = Row(  # the autopilot hears nothing: it stops by itself, or goes on landing
+    before=(stops(5.5), lands_or_calls),
+    descent=(stops(5.5), lands_or_calls),
+    final=(lands_or_calls,),
+    climb=(stops(5.5), lands_or_calls),
+)
+TABLE: dict[str, Row] = {
+    "none": _always(goes_on),
+    "link_loss": _SILENT,
+    "link_bursts": _always(lands_or_calls),
+    "link_delay": _always(lands_or_calls),
+    "link_duplicates": _always(goes_on),
+    "link_reordering": _always(lands_or_calls),
+    "link_corruption": _always(lands_or_calls),
+    "reboot": _always(lands),
+    "ekf_jump": _always(lands),
+    "gps_drift": _always(lands),
+    "pilot_mode": _always(hands_off),
+    "second_vehicle": _always(goes_on),
+    "second_station": _always(goes_on),
+    "lidar_stop": _BLIND,
+    "lidar_half": _always(goes_on),
+    "lidar_stuck": _always(lands_or_calls),
+    "lidar_garbage": _always(lands_or_calls),
+    "lidar_clock": _always(lands),
+    "lidar_misaligned": _always(lands_or_calls),
+    "lidar_dust": _always(lands_or_calls),
+    "lidar_rain": _always(lands_or_calls),
+    "slow_computer": _always(lands_or_calls),
+    "full_disk": _always(goes_on),
+    "wall_clock": _always(goes_on),
+    "killed": Row(
+        before=(stops(5.5), lands), descent=(stops(5.5), lands), final=(lands,), climb=(stops(5.5), lands)
+    ),
+}
+
+
+def faults_of(flight: Flown) -> list[str]:
+    """Return everything that is wrong with a flight: the safety of all flights first, then its reaction."""
+    wrong = unsafe(flight)
+    if flight["error"]:
+        wrong.append(flight["error"])
+    if flight["commands_while_pilot_flies"]:
+        wrong.append(f"{flight['commands_while_pilot_flies']} commands in a mode of the pilot's")
+    if flight["began_s"] is None:
+        return [*wrong, "the state was never reached"]
+    reactions = TABLE[flight["fault"]].of(Phase(flight["state"]))
+    return wrong + [text for reaction in reactions if (text := reaction(flight))]
+
+
+def unsafe(flight: Flown) -> list[str]:
+    """Return whether it touched unsafe ground, or flew into something."""
+    wrong = ["touched unsafe ground"] if flight["safe"] is False else []
+    return [*wrong, "collided"] if flight["collision"] is not None else wrong

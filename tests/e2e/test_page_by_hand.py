@@ -1,0 +1,166 @@
+"""The page under fingers, keys and a companion that comes and goes: Chromium at the size of a phone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from slz import PointState
+from tests.e2e.chromium import Chromium
+from tests.e2e.shown import Shown, report
+
+pytestmark = pytest.mark.browser
+
+CENTRE = "[slz.bird.centre[0], slz.bird.centre[1], slz.bird.scale]"
+ZONE = (
+    "(z => { const [x, y] = slz.bird.place(z.best[0], z.best[1]),"
+    " b = slz.bird.canvas.getBoundingClientRect(), r = devicePixelRatio;"
+    " return [b.x + x / r, b.y + y / r]; })(slz.model.near()[0])"
+)
+MIDDLE = (195.0, 320.0)  # of the map on a phone
+
+
+@pytest.fixture
+def phone(chromium: Path) -> Iterator[Chromium]:
+    with Chromium(chromium, 390, 844, phone=True) as made:
+        yield made
+        assert made.errors == []
+
+
+@pytest.fixture
+def shown() -> Iterator[Shown]:
+    with Shown() as made:
+        made.board.take(report(), 12.0)
+        yield made
+
+
+def opened(browser: Chromium, shown: Shown) -> None:
+    browser.open(shown.url)
+    browser.until("slz.model.near().length && slz.model.state && slz.bird._fitted")
+
+
+def test_a_finger_moves_the_map_by_as_much_as_itself(phone: Chromium, shown: Shown) -> None:
+    opened(phone, shown)
+    before = phone.script(CENTRE)
+    phone.drag([MIDDLE], [(MIDDLE[0] + 60, MIDDLE[1] - 40)])
+    east, north, scale = phone.script(CENTRE)
+    assert east == pytest.approx(before[0] - 60 / scale, abs=0.05)
+    assert north == pytest.approx(before[1] - 40 / scale, abs=0.05)
+    assert scale == before[2]
+    assert phone.script("slz.bird.follow") is False
+    assert phone.script("slz.model.picked") is None
+
+
+def test_two_fingers_zoom_about_what_is_between_them(phone: Chromium, shown: Shown) -> None:
+    opened(phone, shown)
+    x, y = MIDDLE
+    at = (
+        f"(b => slz.bird.unplace(({x} - b.x) * devicePixelRatio, ({y} - b.y) * devicePixelRatio))"
+        "(slz.bird.canvas.getBoundingClientRect())"
+    )
+    between, scale = phone.script(at), phone.script(CENTRE)[2]
+    phone.drag([(x - 40, y), (x + 40, y)], [(x - 80, y), (x + 80, y)])
+    assert phone.script(CENTRE)[2] == pytest.approx(2 * scale, rel=0.02)
+    assert phone.script(at) == pytest.approx(between, abs=0.3)
+    phone.drag([(x - 80, y), (x + 80, y)], [(x - 40, y), (x + 40, y)])
+    assert phone.script(CENTRE)[2] == pytest.approx(scale, rel=0.04)
+    assert phone.script("slz.model.picked") is None
+
+
+def test_a_tap_picks_a_zone_also_after_a_pinch_that_the_system_took_away(
+    phone: Chromium, shown: Shown
+) -> None:
+    opened(phone, shown)
+    x, y = MIDDLE
+    phone.touch("touchStart", [(x - 40, y), (x + 40, y)])
+    phone.touch("touchCancel", [])
+    phone.tap(*phone.script(ZONE))
+    phone.until("slz.model.picked?.zone?.id === 1 && !document.getElementById('select').disabled")
+    phone.tap_on("#select")
+    phone.until("document.getElementById('answer').textContent.includes('selected')")
+    assert shown.clerk.done() == ["select_zone"]
+
+
+def test_a_finger_turns_the_pilots_view_and_two_bring_it_nearer(phone: Chromium, shown: Shown) -> None:
+    opened(phone, shown)
+    phone.tap_on("[data-show=pilot]")
+    phone.until("slz.pilot.frames > 2")
+    phone.drag([MIDDLE], [(MIDDLE[0] + 60, MIDDLE[1])])
+    yaw = phone.script("slz.pilot.look.yaw")
+    assert yaw == pytest.approx(21, abs=0.5)
+    x, y = MIDDLE
+    phone.drag([(x - 40, y), (x + 40, y)], [(x - 80, y), (x + 80, y)])
+    assert phone.script("slz.pilot.look.zoom") == pytest.approx(0.5, rel=0.02)
+    assert phone.script("slz.pilot.look.yaw") == yaw
+
+
+def test_abort_is_one_tap_away_whatever_is_open(phone: Chromium, shown: Shown) -> None:
+    opened(phone, shown)
+    phone.tap_on("#best")
+    phone.until("document.getElementById('ask').open")
+    phone.tap_on("#abort")
+    phone.until("!document.getElementById('ask').open")
+    phone.until("document.getElementById('answer').textContent === 'noted'")
+    for view in ("pilot", "more", "map"):
+        phone.tap_on(f"[data-show={view}]")
+        phone.tap_on("#abort")
+    assert shown.clerk.done() == ["abort"] * 4
+
+
+def test_all_alarms_at_once_leave_abort_on_the_screen(phone: Chromium, shown: Shown) -> None:
+    opened(phone, shown)
+    shown.board.take(report(selected=True, state=PointState.UNSAFE), 12.0)
+    shown.state = {
+        **shown.state, "lidar_ok": False, "east_m": None, "battery_low": True, "pipeline_failed": True,
+        "blocked": True, "heard": False,
+    }  # fmt: skip
+    phone.until("document.querySelectorAll('.alarm').length === 7")
+    phone.tap_on("#abort")
+    phone.until("document.getElementById('answer').textContent === 'noted'")
+    assert shown.clerk.done() == ["abort"]
+
+
+@pytest.mark.parametrize("field", ["#abort", "#filter", "[data-name=survey_s]", "[data-name=mode]"])
+def test_the_abort_key_works_wherever_no_letters_are_written(
+    phone: Chromium, shown: Shown, field: str
+) -> None:
+    opened(phone, shown)
+    phone.tap_on("[data-show=more]")
+    phone.tap_on("[data-sheet=params]")
+    phone.script(f"document.querySelector('{field}')?.focus()")
+    phone.press("A" if field == "[data-name=survey_s]" else "a")  # with caps lock on
+    phone.press("Tab")
+    if field == "#filter":
+        assert phone.script("document.querySelector('#filter').value") == "a"
+    else:
+        phone.until("document.getElementById('answer').textContent === 'noted'")
+    assert shown.clerk.done() == ([] if field == "#filter" else ["abort"])
+
+
+def test_a_page_that_stayed_open_believes_nothing_of_the_run_before(phone: Chromium) -> None:
+    """The companion is started anew: its messages and maps are numbered from one again."""
+    with Shown() as first:
+        for number in range(5):
+            first.board.say(f"SLZ: old {number}", 2)
+        opened_on = first.front.address.port
+        phone.open(first.url)
+        phone.until("document.querySelector('.alarm button') !== null")
+        phone.tap_on(".alarm button")
+        phone.until("!document.querySelector('.alarm button')")
+    phone.until("slz.link.stale")
+    with Shown(opened_on) as second:
+        second.board.say("SLZ: new and grave", 2)
+        phone.until("document.querySelector('.alarm.critical')?.textContent.includes('new and grave')")
+        assert phone.script("slz.model.texts.length") == 1
+    phone.errors[:] = [text for text in phone.errors if "ERR_CONNECTION" not in text]
+
+
+def test_a_companion_that_hangs_is_shown_as_silent(phone: Chromium, shown: Shown) -> None:
+    opened(phone, shown)
+    phone.tap(*phone.script(ZONE))
+    phone.until("!document.getElementById('select').disabled")
+    shown.hang()
+    phone.until("!document.getElementById('stale').hidden && document.getElementById('select').disabled")
+    assert phone.script("document.getElementById('abort').disabled") is False

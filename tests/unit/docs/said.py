@@ -1,0 +1,111 @@
+"""What the program can say to a pilot, from its source: every text of STATUSTEXT, alarms and refusals."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+SOURCES = (
+    "companion/app.py",
+    "companion/invariants.py",
+    "companion/recordings.py",
+    "companion/settings.py",
+    "companion/dashboard/alarms.py",
+    "companion/dashboard/desk.py",
+    "companion/dashboard/page.py",
+    "companion/dashboard/site.py",
+    "companion/dashboard/viewer.py",
+    "companion/dashboard/replay_page.py",
+    "companion/landing/executive.py",
+    "companion/landing/operator.py",
+    "companion/landing/order_parameters.py",
+    "companion/landing/watch.py",
+    "companion/link/parameter_server.py",
+)
+# Where the text stands among a call's arguments.
+SAYS = {
+    "Reply": 1,
+    "Change": 1,
+    "BrokenInvariantError": 0,
+    "_say": 1,
+    "_call": 0,
+    "_waits_for": 0,
+    "_break_off": 1,
+    "statustext": 0,
+}
+GAP = "…"
+
+
+def templates() -> dict[str, str]:
+    """Return all texts, what is filled in replaced by `…`, without the prefix `SLZ: `, and their severities.
+
+    A severity is empty where another file gives it.
+    """
+    found: dict[str, str] = {}
+    for path in SOURCES:
+        tree = ast.parse((ROOT / path).read_text("utf-8"))
+        for text, severity in (*_in_calls(tree), *_in_functions(tree)):
+            text = text.removeprefix("SLZ: ")
+            found[text] = severity or found.get(text, "")
+    return {text: severity for text, severity in found.items() if text.strip(GAP + " :")}
+
+
+def files_that_speak() -> set[str]:
+    """Return the files that make texts for a pilot, by the names of what takes them."""
+    words = ("Reply(", "Change(", "BrokenInvariantError(", "_say(Severity", ".statustext(")
+    files = (ROOT / "companion").rglob("*.py")
+    return {str(f.relative_to(ROOT)) for f in files if any(word in f.read_text("utf-8") for word in words)}
+
+
+def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        place = SAYS.get(name)
+        if place is not None and len(node.args) > place:
+            severity = getattr(node.args[0], "attr", "") if name == "_say" else ""
+            yield from ((text, severity) for text in _texts(node.args[place]))
+        elif name == "append" and isinstance(node.args[0], ast.Tuple) and len(node.args[0].elts) == 3:
+            level = getattr(node.args[0].elts[0], "value", "")
+            yield from ((text, level) for text in _texts(node.args[0].elts[2]))  # an alarm: level, key, text
+
+
+def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    """Yield what functions return, or put together, to be said by others."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and node.name in ("news", "_why_not"):
+            for part in ast.walk(node):
+                if isinstance(part, ast.Return) and part.value is not None:
+                    yield from _returned(part.value)
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("text", "reason"):
+            yield from ((text, "") for text in _texts(node.value))
+
+
+def _returned(value: ast.expr) -> Iterator[tuple[str, str]]:
+    severity = ""
+    if isinstance(value, ast.Tuple):
+        severity, value = getattr(value.elts[0], "attr", ""), value.elts[1]
+    yield from ((text, severity) for text in _texts(value))
+
+
+def _texts(node: ast.expr) -> Iterator[str]:
+    match node:
+        case ast.Constant(value=str(text)):
+            yield text
+        case ast.JoinedStr():
+            yield "".join(str(part.value) if isinstance(part, ast.Constant) else GAP for part in node.values)
+        case ast.IfExp():
+            yield from (*_texts(node.body), *_texts(node.orelse))
+        case ast.BoolOp():
+            for value in node.values:
+                yield from _texts(value)
+        case ast.BinOp():
+            left, right = list(_texts(node.left)) or [GAP], list(_texts(node.right)) or [GAP]
+            yield left[0] + right[0]
+        case ast.Subscript():
+            yield from _texts(node.value)
+        case _:
+            pass

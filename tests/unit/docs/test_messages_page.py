@@ -1,0 +1,48 @@
+"""docs/messages.md tells of every text that the program can say, and of none that it cannot."""
+
+from __future__ import annotations
+
+import re
+
+from tests.unit.docs.said import ROOT, SOURCES, files_that_speak, templates
+
+PAGE = (ROOT / "docs" / "messages.md").read_text("utf-8")
+# They define how to speak, or hand on what others say.
+SILENT = {"companion/services.py", "companion/outputs/statustext.py", "companion/link/link.py"}
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in PAGE.splitlines()
+    if line.startswith("| `")
+]
+
+
+def told() -> set[str]:
+    return {text for row in ROWS for text in re.findall(r"`([^`]+)`", row[0])}
+
+
+def filled_in() -> set[str]:
+    """What the second or third column says is filled in, such as `LiDAR`."""
+    return set(re.findall(r"`([^`]+)`", PAGE)) - told()
+
+
+def test_every_text_that_the_program_can_say_is_explained() -> None:
+    said = templates()
+    assert len(said) > 70
+    assert sorted(said.keys() - told() - filled_in()) == []
+
+
+def test_no_text_is_explained_that_the_program_cannot_say() -> None:
+    assert sorted(told() - templates().keys()) == []
+
+
+def test_severities_are_those_of_the_source() -> None:
+    said = templates()
+    of_page = {
+        row[0].strip("`"): row[1] for row in ROWS if row[0].strip("`") in said and said[row[0].strip("`")]
+    }
+    assert len(of_page) > 25
+    assert {text: said[text] for text in of_page} == of_page
+
+
+def test_every_file_that_speaks_to_the_pilot_is_read() -> None:
+    assert files_that_speak() - SILENT <= set(SOURCES)
