@@ -109,6 +109,9 @@ def test_abort_is_one_tap_away_whatever_is_open(phone: Chromium, shown: Shown) -
     for view in ("pilot", "more", "map"):
         phone.tap_on(f"[data-show={view}]")
         phone.tap_on("#abort")
+    phone.script(
+        "slz.link.order({ do: 'facts', east_m: 0, north_m: 0 })"
+    )  # answered after what was sent before
     assert shown.clerk.done() == ["abort"] * 4
 
 

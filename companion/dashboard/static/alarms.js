@@ -73,7 +73,7 @@ export class Alarms {
     if (!this.loud || performance.now() < this._beepAt) return;
     this._beepAt = performance.now() + 1000;
     if (!this._audio) return; // browsers allow neither before the first tap
-    navigator.vibrate?.([250, 120, 250]);
+    if (navigator.userActivation?.hasBeenActive !== false) navigator.vibrate?.([250, 120, 250]);
     const at = this._audio.currentTime;
     for (const [i, hertz] of [880, 660].entries()) {
       const tone = this._audio.createOscillator();
