@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ COMPANION = 191
 FAST_NS, SLOW_NS = 100_000_000, 1_000_000_000
 
 
-class _Neighbour(Fault):
+class _Neighbour(Fault, ABC):
     """Somebody whose words everybody on the line hears, the autopilot by its own routing."""
 
     def __init__(self, system: int, component: int) -> None:
@@ -49,9 +50,9 @@ class _Neighbour(Fault):
     def end(self, simulation: Simulation) -> None:
         simulation.router.wires.remove(self._wire)
 
+    @abstractmethod
     def words(self, now_ns: int) -> list[Any]:
         """Return what is said now."""
-        raise NotImplementedError
 
 
 class SecondVehicle(_Neighbour):

@@ -66,7 +66,21 @@ class SlowComputer(Fault):
         self._loop.late_s, self._loop.stall_ticks = 0.0, 1
 
 
-class FullDisk(Fault):
+class _Patched(Fault):
+    """Other parts stand in for some of the program's while it lasts."""
+
+    _patches: list[Any]
+
+    def begin(self, simulation: Simulation) -> None:
+        for patch in self._patches:
+            patch.start()
+
+    def end(self, simulation: Simulation) -> None:
+        for patch in self._patches:
+            patch.stop()
+
+
+class FullDisk(_Patched):
     """The disk of the recording has no room left: every look at it says so, every write of it fails."""
 
     def __init__(self, sortie: Sortie, rng: np.random.Generator) -> None:
@@ -77,16 +91,8 @@ class FullDisk(Fault):
             ),
         ][: 1 + int(rng.integers(2))]
 
-    def begin(self, simulation: Simulation) -> None:
-        for patch in self._patches:
-            patch.start()
 
-    def end(self, simulation: Simulation) -> None:
-        for patch in self._patches:
-            patch.stop()
-
-
-class WallClockStep(Fault):
+class WallClockStep(_Patched):
     """The time of day is set by an hour, as when GPS or a network first tells it."""
 
     def __init__(self, sortie: Sortie, rng: np.random.Generator) -> None:
@@ -95,14 +101,6 @@ class WallClockStep(Fault):
             mock.patch.object(time, name, partial(_stepped, getattr(time, name), step))
             for name, step in (("time", step_s), ("time_ns", round(step_s * 1e9)))
         ]
-
-    def begin(self, simulation: Simulation) -> None:
-        for patch in self._patches:
-            patch.start()
-
-    def end(self, simulation: Simulation) -> None:
-        for patch in self._patches:
-            patch.stop()
 
 
 def _stepped(clock: Callable[[], float], step: float) -> float:

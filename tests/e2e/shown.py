@@ -12,11 +12,10 @@ import numpy as np
 
 import params
 from companion.dashboard.board import Board
-from companion.dashboard.orders import Command
 from companion.dashboard.page import Front, about, serve
-from companion.landing.situation import Reply
 from slz import Box, Report, SelectedPoint
 from tests.unit.companion.dashboard.test_alarms import QUIET
+from tests.unit.companion.dashboard.test_server import Clerk
 from tests.unit.companion.landing.flight import Flight, zone
 
 RENEW_S = 0.05
@@ -45,21 +44,6 @@ def report(*, selected: bool = False, **point: Any) -> Report:
     if chosen is not None and point:
         chosen = replace(chosen, **point)
     return replace(made, near=replace(made.near, zones=(square,)), selected=chosen)
-
-
-class Clerk:
-    """Notes the orders."""
-
-    def __init__(self) -> None:
-        self.orders: list[Command] = []
-
-    async def carry_out(self, order: Command) -> Reply:
-        self.orders.append(order)
-        return Reply(True, "noted")
-
-    def done(self) -> list[str]:
-        """Return what was ordered."""
-        return [order.do for order in self.orders]
 
 
 class Beside:

@@ -38,6 +38,10 @@ class Clerk:
         self.orders.append(order)
         return Reply(True, "noted")
 
+    def done(self) -> list[str]:
+        """Return what was ordered."""
+        return [order.do for order in self.orders]
+
 
 class Served:
     """A page of a board that the test writes."""
