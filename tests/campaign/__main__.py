@@ -35,7 +35,8 @@ def main() -> None:
     plans = [plan(n) for n in range(own.first, own.first + own.flights)]
     plans = [p for p in plans if p.fault in own.fault]
     if not own.report:
-        _fly([p for p in plans if p.number not in log.read(path)], path, len(plans))
+        flown = log.read(path)
+        _fly([p for p in plans if p.number not in flown], path, len(plans))
     wanted = {p.number for p in plans}
     flights = [flight for n, flight in sorted(log.read(path).items()) if n in wanted]
     failed = report.write(flights, own.out)
