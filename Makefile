@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test setup checks kernels lint types docs unit bench campaign fuzz audit clean
+.PHONY: demo test setup checks kernels lint types docs unit bench campaign soak fuzz audit clean
 
 demo: setup
 	$(BIN)/slz demo --headless --out out/demo
@@ -62,6 +62,10 @@ bench: setup
 # Faults in every state of the landing; goes on where it was stopped. FLIGHTS=125 flies each once.
 campaign: setup
 	$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),2000)
+
+# A day on the simulated clock; CLOCK=real for two hours of real time at full rate (docs/soak.md).
+soak: setup
+	$(BIN)/python -m tests.soak $(or $(CLOCK),simulated)
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info

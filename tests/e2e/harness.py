@@ -49,6 +49,7 @@ class Mission:
         lidar: str = "mid360",
         metadata: Path | None = None,
         page: bool = False,
+        simulated: dict[str, Any] | None = None,
         **settings: Any,
     ) -> None:
         self.mavlink_port = free_port()
@@ -57,10 +58,9 @@ class Mission:
             mavlink=[f"udpout:127.0.0.1:{self.mavlink_port}"],
             lidar=lidar,
             lidar_to=PTY if lidar == "sf45" else ("127.0.0.1", free_port()),
-            point_rate_hz=POINT_RATE_HZ,
-            lidar_ms=LIDAR_MS,
             seed=seed,
             pilot_height_m=height_m,
+            **{"point_rate_hz": POINT_RATE_HZ, "lidar_ms": LIDAR_MS} | (simulated or {}),
         )
         url, mounted = LIDARS[lidar]
         assert self.sim.lidar is not None
