@@ -1,4 +1,4 @@
-"""Hours of real time at full rate: the feeder's Mid-360, a browser on the page, a recording every ten minutes."""
+"""Hours of real time at full rate: the feeder's Mid-360, a browser on the page, recordings of ten minutes."""
 
 from __future__ import annotations
 
