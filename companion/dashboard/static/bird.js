@@ -251,6 +251,11 @@ export class BirdView {
   _names(pen) {
     const r = this._ratio;
     const taken = [];
+    const point = this.model.selected();
+    if (point) {
+      const [x, y] = this.place(point.enu_m[0], point.enu_m[1]);
+      taken.push([x - 84 * r, y + 30 * r, x + 84 * r, y + 54 * r]); // what is said of the point comes first
+    }
     const zones = [...this.model.near().map((z) => [z, ""]), ...this.model.far().map((z) => [z, " far"])];
     for (const [zone, suffix] of zones) {
       const [x, y] = this.place(zone.best[0], zone.best[1]);
