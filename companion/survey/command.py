@@ -129,7 +129,7 @@ def _written(
     left_out = {one["file"] for one in found.skipped}
     with unfinished(out) as folder:
         progress("writing", 0.87)
-        written = outputs.rasters(folder, found, plan.engine)
+        written = outputs.rasters(folder, found)
         written += outputs.zones(folder, files, found, described)
         if plan.classified:
             progress("classifying", 0.92)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -43,18 +44,27 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True)
+class Drawings:
+    """Files of the maps: GeoTIFFs, and the picture of the ground (PNG)."""
+
+    rasters: Sequence[Path]
+    ground: Path
+
+
+@dataclass(frozen=True, slots=True)
 class Findings:
     """Zones, the best first, and what is told of the survey.
 
     shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the largest
     safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe, unsafe,
-    unknown. step: as in `Cloud`.
+    unknown. step: as in `Cloud`. drawings: of the maps, where they are made already.
     skipped: files left out, and why.
     """
 
     metric: Metric
     parameters: Parameters
     maps: Maps
+    drawings: Drawings | None
     zones: Sequence[Zone]
     shapes: Sequence[MultiPolygon]
     outlines_m: Sequence[MultiPolygon]
@@ -80,6 +90,7 @@ def of_window(found: Survey, n_read: int, step: float) -> Findings:
         metric=found.metric,
         parameters=found.parameters,
         maps=Held(maps),
+        drawings=None,
         zones=zones,
         shapes=[wgs84(outline, found.metric) for outline in outlines_m],
         outlines_m=outlines_m,

@@ -14,21 +14,15 @@ from companion.survey.kml import write_kml
 from companion.survey.page import write_page
 from companion.survey.reference import from_option
 from companion.survey.tables import write_csv, write_survey
-from companion.survey.tiled.engine import Engine
 from companion.survey.zones import write_geojson
 
 
-def rasters(folder: Path, found: Findings, engine: Engine) -> list[Path]:
-    """Write all maps, each a task of its own, and return their paths."""
+def rasters(folder: Path, found: Findings) -> list[Path]:
+    """Write all maps, or move what was written of them, and return their paths."""
+    if found.drawings is not None:
+        return [path.replace(folder / path.name) for path in found.drawings.rasters]
     layers = raster.layers(found.metric, found.parameters.mode == "source")
-    asked = [(folder / f"{layer.name}.tif", layer) for layer in layers]
-    for _ in engine.each(_raster, asked, found.maps, found.metric):
-        pass
-    return [path for path, _ in asked]
-
-
-def _raster(asked: tuple[Path, raster.Layer], maps: Any, metric: Any) -> None:
-    raster.write(*asked, maps, metric)
+    return [raster.write(folder / f"{each.name}.tif", each, found.maps, found.metric) for each in layers]
 
 
 def zones(

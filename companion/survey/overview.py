@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from companion.figures.picture import filled, shade
 from companion.survey.findings import Maps
-from slz import SAFE, UNKNOWN, Box
+from slz import SAFE, UNKNOWN, Box, Grid
 
 MOST_PIXELS = 1200  # on a side
 STRIP = 1024  # rows read at a time
@@ -28,11 +28,16 @@ def thinned(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
     return np.concatenate(parts)
 
 
-def ground_png(maps: Maps) -> tuple[bytes, int]:
-    """Return a PNG, north up, and how many cells one of its pixels stands for along a side."""
+def step_of(grid: Grid) -> int:
+    """Return how many cells one pixel of the picture stands for along a side."""
+    return max(1, math.ceil(max(grid.rows, grid.cols) / MOST_PIXELS))
+
+
+def ground_png(maps: Maps) -> bytes:
+    """Return a PNG, north up."""
     from PIL import Image
 
-    step = max(1, math.ceil(max(maps.grid.rows, maps.grid.cols) / MOST_PIXELS))
+    step = step_of(maps.grid)
     state = thinned(maps, "state", step)
     height = filled(np.asarray(thinned(maps, "height_m", step), np.float32))
     light = (0.35 + 0.75 * shade(height, maps.grid.cell_m * step)).clip(0, 1)
@@ -42,4 +47,4 @@ def ground_png(maps: Maps) -> tuple[bytes, int]:
     picture[..., 3] = np.where((state == UNKNOWN) & np.isnan(height), 0, 255)
     out = io.BytesIO()
     Image.fromarray(picture[::-1]).save(out, "PNG", optimize=False, compress_level=6)
-    return out.getvalue(), step
+    return out.getvalue()

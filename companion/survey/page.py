@@ -15,7 +15,7 @@ from shapely.geometry import MultiPolygon
 from companion.figures.layers import CERTAIN, LESS_CERTAIN, UNCERTAIN
 from companion.survey.findings import Findings, Maps
 from companion.survey.metric import Metric
-from companion.survey.overview import ground_png
+from companion.survey.overview import ground_png, step_of
 
 TEMPLATE = Path(__file__).with_name("page.html")
 MOST_ZONES = 3000  # the best are drawn; the files hold all
@@ -27,14 +27,14 @@ DIGITS = 2
 def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]]) -> None:
     """Write the page; of very many zones it shows the best and says so."""
     maps, p = found.maps, found.parameters
-    png, step = ground_png(maps)
+    png = ground_png(maps) if found.drawings is None else found.drawings.ground.read_bytes()
     shown = list(zip(found.outlines_m, described, strict=True))[:MOST_ZONES]
     document = {
         "west": maps.grid.west_m,
         "north": maps.grid.north_m,
         "width": maps.grid.east_m - maps.grid.west_m,
         "height": maps.grid.north_m - maps.grid.south_m,
-        "pixel": step * maps.grid.cell_m,
+        "pixel": step_of(maps.grid) * maps.grid.cell_m,
         "corners": _corners(maps, found.metric),
         "colours": [CERTAIN, LESS_CERTAIN, UNCERTAIN],
         "limits": [p.confidence_factor, p.uncertain_below],

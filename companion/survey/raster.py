@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ import rasterio
 import rasterio.shutil
 from numpy.typing import NDArray
 from rasterio.crs import CRS
+from rasterio.enums import Resampling
 from rasterio.transform import Affine
 from rasterio.windows import Window
 
@@ -90,6 +92,8 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
                 file.set_band_description(1, layer.meaning)
                 if layer.unit:
                     file.set_band_unit(1, layer.unit)
+                # Here, where nothing is compressed yet: the COG's driver would compress them twice.
+                file.build_overviews(_factors(rows, cols), _resampling(layer))
             _optimize(unfinished, path, layer)
     finally:
         unfinished.unlink(missing_ok=True)
@@ -111,6 +115,15 @@ def _values(layer: Layer, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
     return np.asarray(height.astype(np.float32))
 
 
+def _factors(rows: int, cols: int) -> list[int]:
+    """Return by how much each overview is smaller, up to the first that fits into a tile."""
+    return [2**k for k in range(1, max(0, math.ceil(math.log2(max(rows, cols) / TILE))) + 1)]
+
+
+def _resampling(layer: Layer) -> Resampling:
+    return Resampling.average if layer.is_float else Resampling.nearest
+
+
 def _optimize(unfinished: Path, path: Path, layer: Layer) -> None:
     rasterio.shutil.copy(
         unfinished,
@@ -121,6 +134,6 @@ def _optimize(unfinished: Path, path: Path, layer: Layer) -> None:
         level=1,
         blocksize=TILE,
         overviews="auto",
-        overview_resampling="average" if layer.is_float else "nearest",
+        overview_resampling=_resampling(layer).name,
         bigtiff="if_safer",
     )

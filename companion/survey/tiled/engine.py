@@ -14,6 +14,8 @@ R = TypeVar("R")
 AHEAD = 3  # tasks of each worker that are handed out at a time
 MOST_DEATHS = 10  # of workers at one task, before it is taken for the task's fault
 WORKER_MEMORY = "1GiB"
+# Of glibc: arrays that come and go are not given back to the system each time, as Dask has it by default.
+ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 128 << 20, "MALLOC_MMAP_THRESHOLD_": 64 << 20}
 CONNECT_S = 10.0
 
 
@@ -21,7 +23,10 @@ class Engine(Protocol):
     """Carries out tasks that may be repeated: what a task leaves is a file, whole or absent."""
 
     def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
-        """Call the task with every item, and what all share; return items and results as they come."""
+        """Call the task with every item, and what all share; return items and results as they come.
+
+        Workers begin at once, while the caller does something else; this process, when it is asked.
+        """
 
 
 class InProcess:
@@ -52,16 +57,19 @@ class Distributed:
                 new.append(future)
             return new
 
-        flow = as_completed(hand_out(AHEAD * max(2, self._workers)))
-        for future in flow:
-            item = futures.pop(future)
-            try:
-                result = future.result()
-            except Exception as error:
-                raise _translated(error) from None
-            for new in hand_out(1):
-                flow.add(new)
-            yield item, result
+        def results(first: list[Any]) -> Iterator[tuple[T, R]]:
+            flow = as_completed(first)
+            for future in flow:
+                item = futures.pop(future)
+                try:
+                    result = future.result()
+                except Exception as error:
+                    raise _translated(error) from None
+                for new in hand_out(1):
+                    flow.add(new)
+                yield item, result
+
+        return results(hand_out(AHEAD * max(2, self._workers)))
 
     @property
     def _workers(self) -> int:
@@ -107,6 +115,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
         "distributed.scheduler.allowed-failures": MOST_DEATHS,
         "distributed.worker.multiprocessing-method": "spawn",
         "distributed.comm.timeouts.connect": "10s",
+        **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ALLOCATOR.items()},
     }
     with dask.config.set(settings):
         if scheduler is not None:

@@ -22,6 +22,7 @@ def of_tiles(surveyed: Surveyed) -> Findings:
         metric=surveyed.metric,
         parameters=surveyed.parameters,
         maps=Store(surveyed.layout),
+        drawings=surveyed.drawings,
         zones=zones,
         shapes=[wgs84(one.polygon_m, surveyed.metric) for one in ranked],
         outlines_m=[one.polygon_m for one in ranked],

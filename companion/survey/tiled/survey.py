@@ -6,14 +6,18 @@ import math
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
 from companion.errors import UsageError
+from companion.survey import raster
 from companion.survey.density import coverage_for
+from companion.survey.findings import Drawings
 from companion.survey.metric import Metric
+from companion.survey.overview import ground_png
 from companion.survey.source import Source
 from companion.survey.tiled import packed, plan
 from companion.survey.tiled.census import Census, take
@@ -33,17 +37,24 @@ from slz.drawing import reach_of
 from slz.search import side_in_cells
 
 SORTED_BYTES, DRAWN_BYTES = 6.5, 26.0  # on disk for a point, and for a cell with its share of the rasters
-LEAST_SHARES = {"sorting": 0.6, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1}
+LEAST_SHARES = {
+    "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
+}  # fmt: skip
 MOST_ZONES = 10**9
 MOST_HELD = 40_000_000  # cells of a survey whose zones keep theirs in memory, for pictures
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
 class Surveyed:
-    """What a survey found, and where its maps lie. found: in the order of their IDs, from 1 on."""
+    """What a survey found, and where its maps lie. found: in the order of their IDs, from 1 on.
+
+    drawings: of its maps, in the work folder.
+    """
 
     layout: Layout
+    drawings: Drawings
     metric: Metric
     parameters: Parameters
     density_per_m2: float
@@ -97,7 +108,9 @@ class Survey:
         layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
         density, p = self._fitted(layout, sorted_)
         drawn = self._drawn(layout, sorted_, census, metric, p)
+        drawings, begun = self._drawings(layout, metric)  # workers write them beside all that follows
         self._zones(layout, p)
+        self._follow("writing", begun, len(drawings.rasters) + 1)
         rows, cols = layout.whole.shape
         small = rows * cols <= MOST_HELD
         found = sorted(
@@ -113,8 +126,8 @@ class Survey:
         astray = census.n_read - sum(census.dropped.values()) - used - lone
         dropped = Counter(census.dropped) + Counter(stray=astray, outlier=lone)
         return Surveyed(
-            layout, metric, p, density, census.n_read, used, dict(dropped), drawn["safe"], drawn["unsafe"],
-            plan.spacing(sources, census.box, guess), found, skipped, self.stage_ms,
+            layout, drawings, metric, p, density, census.n_read, used, dict(dropped), drawn["safe"],
+            drawn["unsafe"], plan.spacing(sources, census.box, guess), found, skipped, self.stage_ms,
         )  # fmt: skip
 
     # ---- steps ----------------------------------------------------------------------------------
@@ -123,10 +136,16 @@ class Survey:
         self, what: str, task: Callable[..., Any], items: Sequence[T], done: int, *shared: Any
     ) -> list[tuple[T, Any]]:
         """Carry out the tasks of a step and tell how far it is."""
+        return self._follow(what, self._engine.each(task, items, *shared), len(items), done)
+
+    def _follow(
+        self, what: str, begun: Iterator[tuple[T, R]], total: int, done: int = 0
+    ) -> list[tuple[T, R]]:
+        """Wait for the tasks of a step and tell how far it is."""
         began = time.perf_counter()
-        self._progress.step(what, LEAST_SHARES[what], len(items), done)
+        self._progress.step(what, LEAST_SHARES[what], total, done)
         results = []
-        for count, pair in enumerate(self._engine.each(task, items, *shared), start=1):
+        for count, pair in enumerate(begun, start=1):
             results.append(pair)
             self._progress.at(count)
         ms = (time.perf_counter() - began) * 1e3
@@ -198,6 +217,17 @@ class Survey:
             total.update({name: notes[name] for name in ("n_used", "n_outliers", "safe", "unsafe")})
         return total
 
+    def _drawings(self, layout: Layout, metric: Metric) -> tuple[Drawings, Iterator[Any]]:
+        """Begin with the files of the maps."""
+        folder = self._work / "drawings"
+        folder.mkdir(exist_ok=True)
+        layers = [(folder / f"{layer.name}.tif", layer) for layer in raster.layers(metric, source_mode=False)]
+        picture = folder / "ground.png"
+        store = Store(layout)
+        rasters = self._engine.each(_write_raster, layers, store, metric)
+        pictures = self._engine.each(_write_picture, [picture], store)
+        return Drawings([path for path, _ in layers], picture), chain[Any](rasters, pictures)
+
     def _zones(self, layout: Layout, p: Parameters) -> None:
         """Join the safe ground of all tiles and work out every zone."""
         keys = sorted(tuple(map(int, path.stem.split("_"))) for path in layout.folder.glob("*.tile"))
@@ -218,6 +248,19 @@ class Survey:
                 f"{self._work}: {free / 1e9:.1f} GB are free, the points alone take {need / 1e9:.1f} GB:"
                 " choose another disk by --out, or map fewer files at a time"
             )
+
+
+def _write_raster(asked: tuple[Path, raster.Layer], maps: Store, metric: Metric) -> None:
+    path, layer = asked
+    if not path.exists():
+        with packed.whole(path) as unfinished:
+            raster.write(unfinished.path, layer, maps, metric)
+
+
+def _write_picture(path: Path, maps: Store) -> None:
+    if not path.exists():
+        with packed.whole(path) as unfinished:
+            unfinished.path.write_bytes(ground_png(maps))
 
 
 def _without_cells(found: Found) -> Found:

@@ -49,20 +49,24 @@ def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
 
 
 def batches(zones: Sequence[Joined], folder: Path, most_cells: int = MOST_CELLS // 4) -> list[Work]:
-    """Return zones in batches of like size, those of one tile together."""
-    out: list[Work] = []
+    """Return zones in batches of like size, those of one tile together, the largest first.
+
+    A batch begun last keeps the other workers waiting for as long as it takes.
+    """
+    found: list[tuple[int, list[Joined]]] = []
     batch: list[Joined] = []
     cells = 0
     for zone in sorted(zones, key=lambda zone: (zone.parts[0][0], zone.first)):
         rows, cols = zone.extent.shape
         if batch and cells + rows * cols > most_cells:
-            out.append(Work(tuple(batch), folder / f"{len(out)}.zones"))
+            found.append((cells, batch))
             batch, cells = [], 0
         batch.append(zone)
         cells += rows * cols
     if batch:
-        out.append(Work(tuple(batch), folder / f"{len(out)}.zones"))
-    return out
+        found.append((cells, batch))
+    work = [(cells, Work(tuple(batch), folder / f"{n}.zones")) for n, (cells, batch) in enumerate(found)]
+    return [one for _, one in sorted(work, key=lambda pair: -pair[0])]
 
 
 def _found(zone: Joined, store: Store, members: Members, parameters: Parameters) -> Iterator[Found]:
