@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.allocator import keep_memory
 from companion.clock import WallOffset, now_ns
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
@@ -198,6 +199,7 @@ class Companion:
     async def _get_ready(self) -> None:
         """Warm up, then start deciding: nothing compiles in flight, and nothing commands before."""
         self.link.ready = False
+        keep_memory()
         await self.worker.warm_up()
         gc.collect()
         gc.freeze()  # a full collection would stop the streams for a tenth of a second, for what stays anyway

@@ -20,7 +20,7 @@ from slz.drawn import Drawn, take_drawn
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
-from slz.kernels.reach import usable, within_reach
+from slz.kernels.reach import picked, usable, within_reach
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import UNKNOWN, TerrainMaps
 from slz.nearby import nearby
@@ -142,7 +142,7 @@ class Pipeline:
         clock.lap("outliers")
         near, far = self._maps_for(ZoneMap, window, lambda: points[:1])
         used = within(points, sensor, reach_m(self._parameters))
-        choice = self._adapter.look(window, points[used])
+        choice = self._adapter.look(window, picked(points, used))
         far.at_level(choice.level)
         clock.lap("choice")
         points = self._registered(points, used, sensor, near)
@@ -151,7 +151,7 @@ class Pipeline:
         self._pin()
         stamp_s = window.end_ns * 1e-9
         with beside(self._other, far.take, points, sensor, stamp_s, near.tiles):
-            moved = near.take(points[used], sensor, stamp_s)
+            moved = near.take(picked(points, used), sensor, stamp_s)
         clock.lap("terrain")
         near.name(sensor)
         far.name(sensor)
@@ -278,10 +278,10 @@ class Pipeline:
         low, high = gap_interval(height_m[keep], p.outlier_gap_m)
         beyond = keep & ((height_m < low) | (height_m > high))
         keep[beyond] = in_a_group(points[beyond], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
-        kept = points[keep]
+        kept = picked(points, keep)
         if not in_flight:
             return kept
-        again = self._lone.returning(points[~keep], sensor_enu_m, len(points))
+        again = self._lone.returning(picked(points, ~keep), sensor_enu_m, len(points))
         return np.vstack([kept, again]) if len(again) else kept
 
     def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:

@@ -31,3 +31,14 @@ def usable(points: Points, sensor: Points, reach2: float, most_height: float) ->
         beyond = dx * dx + dy * dy > reach2
         n += not beyond and abs(z) < most_height and x - x == 0.0 and y - y == 0.0
     return out[:n]
+
+
+@kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(boolean, 1, 'C', True))")
+def picked(points: Points, which: NDArray[np.bool_]) -> Points:
+    """Return the points that are to be kept, as `points[which]` does."""
+    out, n = np.empty((np.count_nonzero(which), 3)), 0
+    for i in range(len(points)):
+        if which[i]:
+            out[n, 0], out[n, 1], out[n, 2] = points[i, 0], points[i, 1], points[i, 2]
+            n += 1
+    return out

@@ -10,9 +10,8 @@ from slz.kernels.jit import kernel
 FINE, COARSE = 1, 7  # layers of voxels above and below
 SURFACE = 100  # returns that make a surface
 ENOUGH, CLEAR_M = 5, 2.0  # so many are an object wherever dust is not dense
-SPARSE = 16  # columns per point, above which a table of all columns is too large
-SHORT = 12  # layers of a column that are looked at one by one
-UNKNOWN = np.int32(-1)
+SPARSE = 16  # columns, or their layers, per point, above which a table of all is too large
+UNKNOWN, NOWHERE = np.int32(-1), np.int32(2**31 - 1)
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -57,9 +56,9 @@ def _need(
     return least, COARSE
 
 
-@kernel("boolean[:](float64[:, :], int64[:, ::1], float64[:], int64, float64)")
+@kernel("boolean[:](float64[:, :], int32[:, ::1], float64[:], int64, float64)")
 def _by_table(
-    points: NDArray[np.float64], at: Longs, sensor: NDArray[np.float64], least: int, object_m2: float
+    points: NDArray[np.float64], at: Ints, sensor: NDArray[np.float64], least: int, object_m2: float
 ) -> NDArray[np.bool_]:
     """Do what `has_company` does with voxels in a hash table: the volume they span does not matter."""
     n = len(points)
@@ -70,13 +69,14 @@ def _by_table(
     keys, count = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     own = np.empty(n, np.int64)
     for i in range(n):
-        slot = _slot(keys, at[i, 0], at[i, 1], at[i, 2])
-        keys[slot] = (at[i, 0] << 42) | (at[i, 1] << 21) | at[i, 2]
+        x, y, z = np.int64(at[i, 0]), np.int64(at[i, 1]), np.int64(at[i, 2])
+        slot = _slot(keys, x, y, z)
+        keys[slot] = (x << 42) | (y << 21) | z
         count[slot] += 1
         own[i] = slot
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        x, y, z = at[i]
+        x, y, z = np.int64(at[i, 0]), np.int64(at[i, 1]), np.int64(at[i, 2])
         need, reach = _need(points[i], sensor, share, least)
         company = int(count[own[i]])
         if company < need:
@@ -89,112 +89,101 @@ def _by_table(
     return keep
 
 
-@kernel("Tuple((int32[::1], int32[::1], int32[::1]))(int64[:, ::1], int64, int64)")
-def _columns(at: Longs, columns: int, deep: int) -> tuple[Ints, Ints, Ints]:
-    """Return where each column's layers begin, (columns + 1,), their heights, rising, and their counts.
+@kernel("Tuple((int64[::1], int32[:, ::1]))(int32[:, ::1], int64, int64)")
+def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
+    """Return where each column's layers begin, (columns + 1,), and (columns, 2) its lowest and highest one.
 
-    Column (x, y) is number deep * x + y.
+    Column (x, y) is number deep * x + y. A column has all layers between these two, an empty one none.
     """
-    n = len(at)
-    starts = np.zeros(columns + 1, np.int32)
-    for i in range(n):
-        starts[deep * at[i, 0] + at[i, 1] + 1] += 1
+    ends = np.empty((columns, 2), np.int32)
+    ends[:, 0], ends[:, 1] = NOWHERE, -1
+    for i in range(len(at)):
+        k, z = deep * at[i, 0] + at[i, 1], at[i, 2]
+        ends[k, 0], ends[k, 1] = min(ends[k, 0], z), max(ends[k, 1], z)
+    starts = np.empty(columns + 1, np.int64)
+    total = 0
     for k in range(columns):
-        starts[k + 1] += starts[k]
-    ends, heights = starts[:-1].copy(), np.empty(n, np.int32)
-    for i in range(n):
-        k = deep * at[i, 0] + at[i, 1]
-        heights[ends[k]] = at[i, 2]
-        ends[k] += 1
-    layers, counts, m, first = np.empty(n, np.int32), np.empty(n, np.int32), 0, 0
-    for k in range(columns):
-        stop = starts[k + 1]
-        if stop - first > SHORT:
-            heights[first:stop] = np.sort(heights[first:stop])
-        else:
-            for i in range(first + 1, stop):
-                z, j = heights[i], i
-                while j > first and heights[j - 1] > z:
-                    heights[j] = heights[j - 1]
-                    j -= 1
-                heights[j] = z
-        starts[k], begun = m, m
-        for i in range(first, stop):
-            if m > begun and layers[m - 1] == heights[i]:
-                counts[m - 1] += 1
-            else:
-                layers[m], counts[m] = heights[i], 1
-                m += 1
-        first = stop
-    starts[columns] = m
-    return starts, layers[:m].copy(), counts[:m].copy()
+        starts[k] = total
+        total += max(0, ends[k, 1] - ends[k, 0] + 1)
+    starts[columns] = total
+    return starts, ends
 
 
-@kernel("int64(int32[::1], int64, int64, int64)")
-def _first_from(layers: Ints, first: int, stop: int, z: int) -> int:
-    """Return which of rising layers is the first not below a height."""
-    while stop - first > SHORT:
-        middle = (first + stop) >> 1
-        if layers[middle] < z:
-            first = middle + 1
-        else:
-            stop = middle
-    while first < stop and layers[first] < z:
-        first += 1
-    return first
-
-
-@kernel("int64(int32[::1], int32[::1], int32[::1], int64, int64, int64, int64)")
-def _around(starts: Ints, layers: Ints, counts: Ints, column: int, deep: int, low: int, high: int) -> int:
+@kernel("int64(int64[::1], int32[:, ::1], int32[::1], int64, int64, int64, int64)")
+def _around(starts: Longs, ends: Ints, counts: Ints, column: int, deep: int, low: int, high: int) -> int:
     """Return how many points lie from one layer to another in 3 x 3 columns."""
     total = 0
     for middle in (column - deep, column, column + deep):
         for k in range(middle - 1, middle + 2):
-            stop = starts[k + 1]
-            i = _first_from(layers, starts[k], stop, low)
-            while i < stop and layers[i] <= high:
-                total += counts[i]
-                i += 1
+            first = starts[k] - ends[k, 0]
+            for z in range(max(low, ends[k, 0]), min(high, ends[k, 1]) + 1):
+                total += counts[first + z]
     return total
 
 
-@kernel("boolean[:](float64[:, :], int64[:, ::1], float64[:], int64, float64, int64, int64)")
+@kernel("boolean[:](float64[:, :], int32[:, ::1], float64[:], int64, float64, int64, int64[::1], int32[:, ::1])")
 def _by_columns(
     points: NDArray[np.float64],
-    at: Longs,
+    at: Ints,
     sensor: NDArray[np.float64],
     least: int,
     object_m2: float,
-    columns: int,
     deep: int,
+    starts: Longs,
+    ends: Ints,
 ) -> NDArray[np.bool_]:
-    """Do what `has_company` does with the voxels of each column in a list, and once for each of them."""
-    n = len(points)
+    """Do what `has_company` does with all layers of each column side by side, and once for each voxel."""
+    n, size = len(points), starts[-1]
     keep = np.ones(n, np.bool_)
-    starts, layers, counts = _columns(at, columns, deep)
-    level, wide = np.full(len(layers), UNKNOWN), np.full(len(layers), UNKNOWN)
-    surface = np.full(len(layers), UNKNOWN)
+    counts = np.zeros(size, np.int32)
+    for i in range(n):
+        k = deep * at[i, 0] + at[i, 1]
+        counts[starts[k] - ends[k, 0] + at[i, 2]] += 1
+    level, wide, surface = np.full(size, UNKNOWN), np.full(size, UNKNOWN), np.full(size, UNKNOWN)
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        column, z = deep * at[i, 0] + at[i, 1], at[i, 2]
+        column, z = deep * at[i, 0] + at[i, 1], np.int64(at[i, 2])
         need, reach = _need(points[i], sensor, share, least)
-        v = _first_from(layers, starts[column], starts[column + 1], z)
+        v = starts[column] - ends[column, 0] + z
         company = np.int64(counts[v])
         if company < need:
             if level[v] < 0:
-                level[v] = _around(starts, layers, counts, column, deep, z - FINE, z + FINE)
+                level[v] = _around(starts, ends, counts, column, deep, z - FINE, z + FINE)
             company = np.int64(level[v])
             if company < need and reach > FINE:
                 if wide[v] < 0:
-                    wide[v] = _around(starts, layers, counts, column, deep, z - COARSE, z + COARSE)
+                    wide[v] = _around(starts, ends, counts, column, deep, z - COARSE, z + COARSE)
                 company = np.int64(wide[v])
             if level[v] < least:
                 if surface[v] < 0:
-                    surface[v] = _around(starts, layers, counts, column, deep, z + FINE + 1, z + COARSE)
+                    surface[v] = _around(starts, ends, counts, column, deep, z + FINE + 1, z + COARSE)
                 if surface[v] >= SURFACE:
                     company = np.int64(0)  # alone on its level, close below a surface
         keep[i] = company >= need
     return keep
+
+
+@kernel("Tuple((int32[:, ::1], int64, int64))(float64[:, :], float64)")
+def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
+    """Return (n, 3) the voxel of each point, `COARSE` and more, and the greatest x and y among them.
+
+    The voxels are those of the map, not of the points.
+    """
+    high = voxel / 4
+    west = south = bottom = np.inf
+    for i in range(len(points)):
+        west, south = min(west, points[i, 0]), min(south, points[i, 1])
+        bottom = min(bottom, points[i, 2])
+    west, south = voxel * np.floor(west / voxel), voxel * np.floor(south / voxel)
+    bottom = high * np.floor(bottom / high)
+    at = np.empty((len(points), 3), np.int32)
+    most_x, most_y = 0, 0
+    for i in range(len(points)):
+        x = int((points[i, 0] - west) / voxel) + COARSE
+        y = int((points[i, 1] - south) / voxel) + COARSE
+        at[i, 0], at[i, 1], at[i, 2] = x, y, int((points[i, 2] - bottom) / high) + COARSE
+        most_x, most_y = max(most_x, x), max(most_y, y)
+    return at, most_x, most_y
 
 
 @kernel("boolean[:](float64[:, :], float64[:], float64, int64, float64)")
@@ -208,16 +197,10 @@ def has_company(
     n = len(points)
     if n == 0:
         return np.ones(0, np.bool_)
-    edge = np.array([voxel, voxel, voxel / 4])
-    low, most = np.empty(3), np.zeros(3, np.int64)
-    for axis in range(3):
-        low[axis] = edge[axis] * np.floor(points[:, axis].min() / edge[axis])  # of the map, not of the points
-    at = np.empty((n, 3), np.int64)
-    for i in range(n):
-        for axis in range(3):
-            at[i, axis] = int((points[i, axis] - low[axis]) / edge[axis]) + COARSE
-            most[axis] = max(most[axis], at[i, axis])
-    columns, deep = (most[0] + 2) * (most[1] + 2), most[1] + 2
-    if columns > SPARSE * n + 10_000:
-        return _by_table(points, at, sensor, least, object_m2)
-    return _by_columns(points, at, sensor, least, object_m2, columns, deep)
+    at, most_x, most_y = _placed(points, voxel)
+    columns, deep = (most_x + 2) * (most_y + 2), most_y + 2
+    if columns <= SPARSE * n + 10_000:
+        starts, ends = _spans(at, columns, deep)
+        if starts[columns] <= SPARSE * n + 10_000:
+            return _by_columns(points, at, sensor, least, object_m2, deep, starts, ends)
+    return _by_table(points, at, sensor, least, object_m2)
