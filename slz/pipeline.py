@@ -142,11 +142,10 @@ class Pipeline:
         clock.lap("outliers")
         near, far = self._maps_for(ZoneMap, window, lambda: points[:1])
         used = within(points, sensor, reach_m(self._parameters))
-        choice = self._adapter.look(window, picked(points, used))
-        far.at_level(choice.level)
-        clock.lap("choice")
-        points = self._registered(points, used, sensor, near)
-        self._contradictions(points, used, sensor, near)
+        with beside(self._other, self._chosen, window, picked(points, used), far) as chosen:
+            points = self._registered(points, used, sensor, near)
+            self._contradictions(points, used, sensor, near)
+        choice = chosen.result()
         clock.lap("registration")
         self._pin()
         stamp_s = window.end_ns * 1e-9
@@ -306,6 +305,12 @@ class Pipeline:
         near, far = (kind(p, centre, self._numbers) for p in (self._parameters, self._far_parameters))
         self._near, self._far = near, far
         return near, far
+
+    def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
+        """Return how the next window and the far map are to be, and have the far map so."""
+        choice = self._adapter.look(window, points_enu_m)
+        far.at_level(choice.level)
+        return choice
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
         """Return the points in the near map's heights, after following the drift of those to be used."""

@@ -15,12 +15,12 @@ from slz.grid import Box
 from slz.kernels.scatter import (
     FIELDS,
     TILE,
-    box_of,
+    cells_of,
     contradicts,
     copy_evidence,
     differences,
     gather_evidence,
-    hit_tiles,
+    tiles_of,
 )
 
 Key = tuple[int, int]
@@ -106,17 +106,17 @@ class Tiles:
     ) -> Change:
         """Add the points that lie in a box of cells to the evidence of theirs."""
         edges = np.array([within.row0, within.row1, within.col0, within.col1])
-        place = (self.west_m, self.south_m, self.cell_m)
-        *hit, inside = box_of(points_enu_m, *place, edges).tolist()
+        at, found = cells_of(points_enu_m, self.west_m, self.south_m, self.cell_m, edges)
+        *hit, inside = found.tolist()
         if not inside:
             return Change((), (), 0)
         corner, shape = _tiles_over(Box(*hit))
-        wanted = np.argwhere(hit_tiles(points_enu_m, *place, *corner, *shape)) + np.array(corner)
+        wanted = np.argwhere(tiles_of(at, *corner, *shape)) + np.array(corner)
         evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
         table = self._table(corner, shape)
         touched = np.full((*shape, 4), -1, np.int64)
         used = gather_evidence(
-            points_enu_m, sensor_enu_m, noise.range_m, noise.angle_rad, *place, *corner, edges,
+            points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner,
             now_s, hold_s, self._pool, table, touched,
         )  # fmt: skip
         boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] >= 0])

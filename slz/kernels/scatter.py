@@ -12,29 +12,34 @@ COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
 FIELDS = 8
 TILE_BITS = 6
 TILE = 1 << TILE_BITS  # cells along the side of a tile
+OUTSIDE = np.int32(-(2**31))
 
 
-@kernel("int64[:](float64[:, :], float64, float64, float64, int64[:])")
-def box_of(
+@kernel("Tuple((int32[:, ::1], int64[::1]))(float64[:, :], float64, float64, float64, int64[:])")
+def cells_of(
     points: NDArray[np.float64],
     west: float,
     south: float,
     cell: float,
     within: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """Return row0, row1, col0, col1 (half open) of the cells hit, and how many points hit one.
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and number of them.
 
-    Cells count from (west, south); only those `within` (row0, row1, col0, col1) count.
+    Cells count from (west, south); only those `within` (row0, row1, col0, col1) count, the row of a point
+    elsewhere is `OUTSIDE`.
     """
+    at = np.empty((len(points), 2), np.int32)
     r0, r1, c0, c1, inside = within[1], within[0] - 1, within[3], within[2] - 1, 0
     for i in range(points.shape[0]):
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
         if r < within[0] or r >= within[1] or c < within[2] or c >= within[3]:
+            at[i, 0] = OUTSIDE
             continue
+        at[i, 0], at[i, 1] = r, c
         inside += 1
         r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
-    return np.array([r0, r1 + 1, c0, c1 + 1, inside], np.int64)
+    return at, np.array([r0, r1 + 1, c0, c1 + 1, inside], np.int64)
 
 
 @kernel("void(float64[:, :], float64, float64, float64, int64, int64, float64[:, :], int32[:, :])")
@@ -80,21 +85,28 @@ def hit_tiles(
     return out
 
 
+@kernel("boolean[:, :](int32[:, ::1], int64, int64, int64, int64)")
+def tiles_of(at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int) -> NDArray[np.bool_]:
+    """Tell which tiles of a rectangle of rows x cols tiles, from (tile_row, tile_col) on, hold a cell."""
+    out = np.zeros((rows, cols), np.bool_)
+    for i in range(len(at)):
+        if at[i, 0] != OUTSIDE:
+            out[(at[i, 0] >> TILE_BITS) - tile_row, (at[i, 1] >> TILE_BITS) - tile_col] = True
+    return out
+
+
 @kernel(
-    "int64(float64[:, :], float64[:], float64, float64, float64, float64, float64, int64, int64, int64[:],"
+    "int64(float64[:, :], int32[:, ::1], float64[:], float64, float64, int64, int64,"
     " float32, float32, float32[:, :, :, :, :], int32[:, :], int64[:, :, :])"
 )
 def gather_evidence(
     points: NDArray[np.float64],
+    at: NDArray[np.int32],
     sensor: NDArray[np.float64],
     range_noise_m: float,
     angle_noise_rad: float,
-    west: float,
-    south: float,
-    cell: float,
     tile_row: int,
     tile_col: int,
-    within: NDArray[np.int64],
     now_s: float,
     hold_s: float,
     pool: NDArray[np.float32],
@@ -103,26 +115,21 @@ def gather_evidence(
 ) -> int:
     """Add points to the per-cell statistics; return how many were used.
 
-    Cells count from (west, south); those outside `within` (row0, row1, col0, col1) are passed over. `table`
-    holds the slot in the pool of each tile of a rectangle from (tile_row, tile_col) on, -1 where there is
-    none. `touched` receives row0, row1, col0, col1 of the cells hit of each tile, and stays -1 where none is.
+    `at` are the points' cells, see `cells_of`; what is outside is passed over. `table` holds the slot in the
+    pool of each tile of a rectangle from (tile_row, tile_col) on, -1 where there is none. `touched` receives
+    row0, row1, col0, col1 of the cells hit of each tile, and stays -1 where none is.
 
     A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
     arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
     until two epochs of newer observations have replaced it. NOISE is the mean variance of the heights that
     the sensor's noise explains: of the range along the ray, of the angle across it.
     """
-    rows, cols = table.shape
     used = 0
     for i in range(points.shape[0]):
-        z = points[i, 2]
-        c = int(np.floor((points[i, 0] - west) / cell))
-        r = int(np.floor((points[i, 1] - south) / cell))
-        if r < within[0] or r >= within[1] or c < within[2] or c >= within[3]:
+        if at[i, 0] == OUTSIDE:
             continue
+        z, r, c = points[i, 2], int(at[i, 0]), int(at[i, 1])
         tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
-        if tr < 0 or tc < 0 or tr >= rows or tc >= cols:
-            continue
         slot = table[tr, tc]
         if slot < 0:
             continue

@@ -69,14 +69,14 @@ def _by_table(
     keys, count = np.full(size, -1, np.int64), np.zeros(size, np.int32)
     own = np.empty(n, np.int64)
     for i in range(n):
-        x, y, z = np.int64(at[i, 0]), np.int64(at[i, 1]), np.int64(at[i, 2])
+        x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
         slot = _slot(keys, x, y, z)
         keys[slot] = (x << 42) | (y << 21) | z
         count[slot] += 1
         own[i] = slot
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        x, y, z = np.int64(at[i, 0]), np.int64(at[i, 1]), np.int64(at[i, 2])
+        x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
         need, reach = _need(points[i], sensor, share, least)
         company = int(count[own[i]])
         if company < need:
@@ -121,7 +121,9 @@ def _around(starts: Longs, ends: Ints, counts: Ints, column: int, deep: int, low
     return total
 
 
-@kernel("boolean[:](float64[:, :], int32[:, ::1], float64[:], int64, float64, int64, int64[::1], int32[:, ::1])")
+@kernel(
+    "boolean[:](float64[:, :], int32[:, ::1], float64[:], int64, float64, int64, int64[::1], int32[:, ::1])"
+)
 def _by_columns(
     points: NDArray[np.float64],
     at: Ints,
@@ -142,7 +144,7 @@ def _by_columns(
     level, wide, surface = np.full(size, UNKNOWN), np.full(size, UNKNOWN), np.full(size, UNKNOWN)
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        column, z = deep * at[i, 0] + at[i, 1], np.int64(at[i, 2])
+        column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
         need, reach = _need(points[i], sensor, share, least)
         v = starts[column] - ends[column, 0] + z
         company = np.int64(counts[v])

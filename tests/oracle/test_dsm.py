@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import params
 from slz.grid import Grid
-from slz.kernels.scatter import box_of, sum_and_count
+from slz.kernels.scatter import cells_of, sum_and_count
 from slz.source_terrain import SourceTerrain
 
 Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ def test_a_cell_holds_the_mean_of_its_points(points_8: list[tuple[int, int, int]
     points = np.array(points_8, float).reshape(-1, 3) / EIGHTH
     west, south = WEST_8 / EIGHTH, SOUTH_8 / EIGHTH
     expected = heights_of(points_8)
-    r0, r1, c0, c1, inside = box_of(points, west, south, CELL_M, np.array([0, ROWS, 0, COLS]))
+    _, (r0, r1, c0, c1, inside) = cells_of(points, west, south, CELL_M, np.array([0, ROWS, 0, COLS]))
     assert inside == sum(len(heights) for heights in expected.values())
     if not expected:
         return
