@@ -57,6 +57,12 @@ def test_flatgeobuf_geojson_and_table_say_the_same(out: tuple[Path, dict[str, An
             assert table[row["id"]][name] == ("" if value is None else str(value))
 
 
+def place(data: dict[str, Any], right: float, down: float) -> np.ndarray:
+    """Return longitude and latitude between the corners of the page's picture."""
+    corners = np.array(data["corners"]).reshape(2, 2, 2)
+    return np.array([1 - down, down]) @ (np.array([1 - right, right]) @ corners)
+
+
 def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[str, Any]]) -> None:
     folder, told = out
     page = (folder / "map.html").read_text("utf-8")
@@ -72,6 +78,9 @@ def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[st
             for x, y in (np.array(ring).reshape(-1, 2).T for ring in zone["rings"])
         )
         assert area == pytest.approx(row["area_m2"], rel=0.03)  # holes run the other way
+        east, north = zone["at"]
+        lon, lat = place(data, east / data["width"], 1 - north / data["height"])
+        assert GEOD.inv(lon, lat, row["lon"], row["lat"])[2] < 0.1
     png = re.search(r"base64,([^\"]*)", page)
     assert png is not None
     picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(png[1])))
