@@ -12,6 +12,7 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
+from pyproj.exceptions import ProjError
 from rasterio.windows import Window
 from scipy import ndimage
 
@@ -36,28 +37,32 @@ class SurveyPrior:
     Raises
     ------
     UsageError
-        The folder holds no survey, or one for a smaller or a hardier vehicle than this.
+        The folder holds no survey, a damaged one, or one for a smaller or a hardier vehicle than this.
     """
 
     def __init__(self, folder: Path, parameters: Parameters) -> None:
         try:
             told = json.loads((folder / "survey.json").read_text("utf-8"))
         except (OSError, ValueError):
-            raise UsageError(
-                f"--prior {folder}: it holds no survey.json: name a folder that slz map wrote"
-            ) from None
-        _check(folder, told, parameters)
+            raise _no(folder, "survey.json") from None
         self._paths = {name: folder / f"{name}.tif" for name in FILES}
-        for path in self._paths.values():
-            if not path.is_file():
-                raise UsageError(
-                    f"--prior {folder}: it holds no {path.name}: name a folder that slz map wrote"
-                )
-        crs = CRS.from_wkt(told["crs"])
-        horizontal = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
-        self._to_crs = Transformer.from_crs("EPSG:4326", horizontal, always_xy=True)
-        self._unit_m = float(told["vertical_unit_m"])
-        self._cell_m = max(parameters.far_cell_m / 2, float(told["cells"]["cell_m"]))
+        try:
+            _check(folder, told, parameters)
+            _check_maps(folder, list(self._paths.values()))
+            crs = CRS.from_wkt(told["crs"])
+            horizontal = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
+            self._to_crs = Transformer.from_crs("EPSG:4326", horizontal, always_xy=True)
+            self._unit_m, cell_m = float(told["vertical_unit_m"]), float(told["cells"]["cell_m"])
+        except (KeyError, TypeError, AttributeError, ValueError, ProjError) as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+            raise UsageError(
+                f"--prior {folder}: its survey.json is not as slz map writes it ({reason}): survey again"
+            ) from None
+        if not (0 < self._unit_m < math.inf and 0 < cell_m < math.inf):
+            raise UsageError(
+                f"--prior {folder}: its survey.json tells of lengths that are none: survey again"
+            )
+        self._cell_m = max(parameters.far_cell_m / 2, cell_m)
 
     def __call__(self, frame: LocalFrame, enu_m: Floats) -> Surveyed | None:
         """Return the surveyed ground around a place of a frame; None where there is none."""
@@ -144,6 +149,22 @@ def _at(values: NDArray[Any], row: Floats, col: Floats, empty: float) -> NDArray
 
 def _no(folder: Path, name: str) -> UsageError:
     return UsageError(f"--prior {folder}: it holds no {name}: name a folder that slz map wrote")
+
+
+def _check_maps(folder: Path, paths: list[Path]) -> None:
+    """Refuse maps that are absent, cannot be opened or are not of one survey."""
+    places = set()
+    for path in paths:
+        if not path.is_file():
+            raise _no(folder, path.name)
+        try:
+            with rasterio.open(path) as file:
+                places.add((file.shape, tuple(file.transform)))
+        except rasterio.errors.RasterioError:
+            raise UsageError(f"--prior {folder}: {path.name} cannot be read: survey again") from None
+    if len(places) > 1:
+        names = ", ".join(path.name for path in paths)
+        raise UsageError(f"--prior {folder}: {names} are not of one survey: survey again")
 
 
 def _check(folder: Path, told: dict[str, Any], parameters: Parameters) -> None:

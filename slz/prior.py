@@ -36,6 +36,7 @@ FEWEST_RETURNS = 200
 AGREEING = 0.5  # share of returns that must lie on the surveyed ground, or all of it that was hit is given up
 FIRST_ID = 100_001  # of its zones, so that those of the live maps have the IDs they would have without it
 LATER_S = 5.0  # between two looks at what the live maps have come to know
+AGAIN_M = 100.0  # off the place where there was no survey, before it is asked for again
 SAMPLE = 20_000  # returns, of which the height of the survey is found
 Points = NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
@@ -95,18 +96,22 @@ class Prior:
     Parameters
     ----------
     source
-        Gives the surveyed ground; asked once for a frame, and again when the vehicle leaves its middle.
+        Gives the surveyed ground; asked once for a frame, and again when the vehicle leaves its middle, or
+        the place where there was none.
     """
 
     def __init__(self, source: Source, parameters: Parameters) -> None:
         self._source = source
         self._parameters = parameters
-        self._names = ZoneTracker(itertools.count(FIRST_ID))
+        self._ids = itertools.count(FIRST_ID)
+        self._names = ZoneTracker(self._ids)
         self._frame: LocalFrame | None = None
         self._asked: Points | None = None
+        self._marks: tuple[Grid, NDArray[np.int64]] | None = None
         self.terrain: PriorTerrain | None = None
         self._looked_s = -math.inf
         self._registered = False
+        self._offset_m = 0.0
         self._dirty = True
         self.zones: tuple[Zone, ...] = ()
 
@@ -163,23 +168,30 @@ class Prior:
         """Ask for other ground in another frame, and when the vehicle is a quarter of it off its middle."""
         if frame != self._frame:
             self._frame, self._asked, self.terrain, self.zones = frame, None, None, ()
-            self._registered = False
+            self._marks, self._registered, self._offset_m = None, False, 0.0
         here = np.nan_to_num(sensor_enu_m)
         old = self.terrain
         if self._asked is not None:
-            if old is None:
-                return
-            side_m = min(old.grid.rows, old.grid.cols) * old.grid.cell_m
-            if np.abs(here[:2] - self._asked[:2]).max() < side_m / 4:
+            middle_m = AGAIN_M
+            if old is not None:
+                middle_m = min(old.grid.rows, old.grid.cols) * old.grid.cell_m / 4
+            if np.abs(here[:2] - self._asked[:2]).max() < middle_m:
                 return
         self._asked = here
         surveyed = self._source(frame, here)
         self.terrain = None if surveyed is None else PriorTerrain(surveyed)
         self.zones, self._looked_s, self._dirty = (), -math.inf, True
-        if self.terrain is not None and old is not None:
-            self.terrain.offset_m = old.offset_m
-            self.terrain.given_up = moved(old.given_up, old.grid, self.terrain.grid)
-            self._names.moved(old.grid, self.terrain.grid)
+        if old is not None:
+            self._offset_m = old.offset_m
+            self._marks = _remembered(self._marks, old)
+        if self.terrain is not None:
+            self.terrain.offset_m = self._offset_m
+            if self._marks is not None:
+                _mark(self.terrain, *self._marks)
+            if old is not None:
+                self._names.moved(old.grid, self.terrain.grid)
+        else:
+            self._names = ZoneTracker(self._ids)  # what comes next lies in another raster
 
     def _contradicted(self, terrain: PriorTerrain, points: Points, sensor: Points) -> int:
         """Give up surveyed ground that returns contradict; return how many cells are new.
@@ -250,15 +262,19 @@ def known_to(live: tuple[Readable, ...], grid: Grid) -> NDArray[np.bool_]:
     return out
 
 
-def moved(marks: NDArray[np.uint8], old: Grid, new: Grid) -> NDArray[np.uint8]:
-    """Return marks of cells in another raster of the same cells."""
-    down, right = old.shift_to(new)
-    out = np.zeros((new.rows, new.cols), np.uint8)
-    rows, cols = np.nonzero(marks)
-    rows, cols = rows + down, cols + right
-    inside = (rows >= 0) & (rows < new.rows) & (cols >= 0) & (cols < new.cols)
-    out[rows[inside], cols[inside]] = 1
-    return out
+def _remembered(
+    marks: tuple[Grid, NDArray[np.int64]] | None, old: PriorTerrain
+) -> tuple[Grid, NDArray[np.int64]]:
+    """Return the cells (n, 2) that were ever given up, as some raster counts them."""
+    base, cells = marks or (old.grid, np.empty((0, 2), np.int64))
+    return base, np.unique(np.vstack([cells, np.argwhere(old.given_up) + old.grid.shift_to(base)]), axis=0)
+
+
+def _mark(terrain: PriorTerrain, base: Grid, cells: NDArray[np.int64]) -> None:
+    """Give up cells of a raster where they lie on a terrain."""
+    there = cells + base.shift_to(terrain.grid)
+    inside = ((there >= 0) & (there < (terrain.grid.rows, terrain.grid.cols))).all(axis=1)
+    terrain.given_up[tuple(there[inside].T)] = 1
 
 
 def _window(values: NDArray[T], box: Box, empty: float) -> NDArray[T]:

@@ -63,12 +63,7 @@ def read(
     refuse_twice(files)
     given = from_option(crs) if crs else None
     sources = [open_source(path, given) for path in files]
-    for source in sources[1:]:
-        if not source.reference.same_as(sources[0].reference):
-            raise UsageError(
-                f"{source.path}: its CRS {source.reference.name} differs from {sources[0].reference.name} of"
-                f" {sources[0].path}: reproject one of them"
-            )
+    refuse_mixed(sources)
     n_points = sum(source.n_points for source in sources)
     memory.check_points(n_points)
     timed = sources[0].clock is not None and len({source.clock for source in sources}) == 1
@@ -126,6 +121,17 @@ def refuse_twice(files: Sequence[Path]) -> None:
         if real in seen:
             raise UsageError(f"{path}: it is given twice: name every file once")
         seen.add(real)
+
+
+def refuse_mixed(sources: Sequence[Source]) -> None:
+    """Refuse files of more than one CRS, or of more than one datum of heights where they name it."""
+    first = next((source for source in sources if source.reference.vertical is not None), sources[0])
+    for source in sources:
+        if not source.reference.same_as(first.reference):
+            raise UsageError(
+                f"{source.path}: its CRS {source.reference.name} differs from {first.reference.name} of"
+                f" {first.path}: reproject one of them"
+            )
 
 
 def _reasons(dropped: Counter[str]) -> str:

@@ -73,6 +73,8 @@ def run(
         A file, the CRS, the folder or the size of the grid cannot be used.
     """
     started = time.perf_counter()
+    if not isinstance(plan.engine, InProcess):  # workers may have been started in another folder
+        files, out = [path.absolute() for path in files], out.absolute()
     look(out)
     try:
         if parameters.mode == "source":

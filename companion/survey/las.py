@@ -127,7 +127,7 @@ def open_las(path: Path, given: Reference | None) -> LasSource:
                 f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
             )
         for packing in header.vlrs.get("LasZipVlr") if header.are_points_compressed else ():
-            check_chunks(path, least, int(header.point_format.size), bytes(packing.record_data))
+            check_chunks(path, least, int(header.point_format.size), bytes(packing.record_data), n_points)
         clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
         corners = [(float(edge[0]), float(edge[1])) for edge in (header.mins, header.maxs)]
         seekable = not any(vlr.user_id == COPC for vlr in header.vlrs)

@@ -22,8 +22,8 @@ POINT14, RGB14, RGBNIR14, WAVEPACKET14, BYTE14 = 10, 11, 12, 13, 14
 _LAYERS = {POINT14: 9, RGB14: 1, RGBNIR14: 2, WAVEPACKET14: 1}
 
 
-def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes) -> None:
-    """Refuse chunks that claim more than their own bytes.
+def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_points: int) -> None:
+    """Refuse chunks that claim more than their own bytes, and a header with more points than they hold.
 
     Parameters
     ----------
@@ -31,17 +31,25 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes) ->
         Of the header: where the points begin, and how long one is.
     record
         The LASzip record.
+    n_points
+        Of the header.
 
     Raises
     ------
     UsageError
-        A chunk is corrupt or lies beyond the file's end.
+        A chunk is corrupt or lies beyond the file's end, or there are too few of them.
     """
     size = path.stat().st_size
     layers = _layers(record)
     with path.open("rb") as file:
         file.seek(points_at)
         table = lazrs.read_chunk_table(file, lazrs.LazVlr(record))
+        held = sum(count for count, _ in table)  # of the last chunk this is what it may hold
+        if n_points > held:
+            raise UsageError(
+                f"{path}: it is truncated or corrupt, its header tells of {n_points} points, its chunks hold"
+                f" {held} at most: copy it again"
+            )
         at = points_at + 8
         for number, (_, chunk_bytes) in enumerate(table):
             claimed = _claimed(file, at + point_bytes, layers) if layers else 0

@@ -22,14 +22,15 @@ EARTH = Geod(ellps="WGS84")
 def nearest(
     folder: Path, lat: float, lon: float, radius_m: float | None = None, most: int = 10
 ) -> dict[str, Any]:
-    """Return the zones whose landing points are nearest to a position, the nearest first.
+    """Return the zones that hold a position, then those whose landing points are nearest, the nearest first.
 
     Parameters
     ----------
     folder
         Where `slz map` wrote its results.
     radius_m
-        Only zones whose landing points lie this near; by default as far as it takes to find `most`.
+        Only zones that hold the position or whose landing points lie this near; by default as far as it takes
+        to find `most`.
 
     Returns
     -------
@@ -39,7 +40,8 @@ def nearest(
     Raises
     ------
     UsageError
-        The position is not on the Earth, the radius is no length, or there is no survey in the folder.
+        The position is not on the Earth, the radius is no length, or there is no survey in the folder, or a
+        damaged one.
     """
     if not (-90 <= lat <= 90 and -180 <= lon <= 180):
         raise UsageError(f"{lat}, {lon} is no position: latitude, then longitude, in degrees")
@@ -67,19 +69,24 @@ def nearest(
 
 
 def _within(path: Path, lat: float, lon: float, reach_m: float) -> list[dict[str, Any]]:
-    """Return the zones whose landing points lie within a distance, the nearest first."""
+    """Return the zones that hold a place, then those whose landing points lie within a distance of it."""
     north = reach_m / METRES_PER_DEGREE
     shrink = math.cos(math.radians(min(abs(lat) + north, 89.9)))
     east = min(north / shrink, 180.0)
     # A box that would reach over the date line takes in all longitudes.
     west_lon, east_lon = (lon - east, lon + east) if lon - east >= -180 and lon + east <= 180 else (-180, 180)
     box = (west_lon, max(lat - north, -90.0), east_lon, min(lat + north, 90.0))
-    rows, outlines = zones_within(path, box)
+    try:
+        rows, outlines = zones_within(path, box)
+    except Exception as error:  # GDAL's errors come as several kinds, some of them not its own
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
+        raise UsageError(f"{path}: it is damaged ({reason}): survey again") from None
     here = shapely.Point(lon, lat)
     found = []
     for row, outline in zip(rows, outlines, strict=True):
         forward, _, distance = EARTH.inv(lon, lat, row["lon"], row["lat"])
-        if distance <= reach_m:
+        holds = bool(shapely.from_wkb(outline).contains(here))
+        if holds or distance <= reach_m:
             told = {"distance_m": round(distance, 2), "bearing_deg": round(forward % 360, 1)}
-            found.append(row | told | {"holds": bool(shapely.from_wkb(outline).contains(here))})
-    return sorted(found, key=lambda row: (row["distance_m"], row["id"]))
+            found.append(row | told | {"holds": holds})
+    return sorted(found, key=lambda row: (not row["holds"], row["distance_m"], row["id"]))

@@ -28,7 +28,9 @@ def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]])
     """Write the page; of very many zones it shows the best and says so."""
     maps, p = found.maps, found.parameters
     png = ground_png(maps) if found.drawings is None else found.drawings.ground.read_bytes()
-    shown = list(zip(found.outlines_m, described, strict=True))[:MOST_ZONES]
+    points_m = [zone.best.enu_m[:2] - (maps.grid.west_m, maps.grid.south_m) for zone in found.zones]
+    rows = [row | {"at": _point(at)} for row, at in zip(described, points_m, strict=True)]
+    shown = list(zip(found.outlines_m, rows, strict=True))[:MOST_ZONES]
     document = {
         "west": maps.grid.west_m,
         "north": maps.grid.north_m,
@@ -71,9 +73,20 @@ def _rings(part: shapely.Polygon, scale: float) -> list[list[float]]:
     ]
 
 
+def _point(local_m: np.ndarray) -> list[float]:
+    """Return metres east and north of the picture's south-west corner."""
+    return [round(float(value), DIGITS) for value in local_m]
+
+
 def _corners(maps: Maps, metric: Metric) -> list[list[float]]:
-    """Return longitude and latitude of the north-west, north-east, south-west and south-east corner."""
+    """Return longitude and latitude of the north-west, north-east, south-west and south-east corner.
+
+    Beyond the date line longitudes go on from 180 degrees.
+    """
     grid = maps.grid
     places = [[x, y] for y in (grid.north_m, grid.south_m) for x in (grid.west_m, grid.east_m)]
-    corners: list[list[float]] = metric.lonlat(np.array(places)).tolist()
+    found = metric.lonlat(np.array(places))
+    if np.ptp(found[:, 0]) > 180:
+        found[:, 0] %= 360
+    corners: list[list[float]] = found.tolist()
     return corners

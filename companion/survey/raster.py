@@ -12,6 +12,7 @@ import numpy as np
 import rasterio
 import rasterio.shutil
 from numpy.typing import NDArray
+from rasterio._err import CPLE_BaseError
 from rasterio.crs import CRS
 from rasterio.enums import Resampling
 from rasterio.transform import Affine
@@ -61,6 +62,11 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
     """Write a map, north up, with overviews where it is larger than a tile; those of the state invent none.
 
     It is read and written strip by strip, so memory does not grow with the map.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
     """
     unfinished = path.with_suffix(".part.tif")
     rows, cols = maps.grid.rows, maps.grid.cols
@@ -95,6 +101,8 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
                 # Here, where nothing is compressed yet: the COG's driver would compress them twice.
                 file.build_overviews(_factors(rows, cols), _resampling(layer))
             _optimize(unfinished, path, layer)
+    except CPLE_BaseError as error:  # GDAL's own, which a full disk ends in
+        raise OSError(str(error)) from None
     finally:
         unfinished.unlink(missing_ok=True)
     return path

@@ -43,11 +43,18 @@ class Reference:
         """The one code of the EPSG registry that names the CRS; None where there is none."""
         return self.crs.to_epsg()
 
+    @property
+    def vertical(self) -> CRS | None:
+        """The CRS of the heights; None where it is not told, or they are those of an ellipsoid."""
+        return self.crs.sub_crs_list[1] if self.crs.is_compound else None
+
     def same_as(self, other: Reference) -> bool:
-        """Tell whether coordinates of both mean the same place."""
+        """Tell whether coordinates of both mean the same place, heights as far as both name their datum."""
+        mine, theirs = self.vertical, other.vertical
         return (
             self.horizontal.equals(other.horizontal, ignore_axis_order=True)
             and self.vertical_m == other.vertical_m
+            and (mine is None or theirs is None or bool(mine.equals(theirs)))
         )
 
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
+import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
 from pyproj import Transformer
 
 from companion import survey
@@ -72,10 +76,46 @@ def test_a_folder_without_survey_is_refused(tmp_path: Path) -> None:
         SurveyPrior(tmp_path, Parameters())
 
 
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ([], "not as slz map writes it"),
+        ({"crs": None}, "not as slz map writes it"),
+        ({"crs": "nonsense"}, "not as slz map writes it"),
+        ({"cells": {}}, "not as slz map writes it"),
+        ({"parameters": "none"}, "not as slz map writes it"),
+        ({"vertical_unit_m": math.nan}, "lengths that are none"),
+    ],
+)
+def test_a_damaged_summary_is_refused_in_one_line(
+    folder: Path, tmp_path: Path, changed: Any, said: str
+) -> None:
+    made = shutil.copytree(folder, tmp_path / "survey")
+    told = json.loads((made / "survey.json").read_text("utf-8"))
+    text = json.dumps(told | changed if isinstance(changed, dict) else changed)
+    (made / "survey.json").write_text(text, "utf-8")
+    with pytest.raises(UsageError, match=said) as caught:
+        SurveyPrior(made, FLIGHT)
+    assert "\n" not in str(caught.value)
+
+
+def test_damaged_maps_are_refused_before_the_flight(folder: Path, tmp_path: Path) -> None:
+    made = shutil.copytree(folder, tmp_path / "survey")
+    with rasterio.open(made / "dsm.tif") as file:
+        profile = file.profile | {"height": 64, "width": 64}
+    with rasterio.open(tmp_path / "other.tif", "w", **profile):
+        pass
+    shutil.copy(tmp_path / "other.tif", made / "dsm.tif")
+    with pytest.raises(UsageError, match="not of one survey"):
+        SurveyPrior(made, FLIGHT)
+    (made / "dsm.tif").write_bytes(b"")
+    with pytest.raises(UsageError, match=r"dsm\.tif cannot be read"):
+        SurveyPrior(made, FLIGHT)
+
+
 def test_rally_points_are_the_survey_s_until_near_zones_are_known() -> None:
     from dataclasses import replace
     from types import SimpleNamespace
-    from typing import Any
 
     from tests.unit.companion.landing.flight import Flight, zone
 

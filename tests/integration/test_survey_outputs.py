@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import shapely
 from pyproj import Geod
+from rasterio._err import CPLE_AppDefinedError
 from shapely.geometry import shape
 
 from companion import cli, survey
@@ -57,6 +58,12 @@ def test_flatgeobuf_geojson_and_table_say_the_same(out: tuple[Path, dict[str, An
             assert table[row["id"]][name] == ("" if value is None else str(value))
 
 
+def place(data: dict[str, Any], right: float, down: float) -> np.ndarray:
+    """Return longitude and latitude between the corners of the page's picture."""
+    corners = np.array(data["corners"]).reshape(2, 2, 2)
+    return np.array([1 - down, down]) @ (np.array([1 - right, right]) @ corners)
+
+
 def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[str, Any]]) -> None:
     folder, told = out
     page = (folder / "map.html").read_text("utf-8")
@@ -72,6 +79,9 @@ def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[st
             for x, y in (np.array(ring).reshape(-1, 2).T for ring in zone["rings"])
         )
         assert area == pytest.approx(row["area_m2"], rel=0.03)  # holes run the other way
+        east, north = zone["at"]
+        lon, lat = place(data, east / data["width"], 1 - north / data["height"])
+        assert GEOD.inv(lon, lat, row["lon"], row["lat"])[2] < 0.1
     png = re.search(r"base64,([^\"]*)", page)
     assert png is not None
     picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(png[1])))
@@ -93,7 +103,8 @@ def test_the_nearest_zones_are_those_that_trying_all_finds(tmp_path: Path) -> No
     for _ in range(5):
         lon, lat = LON + rng.normal(0, 0.06), LAT + rng.normal(0, 0.05)
         away = {row["id"]: GEOD.inv(lon, lat, row["lon"], row["lat"])[2] for row in rows}
-        order = sorted(away, key=away.__getitem__)
+        around = {k: shapes[k - 1].contains(shapely.Point(lon, lat)) for k in away}
+        order = sorted(away, key=lambda k: (not around[k], away[k]))
         assert [zone["id"] for zone in nearest(tmp_path, lat, lon)["zones"]] == order[:10]
         inside = nearest(tmp_path, lat, lon, 3000, 1000)["zones"]
         assert [zone["id"] for zone in inside] == [k for k in order if away[k] <= 3000]
@@ -103,6 +114,53 @@ def test_the_nearest_zones_are_those_that_trying_all_finds(tmp_path: Path) -> No
             assert zone["holds"] == held
             assert zone["slope_deg"] is None
     assert nearest(tmp_path, -LAT, LON, 1000)["zones"] == []
+
+
+def test_a_zone_that_holds_the_place_comes_first_however_far_its_landing_point_is(
+    out: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, told = out
+    zones = {row["id"]: row for row in told["zones"]}
+    features = json.loads((folder / "zones.geojson").read_text("utf-8"))["features"]
+    for feature in features:
+        row, outline = zones[feature["id"]], shape(feature["geometry"])
+        lon, lat = max(
+            (
+                np.array(
+                    outline.exterior.coords
+                    if outline.geom_type == "Polygon"
+                    else outline.geoms[0].exterior.coords
+                )
+            ).tolist(),
+            key=lambda at: math.hypot(at[0] - row["lon"], at[1] - row["lat"]),
+        )
+        inside = shapely.Point(lon, lat).buffer(2e-5).intersection(outline).representative_point()
+        first = nearest(folder, inside.y, inside.x, 1.0)["zones"][0]
+        assert (first["id"], first["holds"]) == (row["id"], True)
+        assert first["distance_m"] > 1
+
+
+@pytest.mark.parametrize("size", [0, 500, 1500])
+def test_a_damaged_index_is_one_line(out: tuple[Path, dict[str, Any]], tmp_path: Path, size: int) -> None:
+    folder, told = out
+    (tmp_path / "zones.fgb").write_bytes((folder / "zones.fgb").read_bytes()[:size])
+    best = told["zones"][0]
+    with pytest.raises(UsageError, match="it is damaged") as caught:
+        nearest(tmp_path, best["lat"], best["lon"])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_disk_that_fills_up_while_a_map_is_packed_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise CPLE_AppDefinedError(3, 1, "TIFFAppendToStrip:Write error at scanline 0")
+
+    monkeypatch.setattr("companion.survey.raster._optimize", full)
+    path = write(tmp_path / "a.laz", points(20_000))
+    with pytest.raises(UsageError, match="cannot be written: TIFFAppendToStrip"):
+        survey.run([path], tmp_path / "out", parameters(), lambda *_: None)
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_command_takes_western_longitudes(

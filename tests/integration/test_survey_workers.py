@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -11,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from companion import survey
+from companion.errors import CompanionError
 from companion.survey.tiled import plan
-from companion.survey.tiled.engine import Distributed, engine
-from tests.unit.companion.survey.tiled.ground import answer, files, points, surveyed
+from companion.survey.tiled.engine import Distributed, InProcess, engine
+from tests.unit.companion.survey.tiled.ground import answer, files, parameters, points, surveyed
 
 pytest.importorskip("distributed", reason="needs Dask: pip install 'slz[survey]'")
 
@@ -60,3 +63,63 @@ def test_killed_workers_lose_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
         together = surveyed(paths, tmp_path / "together", 100, killing)
     assert len(set(killing.killed)) == 2
     assert answer(together) == answer(alone)
+
+
+class Elsewhere:
+    """Carries tasks out in another folder, as workers do that were started there."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def each(self, task: Callable[..., Any], items: Sequence[Any], *shared: Any) -> Iterator[tuple[Any, Any]]:
+        for item in items:
+            with pytest.MonkeyPatch.context() as patch:
+                patch.chdir(self._folder)
+                pair = next(iter(InProcess().each(task, [item], *shared)))
+            yield pair
+
+
+def test_relative_names_mean_the_same_to_workers_of_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    monkeypatch.chdir(tmp_path)
+    files(tmp_path, POINTS, np.arange(len(POINTS)), 1)
+    (tmp_path / "there").mkdir()
+    elsewhere = survey.Plan(engine=Elsewhere(tmp_path / "there"))
+    told = survey.run([Path("1.laz")], Path("out"), parameters(), lambda *_: None, elsewhere)
+    assert len(told["zones"]) >= 2
+    assert not told["skipped"]
+    assert (tmp_path / "out" / "survey.json").is_file()
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_workers_that_cannot_be_started_are_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def failing(**_: Any) -> None:
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("distributed.LocalCluster", failing)
+    with pytest.raises(CompanionError, match="could not be started: Nanny failed"), engine(None, 2):
+        pass
+    assert not logging.getLogger("distributed.scheduler").isEnabledFor(logging.INFO)
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_scheduler_without_workers_is_told_of(caplog: pytest.LogCaptureFixture) -> None:
+    import distributed
+
+    here = {"processes": False, "n_workers": 0, "dashboard_address": None}
+    with distributed.Client(**here) as client, engine(client.scheduler.address, None):
+        assert "has no workers yet" in caplog.text
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_scheduler_that_goes_away_is_one_line() -> None:
+    import distributed
+
+    cluster = distributed.LocalCluster(processes=False, n_workers=0, dashboard_address=None)
+    with engine(cluster.scheduler_address, None) as workers:
+        results = workers.each(abs, [1, 2])
+        cluster.close()
+        with pytest.raises(CompanionError, match="the scheduler is gone"):
+            next(results)

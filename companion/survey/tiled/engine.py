@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol, TypeVar
 
 from companion.errors import CompanionError, UsageError
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -81,11 +84,13 @@ class Distributed:
 
 
 def _translated(error: Exception) -> Exception:
-    from distributed import KilledWorker
+    from distributed import CancelledError, KilledWorker
 
+    if isinstance(error, CancelledError):
+        return CompanionError("the scheduler is gone: start it and its workers, and run again")
     if isinstance(error, KilledWorker):
         return CompanionError(
-            f"workers died {MOST_DEATHS} times at one tile: give them more memory; run again to go on"
+            "workers died again and again at one task: give them more memory; run again to go on"
         )
     return error
 
@@ -98,6 +103,8 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
     ------
     UsageError
         Dask is not installed, no scheduler answers, or both were asked for.
+    CompanionError
+        A worker could not be started.
     """
     if scheduler is None and workers is None:
         yield InProcess()
@@ -111,6 +118,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
         import distributed
     except ImportError:
         raise UsageError("--workers and --scheduler need Dask: pip install 'slz[survey]'") from None
+    logging.getLogger("distributed").setLevel(logging.WARNING)  # importing it has set a level of its own
     settings = {
         "distributed.scheduler.allowed-failures": MOST_DEATHS,
         "distributed.worker.multiprocessing-method": "spawn",
@@ -124,17 +132,23 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
             except (OSError, ValueError) as error:
                 raise UsageError(f"--scheduler {scheduler}: no scheduler answers: {error}") from None
             with client:
+                if not client.scheduler_info(n_workers=-1)["workers"]:
+                    log.warning("%s has no workers yet: the survey begins when there is one", scheduler)
                 yield Distributed(client)
             return
-        with (
-            distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                memory_limit=WORKER_MEMORY,
-                dashboard_address=None,
-                host="127.0.0.1",
-                silence_logs="CRITICAL",
-            ) as cluster,
-            distributed.Client(cluster) as client,
-        ):
+        with ExitStack() as stack:
+            try:
+                cluster = stack.enter_context(
+                    distributed.LocalCluster(
+                        n_workers=workers,
+                        threads_per_worker=1,
+                        memory_limit=WORKER_MEMORY,
+                        dashboard_address=None,
+                        host="127.0.0.1",
+                        silence_logs="CRITICAL",
+                    )
+                )
+                client = stack.enter_context(distributed.Client(cluster))
+            except (OSError, RuntimeError) as error:
+                raise CompanionError(f"--workers {workers}: they could not be started: {error}") from None
             yield Distributed(client)

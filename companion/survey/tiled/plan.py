@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from companion.errors import UsageError
-from companion.survey.cloud import open_source, refuse_twice
+from companion.survey.cloud import open_source, refuse_mixed, refuse_twice
 from companion.survey.las import LasSource
 from companion.survey.reference import Reference, from_option
 from companion.survey.source import Source
@@ -67,12 +67,7 @@ def opened(files: Sequence[Path], crs: str | None) -> tuple[list[Source], list[S
             skipped.append(Skipped(path, str(error)))
     if not sources:
         raise UsageError(f"none of {len(files)} files can be used: {skipped[0].reason}")
-    for source in sources[1:]:
-        if not source.reference.same_as(sources[0].reference):
-            raise UsageError(
-                f"{source.path}: its CRS {source.reference.name} differs from {sources[0].reference.name} of"
-                f" {sources[0].path}: reproject one of them"
-            )
+    refuse_mixed(sources)
     return sources, skipped
 
 

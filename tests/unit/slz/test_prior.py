@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN, UNSAFE, Grid, LocalFrame, Pipeline, PointState, Report, Window
-from slz.prior import CERTAINTY, FIRST_ID, Surveyed
+from slz.prior import CERTAINTY, FIRST_ID, Prior, Surveyed
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 CELLS, OFFSET_M = 256, 37.0  # the survey's heights have another datum
@@ -133,3 +133,44 @@ def test_the_live_maps_are_the_same_with_a_survey_and_without() -> None:
 def test_without_ground_there_is_no_prior_and_no_harm() -> None:
     pipeline = Pipeline(PARAMETERS, prior=lambda _frame, _place: None)
     assert pipeline.process(window(ground(), 0)).prior is None
+
+
+def followed(east_m: float, north_m: float) -> Surveyed:
+    """Return flat ground about a place, which is surveyed from 300 m east on."""
+    grid = Grid(round(east_m) - 64.0, round(north_m) - 64.0, 1.0, 128, 128)
+    state = np.full((128, 128), UNKNOWN, np.uint8)
+    state[:, max(0, round(300 - grid.west_m)) :] = SAFE
+    flat = np.zeros((128, 128), np.float32)
+    return Surveyed(grid, state, flat, flat)
+
+
+def test_a_flight_that_begins_off_the_survey_knows_it_when_it_comes_there() -> None:
+    asked: list[float] = []
+
+    def source(_frame: LocalFrame, place: Points) -> Surveyed | None:
+        asked.append(float(place[0]))
+        return followed(*place[:2].tolist()) if place[0] > 240 else None
+
+    prior = Prior(source, PARAMETERS)
+    for second, east in enumerate(range(0, 401, 20)):
+        prior.take(np.empty((0, 3)), np.array([east, 0.0, 30.0]), FRAME, float(second), ())
+    assert asked[:4] == [0, 100, 200, 300]  # not with every window
+    assert prior.zones
+
+
+def test_contradicted_ground_stays_out_when_the_flight_comes_back_to_it() -> None:
+    prior = Prior(lambda _frame, place: followed(*place[:2].tolist()), PARAMETERS)
+    flat = ground() + np.array([400.0, 0, 0])
+    wall = flat.copy()
+    wall[np.hypot(flat[:, 0] - 400, flat[:, 1]) < 3, 2] = 5.0
+    for second, (east, points) in enumerate(
+        [(400, flat), (400, wall), (600, flat[:0]), (700, flat[:0]), (400, flat)]
+    ):
+        prior.take(points, np.array([east, 0.0, 30.0]), FRAME, 10.0 * second, ())
+        held = (
+            [zone for zone in prior.zones if zone.holds(*prior.terrain.grid.index(400.0, 0.0))]
+            if prior.terrain
+            else []
+        )
+        assert bool(held) == (second == 0)
+    assert prior.zones

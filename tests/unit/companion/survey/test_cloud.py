@@ -78,6 +78,17 @@ def test_files_whose_heights_differ_in_unit_are_refused(tmp_path: Path) -> None:
     assert str(b) in refusal([a, b])
 
 
+def test_files_whose_heights_differ_in_datum_are_refused(tmp_path: Path) -> None:
+    a = write(tmp_path / "a.las", POINTS, "EPSG:32610+5703")
+    b = write(tmp_path / "b.las", POINTS, "EPSG:32610+5773")
+    untold = write(tmp_path / "c.las", POINTS)  # most files name no datum of their heights
+    for files in ([a, b], [untold, a, b]):
+        message = refusal(files)
+        assert message.startswith(f"{b}: ")
+        assert "EPSG:32610+5773" in message
+    assert read([untold, a]).n_read == 2 * len(POINTS)
+
+
 def test_a_file_without_crs_names_the_option(tmp_path: Path) -> None:
     path = write(tmp_path / "a.las", POINTS, None)
     message = refusal([path])
@@ -113,6 +124,9 @@ def damaged(tmp_path: Path, kind: str) -> Path:
             noise = np.random.default_rng(1).bytes(len(packed) - points_at - 30)
             laz.write_bytes(packed[: points_at + 8] + noise + packed[-22:])
             return laz
+        case "endless points":
+            laz.write_bytes(packed[:247] + struct.pack("<Q", 10**12) + packed[255:])
+            return laz
         case "endless records":
             las.write_bytes(data[:100] + struct.pack("<I", 2**32 - 1) + data[104:])
         case "future version":
@@ -141,6 +155,7 @@ def damaged(tmp_path: Path, kind: str) -> Path:
         ("truncated within", "truncated"),
         ("truncated LAZ", "truncated or corrupt"),
         ("corrupt LAZ", "corrupt"),
+        ("endless points", "its chunks hold 50000 at most"),
         ("endless records", "header is corrupt"),
         ("future version", "LAS 1.9"),
         ("no points", "no points"),

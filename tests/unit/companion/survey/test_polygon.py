@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
+from pyproj import Geod
 
 from companion.survey.metric import about
 from companion.survey.polygon import wgs84, zone_polygon
@@ -54,6 +55,24 @@ def test_outer_rings_run_anticlockwise_and_holes_clockwise() -> None:
     west, south, east, north = part.bounds
     assert -124 < west < east < -122  # longitude comes first
     assert 36 < south < north < 37
+
+
+def test_a_zone_across_the_date_line_is_cut_along_it() -> None:
+    cells = np.ones((9, 9), np.uint8)
+    cells[4, 4] = 0
+    metric = about(
+        from_option("EPSG:32701"),
+        np.array([180_206.0, 8_140_143, 0]),
+        np.array([180_216.0, 8_140_153, 1]),
+        0.5,
+    )
+    shape = wgs84(zone_polygon(zone(cells), Grid(-4.0, -4.0, 0.5, 60, 50)), metric)
+    assert shape.is_valid
+    assert len(shape.geoms) == 2
+    assert sorted(float(np.sign(part.bounds[0])) for part in shape.geoms) == [-1, 1]
+    assert all(part.bounds[2] - part.bounds[0] < 1e-4 for part in shape.geoms)
+    area = sum(abs(Geod(ellps="WGS84").geometry_area_perimeter(part)[0]) for part in shape.geoms)
+    assert area == pytest.approx(80 * 0.25 * metric.area_factor, rel=0.001)
 
 
 def test_the_square_lies_on_safe_cells_only() -> None:
