@@ -89,6 +89,8 @@ class SurveyPrior:
             return None
         height *= np.float32(self._unit_m)
         height -= np.float32(frame.alt_m)
+        safe_m2 = np.count_nonzero(state == SAFE) * self._cell_m**2
+        log.info("the survey is known here, %.0f m2 of it safe within %.0f m", safe_m2, side_m / 2)
         return Surveyed(grid, state, height, slope)
 
     def _places(self, grid: Grid, frame: LocalFrame) -> tuple[Floats, Floats]:

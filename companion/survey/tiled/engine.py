@@ -143,7 +143,8 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
                         n_workers=workers,
                         threads_per_worker=1,
                         memory_limit=WORKER_MEMORY,
-                        dashboard_address=None,
+                        dashboard_address="127.0.0.1:0",  # None would take port 8787 all the same
+                        scheduler_kwargs={"dashboard": False},
                         host="127.0.0.1",
                         silence_logs="CRITICAL",
                     )
