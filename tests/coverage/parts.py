@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 WANTED = "not bench and not browser and not realtime"
 
@@ -18,22 +19,16 @@ class Part:
 
     def options(self) -> list[str]:
         """Return pytest's options."""
-        chosen = [
-            "-p",
-            "tests.coverage.plugin",
-            "-m",
-            WANTED,
-            "--timeout",
-            "0",
-            "--processor-limit",
-            f"{self.limit_s:g}",
-        ]
+        chosen = ["-p", "tests.coverage.plugin", "-m", WANTED, "--timeout", "0"]
+        chosen += ["--processor-limit", f"{self.limit_s:g}"]
         # A kernel's 0/0 is NaN by design; numpy's scalars, which stand for it uncompiled, warn of it.
-        return (
-            [*chosen, *self.paths]
-            if self.compiled
-            else [*chosen, "-W", "ignore::RuntimeWarning", *self.paths]
-        )
+        quiet = [] if self.compiled else ["-W", "ignore::RuntimeWarning"]
+        return [*chosen, *quiet, *self.paths]
+
+
+def costs_file(data: Path) -> Path:
+    """Return where a run's costs lie; a name that begins with the data's would be taken for more of it."""
+    return data.with_name(f"costs-{data.name}.json")
 
 
 PARTS = (

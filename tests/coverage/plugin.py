@@ -1,7 +1,7 @@
 """A plugin of pytest: which test reached a line, what it cost, and an end to those that take too long.
 
 Without the compiler a flight of seconds takes minutes. A test that takes more processor time than it
-may is skipped and named; what it reached until then still counts. Whether it passes is asked with the compiler.
+may is skipped and named; what it reached until then still counts. The compiled run asks whether it passes.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TypedDict
 
+from tests.coverage.parts import costs_file
 from tests.mutation import trial
 from tests.mutation.mutants import Mutant, changed, sample
 from tests.mutation.reached import Reached
@@ -67,7 +68,7 @@ def main() -> int:
     results = [json.loads(line) for line in done.read_text().splitlines()] if done.is_file() else []
     known = {result["mutant"] for result in results}
     try:
-        reached = Reached(options.reached, options.reached.with_suffix(".json"))
+        reached = Reached(options.reached, costs_file(options.reached))
         trial.prepare()
     except (FileNotFoundError, RuntimeError) as error:
         print(f"mutation: {error}", file=sys.stderr)

@@ -17,9 +17,9 @@ KILLED, SURVIVED, TOO_LONG = "killed", "survived", "killed by time"
 MEMORY_BYTES = 8 << 30
 # What every trial needs and no mutant changes: imported once, before the forks.
 BEFORE = (
-    "_pytest.assertion.rewrite", "companion", "hypothesis.extra.numpy", "laspy", "matplotlib", "numba", "numpy",
-    "params", "pydantic", "pymap3d", "pymavlink.dialects.v20.ardupilotmega", "pytest", "rasterio", "scipy.ndimage",
-    "scipy.spatial.transform", "scipy.stats", "shapely",
+    "_pytest.assertion.rewrite", "companion", "hypothesis.extra.numpy", "laspy", "matplotlib", "numba",
+    "numpy", "params", "pydantic", "pymap3d", "pymavlink.dialects.v20.ardupilotmega", "pytest", "rasterio",
+    "scipy.ndimage", "scipy.spatial.transform", "scipy.stats", "shapely",
 )  # fmt: skip
 
 

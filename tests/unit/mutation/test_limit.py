@@ -36,7 +36,15 @@ def test_what_takes_too_long_is_skipped_with_its_other_cases_and_what_passed_is_
     monkeypatch.syspath_prepend(Path(__file__).parents[3])
     pytester.makepyfile(TESTS)
     run = pytester.runpytest_subprocess(
-        "-p", "tests.coverage.plugin", "-p", "no:cacheprovider", "--processor-limit", "0.2", "--costs", "costs", "-rs"
+        "-p",
+        "tests.coverage.plugin",
+        "-p",
+        "no:cacheprovider",
+        "--processor-limit",
+        "0.2",
+        "--costs",
+        "costs",
+        "-rs",
     )
     run.assert_outcomes(passed=1, skipped=4)
     run.stdout.fnmatch_lines(["*2*another case took too long*", "*2*more than 0.2 s of processor time*"])
