@@ -28,7 +28,7 @@ def _operation(build: Callable[[Any, Any], Any], plain: Callable[[int], int]) ->
     if config.DISABLE_JIT:
         return lambda word: np.uint64(plain(int(word)))
 
-    def typed(_: Any, word: Any) -> Any:
+    def typed(_: Any, word: Any) -> Any:  # pragma: no cover - the compiler's, not run where a cache answers
         def code(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             return build(builder, args[0])
 
