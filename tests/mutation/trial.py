@@ -8,6 +8,7 @@ import importlib.util
 import os
 import resource
 import sys
+import traceback
 import types
 from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
@@ -70,19 +71,10 @@ def _judge(root: Path, path: str, source: str, tests: Sequence[str], limit_s: fl
     os.chdir(root)
     import pytest
 
-    options = [
-        "-x",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-        "-W",
-        "ignore::RuntimeWarning",
-        "--timeout",
-        "0",
-    ]
-    return int(pytest.main([*options, *tests]))
+    quiet = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--timeout", "0"]
+    # Uncompiled, numpy's scalars warn of 0/0; what is imported before the fork is not rewritten.
+    quiet += ["-W", "ignore::RuntimeWarning", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+    return int(pytest.main([*quiet, *tests]))
 
 
 def tried(root: Path, path: str, source: str, tests: Sequence[str], limit_s: float, log: Path) -> str:
@@ -101,8 +93,11 @@ def tried(root: Path, path: str, source: str, tests: Sequence[str], limit_s: flo
             os.dup2(out, 1)
             os.dup2(out, 2)
             code = _judge(root, path, source, tests, limit_s)
+        except BaseException:
+            traceback.print_exc()
         finally:
             sys.stdout.flush()
+            sys.stderr.flush()
             os._exit(code)
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status):
