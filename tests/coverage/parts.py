@@ -37,6 +37,7 @@ PARTS = (
         "uncompiled",
         (
             "tests/oracle", "tests/unit/slz", "tests/unit/companion/sensors", "tests/unit/companion/fusion",
+            "tests/unit/companion/outputs", "tests/unit/companion/survey",
             "tests/unit/companion/dashboard/test_map_blocks.py", "tests/property",
         ),
         compiled=False,

@@ -1,22 +1,41 @@
-"""Histograms of heights against numpy, and the cut beyond gaps by hand."""
+"""Histograms of heights against slow code, and the cut beyond gaps by hand."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from slz.kernels.histogram import bins_of, ends_of, gaps_of
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_counts_are_those_of_numpy(seed: int) -> None:
-    height = np.random.default_rng(seed).uniform(-3, 7, 200)
-    low, high = float(height.min()), float(height.max())
-    np.testing.assert_array_equal(bins_of(height, low, high, 17), np.histogram(height, 17)[0])
+from slz.grid import Grid
+from slz.kernels.histogram import ends_of, gaps_of
+from slz.returns import Returns
+from tests.oracle.source_rules import histogram_interval
 
 
-def test_the_highest_point_is_in_the_last_bin() -> None:
-    np.testing.assert_array_equal(bins_of(np.array([0.0, 1.0, 2.0]), 0.0, 2.0, 2), [1, 2])
+def kept(height: NDArray[np.float64], bins: int = 30, threshold: float = 0.9) -> tuple[float, float]:
+    points = np.column_stack([np.zeros((len(height), 2)), height])
+    returns = Returns()
+    returns.read(points, np.full(3, np.nan), 100.0, Grid.centred(0.0, 0.0, 20.0, 1.0))
+    returns.keep_heights(bins, threshold)
+    return returns.low_m, returns.high_m
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_heights_kept_are_those_of_slow_code(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lone = rng.uniform(-30, 40, rng.integers(0, 20))
+    height = np.concatenate([rng.normal(100, 1, 500), 100 + lone, np.round(rng.normal(100, 1, 100), 1)])
+    assert kept(height) == pytest.approx(histogram_interval(height, 30, 0.9), abs=1e-9)
+
+
+def test_lone_heights_are_shed_from_the_emptier_end_as_long_as_enough_is_left() -> None:
+    height = np.concatenate([np.linspace(0, 1, 990), [-9.0, 11.0, 11.0]])
+    assert kept(height, 20) == (0.0, 1.0)
+    assert kept(np.arange(200.0), 20) == (0.0, 199.0)  # each bin holds as many: none is sparse
+
+
+def test_one_height_alone_is_kept() -> None:
+    assert kept(np.full(7, 3.5)) == (3.5, 3.5)
 
 
 @pytest.mark.parametrize(
