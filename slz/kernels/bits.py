@@ -25,7 +25,7 @@ BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
 
 def _operation(build: Callable[[Any, Any], Any], plain: Callable[[int], int]) -> Any:
     """Return a kernel function of one word, one machine instruction; `plain` stands for it uncompiled."""
-    if config.DISABLE_JIT:
+    if vars(config)["DISABLE_JIT"]:
         return lambda word: np.uint64(plain(int(word)))
 
     def typed(_: Any, word: Any) -> Any:  # pragma: no cover - the compiler's, not run where a cache answers
