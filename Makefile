@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: demo test setup checks kernels lint types docs unit bench campaign soak fuzz audit clean
+.PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz audit clean
 
 demo: setup
 	$(BIN)/slz demo --headless --out out/demo
@@ -58,6 +58,15 @@ audit: setup
 
 bench: setup
 	$(BIN)/python -m pytest -m bench
+
+# Branches of slz and companion, those of kernels with the compiler off; report in out/coverage (docs/testing.md).
+coverage: setup
+	$(BIN)/python -m tests.coverage
+
+# Small changes of slz, drawn by SEED, before the tests that reach them; needs what `make coverage` left. Resumable.
+mutation: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[mutation]'
+	NUMBA_DISABLE_JIT=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation --seed $(or $(SEED),1) --count $(or $(COUNT),200)
 
 # Faults in every state of the landing; goes on where it was stopped. FLIGHTS=125 flies each once.
 campaign: setup

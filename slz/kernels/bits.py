@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -23,10 +23,12 @@ EACH, DIAGONAL = np.uint64(0x0101010101010101), np.uint64(0x8040201008040201)
 BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
 
 
-def _operation(build: Callable[[Any, Any], Any]) -> Any:
-    """Return a kernel function of one word that is one machine instruction."""
+def _operation(build: Callable[[Any, Any], Any], plain: Callable[[int], int]) -> Any:
+    """Return a kernel function of one word, one machine instruction; `plain` stands for it uncompiled."""
+    if vars(config)["DISABLE_JIT"]:
+        return lambda word: np.uint64(plain(int(word)))
 
-    def typed(_: Any, word: Any) -> Any:
+    def typed(_: Any, word: Any) -> Any:  # pragma: no cover - the compiler's, not run where a cache answers
         def code(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
             return build(builder, args[0])
 
@@ -35,9 +37,17 @@ def _operation(build: Callable[[Any, Any], Any]) -> Any:
     return intrinsic(typed)
 
 
-popcount = _operation(lambda builder, word: builder.ctpop(word))
-lowest = _operation(lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)))
-leading = _operation(lambda builder, word: builder.ctlz(word, ir.Constant(ir.IntType(1), 0)))
+def _lowest(word: int) -> int:
+    return (word & -word).bit_length() - 1 if word else 64
+
+
+def _leading(word: int) -> int:
+    return 64 - word.bit_length()
+
+
+popcount = _operation(lambda builder, word: builder.ctpop(word), int.bit_count)
+lowest = _operation(lambda builder, word: builder.cttz(word, ir.Constant(ir.IntType(1), 0)), _lowest)
+leading = _operation(lambda builder, word: builder.ctlz(word, ir.Constant(ir.IntType(1), 0)), _leading)
 
 
 @kernel("uint64(uint64[:, :], int64, int64)")

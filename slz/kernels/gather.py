@@ -150,7 +150,8 @@ def join(
     """
     n = 0
     for i in range(len(cell)):
-        r, c, h = row0 + (cell[i] >> BLOCK_BITS), col0 + (cell[i] & (BLOCK - 1)), height[i]
+        at, h = np.int64(cell[i]), height[i]
+        r, c = row0 + (at >> BLOCK_BITS), col0 + (at & (BLOCK - 1))
         if r < 0 or c < 0 or r >= rows or c >= cols or h < low or h > high:
             continue
         n += 1

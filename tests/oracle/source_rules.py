@@ -15,6 +15,29 @@ EIGHT = np.ones((3, 3))
 RING = [(0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1)]  # clockwise from west
 
 
+def histogram_interval(height_m: Floats, bins: int, threshold: float) -> tuple[float, float]:
+    """Heights accepted by the source's rule as `slz/outliers.py` tells it: sparse end bins are trimmed."""
+    low, high = float(height_m.min()), float(height_m.max())
+    if not high > low:
+        return low, high
+    scale = bins / (high - low)
+    count = [0] * bins
+    for height in height_m:
+        count[min(bins - 1, int((height - low) * scale))] += 1
+    sparse = (1 - threshold) * len(height_m) / bins
+    first, last, left = 0, bins - 1, len(height_m)
+    while first < last:
+        fewer = min(count[first], count[last])
+        if fewer >= sparse or left - fewer < threshold * len(height_m):
+            break
+        left -= fewer
+        if count[first] <= count[last]:
+            first += 1
+        else:
+            last -= 1
+    return low + first / scale, low + (last + 1) / scale
+
+
 def moore(safe: Map, row: int, col: int) -> list[tuple[int, int]]:
     """Moore tracing from a component's first cell, until a step of that cell is taken a second time."""
     here, back, first = (row, col), (row, col - 1), None

@@ -138,7 +138,7 @@ def test_the_random_cells_meet_every_case_of_the_relief() -> None:
 
 
 def test_the_excess_is_taken_off_the_relief_at_both_ends() -> None:
-    cells = np.zeros((5, 5, 5), np.float32)
+    cells = np.zeros((SPREAD + 1, 5, 5), np.float32)
     cells[WEIGHT] = 10
     cells[TOP, 2, 2], cells[EXCESS, 2, 2] = 0.25, 0.03
     cells[BOTTOM, 1, 3], cells[EXCESS, 1, 3] = -0.04, 0.01

@@ -1,0 +1,59 @@
+"""`python -m tests.coverage`: run the parts under coverage, combine them, report, fail under the goal."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.coverage.parts import PARTS, Part, costs_file
+
+GOAL_PERCENT = 95
+COVERAGE = (sys.executable, "-m", "coverage")
+
+
+def measured(part: Part, data: Path, more: list[str]) -> int:
+    """Run a part; return pytest's exit code."""
+    environment = dict(os.environ, COVERAGE_FILE=str(data), NUMBA_DISABLE_JIT="0" if part.compiled else "1")
+    command = [*COVERAGE, "run", "-m", "pytest", "-q", "-p", "no:cacheprovider", *part.options()]
+    print(f"coverage: {part.name}", flush=True)
+    command += ["--costs", str(costs_file(data)), *more]
+    return subprocess.run(command, env=environment, check=False).returncode
+
+
+def reported(out: Path) -> int:
+    """Combine what is there and report it; return other than 0 under the goal."""
+    parts = [str(out / p.name) for p in PARTS if (out / p.name).is_file()]
+    if not parts:
+        print(f"coverage: nothing was measured in {out}: run `make coverage`", file=sys.stderr)
+        return 2
+    environment = dict(os.environ, COVERAGE_FILE=str(out / "together"))
+    for step in (["combine", "--keep", "--quiet", *parts], ["html", "--quiet", "-d", str(out / "html")]):
+        subprocess.run([*COVERAGE, *step], env=environment, check=True)
+    report = ["report", "--show-missing", "--skip-covered", "--sort=cover", f"--fail-under={GOAL_PERCENT}"]
+    return subprocess.run([*COVERAGE, *report], env=environment, check=False).returncode
+
+
+def main() -> int:
+    """Measure what is asked for; 0 if tests pass and, with what was measured before, the goal is reached."""
+    names = [part.name for part in PARTS]
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--part", action="append", choices=names, help="run it alone; repeatable")
+    asked.add_argument("--report", action="store_true", help="run nothing, report what is there")
+    asked.add_argument("--out", type=Path, default=Path("out/coverage"))
+    asked.add_argument("more", nargs="*", help="options for pytest, after --")
+    options = asked.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    wanted = [] if options.report else options.part or names
+    chosen = [part for part in PARTS if part.name in wanted]
+    failed = [part.name for part in chosen if measured(part, options.out / part.name, options.more)]
+    under = reported(options.out)
+    if failed:
+        print(f"coverage: tests failed in {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else under
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""Histograms of heights against slow code, and the cut beyond gaps by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.grid import Grid
+from slz.kernels.histogram import ends_of, gaps_of
+from slz.returns import Returns
+from tests.oracle.source_rules import histogram_interval
+
+
+def kept(height: NDArray[np.float64], bins: int = 31, threshold: float = 0.9) -> tuple[float, float]:
+    points = np.column_stack([np.zeros((len(height), 2)), height])
+    returns = Returns()
+    returns.read(points, np.full(3, np.nan), 100.0, Grid.centred(0.0, 0.0, 20.0, 1.0))
+    returns.keep_heights(bins, threshold)
+    return returns.low_m, returns.high_m
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_heights_kept_are_those_of_slow_code(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lone = rng.uniform(-30, 40, rng.integers(0, 20))
+    height = np.concatenate([rng.normal(100, 1, 500), 100 + lone, np.round(rng.normal(100, 1, 100), 1)])
+    assert kept(height) == pytest.approx(histogram_interval(height, 31, 0.9), abs=1e-9)
+
+
+def test_lone_heights_are_shed_from_the_emptier_end_as_long_as_enough_is_left() -> None:
+    height = np.concatenate([np.linspace(0, 1, 990), [-9.0, 11.0, 11.0]])
+    assert kept(height, 20) == (0.0, 1.0)
+    assert kept(np.arange(200.0), 20) == (0.0, 199.0)  # each bin holds as many: none is sparse
+
+
+def test_one_height_alone_is_kept() -> None:
+    assert kept(np.full(7, 3.5)) == (3.5, 3.5)
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "needed", "ends"),
+    [
+        ([1, 0, 0, 5, 5], 1, 2, (3, 4)),  # one point, then as many empty bins as needed
+        ([1, 0, 5, 5, 5], 1, 2, (0, 4)),  # too few empty bins
+        ([2, 0, 0, 5, 5], 1, 2, (0, 4)),  # too many points
+        ([5, 5, 0, 0, 1], 1, 2, (0, 1)),
+        ([5, 5, 0, 0, 2], 1, 2, (0, 4)),
+        ([1, 0, 0, 5, 0, 0, 1], 1, 2, (3, 3)),
+        ([1, 0, 1, 0, 0, 5], 2, 2, (5, 5)),  # the gap begins anew after each point
+        ([0, 0, 0], 1, 2, (0, 2)),  # nothing is left: nothing is cut
+    ],
+)
+def test_what_lies_beyond_a_gap_is_cut_where_it_is_little(
+    count: list[int], most: int, needed: int, ends: tuple[int, int]
+) -> None:
+    assert ends_of(np.array(count), most, needed) == ends
+
+
+def test_heights_within_a_gap_of_each_other_are_all_kept() -> None:
+    height = np.linspace(10.0, 14.0, 50)
+    assert gaps_of(height, 1.0, 0.1) == (10.0, 14.0)
+
+
+@pytest.mark.parametrize(("lone", "kept"), [(-30.0, (0.0, 4.0)), (40.0, (0.0, 4.0))])
+def test_a_lone_height_beyond_a_gap_is_cut_to_a_quarter_of_the_gap(
+    lone: float, kept: tuple[float, float]
+) -> None:
+    height = np.append(np.linspace(0.0, 4.0, 99), lone)
+    low, high = gaps_of(height, 1.0, 0.02)
+    assert kept[0] - 0.25 < low <= kept[0]
+    assert kept[1] <= high < kept[1] + 0.25 + 1e-9
+
+
+def test_heights_that_many_lone_ones_share_are_kept() -> None:
+    height = np.append(np.linspace(0.0, 4.0, 90), np.full(10, -30.0))
+    assert gaps_of(height, 1.0, 0.05) == (-30.0, 4.0)
+
+
+def test_a_height_out_of_all_reason_costs_no_memory_and_is_cut() -> None:
+    height = np.append(np.linspace(0.0, 4.0, 99), 1e7)
+    low, high = gaps_of(height, 1.0, 0.02)
+    assert low == 0.0
+    assert 4.0 <= high < 1e7 / 99_999 + 1e-6
