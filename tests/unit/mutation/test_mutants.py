@@ -40,8 +40,8 @@ path = "slz/kernels/bits.py"
 source = (root / path).read_text()
 helper = "return (bits[row, col >> 6] >> np.uint64(col & 63)) & ONE"
 assert helper in source
-for text in (source, source.replace(helper, helper.replace("& ONE", "^ ONE"))):
-    print(trial.tried(root, path, text, ["tests/oracle/test_contour.py"], 120.0, Path("{log}")))
+for text in (source, source.replace(helper, helper.replace("& ONE", "& NONE"))):
+    print(trial.tried(root, path, text, ["tests/oracle/test_found.py"], 20.0, Path("{log}")))
 """
 
 
