@@ -38,10 +38,10 @@ trial.prepare()
 root = Path.cwd()
 path = "slz/kernels/bits.py"
 source = (root / path).read_text()
-helper = "return (bits[row, col >> 6] >> np.uint64(col & 63)) & ONE"
+helper = "word ^= word << np.uint64(shift)"
 assert helper in source
-for text in (source, source.replace(helper, helper.replace("& ONE", "^ ONE"))):
-    print(trial.tried(root, path, text, ["tests/oracle/test_contour.py"], 120.0, Path("{log}")))
+for text in (source, source.replace(helper, helper.replace("^=", "|="))):
+    print(trial.tried(root, path, text, ["tests/oracle/test_found.py"], 20.0, Path("{log}")))
 """
 
 
