@@ -1,9 +1,7 @@
 """Vertical outlier removal by histogram (SLZ paper §3.2.1, SLZ thesis §3.3.1.1).
 
-The sources call the vertical axis Y (their display's) and give two numbers, 300 bins and a threshold of
-0.9, without saying how the accepted interval is formed. Here an end bin is *sparse* when it holds less
-than (1 - threshold) of the mean bin population. Sparse end bins are trimmed, the emptier end first,
-while at least `threshold` of all points stay. Points below or above the interval are dropped.
+The sources' rule, by the population of the histogram's end bins, is that of `slz.kernels.stream`; these are
+the safer ones of default mode: heights beyond an empty gap, returns without company.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from slz.kernels.histogram import bins_of, gaps_of
+from slz.kernels.histogram import gaps_of
 from slz.kernels.voxels import has_company
 
 COMPANY = 2
@@ -22,42 +20,6 @@ OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
 CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
 FLIGHT_GROUP = (0.6, 5)  # the least object to be seen, 0.5 x 0.3 m with 5 pulses; echoes lie farther apart
 RECENT, OFTEN, PLACE_M = 12, 5, 0.4
-
-
-def histogram_interval(height_m: NDArray[np.float64], bins: int, threshold: float) -> tuple[float, float]:
-    """Return the accepted heights by the source's rule.
-
-    A lone bird, multipath or dust return is dropped. So is the top of a tall building whose roof holds
-    less than (1 - threshold)/bins of the points per bin at the end of the range: use `gap_interval` where
-    that matters.
-
-    Parameters
-    ----------
-    height_m
-        (n,) heights, metres; NaN must have been dropped.
-    bins, threshold
-        Number of bins and least share of points kept (SLZ thesis Table 3: 300 and 0.9).
-    """
-    if not len(height_m):
-        return -np.inf, np.inf
-    low, high = float(height_m.min()), float(height_m.max())
-    if not high > low:
-        return low, high
-    count = bins_of(height_m, low, high, bins)
-    sparse = (1 - threshold) * len(height_m) / bins
-    first, last, left = 0, bins - 1, len(height_m)
-    while first < last:
-        from_below = count[first] <= count[last]
-        n = int(count[first] if from_below else count[last])
-        if n >= sparse or left - n < threshold * len(height_m):
-            break
-        left -= n
-        if from_below:
-            first += 1
-        else:
-            last -= 1
-    scale = bins / (high - low)
-    return low + first / scale, low + (last + 1) / scale
 
 
 def gap_interval(

@@ -61,7 +61,7 @@ class Returns:
         return self._heights[: len(self.points) // 3]
 
     def keep_heights(self, bins: int, threshold: float) -> None:
-        """Accept the heights of `slz.outliers.histogram_interval` only."""
+        """Accept the heights of the sources' histogram only, see `slz.kernels.stream`."""
         if self.n:
             self.low_m, self.high_m = interval(
                 self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, self.n, bins,

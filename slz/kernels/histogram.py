@@ -8,16 +8,6 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 
-@kernel("int64[:](float64[:], float64, float64, int64)")
-def bins_of(height: NDArray[np.float64], low: float, high: float, bins: int) -> NDArray[np.int64]:
-    """Count heights in equal bins between `low` and `high`."""
-    count = np.zeros(bins, np.int64)
-    scale = bins / (high - low)
-    for i in range(len(height)):
-        count[min(bins - 1, int((height[i] - low) * scale))] += 1
-    return count
-
-
 @kernel("UniTuple(int64, 2)(int64[:], int64, int64)")
 def ends_of(count: NDArray[np.int64], most: int, needed: int) -> tuple[int, int]:
     """Return the first and last bin left after cutting off at most so many beyond `needed` empty bins."""
