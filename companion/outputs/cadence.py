@@ -42,8 +42,8 @@ class Cadence:
     def summary(self) -> dict[str, Any]:
         """Return the count, the rate, and quantiles of jitter and pose age; nothing of what is unknown."""
         out: dict[str, Any] = {"count": self.count}
-        if self._intervals_ms:
-            intervals = np.array(self._intervals_ms)
+        intervals = np.array(self._intervals_ms)
+        if intervals.any():  # all of them 0: it was sent at one instant only
             out["hz"] = round(1e3 / float(intervals.mean()), 2)
             if self._period_ms is not None:
                 out["jitter_ms"] = _quantiles(np.abs(intervals - self._period_ms))

@@ -87,12 +87,12 @@ class SensorClock:
     def _fit(self) -> None:
         """Lay the line under all points, along the side of their lower hull below the middle."""
         points = list(self._least)
-        first, newest = points[0][0], points[-1][0]
+        newest = points[-1][0]
         self._drift = 0.0
-        if newest - first >= ENOUGH_NS:
-            middle = (first + newest) // 2
-            # The newest block has only begun, its least is not known yet.
-            hull = _lower_hull(points[:-1])
+        known = points[:-1]  # the newest block has only begun, its least is not known yet
+        if known and known[-1][0] - known[0][0] >= ENOUGH_NS:  # not so after a silence
+            middle = (known[0][0] + newest) // 2
+            hull = _lower_hull(known)
             a, b = next(((a, b) for a, b in pairwise(hull) if b[0] >= middle), hull[-2:])
             self._drift = max(-MAX_DRIFT, min(MAX_DRIFT, (b[1] - a[1]) / (b[0] - a[0])))
         self._anchor = (newest, min(d + round(self._drift * (newest - s)) for s, d in points))

@@ -31,3 +31,10 @@ def test_a_pause_is_no_interval() -> None:
 def test_what_was_never_sent_has_no_figures() -> None:
     assert Cadence(20.0).summary() == {"count": 0}
     assert "jitter_ms" not in Cadence(None).summary()
+
+
+def test_messages_of_one_instant_have_no_rate() -> None:
+    cadence = Cadence(20.0)
+    cadence.note(5)
+    cadence.note(5)
+    assert cadence.summary() == {"count": 2}

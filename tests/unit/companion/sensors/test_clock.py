@@ -49,6 +49,16 @@ def test_the_offset_follows_the_drift(drift: float) -> None:
     assert clock.resets == 0
 
 
+@pytest.mark.parametrize("silent_s", [4.0, 5.0, 9.0, 9.4, 9.6, 9.9, 30.0])
+def test_after_a_silence_the_offset_is_what_it_was(silent_s: float) -> None:
+    clock = SensorClock()
+    stamp, true, _ = feed(clock, 1.2, drift=20e-6)
+    silent = round(silent_s * S)
+    stamp, true, _ = feed(clock, 20, stamp_ns=stamp + silent, arrival_ns=true + silent, drift=20e-6, seed=2)
+    assert stamp + clock.offset_ns(stamp) == pytest.approx(true, abs=1 * MS)
+    assert clock.resets == 0
+
+
 def test_a_known_delay_is_taken_off() -> None:
     plain, delayed = SensorClock(), SensorClock(delay_ns=30 * MS)
     stamp, _, _ = feed(plain, 2)
