@@ -162,7 +162,7 @@ def demo(
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
     flight.check(plan)
-    with _front(None if headless else dashboard or DEMO_PAGE, dashboard_token) as front:
+    with _front(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
         summary = flight.fly(plan, parameters, err, context.obj, live=not headless, front=front)
     if as_json:
         print(json.dumps(summary))
