@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import ctypes
 
-MIB = 1 << 20
-# mallopt(3). Larger arrays than glibc's 128 KiB come from the heap, all threads share it, and it is kept.
+# Of mallopt(3). Larger arrays than glibc's 128 KiB come from the heap (32 MiB is the most that any glibc takes), all
+# threads share it, and so much of it is kept.
+FROM_HEAP_BYTES, KEPT_BYTES = 32 << 20, 128 << 20
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
-OPTIONS = ((M_MMAP_THRESHOLD, 32 * MIB), (M_TRIM_THRESHOLD, 256 * MIB), (M_ARENA_MAX, 1))
+OPTIONS = ((M_MMAP_THRESHOLD, FROM_HEAP_BYTES), (M_TRIM_THRESHOLD, KEPT_BYTES), (M_ARENA_MAX, 1))
+# The same for a process to be started.
+ENVIRONMENT = {"MALLOC_MMAP_THRESHOLD_": FROM_HEAP_BYTES, "MALLOC_TRIM_THRESHOLD_": KEPT_BYTES}
 
 
 def keep_memory() -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol, TypeVar
 
+from companion.allocator import ENVIRONMENT
 from companion.errors import CompanionError, UsageError
 
 log = logging.getLogger(__name__)
@@ -17,8 +18,6 @@ R = TypeVar("R")
 AHEAD = 3  # tasks of each worker that are handed out at a time
 MOST_DEATHS = 10  # of workers at one task, before it is taken for the task's fault
 WORKER_MEMORY = "1GiB"
-# Of glibc: arrays that come and go are not given back to the system each time, as Dask has it by default.
-ALLOCATOR = {"MALLOC_TRIM_THRESHOLD_": 128 << 20, "MALLOC_MMAP_THRESHOLD_": 64 << 20}
 CONNECT_S = 10.0
 
 
@@ -123,7 +122,8 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
         "distributed.scheduler.allowed-failures": MOST_DEATHS,
         "distributed.worker.multiprocessing-method": "spawn",
         "distributed.comm.timeouts.connect": "10s",
-        **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ALLOCATOR.items()},
+        # By default Dask has workers give every array that comes and goes back to the system.
+        **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()},
     }
     with dask.config.set(settings):
         if scheduler is not None:

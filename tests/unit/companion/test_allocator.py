@@ -22,10 +22,9 @@ def churn():
     faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 faults, kept = [], keep_memory()
-for _ in range(1):
-    thread = threading.Thread(target=churn)
-    thread.start()
-    thread.join()
+thread = threading.Thread(target=churn)
+thread.start()
+thread.join()
 print(int(kept), *faults)
 """
 
