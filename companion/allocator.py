@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-# Of mallopt(3). Larger arrays than glibc's 128 KiB come from the heap (32 MiB is the most that any glibc takes), all
+# Of mallopt(3). Larger arrays than glibc's 128 KiB come from the heap (no glibc takes more than 32 MiB), all
 # threads share it, and so much of it is kept.
 FROM_HEAP_BYTES, KEPT_BYTES = 32 << 20, 128 << 20
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
