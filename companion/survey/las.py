@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.errors import UsageError
-from companion.survey.laz_chunks import check_chunks
+from companion.survey.laz_chunks import check_chunks, check_none_follow
 from companion.survey.reference import Reference, of_header
 from companion.survey.signature import look
 from companion.survey.source import CHUNK, Chunk, Clock, translated
@@ -120,14 +120,18 @@ def open_las(path: Path, given: Reference | None) -> LasSource:
             told = ", ".join(f"{scale:g}" for scale in scales)
             raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
         size, least = path.stat().st_size, int(header.offset_to_point_data)
+        point_bytes = int(header.point_format.size)
         if not header.are_points_compressed:
-            least += n_points * int(header.point_format.size)
+            least += n_points * point_bytes
         if size < least:
             raise UsageError(
                 f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
             )
-        for packing in header.vlrs.get("LasZipVlr") if header.are_points_compressed else ():
-            check_chunks(path, least, int(header.point_format.size), bytes(packing.record_data), n_points)
+        if header.are_points_compressed:
+            for packing in header.vlrs.get("LasZipVlr"):
+                check_chunks(path, least, point_bytes, bytes(packing.record_data), n_points)
+        else:
+            check_none_follow(path, n_points, (_end(header, size) - least) // point_bytes)
         clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
         corners = [(float(edge[0]), float(edge[1])) for edge in (header.mins, header.maxs)]
         seekable = not any(vlr.user_id == COPC for vlr in header.vlrs)
@@ -140,6 +144,12 @@ def open_las(path: Path, given: Reference | None) -> LasSource:
             low=corners[0],
             high=corners[1],
         )
+
+
+def _end(header: Any, size: int) -> int:
+    """Return where the points of an uncompressed file end at the latest."""
+    extended = header.start_of_first_evlr if header.number_of_evlrs else 0
+    return min([size, *(int(at) for at in (extended, header.start_of_waveform_data_packet_record) if at)])
 
 
 def pieces(path: Path, n_points: int) -> Iterator[Any]:

@@ -23,7 +23,7 @@ _LAYERS = {POINT14: 9, RGB14: 1, RGBNIR14: 2, WAVEPACKET14: 1}
 
 
 def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_points: int) -> None:
-    """Refuse chunks that claim more than their own bytes, and a header with more points than they hold.
+    """Refuse chunks that claim more than their bytes, and a header with more or fewer points than they hold.
 
     Parameters
     ----------
@@ -37,25 +37,46 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
     Raises
     ------
     UsageError
-        A chunk is corrupt or lies beyond the file's end, or there are too few of them.
+        A chunk is corrupt or lies beyond the file's end, or there are too few or too many of them.
     """
     size = path.stat().st_size
+    packing = lazrs.LazVlr(record)
     layers = _layers(record)
     with path.open("rb") as file:
         file.seek(points_at)
-        table = lazrs.read_chunk_table(file, lazrs.LazVlr(record))
+        table = [chunk for chunk in lazrs.read_chunk_table(file, packing) if chunk[1]]
         held = sum(count for count, _ in table)  # of the last chunk this is what it may hold
         if n_points > held:
             raise UsageError(
                 f"{path}: it is truncated or corrupt, its header tells of {n_points} points, its chunks hold"
                 f" {held} at most: copy it again"
             )
-        at = points_at + 8
-        for number, (_, chunk_bytes) in enumerate(table):
-            claimed = _claimed(file, at + point_bytes, layers) if layers else 0
+        at, told, last = points_at + 8, 0, 0
+        for number, (most, chunk_bytes) in enumerate(table):
+            told, claimed = _head(file, at + point_bytes, layers) if layers else (most, 0)
+            last = most
             if at + chunk_bytes > size or claimed > chunk_bytes:
                 raise UsageError(f"{path}: it is truncated or corrupt in chunk {number + 1}: copy it again")
             at += chunk_bytes
+    if layers or packing.uses_variable_size_chunks():
+        check_none_follow(path, n_points, held - last + min(told, last) - n_points)
+    else:  # how many the last holds only its decompression would tell
+        check_none_follow(path, n_points, held - last + 1 - n_points)
+
+
+def check_none_follow(path: Path, n_points: int, more: int) -> None:
+    """Refuse a file in which points follow after those of its header: among them may be an obstacle.
+
+    Raises
+    ------
+    UsageError
+        It has `more` points, at least.
+    """
+    if more > 0:
+        raise UsageError(
+            f"{path}: its header tells of {n_points} points, at least {more} follow after them: repair its"
+            " header (as lasinfo -repair does) or copy it again"
+        )
 
 
 def _layers(record: bytes) -> int:
@@ -67,8 +88,9 @@ def _layers(record: bytes) -> int:
     return sum(size if kind == BYTE14 else _LAYERS.get(kind, 0) for kind, size, _ in items)
 
 
-def _claimed(file: BinaryIO, at: int, layers: int) -> int:
-    """Return the bytes that a chunk's layers claim."""
-    file.seek(at + 4)
-    data = file.read(4 * layers)
-    return sum(struct.unpack(f"<{len(data) // 4}I", data[: len(data) // 4 * 4]))
+def _head(file: BinaryIO, at: int, layers: int) -> tuple[int, int]:
+    """Return how many points a chunk tells of, and the bytes that its layers claim."""
+    file.seek(at)
+    data = file.read(4 * (1 + layers))
+    told, *claimed = struct.unpack(f"<{len(data) // 4}I", data[: len(data) // 4 * 4]) or (0,)
+    return told, sum(claimed)

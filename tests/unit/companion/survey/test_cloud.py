@@ -5,11 +5,13 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 
 from companion.errors import UsageError
 from companion.survey.cloud import read
+from tests.unit.companion.survey import packing
 from tests.unit.companion.survey.clouds import field, placed, write
 
 POINTS = placed(field(2.0), "EPSG:32610")
@@ -127,6 +129,22 @@ def damaged(tmp_path: Path, kind: str) -> Path:
         case "endless points":
             laz.write_bytes(packed[:247] + struct.pack("<Q", 10**12) + packed[255:])
             return laz
+        case "one point less":
+            las.write_bytes(data[:247] + struct.pack("<Q", len(POINTS) - 1) + data[255:])
+        case "one LAZ point less":
+            laz.write_bytes(packed[:247] + struct.pack("<Q", len(POINTS) - 1) + packed[255:])
+            return laz
+        case "one COPC point less":
+            copc = packing.copc(laz, las).read_bytes()
+            laz.write_bytes(copc[:247] + struct.pack("<Q", len(POINTS) - 1) + copc[255:])
+            return laz
+        case "one chunk less":
+            header = laspy.LasHeader(point_format=3, version="1.2")
+            with laspy.open(laz, "w", header=header) as writer:
+                writer.write_points(laspy.ScaleAwarePointRecord.zeros(100_001, header=header))
+            old = laz.read_bytes()
+            laz.write_bytes(old[:107] + struct.pack("<I", 100_000) + old[111:])
+            return laz
         case "endless records":
             las.write_bytes(data[:100] + struct.pack("<I", 2**32 - 1) + data[104:])
         case "future version":
@@ -156,6 +174,10 @@ def damaged(tmp_path: Path, kind: str) -> Path:
         ("truncated LAZ", "truncated or corrupt"),
         ("corrupt LAZ", "corrupt"),
         ("endless points", "its chunks hold 50000 at most"),
+        ("one point less", f"tells of {len(POINTS) - 1} points, at least 1 follow"),
+        ("one LAZ point less", f"tells of {len(POINTS) - 1} points, at least 1 follow"),
+        ("one COPC point less", f"tells of {len(POINTS) - 1} points, at least 1 follow"),
+        ("one chunk less", "tells of 100000 points, at least 1 follow"),
         ("endless records", "header is corrupt"),
         ("future version", "LAS 1.9"),
         ("no points", "no points"),
