@@ -19,7 +19,7 @@ from companion.survey.survey import survey
 from companion.survey.tiled.engine import Engine, InProcess
 from companion.survey.tiled.outcome import of_tiles, whole_maps
 from companion.survey.tiled.survey import Survey
-from companion.survey.unfinished import finish, look, unfinished, work_folder
+from companion.survey.unfinished import claimed, finish, look, unfinished, work_folder
 from companion.survey.zones import rows
 from params import Parameters
 
@@ -77,10 +77,10 @@ def run(
         files, out = [path.absolute() for path in files], out.absolute()
     look(out)
     try:
-        if parameters.mode == "source":
-            told = _in_one_window(files, out, parameters, progress, plan)
-        else:
-            told = _in_tiles(files, out, parameters, progress, plan)
+        with claimed(out):
+            told = (_in_one_window if parameters.mode == "source" else _in_tiles)(
+                files, out, parameters, progress, plan
+            )
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)

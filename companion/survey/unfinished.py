@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
+import logging
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -10,6 +13,8 @@ from pathlib import Path
 
 from companion.errors import UsageError
 from companion.interrupt import Interrupted
+
+log = logging.getLogger(__name__)
 
 WORK = ".slz-survey"
 WORTH_BYTES = 200_000_000  # of work done; less is done again sooner than it is explained
@@ -25,12 +30,40 @@ def look(out: Path) -> None:
 
 
 @contextmanager
+def claimed(out: Path) -> Iterator[None]:
+    """Make a folder, and keep other runs out of it; if nothing comes to lie in it, it is removed again.
+
+    Raises
+    ------
+    UsageError
+        Another run writes to it.
+    """
+    made = [part for part in (out, *out.parents) if not part.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    folder = os.open(out, os.O_RDONLY)
+    try:
+        _lock(folder, out)
+        yield
+    finally:
+        os.close(folder)  # which unlocks it, as the end of the process does
+        for part in made:
+            with suppress(OSError):  # results lie in it
+                part.rmdir()
+
+
+def _lock(folder: int, out: Path) -> None:
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise UsageError(f"--out {out}: another run writes to it: wait for it, or name another") from None
+    except OSError as error:  # of a file system that has no locks
+        log.debug("no lock on %s: %s", out, error)
+
+
+@contextmanager
 def unfinished(out: Path) -> Iterator[Path]:
     """Make a folder within `out` for results that are not yet whole; nothing of it is left behind."""
-    with (
-        _made(out),
-        tempfile.TemporaryDirectory(prefix=".slz-map-", dir=out, ignore_cleanup_errors=True) as folder,
-    ):
+    with tempfile.TemporaryDirectory(prefix=".slz-map-", dir=out, ignore_cleanup_errors=True) as folder:
         yield Path(folder)
 
 
@@ -54,34 +87,20 @@ def work_folder(out: Path) -> Iterator[Path]:
     It is removed when the survey is done. When an error or a signal ends the survey it is kept, unless it was
     not there before and little was done. A process that is killed leaves it in any case.
     """
-    with _made(out):
-        folder = out / WORK
-        before = folder.exists()
-        folder.mkdir(exist_ok=True)
-        try:
-            yield folder
-        except UsageError:  # of a manifest that differs: not ours to remove
-            if not before:
-                shutil.rmtree(folder, ignore_errors=True)
-            raise
-        except BaseException:
-            if not before and _size(folder) < WORTH_BYTES:
-                shutil.rmtree(folder, ignore_errors=True)
-            raise
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextmanager
-def _made(out: Path) -> Iterator[None]:
-    """Make a folder; if nothing comes to lie in it, it and its parents made with it are removed again."""
-    made = [part for part in (out, *out.parents) if not part.exists()]
-    out.mkdir(parents=True, exist_ok=True)
+    folder = out / WORK
+    before = folder.exists()
+    folder.mkdir(exist_ok=True)
     try:
-        yield
-    finally:
-        for part in made:
-            with suppress(OSError):  # results lie in it
-                part.rmdir()
+        yield folder
+    except UsageError:  # of a manifest that differs: not ours to remove
+        if not before:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    except BaseException:
+        if not before and _size(folder) < WORTH_BYTES:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _size(folder: Path) -> int:

@@ -14,6 +14,7 @@ from companion import cli, survey
 from companion.errors import UsageError
 from companion.survey.tiled.engine import engine
 from companion.survey.tiled.progress import Progress
+from tests.unit.companion.survey import packing
 from tests.unit.companion.survey.clouds import field, placed, write
 from tests.unit.companion.survey.tiled.ground import parameters, surveyed
 
@@ -64,6 +65,32 @@ def test_only_broken_files_are_one_line_and_no_result(
     assert told.out == ""
     assert told.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_copc_file_gives_what_its_las_file_gives(tmp_path: Path) -> None:
+    las = write(tmp_path / "a.las", FIELD)
+    copc = packing.copc(tmp_path / "a.copc.laz", las)
+    told = [survey.run([path], tmp_path / path.stem, parameters(), lambda *_: None) for path in (las, copc)]
+    assert len(told[0]["zones"]) == 1
+    assert told[1]["zones"] == told[0]["zones"]
+    maps = [sorted((tmp_path / path.stem).glob("*.tif")) for path in (las, copc)]
+    assert len(maps[0]) == 4
+    assert [path.read_bytes() for path in maps[1]] == [path.read_bytes() for path in maps[0]]
+
+
+def test_a_second_run_into_one_folder_is_refused_while_the_first_lasts(tmp_path: Path) -> None:
+    path, out, refused = write(tmp_path / "a.laz", FIELD), tmp_path / "out", []
+
+    def meanwhile(what: str, _: float) -> None:
+        if what == "done":
+            return
+        with pytest.raises(UsageError, match="another run writes to it") as caught:
+            survey.run([path], out, parameters(), lambda *_: None)
+        refused.append(caught.value)
+
+    survey.run([path], out, parameters(), meanwhile)
+    assert len(refused) > 3
+    assert survey.run([path], out, parameters(), lambda *_: None)["zones"]
 
 
 def test_work_of_another_survey_is_not_mixed_in(tmp_path: Path) -> None:
