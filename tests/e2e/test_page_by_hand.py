@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -170,3 +171,18 @@ def test_a_companion_that_hangs_is_shown_as_silent(phone: Chromium, shown: Shown
     shown.hang()
     phone.until("!document.getElementById('stale').hidden && document.getElementById('select').disabled")
     assert phone.script("document.getElementById('abort').disabled") is False
+
+
+def test_ground_surveyed_before_is_drawn_and_named_in_the_legend_where_there_is_any(
+    chromium: Path, shown: Shown
+) -> None:
+    named = "[...document.querySelectorAll('#legend div:not([hidden])')].map(e => e.textContent)"
+    live = report()
+    with Chromium(chromium, 1440, 860) as browser:
+        opened(browser, shown)
+        browser.until(f"{named}.length === 6")
+        assert "safe when surveyed" not in browser.script(named)
+        shown.board.take(replace(live, prior=live.near), 12.0)
+        browser.until("slz.model.prior().length === 1")
+        browser.until(f"{named}.includes('safe when surveyed')")
+        assert browser.errors == []

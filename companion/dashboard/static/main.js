@@ -49,6 +49,7 @@ setInterval(() => {
   if (due || gone) {
     due = false;
     for (const part of parts) part.update();
+    surveyed.hidden = model.prior().length === 0;
   }
 }, 100);
 
@@ -130,6 +131,16 @@ const unsafe = swatch((pen) => {
   pen.lineWidth = 5;
   pen.strokeRect(2, 2, 48, 24);
 });
+const entry = (picture, text) => el("div", {}, picture, el("span", { text }));
+const dotted = swatch((pen) => {
+  pen.fillStyle = STYLE.prior.fill;
+  pen.fillRect(0, 0, 52, 28);
+  pen.setLineDash([4, 8]);
+  pen.lineWidth = 4;
+  pen.strokeStyle = STYLE.prior.line;
+  pen.strokeRect(2, 2, 48, 24);
+});
+const surveyed = entry(dotted, "safe when surveyed");
 byId("legend").append(
   ...[
     [area(STYLE.largest, "certain"), "largest zone"],
@@ -138,7 +149,8 @@ byId("legend").append(
     [area(STYLE.uncertain, "uncertain"), "uncertain"],
     [unsafe, "landing point unsafe"],
     [dark, "never seen"],
-  ].map(([picture, text]) => el("div", {}, picture, el("span", { text }))),
+  ].map((each) => entry(...each)),
+  surveyed,
 );
 
 window.slz = { model, sheets, link, bird, pilot }; // for tests and the curious
