@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from slz.kernels.weighed import lowered, weighed
 from slz.tiles import Tiles
 
-MOST_RETURNS = 20_000  # looked up in the map
-MOST_COMPARED = 6_000  # of those that it knows: their mean is better than a millimetre
+MOST_RETURNS, PARTS = 20_000, 4  # so many are looked up in the map, a part at a time
+ENOUGH = 4_000  # of those that it knows: their mean is better than a millimetre
 FEWEST_RETURNS = 300
 FEWEST_SPREAD_M = 2.0  # standard deviation of the places, below which no tilt is fitted
 MOST_TILT_RAD = np.radians(2.0)
@@ -56,11 +56,9 @@ def offset(
     most_m
         A greater shift is not believed.
     """
-    some = used[:: max(1, len(used) // MOST_RETURNS)]
-    found = tiles.differences(points_enu_m[some] - np.array([0.0, 0.0, tiles.datum_m]))
+    found = _compared(points_enu_m, used, tiles)
     if len(found) < FEWEST_RETURNS:
         return Offset()
-    found = found[:: -(-len(found) // MOST_COMPARED)]
     places = found[:, :2] - sensor_enu_m[:2]
     level = bool((places.std(axis=0) < FEWEST_SPREAD_M).any())
     design = np.column_stack([np.ones(len(found)), *(() if level else places.T)])
@@ -69,6 +67,18 @@ def offset(
     if share < 0.5 or abs(up) > most_m or np.hypot(east, north) > MOST_TILT_RAD:
         return Offset()
     return Offset(up, east, north)
+
+
+def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: Tiles) -> NDArray[np.float64]:
+    """Return (m, 3) places of returns that the map knows, and how high they lie above it."""
+    step = PARTS * max(1, len(used) // MOST_RETURNS)
+    parts: list[NDArray[np.float64]] = []
+    for first in range(0, step, step // PARTS):
+        some = points_enu_m[used[first::step]] - np.array([0.0, 0.0, tiles.datum_m])
+        parts.append(tiles.differences(some))
+        if sum(map(len, parts)) >= ENOUGH:
+            break
+    return np.concatenate(parts)
 
 
 def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

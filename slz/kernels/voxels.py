@@ -11,7 +11,7 @@ FINE, COARSE = 1, 7  # layers of voxels above and below
 SURFACE = 100  # returns that make a surface
 ENOUGH, CLEAR_M = 5, 2.0  # so many are an object wherever dust is not dense
 SPARSE = 16  # columns, or their layers, per point, above which a table of all is too large
-UNKNOWN, NOWHERE = np.int32(-1), np.int32(2**31 - 1)
+NOWHERE = np.int32(2**31 - 1)
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -109,15 +109,20 @@ def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
     return starts, ends
 
 
-@kernel("int64(int64[::1], int32[:, ::1], int32[::1], int64, int64, int64, int64)")
-def _around(starts: Longs, ends: Ints, counts: Ints, column: int, deep: int, low: int, high: int) -> int:
-    """Return how many points lie from one layer to another in 3 x 3 columns."""
+@kernel("int64(int64[::1], int32[:, ::1], int32[::1], int64, int64, int64, int64, int64)")
+def _around(
+    starts: Longs, ends: Ints, below: Ints, column: int, deep: int, low: int, high: int, enough: int
+) -> int:
+    """Return how many points lie from one layer to another in 3 x 3 columns, or so many as are enough."""
     total = 0
-    for middle in (column - deep, column, column + deep):
-        for k in range(middle - 1, middle + 2):
-            first = starts[k] - ends[k, 0]
-            for z in range(max(low, ends[k, 0]), min(high, ends[k, 1]) + 1):
-                total += counts[first + z]
+    for middle in (column, column - deep, column + deep):
+        for k in (middle, middle - 1, middle + 1):
+            bottom, top = max(low, ends[k, 0]), min(high, ends[k, 1])
+            if bottom <= top:
+                first = starts[k] - ends[k, 0]
+                total += int(below[first + top + 1] - below[first + bottom])
+                if total >= enough:
+                    return total
     return total
 
 
@@ -134,33 +139,29 @@ def _by_columns(
     starts: Longs,
     ends: Ints,
 ) -> NDArray[np.bool_]:
-    """Do what `has_company` does with all layers of each column side by side, and once for each voxel."""
-    n, size = len(points), starts[-1]
-    keep = np.ones(n, np.bool_)
-    counts = np.zeros(size, np.int32)
+    """Do what `has_company` does with all layers of each column side by side."""
+    n = len(points)
+    keep, own = np.ones(n, np.bool_), np.empty(n, np.int32)
+    counts, below = np.zeros(starts[-1], np.int32), np.zeros(starts[-1] + 1, np.int32)
     for i in range(n):
-        k = deep * at[i, 0] + at[i, 1]
-        counts[starts[k] - ends[k, 0] + at[i, 2]] += 1
-    level, wide, surface = np.full(size, UNKNOWN), np.full(size, UNKNOWN), np.full(size, UNKNOWN)
+        column = deep * at[i, 0] + at[i, 1]
+        own[i] = starts[column] - ends[column, 0] + at[i, 2]
+        counts[own[i]] += 1
+    for v in range(len(counts)):
+        below[v + 1] = below[v] + counts[v]
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
         need, reach = _need(points[i], sensor, share, least)
-        v = starts[column] - ends[column, 0] + z
-        company = np.int64(counts[v])
-        if company < need:
-            if level[v] < 0:
-                level[v] = _around(starts, ends, counts, column, deep, z - FINE, z + FINE)
-            company = np.int64(level[v])
-            if company < need and reach > FINE:
-                if wide[v] < 0:
-                    wide[v] = _around(starts, ends, counts, column, deep, z - COARSE, z + COARSE)
-                company = np.int64(wide[v])
-            if level[v] < least:
-                if surface[v] < 0:
-                    surface[v] = _around(starts, ends, counts, column, deep, z + FINE + 1, z + COARSE)
-                if surface[v] >= SURFACE:
-                    company = np.int64(0)  # alone on its level, close below a surface
+        if counts[own[i]] >= need:
+            continue
+        column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
+        company = level = _around(starts, ends, below, column, deep, z - FINE, z + FINE, need)
+        if company < need and reach > FINE:
+            company = _around(starts, ends, below, column, deep, z - COARSE, z + COARSE, need)
+        if level < least:
+            over = _around(starts, ends, below, column, deep, z + FINE + 1, z + COARSE, SURFACE)
+            if over >= SURFACE:
+                company = 0  # alone on its level, close below a surface
         keep[i] = company >= need
     return keep
 
