@@ -15,6 +15,7 @@ import pytest
 
 import params
 from companion import cli, flight
+from companion.dashboard.page import Front
 from companion.link.event import Event
 from params import Parameters
 from tests.unit.companion.survey.clouds import field, placed, write
@@ -213,6 +214,28 @@ def test_demo_refuses_what_means_nothing_before_anything_starts(
     assert option in line
     assert words in line
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "live", "page"),
+    [
+        ([], True, True),
+        (["--headless"], False, False),
+        (["--headless", "--dashboard", "127.0.0.1:0"], False, True),
+    ],
+)
+def test_demo_serves_the_page_unless_it_is_headless_and_nobody_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture, words: list[str], live: bool, page: bool
+) -> None:
+    def flown(*_: object, live: bool, front: Front | None) -> dict[str, object]:
+        shown.append((live, front is not None))
+        return {"landed": True, "touchdown_safe": True}
+
+    shown: list[tuple[bool, bool]] = []
+    monkeypatch.setattr("companion.demo.fly", flown)
+    assert ended("demo", "--json", "--out", str(tmp_path), *words) == 0
+    assert shown == [(live, page)]
+    assert ("the pilot's page: http://127.0.0.1:" in capfd.readouterr().err) == page
 
 
 # ---- slz sim -------------------------------------------------------------------------------------------
