@@ -57,7 +57,8 @@ class PacketStream:
 
     It listens to one sensor: another host's packets are counted as foreign until the first has been silent
     for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet that the network delivers
-    twice is taken once. Packets of another maker are counted, and the first is logged.
+    twice is taken once. Packets of another maker are counted, and the first is logged; so are those at which the
+    decoder fails. Where it fails at all of them, the sensor is silent.
 
     Parameters
     ----------
@@ -96,6 +97,8 @@ class PacketStream:
         self._foreign = 0
         self._repeated = 0
         self._wrong_sensor = 0
+        self._failed = 0
+        self._decoded_ns: int | None = None
         self._recent: deque[int] = deque(maxlen=REMEMBERED)
         self._kept: Batch = []
         self._rate = _Rate()
@@ -118,7 +121,11 @@ class PacketStream:
 
     def take(self, packet: bytes, host: str, arrival_ns: int) -> None:
         """Keep a packet for the next batch; what is none is counted and dropped."""
-        stamp_ns = self._decoder.check(packet)
+        try:
+            stamp_ns = self._decoder.check(packet)
+        except Exception:
+            self._fail([(arrival_ns, packet)])
+            return
         if stamp_ns is None:
             self._suspect(packet, host)
             return
@@ -131,7 +138,11 @@ class PacketStream:
         if self._clock.is_jump(stamp_ns, arrival_ns):
             self.flush(arrival_ns)  # the packets before have the clock of before
         self._clock.observe(stamp_ns, arrival_ns)
-        self._decoder.take(packet)
+        try:
+            self._decoder.take(packet)
+        except Exception:
+            self._fail([(arrival_ns, packet)])
+            return
         self._kept.append((arrival_ns, packet))
         self.last_arrival_ns = arrival_ns
 
@@ -139,9 +150,14 @@ class PacketStream:
         """Decode what was kept and hand it on."""
         if not self._kept:
             return
-        self.batches.emit(self._kept)
-        self._kept = []
-        raw = self._decoder.drain()
+        kept, self._kept = self._kept, []
+        self.batches.emit(kept)
+        try:
+            raw = self._decoder.drain()
+        except Exception:
+            self._fail(kept)
+            return
+        self._decoded_ns = kept[-1][0]
         if len(raw):
             self._rate.add(now_ns, len(raw))
             self._on_returns(raw.later(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
@@ -152,11 +168,19 @@ class PacketStream:
             "foreign": self._foreign,
             "repeated": self._repeated,
             "wrong_sensor": self._wrong_sensor,
+            "failed": self._failed,
             "clock_resets": self._clock.resets,
             "clock_follows": getattr(self._clock, "keeps", None),
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate.hz,
         }
+
+    def _fail(self, lost: Batch) -> None:
+        """Count packets at which the decoder fails, as if they had not come; the first with its traceback."""
+        if not self._failed:
+            log.exception("the decoder of %s fails; the packet began %s", self.kind, lost[0][1][:64].hex())
+        self._failed += len(lost)
+        self.last_arrival_ns = self._decoded_ns
 
     def _is_ours(self, host: str, arrival_ns: int) -> bool:
         silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns

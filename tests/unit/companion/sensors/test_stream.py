@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from companion.sensors.driver import decoder_for
 from companion.sensors.lookalike import lookalike
-from companion.sensors.returns import Returns
+from companion.sensors.returns import RawReturns, Returns
 from companion.sensors.stream import PacketStream
 from params import Parameters
 from tests.unit.companion.sensors import ouster_packets
@@ -179,3 +179,68 @@ def test_another_maker_s_sensor_is_counted_and_named_in_one_line(
     assert [("10.0.0.9" in line, f"is {sender}: meant" in line) for line in caplog.messages] == (
         [(True, True)] if wrong else []
     )
+
+
+class Raising:
+    """A Livox decoder that raises in one of its methods at some packets."""
+
+    def __init__(self, method: str, at: Callable[[bytes], bool]) -> None:
+        self._own, self._at, self._kept = decoder_for("livox"), at, list[bytes]()
+        self._method = method
+        self.counters, self.kind, self.setup = self._own.counters, "livox", ""
+
+    def check(self, packet: bytes) -> int | None:
+        self._try("check", [packet])
+        return self._own.check(packet)
+
+    def take(self, packet: bytes) -> None:
+        self._try("take", [packet])
+        self._kept.append(packet)
+        self._own.take(packet)
+
+    def drain(self) -> RawReturns:
+        kept, self._kept = self._kept, []
+        raw = self._own.drain()
+        self._try("drain", kept)
+        return raw
+
+    def __len__(self) -> int:
+        return len(self._own)
+
+    def _try(self, method: str, packets: list[bytes]) -> None:
+        if method == self._method and any(map(self._at, packets)):
+            raise IndexError("of a column")
+
+
+METHODS = pytest.mark.parametrize("method", ["check", "take", "drain"])
+
+
+@METHODS
+def test_packets_at_which_a_decoder_raises_are_counted_and_the_others_taken(
+    method: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig = Rig("livox")
+    bad = {rig.packet(i, EPOCH_NS + i * MS) for i in (3, 7)}
+    rig.stream = PacketStream(Raising(method, bad.__contains__), Parameters(), rig.batches.append)
+    for i in range(10):
+        rig.send(i, EPOCH_NS + i * MS, 500 * S + i * MS)
+        rig.stream.flush(500 * S + i * MS)
+    assert len(rig.stamps_ns()) == 8
+    assert rig.counted("failed") == 2
+    assert [record.levelname for record in caplog.records if "fails" in record.getMessage()] == ["ERROR"]
+    assert "IndexError: of a column" in caplog.text
+    assert rig.stream.last_arrival_ns == 500 * S + 9 * MS
+
+
+@METHODS
+def test_a_decoder_that_raises_at_every_packet_has_a_silent_sensor(method: str) -> None:
+    rig = Rig("livox")
+    first = rig.packet(0, EPOCH_NS)
+    rig.stream = PacketStream(
+        Raising(method, lambda packet: packet != first), Parameters(), rig.batches.append
+    )
+    for i in range(100):
+        rig.send(i, EPOCH_NS + i * MS, 500 * S + i * MS)
+        rig.stream.flush(500 * S + i * MS)
+    assert rig.counted("failed") == 99
+    assert rig.stream.last_arrival_ns == 500 * S
