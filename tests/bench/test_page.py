@@ -28,7 +28,8 @@ from companion.dashboard.board import NEAR_TILES
 from companion.dashboard.page import Front
 from slz import Drawn, DrawnTile, Pipeline
 from slz.kernels.scatter import TILE
-from tests.bench.test_streams import POINTS_PER_S, feeder, free_port
+from tests.bench.test_streams import POINTS_PER_S, feeder
+from tests.ports import free_port
 
 TURNS, SETTLE_S, TURN_S = 5, 5.0, 25.0
 BROWSERS, LEVEL = 5, 2

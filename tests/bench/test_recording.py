@@ -16,7 +16,8 @@ import pytest
 import params
 from companion.app import Companion
 from companion.replay import command as replay
-from tests.bench.test_streams import feeder, free_port
+from tests.bench.test_streams import feeder
+from tests.ports import free_port
 
 POINTS_PER_S = 312_500
 RECORDED_S = float(os.environ.get("SLZ_RECORD_S", "60"))

@@ -17,7 +17,8 @@ from sitl.wire import open_wire
 from tests.campaign import onboard
 from tests.campaign.plan import Plan
 from tests.campaign.witness import Witness
-from tests.e2e.harness import Mission, free_port
+from tests.e2e.harness import Mission
+from tests.ports import free_port
 
 # A quarter of the ticks and a sixteenth of the pulses of the sensor, over a small map, from a low height.
 TICK_NS, LIDAR_MS, POINT_RATE_HZ = 10_000_000, 100, 12_500

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from companion.landing.situation import Phase
 from companion.simulated import LockstepLoop
 from sitl.lidar_port import PTY
 from sitl.simulation import Simulation
+from tests.ports import free_port
 
 POINT_RATE_HZ = 50_000
 LIDAR_MS = 20  # so much of it is fired at once, which halves what a flight costs
@@ -27,12 +27,6 @@ LIDARS: dict[str, tuple[str, dict[str, float]]] = {
     "ouster": ("ouster:{port}?meta={metadata}", {"lidar_pitch_deg": 90.0}),
     "sf45": ("lightware:{port},921600", {"lidar_pitch_deg": 90.0}),
 }
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 class Mission:

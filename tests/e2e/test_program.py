@@ -21,16 +21,12 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
+from tests.ports import free_port
+
 pytestmark = [pytest.mark.realtime, pytest.mark.timeout(180)]
 
 FAST = ["--set", "survey_s=3", "--set", "zone_m=100"]
 Program = subprocess.Popen[str]
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from companion.link.signing import Signing
 from companion.services import Services
 from companion.settings import Settings
 from companion.state import StateDir
-from tests.integration.link_bench import free_port
+from tests.ports import free_port
 
 STEP_S = 30.0
 

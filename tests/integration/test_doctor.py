@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from typing import Any
 
 import pytest
@@ -13,12 +12,7 @@ from companion.doctor.examination import Examination
 from companion.doctor.finding import Finding, healthy
 from companion.simulated import LockstepLoop
 from sitl.simulation import Simulation
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
+from tests.ports import free_port
 
 
 @pytest.fixture(autouse=True)

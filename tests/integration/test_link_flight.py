@@ -12,15 +12,8 @@ from companion.clock import now_ns
 from companion.link.link import Link
 from companion.link.operator import CommandReply, OperatorCommand
 from params import Parameters
-from tests.integration.link_bench import (
-    GUIDED,
-    LAND,
-    autopilot_over_udp,
-    free_port,
-    running,
-    until,
-    virtually,
-)
+from tests.integration.link_bench import GUIDED, LAND, autopilot_over_udp, running, until, virtually
+from tests.ports import free_port
 
 USER, DO_SET_MODE = mavlink.MAV_CMD_USER_1, mavlink.MAV_CMD_DO_SET_MODE
 MS = 1_000_000

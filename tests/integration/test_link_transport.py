@@ -16,7 +16,8 @@ from companion.errors import UsageError
 from companion.link.channel import MAX_BACKLOG_BYTES
 from companion.link.transport import Transport
 from companion.link.url import Url, parse_url
-from tests.integration.link_bench import Autopilot, free_port, running, until, virtually
+from tests.integration.link_bench import Autopilot, running, until, virtually
+from tests.ports import free_port
 
 
 class Ends:

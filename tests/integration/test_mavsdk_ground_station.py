@@ -19,7 +19,7 @@ from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import LandedState, TelemetryAsync
 
-from tests.integration.link_bench import free_port
+from tests.ports import free_port
 
 pytestmark = pytest.mark.realtime
 

@@ -12,7 +12,8 @@ from companion.app import Companion
 from companion.dashboard.page import Front
 from companion.state import StateDir
 from tests.bench.test_page import browsers
-from tests.bench.test_streams import POINTS_PER_S, feeder, free_port
+from tests.bench.test_streams import POINTS_PER_S, feeder
+from tests.ports import free_port
 from tests.soak.gauges import Gauges
 
 LOOK_S, RECORDED_S = 30.0, 600.0
