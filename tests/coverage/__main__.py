@@ -20,7 +20,10 @@ def measured(part: Part, data: Path, more: list[str]) -> int:
     command = [*COVERAGE, "run", "-m", "pytest", "-q", "-p", "no:cacheprovider", *part.options()]
     print(f"coverage: {part.name}", flush=True)
     command += ["--costs", str(costs_file(data)), *more]
-    return subprocess.run(command, env=environment, check=False).returncode
+    code = subprocess.run(command, env=environment, check=False).returncode
+    # Each process that the tests started left a file of its own.
+    subprocess.run([*COVERAGE, "combine", "--quiet"], env=environment, check=False)
+    return code
 
 
 def reported(out: Path) -> int:
