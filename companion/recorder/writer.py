@@ -23,6 +23,7 @@ CHUNK_BYTES = 1 << 20
 MOST_WAITING_BYTES = 64 << 20
 LEAST_FREE_BYTES = 512 << 20
 FLUSH_S = 1.0
+TOGETHER_S = 0.05  # a thread that woke for every entry would hold up those that hand them over
 CLOSE_S = 10.0
 MIB = 1 << 20
 
@@ -83,8 +84,9 @@ class McapWriter:
         self._least_free_bytes = least_free_bytes
         self._queue: deque[Entry] = deque()
         self._waiting = 0
-        self._wake = threading.Condition()
-        self._closing = self._closed = False
+        self._lock = threading.Lock()
+        self._closing = threading.Event()
+        self._closed = False
         self._size_bytes = 0
         self.dropped: Counter[str] = Counter()
         self.written: Counter[str] = Counter()
@@ -99,17 +101,14 @@ class McapWriter:
         if self.ended or self._waiting + entry.size > MOST_WAITING_BYTES:
             self.dropped[entry.topic] += 1
             return False
-        with self._wake:
+        with self._lock:
             self._queue.append(entry)
             self._waiting += entry.size
-            self._wake.notify()
         return True
 
     def close(self) -> None:
         """Write what waits and end the file; a disk that hangs is left behind, the file whole up to it."""
-        with self._wake:
-            self._closing = True
-            self._wake.notify()
+        self._closing.set()
         self._thread.join(CLOSE_S)
         if self._thread.is_alive():
             self._end("the disk does not answer")
@@ -143,12 +142,12 @@ class McapWriter:
         """Write for a second; return whether there is more to come."""
         until_s = time.monotonic() + FLUSH_S
         while (left_s := until_s - time.monotonic()) > 0:
-            with self._wake:
-                self._wake.wait_for(lambda: self._queue or self._closing, timeout=left_s)
+            closing = self._closing.wait(min(left_s, TOGETHER_S))
+            with self._lock:
                 entries, self._queue, self._waiting = self._queue, deque(), 0
             for entry in entries:
                 self._write(entry)
-            if self._closing and not self._queue:
+            if closing and not self._queue:
                 return False
         return True
 
