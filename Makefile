@@ -18,7 +18,8 @@ test: setup
 checks: lint types docs
 
 kernels: setup
-	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; import companion.dashboard.small_numbers; warm_up(Parameters())'
+	$(BIN)/python -c 'from companion.first_start import compile_kernels; compile_kernels(lambda *_: None)'
+	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; warm_up(Parameters())'
 
 setup: $(STAMP)
 

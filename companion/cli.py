@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 import params
+from companion import first_start
 from companion.errors import CompanionError, UsageError
 from companion.interrupt import Interrupted, Interrupts
 
@@ -106,16 +108,19 @@ def _out() -> Console:
     return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
-def _say_what_takes_long() -> None:
-    """Say why nothing happens at the first start: what is imported next compiles every kernel."""
-    own = os.environ.get("NUMBA_CACHE_DIR")
-    cache = Path(own) if own else Path(__file__).parents[1] / "slz" / "kernels"
-    if next(cache.rglob("*.nbi"), None) is None:
-        err.print("first start: compiling the kernels for this computer, one to three minutes")
+def _compile_at_first() -> None:
+    """Compile the kernels where none are yet, and say why that takes a minute."""
+    if not first_start.is_first():
+        return
+    err.print("first start: compiling the kernels for this computer, about a minute", highlight=False)
+    columns = TextColumn("kernels"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as shown:
+        task = shown.add_task("")
+        first_start.compile_kernels(lambda done, total: shown.update(task, completed=done, total=total))
 
 
 def _log(verbose: bool) -> None:
-    _say_what_takes_long()
+    _compile_at_first()
     level = logging.DEBUG if verbose else logging.INFO
     if err.is_terminal:
         rich = RichHandler(console=err, show_path=False, rich_tracebacks=False)

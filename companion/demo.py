@@ -93,7 +93,7 @@ def fly(
     shown = console if live else Console(quiet=True)
     with _truth_folder(interrupts) as truth:
         with (
-            shown.status("starting the simulator (the first start compiles for a minute)") as status,
+            shown.status("starting the simulator (which compiles at its first start)") as status,
             _simulator(plan, parameters, truth, interrupts) as simulator,
         ):
             companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts, front)

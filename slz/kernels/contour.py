@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
+from slz.kernels.rows import doubled
 
 # Moore neighbours clockwise from west (SLZ paper Table 1); rows grow to the north.
 COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
@@ -35,9 +36,7 @@ def trace(safe: NDArray[np.uint8], row: int, col: int, timeout: int) -> NDArray[
             elif direction == first:
                 break
         if n == len(out):
-            bigger = np.empty((2 * n, 2), np.int32)
-            bigger[:n] = out
-            out = bigger
+            out = doubled(out)
         out[n, 0], out[n, 1] = r, c
         n += 1
         if direction < 0:

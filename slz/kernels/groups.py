@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.bits import NONE, Bits, bit, lowest
 from slz.kernels.jit import kernel
+from slz.kernels.rows import doubled
 
 Ints = NDArray[np.int64]
 
@@ -27,9 +28,7 @@ def runs(cells: Bits) -> Ints:
                     out[n - 1, 2] = start + length
                 else:
                     if n == len(out):
-                        more = np.empty((2 * n, 4), np.int64)
-                        more[:n] = out
-                        out = more
+                        out = doubled(out)
                     out[n, 0], out[n, 1], out[n, 2], out[n, 3] = r, start, start + length, n
                     n += 1
                 if first + length >= 64:

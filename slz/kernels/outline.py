@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
+from slz.kernels.rows import doubled
 
 # Directions of travel: east, north, west, south; the cell to the left of each, from the vertex left behind.
 ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
@@ -50,9 +51,7 @@ def edges(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
                         break
                     done[r, c] |= mark
                 if n == len(out):
-                    bigger = np.empty((2 * n, 3), np.int32)
-                    bigger[:n] = out
-                    out = bigger
+                    out = doubled(out)
                 out[n, 0], out[n, 1], out[n, 2] = ring, r, c
                 n += 1
                 r, c = r + ROW_AHEAD[direction], c + COL_AHEAD[direction]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.bits import ALL, NONE, ONE, Bits, leading, lowest, signed, word_at
 from slz.kernels.jit import kernel
+from slz.kernels.rows import doubled
 
 Word = NDArray[np.uint64]
 Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open) outside which nothing is set
@@ -135,13 +136,6 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
     return best
 
 
-@kernel("int64[:, ::1](int64[:, ::1])")
-def _longer(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    out = np.empty((2 * len(rows), rows.shape[1]), np.int64)
-    out[: len(rows)] = rows
-    return out
-
-
 @kernel("boolean(uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
 def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     """Tell whether a cell is set in a square whose side, a power of two, divides its first row and column."""
@@ -176,7 +170,7 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, inner: int, most2
                 at = signed(lowest(some)) & -block
                 some &= ~((ALL >> np.uint64(64 - block)) << np.uint64(at))
                 if n == len(blocks):
-                    blocks = _longer(blocks)
+                    blocks = doubled(blocks)
                 blocks[n, 0], blocks[n, 1] = r, 64 * w + at
                 n += 1
     while True:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.bits import NONE, Bits, lowest, signed
 from slz.kernels.content import component, fill
 from slz.kernels.jit import kernel
+from slz.kernels.rows import doubled, put, put_rows
 from slz.kernels.tour import extent, tour, westmost
 
 # Columns of the table of what was found.
@@ -19,9 +20,9 @@ FIELDS = 8
 def _longer(
     path: NDArray[np.int32], edges: NDArray[np.uint8], used: int
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-    new_path, new_edges = np.empty((2 * len(path), 2), np.int32), np.empty(2 * len(edges), np.uint8)
-    new_path[:used], new_edges[:used] = path[:used], edges[:used]
-    return new_path, new_edges
+    new_edges = np.empty(2 * len(edges), np.uint8)
+    put(new_edges, 0, edges[:used])
+    return doubled(path), new_edges
 
 
 @kernel("void(int32[:, ::1], uint8[::1], int64, int64)")
@@ -36,8 +37,10 @@ def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int)
                 start, best = i, direction
     if start > 0:
         cells, entries = path[:n].copy(), edges[:n].copy()
-        path[: n - start], path[n - start : n] = cells[start:], cells[:start]
-        edges[: n - start], edges[n - start : n] = entries[start:], entries[:start]
+        put_rows(path, 0, cells[start:])
+        put_rows(path, n - start, cells[:start])
+        put(edges, 0, entries[start:])
+        put(edges, n - start, entries[:start])
 
 
 @kernel(
@@ -109,9 +112,7 @@ def find(
                 if n >= least:
                     _turn(path, edges, n, first)
                     if count == len(table):
-                        old = table
-                        table = np.empty((2 * count, FIELDS), np.int64)
-                        table[:count] = old
+                        table = doubled(table)
                     entry = table[count]
                     entry[ROW0], entry[ROW1], entry[COL0], entry[COL1] = r0, r1, c0, c1
                     entry[N_CELLS], entry[N_BOUNDARY] = n_cells, n
@@ -119,15 +120,15 @@ def find(
                     count += 1
                     if n_boundary + n > len(boundary):
                         more = np.empty((2 * (n_boundary + n), 2), np.int32)
-                        more[:n_boundary] = boundary[:n_boundary]
+                        put_rows(more, 0, boundary[:n_boundary])
                         boundary = more
-                    boundary[n_boundary : n_boundary + n] = path[:n]
+                    put_rows(boundary, n_boundary, path[:n])
                     n_boundary += n
                     if n_words + content.size > len(words):
                         more_words = np.empty(2 * (n_words + content.size), np.uint64)
-                        more_words[:n_words] = words[:n_words]
+                        put(more_words, 0, words[:n_words])
                         words = more_words
-                    words[n_words : n_words + content.size] = content.ravel()
+                    put(words, n_words, content.ravel())
                     n_words += content.size
                 open_ = seeds[row, w] & ~taken[row, w]
     return table[:count].copy(), boundary[:n_boundary].copy(), words[:n_words].copy(), spread

@@ -352,7 +352,8 @@ def shrunk(
     before, after = live - 1, live + 1
     count, version = np.bincount(ring, minlength=rings), np.zeros(n, np.int64)
     first = np.concatenate((np.zeros(1, np.int64), np.cumsum(count)))
-    before[first[:-1]], after[first[1:] - 1] = first[1:] - 1, first[:-1]
+    for r in range(rings):
+        before[first[r]], after[first[r + 1] - 1] = first[r + 1] - 1, first[r]
     area_left, cells_left, moved = most_area, most_cells, True
     while moved and n > enough:  # again, because what stood in a move's way may have gone
         moved = False

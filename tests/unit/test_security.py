@@ -28,8 +28,13 @@ SHELLS = {"os.system", "os.popen", "subprocess.getoutput", "subprocess.getstatus
           "asyncio.create_subprocess_shell"}  # fmt: skip
 RUNS = {"eval", "exec", "compile", "__import__"}
 PROCESSES = {"subprocess", "multiprocessing", "pty"}
-# They run this program's own simulator beside it, never in flight; `slz sim` becomes it.
-BESIDE = {"companion/demo.py", "companion/reproduce/instruments.py", "companion/reproduce/recording.py"}
+# They run this program's own simulator beside it, or compile its kernels before; `slz sim` becomes it.
+BESIDE = {
+    "companion/demo.py",
+    "companion/first_start.py",
+    "companion/reproduce/instruments.py",
+    "companion/reproduce/recording.py",
+}
 BECOMES = {"companion/cli.py"}
 
 

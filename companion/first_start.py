@@ -1,0 +1,115 @@
+"""The first start on a computer, or after an update: kernels are compiled, by all cores, and kept."""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import logging
+import os
+import queue
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+from subprocess import DEVNULL, PIPE
+from types import ModuleType
+from typing import IO, cast
+
+log = logging.getLogger(__name__)
+
+ROOT = Path(__file__).parents[1]
+OURS = (
+    "fusion/motion",
+    "fusion/placement",
+    "sensors/livox_points",
+    "sensors/ouster_points",
+    "outputs/sectors",
+    "dashboard/small_numbers",
+)
+COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's, of this Python
+WITHOUT = frozenset({"__init__", "jit", "rows"})  # any kernel that is compiled by itself
+MOST_CORES = 4  # half a gigabyte of memory
+
+
+def is_first() -> bool:
+    """Tell whether some source of kernels has nothing compiled, or only what is older than itself."""
+    newest: dict[str, float] = {}
+    for folder in _caches():
+        for path in folder.rglob(COMPILED):
+            module = path.name.partition(".")[0]
+            newest[module] = max(newest.get(module, 0.0), path.stat().st_mtime)
+    return any(path.stat().st_mtime > newest.get(path.stem, 0.0) for path in _sources())
+
+
+def compile_kernels(progress: Callable[[int, int], None]) -> None:
+    """Compile what is not compiled yet, as many modules at a time as there are cores.
+
+    Whatever goes wrong here is left to whoever imports the kernels next: that compiles what is missing.
+
+    Parameters
+    ----------
+    progress
+        Called with the number of modules done and of all, by several threads.
+    """
+    sources = sorted(_sources(), key=lambda path: -path.stat().st_size)  # the longest begin first
+    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources]
+    waiting, count = queue.SimpleQueue[str](), itertools.count(1)
+    for name in names:
+        waiting.put(name)
+    cores = min(MOST_CORES, len(os.sched_getaffinity(0)))
+    children: list[subprocess.Popen[str]] = []
+    with ThreadPoolExecutor(cores) as threads:
+        try:
+            work = waiting, lambda: progress(next(count), len(names)), children
+            wait([threads.submit(_have_compiled, *work) for _ in range(cores)])
+        except BaseException:  # a signal
+            for child in children:
+                child.terminate()
+            raise
+
+
+def _have_compiled(
+    waiting: queue.SimpleQueue[str], done: Callable[[], None], children: list[subprocess.Popen[str]]
+) -> None:
+    """Give the modules that wait to a process, one after the other."""
+    command = [sys.executable, "-m", "companion.first_start"]
+    try:
+        with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, stderr=DEVNULL, text=True, cwd=ROOT) as child:
+            children.append(child)
+            asked, told = cast(IO[str], child.stdin), cast(IO[str], child.stdout)
+            while True:
+                asked.write(waiting.get_nowait() + "\n")
+                asked.flush()
+                if not told.readline():
+                    return
+                done()
+    except (queue.Empty, OSError) as error:
+        log.debug("no more is compiled: %r", error)
+
+
+def _kernels_alone() -> None:
+    """Put an empty package in the place of `slz`, which would import all kernels before the first one."""
+    package = ModuleType("slz")
+    package.__path__ = [str(ROOT / "slz")]
+    sys.modules["slz"] = package
+
+
+def _sources() -> Iterator[Path]:
+    yield from (path for path in (ROOT / "slz" / "kernels").glob("*.py") if path.stem not in WITHOUT)
+    yield from (ROOT / "companion" / f"{name}.py" for name in OURS)
+
+
+def _caches() -> list[Path]:
+    """Return where Numba may keep what it compiled: beside the sources, or where those cannot be written."""
+    if own := os.environ.get("NUMBA_CACHE_DIR"):
+        return [Path(own)]
+    at_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
+    return [ROOT / "slz", ROOT / "companion", at_home]
+
+
+if __name__ == "__main__":  # of `compile_kernels`: modules come by name, a line each, and are imported
+    _kernels_alone()
+    for line in sys.stdin:
+        importlib.import_module(line.strip())
+        print("done", flush=True)

@@ -1,0 +1,96 @@
+"""Kernels are compiled before anything else where none are yet, or where they are old."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from companion import cli, first_start
+
+PYTHON = f"py{sys.version_info.major}{sys.version_info.minor}"
+
+
+@pytest.fixture
+def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of sources in the place of ours, nothing of it compiled; the home is beside it."""
+    monkeypatch.setattr(first_start, "ROOT", tmp_path / "program")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    for name in ("slz/kernels/search", "slz/kernels/jit", *(f"companion/{own}" for own in first_start.OURS)):
+        path = tmp_path / "program" / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+        os.utime(path, (1000, 1000))
+    return tmp_path / "program"
+
+
+def compiled(folder: Path, at_s: float, *but: str, python: str = PYTHON) -> None:
+    """Leave what Numba leaves of every module, but of some."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in {"search", *(Path(own).name for own in first_start.OURS)} - set(but):
+        path = folder / f"{name}.kernel-43.{python}.nbi"
+        path.touch()
+        os.utime(path, (at_s, at_s))
+
+
+def test_it_is_the_first_start_until_all_kernels_are_compiled_and_again_when_one_is_newer(
+    sources: Path,
+) -> None:
+    cache = sources / "slz" / "kernels" / "__pycache__"
+    assert first_start.is_first()
+    compiled(cache, 2000, python="py39")
+    assert first_start.is_first()
+    compiled(cache, 2000, "placement")
+    assert first_start.is_first(), "the start before was ended"
+    compiled(cache, 2000)
+    assert not first_start.is_first()
+    os.utime(sources / "slz" / "kernels" / "jit.py", (3000, 3000))
+    assert not first_start.is_first(), "it holds no kernel"
+    os.utime(sources / "slz" / "kernels" / "search.py", (3000, 3000))
+    assert first_start.is_first()
+
+
+def test_compiled_kernels_are_looked_for_where_numba_keeps_them(
+    sources: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled(tmp_path / "cache" / "numba" / "a-folder-of-its-own", 2000)
+    assert not first_start.is_first()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "elsewhere"))
+    assert first_start.is_first()
+    compiled(tmp_path / "elsewhere", 2000)
+    assert not first_start.is_first()
+
+
+def test_every_module_that_compiles_for_a_flight_is_among_them() -> None:
+    names = {
+        ".".join(path.relative_to(first_start.ROOT).with_suffix("").parts) for path in first_start._sources()
+    }
+    assert all(path.is_file() for path in first_start._sources())
+    flown = {name for name in sys.modules if name.startswith("slz.kernels.")}
+    assert flown - names <= {"slz.kernels.jit", "slz.kernels.rows"}
+    assert len(names) > 30
+
+
+def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(*_: object) -> None:
+        raise OSError("no more processes")
+
+    monkeypatch.setattr("subprocess.Popen", refused)
+    first_start.compile_kernels(lambda *_: pytest.fail("nothing was compiled"))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_the_first_start_says_why_it_takes_long(
+    first: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    asked: list[object] = []
+    monkeypatch.setattr(first_start, "is_first", lambda: first)
+    monkeypatch.setattr(first_start, "compile_kernels", asked.append)
+    cli._compile_at_first()
+    assert len(asked) == first
+    assert ("first start: compiling the kernels" in capfd.readouterr().err) == first
