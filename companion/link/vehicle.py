@@ -17,6 +17,7 @@ Quaternion = tuple[float, float, float, float]
 
 # Boot time that goes back by less is a frame overtaken on the way.
 REBOOT_MS = 1000
+OVERTAKEN_NS = 400_000_000  # in which an autopilot sends less than 128 messages
 # Height over home from which an armed vehicle flies for certain, when it does not say so itself.
 AIRBORNE_M = 2.0
 
@@ -37,6 +38,8 @@ class VehicleState:
         Autopilot's time of the position, of the local position, and of its newest message.
     reboots
         Times the autopilot's clock went back.
+    heartbeat_seq
+        Number of the newest heartbeat among all messages of the autopilot, 8 bits.
     """
 
     sysid: int | None = None
@@ -47,6 +50,7 @@ class VehicleState:
     custom_mode: int = 0
     system_status: int = 0
     last_heartbeat_ns: int | None = None
+    heartbeat_seq: int = 0
     reported_landed: Landed = "unknown"
     battery_pct: float | None = None
     battery_v: float | None = None
@@ -101,7 +105,8 @@ def is_autopilot(message: Any) -> bool:
 def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
     """Return the state after a message of the vehicle's autopilot.
 
-    A message from before a reboot, or overtaken on its way by more than a second, changes nothing.
+    A message from before a reboot, or overtaken on its way by more than a second, changes nothing; nor does a
+    heartbeat that a later one has overtaken.
     """
     kind = message.get_type()
     if kind in _STAMPED:
@@ -143,6 +148,8 @@ def _follow_boot_time(state: VehicleState, boot_ms: int) -> VehicleState | None:
 
 
 def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    if _overtaken(state, m, now_ns):
+        return state
     autopilot: Autopilot = "other"
     if m.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         autopilot = "ardupilot"
@@ -158,7 +165,19 @@ def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
         custom_mode=m.custom_mode,
         system_status=m.system_status,
         last_heartbeat_ns=now_ns,
+        heartbeat_seq=m.get_seq(),
     )
+
+
+def _overtaken(state: VehicleState, m: Any, now_ns: int) -> bool:
+    """Tell whether a heartbeat was sent before the last one: it was held up, or is delivered a second time.
+
+    Its mode is an old one, and would look as if the pilot had set it. After `OVERTAKEN_NS` the numbers, of
+    eight bits, say nothing any more.
+    """
+    if state.last_heartbeat_ns is None or now_ns - state.last_heartbeat_ns > OVERTAKEN_NS:
+        return False
+    return bool((m.get_seq() - state.heartbeat_seq) % 256 > 128)
 
 
 _LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}

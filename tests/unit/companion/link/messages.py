@@ -24,10 +24,11 @@ def heartbeat(
     custom_mode: int = 0,
     system: int = 1,
     component: int = 1,
+    sequence: int = 0,
 ) -> Any:
     """Return a heartbeat as received."""
     message = mavlink.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, 4, 3)
-    return received(message, system, component)
+    return received(message, system, component, sequence)
 
 
 def position(boot_ms: int, *, lat: int = 470_000_000, lon: int = 80_000_000, relative_mm: int = 0) -> Any:

@@ -34,6 +34,25 @@ def test_a_heartbeat_tells_autopilot_mode_and_arming() -> None:
     assert state.last_heartbeat_ns == 5 * S
 
 
+@pytest.mark.parametrize("first", [3, 250])  # numbers go on from 0 after 255
+@pytest.mark.parametrize(
+    ("behind", "later_ms", "mode"),
+    [
+        (-9, 300, "LAND"),  # the GUIDED of before LAND, late or delivered twice
+        (-9, 600, "GUIDED"),  # too late to tell by a number of eight bits
+        (9, 300, "GUIDED"),  # the pilot's
+        (0, 300, "GUIDED"),  # of a sender that does not count
+    ],
+)
+def test_a_heartbeat_that_a_later_one_overtook_changes_no_mode(
+    first: int, behind: int, later_ms: int, mode: str
+) -> None:
+    state = reduce(VehicleState(), heartbeat(custom_mode=9, sequence=first), 5 * S)
+    assert state.mode == "LAND"
+    late = heartbeat(custom_mode=4, sequence=(first + behind) % 256)
+    assert reduce(state, late, 5 * S + later_ms * 1_000_000).mode == mode
+
+
 @pytest.mark.parametrize(("main", "sub", "name"), [(6, 0, "OFFBOARD"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")])
 def test_px4_modes_have_main_and_sub(main: int, sub: int, name: str) -> None:
     custom = main << 16 | sub << 24
