@@ -165,6 +165,8 @@ def faults_of(flight: Flown) -> list[str]:
         wrong.append(flight["error"])
     if flight["commands_while_pilot_flies"]:
         wrong.append(f"{flight['commands_while_pilot_flies']} commands in a mode of the pilot's")
+    if flight["hands_off"] and flight["fault"] != "pilot_mode":
+        wrong.append("gave the vehicle to a pilot who had not touched it")
     if flight["began_s"] is None:
         return [*wrong, "the state was never reached"]
     reactions = TABLE[flight["fault"]].of(Phase(flight["state"]))

@@ -93,7 +93,8 @@ HELD = {"fault": "lidar_stop", "path": way("hold"), "landed": False, "phase": "h
         (HELD, "did not land"),
         (HELD | {"heard": ["take over"]}, ""),
         ({"fault": "pilot_mode", "path": way("final"), "landed": False}, "still in final at 12.0 s"),
-        ({"fault": "pilot_mode", "path": way("idle"), "landed": False}, ""),
+        ({"fault": "pilot_mode", "path": way("idle"), "landed": False, "hands_off": 1}, ""),
+        ({"fault": "link_duplicates", "hands_off": 1}, "gave the vehicle to a pilot"),
         ({"fault": "pilot_mode", "path": way("idle")}, "landed all the same"),
     ],
 )  # fmt: skip
