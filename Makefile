@@ -18,8 +18,7 @@ test: setup
 checks: lint types docs
 
 kernels: setup
-	$(BIN)/python -c 'from companion.first_start import compile_kernels; compile_kernels(lambda *_: None)'
-	$(BIN)/python -c 'from params import Parameters; from slz.warm_up import warm_up; warm_up(Parameters())'
+	$(BIN)/python -c 'from companion.first_start import everything; everything()'
 
 setup: $(STAMP)
 

@@ -16,6 +16,8 @@ from subprocess import DEVNULL, PIPE
 from types import ModuleType
 from typing import IO, cast
 
+from params import Parameters
+
 log = logging.getLogger(__name__)
 
 ROOT = Path(__file__).parents[1]
@@ -67,6 +69,13 @@ def compile_kernels(progress: Callable[[int, int], None]) -> None:
             for child in children:
                 child.terminate()
             raise
+
+
+def everything() -> None:
+    """Compile all that a flight needs, for whoever installs the program."""
+    compile_kernels(lambda *_: None)
+    importlib.import_module("companion.app")
+    importlib.import_module("slz.warm_up").warm_up(Parameters())
 
 
 def _have_compiled(

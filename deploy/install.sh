@@ -50,7 +50,7 @@ fi
 # The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
 install -d -o slz -g slz -m 0700 /var/cache/slz
 runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
-    'from params import Parameters; from slz.warm_up import warm_up; warm_up(Parameters())'
+    'from companion.first_start import everything; everything()'
 
 sysctl --quiet --load /etc/sysctl.d/60-slz.conf
 udevadm control --reload && udevadm trigger --subsystem-match=tty
