@@ -78,9 +78,10 @@ def run(
     look(out)
     try:
         with claimed(out):
-            told = (_in_one_window if parameters.mode == "source" else _in_tiles)(
-                files, out, parameters, progress, plan
-            )
+            if parameters.mode == "source":
+                told = _in_one_window(files, out, parameters, progress, plan)
+            else:
+                told = _in_tiles(files, out, parameters, progress, plan)
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)

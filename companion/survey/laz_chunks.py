@@ -58,10 +58,9 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
             if at + chunk_bytes > size or claimed > chunk_bytes:
                 raise UsageError(f"{path}: it is truncated or corrupt in chunk {number + 1}: copy it again")
             at += chunk_bytes
-    if layers or packing.uses_variable_size_chunks():
-        check_none_follow(path, n_points, held - last + min(told, last) - n_points)
-    else:  # how many the last holds only its decompression would tell
-        check_none_follow(path, n_points, held - last + 1 - n_points)
+    # How many points the last chunk of an older format holds only its decompression would tell: at least one.
+    exact = layers or packing.uses_variable_size_chunks()
+    check_none_follow(path, n_points, held - last + (min(told, last) if exact else 1) - n_points)
 
 
 def check_none_follow(path: Path, n_points: int, more: int) -> None:
