@@ -74,14 +74,29 @@ def test_every_module_that_compiles_for_a_flight_is_among_them() -> None:
     assert len(names) > 30
 
 
+def test_modules_are_compiled_in_other_processes_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    chosen = [first_start.ROOT / "slz" / "kernels" / f"{name}.py" for name in ("gradient", "median")]
+    monkeypatch.setattr(first_start, "_sources", lambda: iter(chosen))
+    assert first_start.is_first()
+    told: list[tuple[int, int]] = []
+    first_start.compile_kernels(lambda *pair: told.append(pair))
+    assert sorted(told) == [(1, 2), (2, 2)]
+    assert not first_start.is_first()
+
+
 def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def refused(*_: object) -> None:
+    def refused(*_: object, **__: object) -> None:
         raise OSError("no more processes")
 
     monkeypatch.setattr("subprocess.Popen", refused)
-    first_start.compile_kernels(lambda *_: pytest.fail("nothing was compiled"))
+    told: list[tuple[int, int]] = []
+    first_start.compile_kernels(lambda *pair: told.append(pair))
+    assert told == []
 
 
 @pytest.mark.parametrize("first", [True, False])
