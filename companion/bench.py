@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import params
+from companion.allocator import keep_memory
 from companion.errors import UsageError
 from slz import LocalFrame, Pipeline, Report, Window
 from slz.warm_up import warm_up
@@ -62,8 +63,9 @@ def run(case: Case) -> dict[str, Any]:
     """Warm up, process every window, and return times (ms), zones and memory.
 
     A window's time is that of `Pipeline.process`, from points to the report. The zone is fixed about (0, 0),
-    and points outside it are passed over.
+    and points outside it are passed over. The allocator is told to keep memory, as in flight.
     """
+    keep_memory()
     parameters = case.parameters()
     records = _records(case.points)
     warm_up(parameters)

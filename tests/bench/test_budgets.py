@@ -1,7 +1,8 @@
 """Budgets of time and memory: `taskset -c 1 pytest -m bench -s tests/bench/test_budgets.py`.
 
 Times are of the processor, not of the wall, and the best of several runs where one figure is asked for, so
-that other programs count little. Every figure is printed beside its budget.
+that other programs count little. The allocator is told to keep memory, as in flight. Every figure is printed
+beside its budget.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 import params
+from companion.allocator import keep_memory
 from companion.bench import _rss_mb
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.pose_history import PoseHistory
@@ -53,6 +55,11 @@ LARGER_MEMORY = Budget("memory in a zone 25 times larger", "", 1.2)
 READY = Budget("start to ready with a filled cache, warm-up", "s", 3)
 FUSION = Budget("fusion of one point", "ns", 15)
 LIVOX = Budget("decoding of one Livox point", "ns", 25)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _allocator_of_a_flight() -> None:
+    keep_memory()
 
 
 def parameters(zone_m: float, mode: str = "source") -> params.Parameters:
