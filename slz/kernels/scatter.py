@@ -13,6 +13,7 @@ FIELDS = 8
 TILE_BITS = 6
 TILE = 1 << TILE_BITS  # cells along the side of a tile
 OUTSIDE = np.int32(-(2**31))
+ONE, TWO = np.float32(1), np.float32(2)
 
 
 @kernel("Tuple((int32[:, ::1], int64[::1]))(float64[:, :], float64, float64, float64, int64[:])")
@@ -143,9 +144,8 @@ def gather_evidence(
         dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], z - sensor[2]
         across = dx * dx + dy * dy
         noise = range_noise_m**2 * dz * dz / max(across + dz * dz, 1e-6) + angle_noise_rad**2 * across
-        if np.isnan(noise):  # the sensor's place is not known
-            noise = range_noise_m**2
-        variance = np.float32(noise)
+        # NaN where the sensor's place is not known.
+        variance = np.float32(noise if noise == noise else range_noise_m**2)
         held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
         now = held[0]
         if now[COUNT] > 0 and now_s - now[TIME] > hold_s:
@@ -157,22 +157,17 @@ def gather_evidence(
             now[COUNT], now[MEAN], now[NOISE], now[TIME] = 1, h, variance, now_s
             now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
         else:
-            n = now[COUNT] + 1
+            # No branch: whether a return is an extreme cannot be foretold.
+            n = now[COUNT] + ONE
+            low, high = now[LOW], now[HIGH]
+            above, below = (h if h > low else low), (h if h < high else high)
+            low2 = above if above < now[LOW2] else now[LOW2]
+            high2 = below if below > now[HIGH2] else now[HIGH2]
+            now[LOW2], now[HIGH2] = (above, below) if n == TWO else (low2, high2)
+            now[LOW], now[HIGH] = (h if h < low else low), (h if h > high else high)
             now[COUNT] = n
             now[MEAN] += (h - now[MEAN]) / n
             now[NOISE] += (variance - now[NOISE]) / n
-            if n == 2:  # of two points the lower is second highest, the higher second lowest
-                now[LOW2], now[HIGH2] = max(now[LOW], h), min(now[HIGH], h)
-                now[LOW], now[HIGH] = min(now[LOW], h), max(now[HIGH], h)
-            else:
-                if h < now[LOW]:
-                    now[LOW2], now[LOW] = now[LOW], h
-                elif h < now[LOW2]:
-                    now[LOW2] = h
-                if h > now[HIGH]:
-                    now[HIGH2], now[HIGH] = now[HIGH], h
-                elif h > now[HIGH2]:
-                    now[HIGH2] = h
         held[1, TIME] = now_s
     return used
 
