@@ -246,7 +246,8 @@ class EvidenceTerrain:
         """
         values = self._maps.read(self._everywhere(box), LAYERS.index(name))
         if name == "certainty":
-            return np.asarray(np.nan_to_num(values, copy=False))
+            values[np.isnan(values)] = 0
+            return np.asarray(values)
         return np.asarray(values + np.float32(self.tiles.datum_m)) if name in HEIGHTS else values
 
 

@@ -109,8 +109,9 @@ def ground_m(terrain: Terrain, cell: Box) -> float:
     """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
     for radius in range(4):
         heights = terrain.layer("height_m", _around(cell, radius, terrain))
-        if np.isfinite(heights).any():
-            return float(np.nanmedian(heights))
+        known = heights[np.isfinite(heights)]
+        if len(known):
+            return float(np.median(known))
     return float("nan")
 
 

@@ -24,6 +24,10 @@ def expected_maximum(n: float) -> float:
     return float(root - (np.log(np.log(n)) + np.log(4 * np.pi) - 2 * 0.5772) / (2 * root))
 
 
+MANY = 1024
+EXPECTED = np.array([expected_maximum(float(n)) if n > 8 else 0.0 for n in range(MANY)])
+
+
 @kernel("float32[:, :, :](float32[:, :, :, :], float32, float32)")
 def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
     """Return height, bottom, top, number of returns, excess and spread of every cell; NaN, 0 where unknown.
@@ -59,7 +63,10 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 n += before[COUNT]
             extreme[0, r, c], extreme[1, r, c], extreme[2, r, c], extreme[3, r, c] = hi, hi2, lo, lo2
             out[HEIGHT, r, c], out[WEIGHT, r, c], out[SPREAD, r, c] = mean, n, noise
-            out[EXCESS, r, c] = (expected_maximum(n) - 1) * np.sqrt(noise) if n > 8 else np.float32(0)
+            out[EXCESS, r, c] = 0
+            if n > 8:
+                expected = EXPECTED[int(n)] if n < MANY else expected_maximum(n)
+                out[EXCESS, r, c] = (expected - 1) * np.sqrt(noise)
     for r in range(rows):
         for c in range(cols):
             n = out[WEIGHT, r, c]
@@ -67,10 +74,11 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 continue
             hi, lo = extreme[0, r, c], extreme[2, r, c]
             high2, low2 = extreme[1, r, c], extreme[3, r, c]
-            nearby = np.float32(0)
-            for i in range(max(0, r - 1), min(rows, r + 2)):
-                for j in range(max(0, c - 1), min(cols, c + 2)):
-                    nearby += out[WEIGHT, i, j]
+            nearby = n
+            if n <= FEW:
+                for i in range(max(0, r - 1), min(rows, r + 2)):
+                    for j in range(max(0, c - 1), min(cols, c + 2)):
+                        nearby += out[WEIGHT, i, j] if i != r or j != c else np.float32(0)
             if nearby <= FEW:
                 out[TOP, r, c], out[BOTTOM, r, c] = hi, lo
                 continue
