@@ -14,6 +14,7 @@ import lazrs
 
 from companion.errors import UsageError
 
+MOST_BYTES = 1 << 28  # of a chunk's points, for which its reader has room made; usual are 50,000 points
 LAYERED = 3  # the compressor of formats 6 to 10
 _HEAD = struct.Struct("<H")
 _ITEM = struct.Struct("<HHH")  # type, bytes, version
@@ -37,7 +38,7 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
     Raises
     ------
     UsageError
-        A chunk is corrupt or lies beyond the file's end, or there are too few or too many of them.
+        A chunk is corrupt, too large or lies beyond the file's end, or there are too few or too many of them.
     """
     size = path.stat().st_size
     packing = lazrs.LazVlr(record)
@@ -53,6 +54,11 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
             )
         at, told, last = points_at + 8, 0, 0
         for number, (most, chunk_bytes) in enumerate(table):
+            if most * point_bytes > MOST_BYTES:  # lazrs would end the program where there is no such room
+                raise UsageError(
+                    f"{path}: its chunk {number + 1} may hold {most} points, too many to be read at once:"
+                    " write it again in chunks of 50,000 points, or copy it again if it is corrupt"
+                )
             told, claimed = _head(file, at + point_bytes, layers) if layers else (most, 0)
             last = most
             if at + chunk_bytes > size or claimed > chunk_bytes:
