@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from companion.errors import UsageError
 from companion.survey.laz_chunks import check_chunks, check_none_follow
+from companion.survey.laz_reader import read_points
 from companion.survey.reference import Reference, of_header
 from companion.survey.signature import look
 from companion.survey.source import CHUNK, Chunk, Clock, translated
@@ -162,7 +163,8 @@ def pieces(path: Path, n_points: int) -> Iterator[Any]:
     """
     n = 0
     with translated(path), laspy.open(path, encoding_errors="replace") as reader:
-        for piece in reader.chunk_iterator(CHUNK):
+        compressed = reader.header.are_points_compressed
+        for piece in read_points(path, reader.header) if compressed else reader.chunk_iterator(CHUNK):
             n += len(piece)
             yield piece
     if n != n_points:

@@ -42,6 +42,8 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
     """
     size = path.stat().st_size
     packing = lazrs.LazVlr(record)
+    if not packing.chunk_size():  # lazrs would divide by it
+        raise UsageError(f"{path}: it is corrupt, its chunks are of no points: copy it again")
     layers = _layers(record)
     with path.open("rb") as file:
         file.seek(points_at)

@@ -28,12 +28,14 @@ SHELLS = {"os.system", "os.popen", "subprocess.getoutput", "subprocess.getstatus
           "asyncio.create_subprocess_shell"}  # fmt: skip
 RUNS = {"eval", "exec", "compile", "__import__"}
 PROCESSES = {"subprocess", "multiprocessing", "pty"}
-# They run this program's own simulator beside it, or compile its kernels before; `slz sim` becomes it.
+# They run this program's own simulator beside it, compile its kernels before, or read what may end a process;
+# `slz sim` becomes the simulator.
 BESIDE = {
     "companion/demo.py",
     "companion/first_start.py",
     "companion/reproduce/instruments.py",
     "companion/reproduce/recording.py",
+    "companion/survey/laz_reader.py",
 }
 BECOMES = {"companion/cli.py"}
 
