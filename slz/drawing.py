@@ -66,7 +66,7 @@ def drawn(
     fits = planes(
         np.ascontiguousarray(cells[:, *about]),
         np.ascontiguousarray(closed(known, reach.gap)[about]),
-        k, cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m,
+        k, cell_m, p.range_noise_m, p.safe_slope_deg,
     )  # fmt: skip
     unseen = _unseen(known, cells[HEIGHT], reach, cell_m, p)
     box, inner = (slice(m, m + rows), slice(m, m + cols)), slice(k, -k)

@@ -9,9 +9,11 @@ from slz.kernels.jit import kernel
 from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
 FEW = 20  # returns of 3 x 3 cells up to which each stands for itself
+GAP = 8  # cells, up to which footprints on both sides are judged with those between
 CROWD = 64  # returns of a cell from which on its hazards show in more than one of them
 
 Row = NDArray[np.float32]
+F0 = np.float32(0)
 
 # Layers of `summarise`.
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
@@ -198,34 +200,6 @@ def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDA
     return out
 
 
-@kernel("float32[:, ::1](float32[:, :], int64)")
-def highest_in_square(values: NDArray[np.float32], radius: int) -> NDArray[np.float32]:
-    """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
-
-    Maxima of 2, 4, 8 ... cells in a row come from each other, those of a square's rows likewise.
-    """
-    rows, cols = values.shape
-    side = 2 * radius + 1
-    wide = np.full((rows + 2 * radius, cols + 2 * radius), np.float32(-np.inf))
-    for r in range(rows):
-        line = wide[r + radius]
-        for c in range(np.uint64(cols)):
-            v = values[r, c]
-            line[c + np.uint64(radius)] = v if v > np.float32(-np.inf) else np.float32(-np.inf)
-        done = 1
-        while done < side:
-            step = min(done, side - done)
-            _raise(line[step:], line[: len(line) - step], 0.0)
-            done += step
-    done = 1
-    while done < side:
-        step = min(done, side - done)
-        for r in range(len(wide) - step):
-            _raise(wide[r + step], wide[r], 0.0)
-        done += step
-    return wide[:rows, :cols].copy()
-
-
 @kernel("void(float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64[:, ::1])")
 def _add_row(
     cells: NDArray[np.float32],
@@ -323,43 +297,70 @@ def _solve(
 
 
 @kernel(
-    "UniTuple(float64, 2)(float32[:, ::1], float32[:, ::1], float64[:, ::1], int64, int64, int64, float64,"
-    " float64, float64)"
+    "void(float32[::1], float32[::1], float32[::1], float32[::1], float32[::1], float32, float32[::1],"
+    " float32[::1])"
 )
-def _relief(
+def _widen(
+    lower: Row, upper: Row, level: Row, tilt: Row, east: Row, x: np.float32, low: Row, high: Row
+) -> None:
+    """Take one cell of each footprint into its range, without a branch, so that the compiler takes several.
+
+    The level goes off first: of two heights near each other the difference is exact in four bytes.
+    """
+    for c in range(np.uint64(len(level))):
+        rise = tilt[c] + east[c] * x
+        under, over = (lower[c] - level[c]) - rise, (upper[c] - level[c]) - rise
+        low[c] = under if under < low[c] else low[c]  # NaN is not
+        high[c] = over if over > high[c] else high[c]
+
+
+@kernel(
+    "void(float32[:, ::1], float32[:, ::1], float64[:, ::1], int64, int64, int64, int64, float64, float64,"
+    " float32[:, ::1], float32[:, :, ::1])"
+)
+def _reliefs(
     lower: NDArray[np.float32],
     upper: NDArray[np.float32],
     fit: NDArray[np.float64],
     row: int,
-    col: int,
+    first: int,
+    stop: int,
     k: int,
     cell_m: float,
     reference: float,
-    most: float,
-) -> tuple[float, float]:
-    """Return the peak-to-peak of a footprint about its plane, and that of its inner cells.
+    room: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:
+    """Leave the peak-to-peak of a row's footprints about their planes, and that of their inner cells.
 
-    Where the inner one exceeds `most` the rows that follow are passed over.
+    The footprints are those about the columns from `first` to `stop`; those whose gradient is NaN stay.
+    `room` is scratch, (7, columns) at least.
     """
-    low = inner_low = np.inf
-    high = inner_high = -np.inf
-    east, north, level = fit[EAST, col], fit[NORTH, col], fit[LEVEL, col]
-    for i in range(row - k, row + k + 1):
-        if inner_high - inner_low > most:
-            break
-        tilt = level + north * (i - row) * cell_m + reference
+    n = stop - first
+    level, east, tilt = room[0, :n], room[1, :n], room[2, :n]
+    low, high, inner_low, inner_high = room[3, :n], room[4, :n], room[5, :n], room[6, :n]
+    for c in range(n):
+        level[c], east[c] = fit[LEVEL, first + c] + reference, fit[EAST, first + c]
+        low[c] = inner_low[c] = np.inf
+        high[c] = inner_high[c] = -np.inf
+    for i in range(-k, k + 1):
+        for c in range(n):
+            tilt[c] = fit[NORTH, first + c] * (i * cell_m)
         for d in range(-k, k + 1):
-            under = lower[i, col + d] - (tilt + east * d * cell_m)
-            over = upper[i, col + d] - (tilt + east * d * cell_m)
-            low = under if under < low else low  # NaN is not
-            high = over if over > high else high
-            if abs(i - row) < k and abs(d) < k:
-                inner_low = under if under < inner_low else inner_low
-                inner_high = over if over > inner_high else inner_high
-    return max(0.0, high - low), max(0.0, inner_high - inner_low)
+            under, over = lower[row + i, first + d : stop + d], upper[row + i, first + d : stop + d]
+            x = np.float32(d * cell_m)
+            if abs(i) < k and abs(d) < k:
+                _widen(under, over, level, tilt, east, x, inner_low, inner_high)
+            else:
+                _widen(under, over, level, tilt, east, x, low, high)
+    for c in range(n):
+        if not np.isnan(fit[GRADIENT, first + c]):
+            whole = max(high[c], inner_high[c]) - min(low[c], inner_low[c])
+            inner = inner_high[c] - inner_low[c]
+            out[2, row, first + c], out[5, row, first + c] = max(F0, whole), max(F0, inner)
 
 
-@kernel("float32[:, :, :](float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64)")
+@kernel("float32[:, :, :](float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64)")
 def planes(
     cells: NDArray[np.float32],
     covered: NDArray[np.uint8],
@@ -367,17 +368,14 @@ def planes(
     cell_m: float,
     noise_m: float,
     slope_limit: float,
-    relief_limit: float,
 ) -> NDArray[np.float32]:
     """Fit a plane to the cells of the footprint around every cell.
 
     Returns (7, rows, cols): slope (deg), its standard deviation (deg), relief (m): the peak-to-peak of
     tops and bottoms about the plane, less their excess, rms residual of the heights (m), standard deviation
     of one return (m), the relief without the outermost cells of the footprint (m), and the share of its cells
-    that hold a return. NaN where any cell of
-    the footprint is not covered or fewer than six have a height. Where the slope exceeds its limit by three
-    standard deviations both reliefs stay NaN; where a cheap upper bound is below half of the limit, that one
-    is returned; above twice the limit they are lower bounds. Else they are exact.
+    that hold a return. NaN where any cell of the footprint is not covered or fewer than six have a height;
+    both reliefs also where the slope exceeds its limit by three standard deviations.
     """
     rows, cols = covered.shape
     k = radius
@@ -395,8 +393,7 @@ def planes(
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
     lower, upper = cells[BOTTOM] + cells[EXCESS], cells[TOP] - cells[EXCESS]
-    highest, lowest = highest_in_square(upper, k), highest_in_square(-lower, k)
-    sums, fit = np.zeros((13, cols)), np.empty((7, cols))
+    sums, fit, room = np.zeros((13, cols)), np.empty((7, cols)), np.empty((7, cols), np.float32)
     for r in range(rows):
         _add_row(cells, covered, r, r * cell_m, 1.0, reference, column)
         if r > 2 * k:
@@ -406,6 +403,7 @@ def planes(
         row = r - k
         _over_columns(column, k, cell_m, sums)
         _solve(sums, k, cell_m, row * cell_m, noise_m, fit)
+        first = stop = k  # of a stretch of footprints whose relief is asked for
         for col in range(k, cols - k):
             gradient = fit[GRADIENT, col]
             if np.isnan(gradient):
@@ -416,13 +414,11 @@ def planes(
             out[4, row, col] = fit[RETURN, col]
             out[6, row, col] = sums[W, col] / (2 * k + 1) ** 2
             if out[0, row, col] > slope_limit + 3 * out[1, row, col]:
+                fit[GRADIENT, col] = np.nan
                 continue
-            tilted = 2 * k * cell_m * (abs(fit[EAST, col]) + abs(fit[NORTH, col]))
-            bound = highest[row, col] + lowest[row, col] + tilted
-            if bound < 0.5 * relief_limit:
-                out[2, row, col] = out[5, row, col] = max(0.0, bound)
-                continue
-            out[2, row, col], out[5, row, col] = _relief(
-                lower, upper, fit, row, col, k, cell_m, reference, 2 * relief_limit
-            )
+            if col - stop > GAP:
+                _reliefs(lower, upper, fit, row, first, stop, k, cell_m, reference, room, out)
+                first = col
+            stop = col + 1
+        _reliefs(lower, upper, fit, row, first, stop, k, cell_m, reference, room, out)
     return out
