@@ -36,6 +36,8 @@ MOST_CORES = 4  # half a gigabyte of memory
 
 def is_first() -> bool:
     """Tell whether some source of kernels has nothing compiled, or only what is older than itself."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return False  # nothing is ever compiled
     newest: dict[str, float] = {}
     for folder in _caches():
         for path in folder.rglob(COMPILED):

@@ -74,6 +74,15 @@ def test_every_module_that_compiles_for_a_flight_is_among_them() -> None:
     assert len(names) > 30
 
 
+def test_without_the_compiler_nothing_is_to_be_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for told, expected in (("", True), ("0", True), ("1", False)):
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", told)
+        assert first_start.is_first() is expected
+
+
 def test_modules_are_compiled_in_other_processes_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
