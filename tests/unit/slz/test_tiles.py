@@ -47,6 +47,19 @@ def test_a_box_reads_the_same_whatever_tiles_it_crosses() -> None:
     assert whole[..., 0, 0].sum() == 5000
 
 
+def test_a_point_differs_from_the_mean_of_its_own_cell_and_of_no_other() -> None:
+    cell_m = 0.5
+    row, col = np.mgrid[-70:70:3, -66:67:2]  # of several tiles, west and south of the corner too
+    places = np.column_stack([(col.ravel() + 0.5) * cell_m, (row.ravel() + 0.5) * cell_m])
+    height = 1.0 * row.ravel() + 0.01 * col.ravel()
+    tiles = Tiles(0.0, 0.0, cell_m, 64 * TILE_BYTES)
+    add(tiles, np.column_stack([places, height]))
+    over = np.column_stack([places, height + 0.25])
+    beside = over + np.array([cell_m, 0.0, 0.0])  # no cell there was hit
+    found = tiles.differences(np.vstack([beside, over]))
+    np.testing.assert_allclose(found, np.column_stack([places, np.full(len(places), 0.25)]), atol=1e-5)
+
+
 def far_apart(number: int) -> NDArray[np.float64]:
     return points_at((number * 100.0 + 0.1, 0.1))
 

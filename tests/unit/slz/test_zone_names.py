@@ -289,6 +289,16 @@ def test_a_zone_that_vanishes_takes_its_id_along_and_one_that_appears_gets_anoth
     assert id_at(after, 30, 46) not in (None, 1)
 
 
+def test_a_zone_that_appears_where_one_vanished_is_that_one_again() -> None:
+    pipe = default()
+    west = Patch(4, 54, 4, 24)
+    rubble = canvas(west)
+    rubble[::2, ::2] += 1.0
+    assert ids(looked(pipe, canvas(west))) == [1]
+    assert ids(looked(pipe, rubble)) == []
+    assert ids(fly(pipe, *(returns(canvas(west), CELL_M) for _ in range(3)), first_s=3.0)) == [1]
+
+
 def test_a_zone_out_of_sight_keeps_its_id_until_it_is_too_old() -> None:
     pipe = default("max_age_s=10")
     west, east = Patch(4, 54, 4, 24), Patch(4, 54, 34, 58)

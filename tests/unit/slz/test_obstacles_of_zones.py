@@ -1,0 +1,34 @@
+"""How high an obstacle of a zone stands: over the zone's own ground around it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slz.content import _obstacles
+from slz.grid import Box, Grid
+
+ROWS, COLS = 12, 90
+
+
+def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -> None:
+    """Left the ground is at 10 m, right at 20 m, between at 90 m, but no ground of the zone's."""
+    height = np.full((ROWS, COLS), 10.0, np.float32)
+    height[:, 60:], height[:, 30:60] = 20.0, 90.0
+    own = np.ones((ROWS, COLS), bool)
+    own[:, 30:60] = False
+    height[4, 9] = height[5, 71] = np.nan  # safe between returns
+    holes = np.zeros((ROWS, COLS), bool)
+    top = height.copy()
+    for row, col, up in ((5, 10, 13.0), (6, 70, 20.5)):
+        holes[row, col], own[row, col], height[row, col], top[row, col] = True, False, 99.0, up
+    layers = {"height_m": height, "top_m": top}
+    terrain: Any = SimpleNamespace(
+        layer=lambda name, _box: layers[name], grid=Grid(0.0, 0.0, 0.5, ROWS, COLS)
+    )
+    found = _obstacles(holes, own, terrain, Box(0, ROWS, 0, COLS))
+    assert sorted((o.east_m, o.north_m) for o in found) == [(5.25, 2.75), (35.25, 3.25)]
+    assert {o.east_m: o.height_m for o in found} == {5.25: pytest.approx(3.0), 35.25: pytest.approx(0.5)}
