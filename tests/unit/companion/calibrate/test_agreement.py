@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -38,6 +39,7 @@ def straight(t: Floats) -> tuple[Floats, Floats, Rotation]:
     return position, velocity, Rotation.from_euler("ZYX", np.zeros((*np.shape(t), 3)))
 
 
+@functools.cache
 def flown(
     path: Callable[[Floats], tuple[Floats, Floats, Rotation]],
     scene: str,
