@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.coverage.parts import PARTS, Part, costs_file
+from tests.coverage.parts import PARTS, PROGRAMS, Part, costs_file
 
 GOAL_PERCENT = 95
 COVERAGE = (sys.executable, "-m", "coverage")
@@ -16,11 +16,24 @@ COVERAGE = (sys.executable, "-m", "coverage")
 
 def measured(part: Part, data: Path, more: list[str]) -> int:
     """Run a part; return pytest's exit code."""
-    environment = dict(os.environ, COVERAGE_FILE=str(data), NUMBA_DISABLE_JIT="0" if part.compiled else "1")
-    command = [*COVERAGE, "run", "-m", "pytest", "-q", "-p", "no:cacheprovider", *part.options()]
-    print(f"coverage: {part.name}", flush=True)
-    command += ["--costs", str(costs_file(data)), *more]
-    code = subprocess.run(command, env=environment, check=False).returncode
+    command = [
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        *part.options(),
+        "--costs",
+        str(costs_file(data)),
+        *more,
+    ]
+    return run(command, data, part.compiled)
+
+
+def run(command: list[str], data: Path, compiled: bool = True) -> int:
+    """Run a module with its arguments under coverage; return its exit code."""
+    print(f"coverage: {data.name}", flush=True)
+    environment = dict(os.environ, COVERAGE_FILE=str(data), NUMBA_DISABLE_JIT="0" if compiled else "1")
+    code = subprocess.run([*COVERAGE, "run", "-m", *command], env=environment, check=False).returncode
     # Each process that the tests started left a file of its own.
     subprocess.run([*COVERAGE, "combine", "--quiet"], env=environment, check=False)
     return code
@@ -28,7 +41,8 @@ def measured(part: Part, data: Path, more: list[str]) -> int:
 
 def reported(out: Path) -> int:
     """Combine what is there and report it; return other than 0 under the goal."""
-    parts = [str(out / p.name) for p in PARTS if (out / p.name).is_file()]
+    names = [*(part.name for part in PARTS), *PROGRAMS]
+    parts = [str(out / name) for name in names if (out / name).is_file()]
     if not parts:
         print(f"coverage: nothing was measured in {out}: run `make coverage`", file=sys.stderr)
         return 2
@@ -40,8 +54,8 @@ def reported(out: Path) -> int:
 
 
 def main() -> int:
-    """Measure what is asked for; 0 if tests pass and, with what was measured before, the goal is reached."""
-    names = [part.name for part in PARTS]
+    """Measure what is asked for; 0 if all pass and, with what was measured before, the goal is reached."""
+    names = [*(part.name for part in PARTS), *PROGRAMS]
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--part", action="append", choices=names, help="run it alone; repeatable")
     asked.add_argument("--report", action="store_true", help="run nothing, report what is there")
@@ -52,9 +66,13 @@ def main() -> int:
     wanted = [] if options.report else options.part or names
     chosen = [part for part in PARTS if part.name in wanted]
     failed = [part.name for part in chosen if measured(part, options.out / part.name, options.more)]
+    for name in [name for name in PROGRAMS if name in wanted]:
+        arguments = [argument.format(out=options.out) for argument in PROGRAMS[name]]
+        if run(["companion.cli", *arguments], options.out / name):
+            failed.append(name)
     under = reported(options.out)
     if failed:
-        print(f"coverage: tests failed in {', '.join(failed)}", file=sys.stderr)
+        print(f"coverage: failed in {', '.join(failed)}", file=sys.stderr)
     return 1 if failed else under
 
 

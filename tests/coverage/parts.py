@@ -6,6 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 WANTED = "not bench and not browser and not realtime"
+PROGRAMS = {
+    "demo": ("demo", "--headless", "--out", "{out}/programs/demo"),
+    "flash": ("reproduce", "--only", "flash", "--out", "{out}/programs/flash"),
+    "radar": ("reproduce", "--only", "radar", "--out", "{out}/programs/radar"),
+}
+"""What no test runs from end to end, for it takes minutes: arguments of `slz`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,10 +22,11 @@ class Part:
     paths: tuple[str, ...]
     compiled: bool
     limit_s: float
+    wanted: str = WANTED
 
     def options(self) -> list[str]:
         """Return pytest's options."""
-        chosen = ["-p", "tests.coverage.plugin", "-m", WANTED, "--timeout", "0"]
+        chosen = ["-p", "tests.coverage.plugin", "-m", self.wanted, "--timeout", "0"]
         chosen += ["--processor-limit", f"{self.limit_s:g}"]
         # A kernel's 0/0 is NaN by design; numpy's scalars, which stand for it uncompiled, warn of it.
         quiet = [] if self.compiled else ["-W", "ignore::RuntimeWarning"]
@@ -44,4 +51,5 @@ PARTS = (
         limit_s=3.0,
     ),
     Part("compiled", ("tests",), compiled=True, limit_s=0.0),
+    Part("realtime", ("tests/e2e", "tests/integration"), compiled=True, limit_s=0.0, wanted="realtime"),
 )  # fmt: skip
