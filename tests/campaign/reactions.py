@@ -169,7 +169,7 @@ def faults_of(flight: Flown) -> list[str]:
         wrong.append("gave the vehicle to a pilot who had not touched it")
     if flight["began_s"] is None:
         return [*wrong, "the state was never reached"]
-    reactions = TABLE[flight["fault"]].of(Phase(flight["state"]))
+    reactions = TABLE[flight["fault"]].of(_state(flight))
     return wrong + [text for reaction in reactions if (text := reaction(flight))]
 
 
@@ -177,3 +177,10 @@ def unsafe(flight: Flown) -> list[str]:
     """Return whether it touched unsafe ground, or flew into something."""
     wrong = ["touched unsafe ground"] if flight["safe"] is False else []
     return [*wrong, "collided"] if flight["collision"] is not None else wrong
+
+
+def _state(flight: Flown) -> Phase:
+    """Return the state that the fault met: LAND may have been told in the very tick before it began."""
+    state, during = Phase(flight["state"]), seen(flight)
+    landing = state is Phase.DESCEND and during and during[0].phase == Phase.FINAL.value
+    return Phase.FINAL if landing else state

@@ -94,6 +94,8 @@ HELD = {"fault": "lidar_stop", "path": way("hold"), "landed": False, "phase": "h
         (HELD | {"heard": ["take over"]}, ""),
         ({"fault": "pilot_mode", "path": way("final"), "landed": False}, "still in final at 12.0 s"),
         ({"fault": "pilot_mode", "path": way("idle"), "landed": False, "hands_off": 1}, ""),
+        ({"fault": "killed", "state": "descend", "path": way("descend", speed_ms=2.0)}, "still moves"),
+        ({"fault": "killed", "state": "descend", "path": way("final", speed_ms=2.0)}, ""),
         ({"fault": "link_duplicates", "hands_off": 1}, "gave the vehicle to a pilot"),
         ({"fault": "pilot_mode", "path": way("idle")}, "landed all the same"),
     ],
