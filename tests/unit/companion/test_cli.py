@@ -18,6 +18,7 @@ from companion import cli, flight
 from companion.dashboard.page import Front
 from companion.link.event import Event
 from params import Parameters
+from tests.unit.companion.replay import flights
 from tests.unit.companion.survey.clouds import field, placed, write
 
 RUN = ["run", "--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0"]
@@ -259,3 +260,64 @@ def test_params_are_listed_whole_in_a_pipe(capfd: Capture) -> None:
         (line,) = (line for line in listed.splitlines() if line.startswith(f"│ {row.name} "))
         assert row.mavlink in line
         assert row.sentence in line
+
+
+# ---- what a command prints ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("flight")
+    flights.write_tlog(folder / "flight.tlog")
+    flights.write_pcap(folder / "lidar.pcap")
+    return folder
+
+
+def test_replay_tells_the_zones_as_a_table_or_as_json(flown: Path, capsys: Capture) -> None:
+    words = ["replay", str(flown / "flight.tlog"), "--points", str(flown / "lidar.pcap")]
+    words += ["--set", "cell_m=0.5", "--set", "zone_m=200"]
+    assert ended(*words) == 0
+    table = capsys.readouterr().out
+    assert ended(*words, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["windows"] >= 4
+    assert f"{told['windows']} windows" in table
+    assert "as in flight" not in table  # another program's recording holds no zones to compare
+    assert told["zones"]
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_calibrate_prints_what_to_correct(
+    as_json: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    summary = {
+        "file": "a.mcap",
+        "correction": {"roll_deg": 0.5123, "pitch_deg": -0.25, "yaw_deg": None, "delay_ms": 14.9},
+        "standard_error": {"roll_deg": 0.01, "pitch_deg": 0.02, "yaw_deg": None, "delay_ms": 0.4},
+        "not_shown": ["yaw_deg"], "before_m": 0.12, "after_m": 0.03, "planes": 400, "returns": 90_000,
+        "parameters": {"lidar_roll_deg": 0.512, "lidar_delay_ms": 14.9},
+    }  # fmt: skip
+    monkeypatch.setattr("companion.calibrate.command.run", lambda *_: summary)
+    assert ended("calibrate", str(tmp_path / "a.mcap"), *(["--json"] if as_json else [])) == 0
+    out = capsys.readouterr().out
+    if as_json:
+        assert json.loads(out) == summary
+    else:
+        assert "0.5123" in out or "0.512" in out
+        assert "yaw" in out
+
+
+@pytest.mark.parametrize(("ok", "code"), [(True, 0), (False, 1)])
+@pytest.mark.parametrize("as_json", [False, True])
+def test_doctor_ends_with_1_where_something_needed_is_wrong(
+    ok: bool, code: int, as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    from companion.doctor import command
+
+    monkeypatch.setattr(command, "examine", lambda *_: [])
+    monkeypatch.setattr(command, "document", lambda _found: {"ok": ok, "findings": []})
+    monkeypatch.setattr(command, "table", lambda _found: "the findings")
+    words = ["doctor", "--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0"]
+    assert ended(*words, *(["--json"] if as_json else [])) == code
+    out = capsys.readouterr().out
+    assert json.loads(out)["ok"] is ok if as_json else "the findings" in out
