@@ -25,13 +25,16 @@ from companion.fusion.georeference import Georeferencer
 from companion.fusion.pose_history import PoseHistory
 from companion.sensors.livox import LivoxDecoder
 from companion.sensors.returns import Returns
+from companion.sensors.velodyne import VelodyneDecoder
 from slz import LocalFrame, Pipeline, Window
 from slz.warm_up import warm_up
+from tests.unit.companion.sensors.velodyne_packets import velodyne_packet
 
 pytestmark = pytest.mark.bench
 
 FRAME = LocalFrame(45.0, -75.0, 0.0)
 WINDOWS = 600
+N_VELODYNE = 750 * 384
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ LARGER_MEMORY = Budget("memory in a zone 25 times larger", "", 1.2)
 READY = Budget("start to ready with a filled cache, warm-up", "s", 3)
 FUSION = Budget("fusion of one point", "ns", 15)
 LIVOX = Budget("decoding of one Livox point", "ns", 25)
+VELODYNE = Budget("decoding of one Velodyne point", "ns", 25)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -170,3 +174,14 @@ def test_livox_decoding() -> None:
         packets.append(head + struct.pack("<I", zlib.crc32(body)) + body)
 
     LIVOX.hold(best(lambda: len(LivoxDecoder().decode(packets))))
+
+
+def test_velodyne_decoding() -> None:
+    packets = [
+        velodyne_packet(
+            lambda _block, place: (5000 + place, 77), azimuth=480 * k % 36_000, stamp_us=1_327 * k
+        )
+        for k in range(750)
+    ]
+    assert len(VelodyneDecoder().decode(packets)) == N_VELODYNE
+    VELODYNE.hold(best(lambda: len(VelodyneDecoder().decode(packets))))
