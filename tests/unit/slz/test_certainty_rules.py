@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN, UNSAFE, Pipeline, Report, Zone
-from tests.unit.slz.hand_made import FRAME, flat, fly, maps, returns, state_at
+from tests.unit.slz.hand_made import FRAME, flat, fly, maps, returns, state_at, window
 
 ROWS, COLS = 42, 52
 N_TOTAL = (ROWS - 2) * (COLS - 2)  # without the outermost ring
@@ -105,6 +105,13 @@ def test_flat_ground_seen_everywhere_is_certain_by_both_rules(rule: str) -> None
     assert (zone.n_safe, zone.n_unsafe, zone.n_uncertain) == (N_TOTAL, 0, 0)
     assert zone.certainty == 1.0
     assert zone.obstacles == ()
+
+
+def test_the_landing_point_is_as_far_away_as_it_lies_over_ground() -> None:
+    sensor = (13.0, -17.0, 40.0)
+    best = only_zone(pipeline("min_square_m=3").process(window(returns(ground(), 1.0), 0.0, sensor))).best
+    assert best.distance_m == pytest.approx(math.hypot(best.enu_m[0] - 13.0, best.enu_m[1] + 17.0))
+    assert best.distance_m > 1
 
 
 # ---- obstacles ----------------------------------------------------------------------------------

@@ -118,3 +118,9 @@ def test_it_is_made_in_either_mode(mode: str) -> None:
     assert report.nearby is not None
     assert report.nearby.top_m.shape == report.nearby.ground_m.shape
     assert report.nearby.ground_below_m(SENSOR) == pytest.approx(0.0, abs=0.06)
+
+
+def test_columns_stand_in_the_middles_of_their_cells() -> None:
+    heights = Nearby(-3.0, 7.0, 0.5, *(np.array([[0, 5, np.nan], [9, 1, 6]], np.float32) for _ in "gt"))
+    found = heights.columns_enu_m(4.0)
+    assert found.tolist() == [[-2.25, 7.25, 5.0], [-2.75, 7.75, 9.0], [-1.75, 7.75, 6.0]]
