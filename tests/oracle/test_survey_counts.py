@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.gather import BLOCK, BLOCK_BITS, count_lines, count_squares
+from slz.kernels.gather import BLOCK, BLOCK_BITS, count_lines, count_squares, place
 
 RNG = np.random.default_rng(5)
 ROW, COL = RNG.integers(0, BLOCK, (2, 400))
@@ -27,3 +27,19 @@ def test_points_are_counted_by_squares_of_cells(bits: int) -> None:
     expected = np.zeros((side, side), np.int32)
     np.add.at(expected, (ROW >> bits, COL >> bits), 1)
     np.testing.assert_array_equal(count, expected)
+
+
+def test_points_go_to_the_blocks_they_lie_in_however_often_these_take_turns() -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(-2.0 * BLOCK, 2.0 * BLOCK, (2, 300))
+    z = rng.uniform(-5, 5, 300)
+    keep = rng.random(300) < 0.8
+    blocks, slots = np.empty((32, 2), np.int64), np.full(64, -1, np.int64)
+    cell, height, block = np.empty(300, np.uint16), np.empty(300, np.int32), np.empty(300, np.int32)
+    n, n_blocks = place(x, y, z, keep, 1.0, 1.0, 100.0, 1e6, blocks, slots, 0, cell, height, block)
+    row, col = np.floor(y[keep]).astype(int), np.floor(x[keep]).astype(int)
+    assert n == keep.sum()
+    assert n_blocks == len({(r // BLOCK, c // BLOCK) for r, c in zip(row, col, strict=True)}) == 16
+    np.testing.assert_array_equal(blocks[block[:n]], np.column_stack([row // BLOCK, col // BLOCK]))
+    np.testing.assert_array_equal(cell[:n], (row % BLOCK << BLOCK_BITS) | (col % BLOCK))
+    np.testing.assert_array_equal(height[:n], np.rint(z[keep] * 100))

@@ -39,3 +39,11 @@ def test_the_phase_of_level_ground_is_its_geometry_and_nothing_is_left_of_it() -
     assert image.flat_rad[lit] == pytest.approx(flat_phase(lines.ranges_m)[lit], abs=1e-5)
     assert (image.coherence[~lit] == 0).all()
     assert (~lit).any()
+
+
+def test_lines_of_another_number_of_looks_are_refused_with_both_numbers() -> None:
+    lines, other = observed(), Interferometer(looks=RADAR.looks + 3)
+    with pytest.raises(
+        ValueError, match=f"{RADAR.looks} looks, but the interferometer has {RADAR.looks + 3}"
+    ):
+        interferogram(lines, other)
