@@ -79,7 +79,7 @@ def tour(
 
     Returns
     -------
-    Cells, more than fit in `path` where it is too short; twice the area to the left of the cracks, positive
+    Cells, more than fit in `path` where it is too short; the cells to the left of the cracks, positive
     for the outside of a component, negative for a hole in it.
     """
     r, c, index, n, area, first = row, col, 0, 0, 0, -1
