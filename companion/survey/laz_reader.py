@@ -18,8 +18,7 @@ from typing import IO, Any, cast
 import laspy
 import numpy as np
 
-from companion.errors import UsageError
-from companion.survey.source import CHUNK
+from companion.survey.source import CHUNK, corrupt, reason_of
 
 ROOT = Path(__file__).parents[2]
 HEAD = struct.Struct("<cQ")  # what follows, and how many bytes of it
@@ -51,13 +50,18 @@ class _Reader:
             kind, size = HEAD.unpack(head) if len(head) == HEAD.size else (FAILED, -1)
             data = bytearray(max(0, size))
             if answers.readinto(data) != size:
-                raise _corrupt(path, f"its reader ended with code {self._process.wait()}")
+                raise corrupt(path, f"its reader ended with code {self._process.wait()}")
             self.idle = kind != POINTS
             if kind == DONE:
                 return
             if kind == FAILED:
-                raise _corrupt(path, data.decode(errors="replace"))
+                raise corrupt(path, data.decode(errors="replace"))
             yield data
+
+    @property
+    def lives(self) -> bool:
+        """Whether the process is there: while idle somebody else may have ended it."""
+        return self._process.poll() is None
 
     def close(self) -> None:
         """End the process, whatever it does."""
@@ -76,7 +80,7 @@ def read_points(path: Path, header: Any) -> Iterator[Any]:
     UsageError
         The file is truncated or corrupt.
     """
-    reader = _idle.pop() if _idle else _Reader()
+    reader = _ready()
     try:
         for data in reader.read(path):
             points = np.frombuffer(data, header.point_format.dtype())
@@ -88,14 +92,19 @@ def read_points(path: Path, header: Any) -> Iterator[Any]:
             reader.close()
 
 
+def _ready() -> _Reader:
+    while _idle:
+        reader = _idle.pop()
+        if reader.lives:
+            return reader
+        reader.close()
+    return _Reader()
+
+
 @atexit.register
 def _close() -> None:
     while _idle:
         _idle.pop().close()
-
-
-def _corrupt(path: Path, reason: str) -> UsageError:
-    return UsageError(f"{path}: it is truncated or corrupt ({reason}): copy it again")
 
 
 def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
@@ -109,11 +118,10 @@ def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
                 with laspy.open(Path(os.fsdecode(path)), encoding_errors="replace") as reader:
                     for piece in reader.chunk_iterator(CHUNK):
                         _answer(answers, POINTS, np.ascontiguousarray(piece.array).view(np.uint8).data)
-            except OSError:  # nobody listens
+            except BrokenPipeError:  # nobody listens
                 raise
             except BaseException as error:  # Rust's panics are no Exceptions
-                reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-                _answer(answers, FAILED, reason.encode())
+                _answer(answers, FAILED, reason_of(error).encode())
             else:
                 _answer(answers, DONE, b"")
 

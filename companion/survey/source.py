@@ -70,6 +70,16 @@ def finite(points: NDArray[np.float64]) -> Chunk:
     return Chunk(points if not n_bad else points[keep], None, len(points), {"not_finite": n_bad})
 
 
+def corrupt(path: Path, reason: str) -> UsageError:
+    """Return the refusal of a file that cannot be decoded."""
+    return UsageError(f"{path}: it is truncated or corrupt ({reason}): copy it again")
+
+
+def reason_of(error: BaseException) -> str:
+    """Return what a decoder raised in one short line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:160]
+
+
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
     """Turn whatever decoders raise, Rust's panics included, into one line."""
@@ -78,5 +88,4 @@ def translated(path: Path) -> Iterator[None]:
     except (UsageError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
-        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-        raise UsageError(f"{path}: it is truncated or corrupt ({reason}): copy it again") from None
+        raise corrupt(path, reason_of(error)) from None

@@ -62,6 +62,15 @@ def test_a_reader_that_ends_in_a_file_is_told_and_the_next_file_is_read(cloud: P
     assert sum(map(len, pieces(cloud, N))) == N
 
 
+def test_a_reader_that_ended_between_two_files_is_not_the_next_file_s_fault(cloud: Path) -> None:
+    list(pieces(cloud, N))
+    (reader,) = laz_reader._idle
+    reader._process.kill()
+    reader._process.wait()
+    assert sum(map(len, pieces(cloud, N))) == N
+    assert laz_reader._idle != [reader]
+
+
 def test_a_file_that_nobody_reads_to_its_end_leaves_no_process(cloud: Path) -> None:
     list(pieces(cloud, N))
     (reader,) = laz_reader._idle
