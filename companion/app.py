@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
-from collections import deque
 from collections.abc import Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +30,7 @@ from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import velocity_setpoint
 from companion.outputs.status import Status
 from companion.prior import SurveyPrior
+from companion.recent import Recent
 from companion.recordings import Recordings
 from companion.sensors.beside import open_beside
 from companion.sensors.driver import open_lidar
@@ -133,7 +133,7 @@ class Companion:
         )
         self._watch = PointWatch()
         self.report: Report | None = None
-        self.path_enu_m: deque[NDArray[np.float64]] = deque(maxlen=20_000)
+        self.path_enu_m = Recent(20_000, (3,))
         self.zones_seen: dict[int, Zone] = {}
         self.maps: TerrainMaps | None = None
         self.summary: dict[str, Any] = {}
@@ -420,7 +420,7 @@ class Companion:
             point="none" if selected is None else selected.state.value,
             certainty=selected.certainty if selected is not None else nan if best is None else best.certainty,
             height_m=over,
-            latency_ms=latencies[-1] if latencies else nan,
+            latency_ms=float(latencies.last) if latencies else nan,
             dropped=self.worker.dropped_windows + self.link.statistics().dropped,
             sync_ms=self.link.timesync.residual_ns * 1e-6 if self.link.timesync.synced else nan,
         )

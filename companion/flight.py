@@ -8,8 +8,6 @@ import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from companion import folder
 from companion.app import Companion
 from companion.landing.situation import Phase
@@ -109,7 +107,7 @@ def draw(companion: Companion, out: Path) -> dict[str, str]:
         return {}
     zones = companion.report.zones if companion.report else ()
     chosen = companion.executive.tally.chosen_enu_m
-    path = np.array(companion.path_enu_m).reshape(-1, 3)
+    path = companion.path_enu_m.array()
     landed = companion.executive.phase is Phase.LANDED
     touchdown = path[-1] if landed and len(path) else None
     files = save_flight(out, maps, zones, path, chosen, touchdown, companion.parameters)

@@ -96,7 +96,7 @@ def flight_summary(companion: Companion) -> dict[str, Any]:
     landed = executive.phase is Phase.LANDED
     touchdown = None
     if landed and companion.path_enu_m and frame is not None:
-        touchdown = _place(frame, companion.path_enu_m[-1])
+        touchdown = _place(frame, companion.path_enu_m.last)
     return {
         "phase": executive.phase.value,
         "landed": landed,
@@ -110,7 +110,7 @@ def flight_summary(companion: Companion) -> dict[str, Any]:
         "reports": worker.reports,
         "dropped_windows": worker.dropped_windows,
         "failed_windows": worker.failed,
-        "latency_ms": _quantiles(list(worker.latencies_ms)),
+        "latency_ms": _quantiles(worker.latencies_ms.array()),
         "streams": companion.streams.statistics(),
         "link": asdict(companion.link.statistics()),
         "lidar": companion.lidar.statistics(),
@@ -136,8 +136,8 @@ def _place(frame: LocalFrame, enu_m: NDArray[np.float64]) -> dict[str, float]:
     return {"lat": lat, "lon": lon, "alt_m": alt}
 
 
-def _quantiles(values: list[float]) -> dict[str, float | None]:
-    if not values:
+def _quantiles(values: NDArray[np.float64]) -> dict[str, float | None]:
+    if not len(values):
         return {"p50": None, "p99": None, "max": None}
     p50, p99 = np.percentile(values, [50, 99])
-    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(max(values), 2)}
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(float(values.max()), 2)}

@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import time
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from companion.invariants import BrokenInvariantError, Invariants
 from companion.link.event import Event
+from companion.recent import Recent
 from companion.window_event import WindowEvent, runs
 from params import Parameters
 from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
@@ -74,7 +74,7 @@ class PipelineWorker:
         self._busy_since_s: float | None = None
         self.dropped_windows = 0
         self.reports = 0
-        self.latencies_ms: deque[float] = deque(maxlen=10_000)
+        self.latencies_ms = Recent(10_000)
 
     async def warm_up(self) -> None:
         """Load or compile all kernels; call it before the heartbeat says ready."""

@@ -100,7 +100,9 @@ class Board:
         self.texts.append(Text(next(self._numbers), time.time(), severity, text))
 
     def fly(self, enu_m: tuple[float, float, float]) -> None:
-        """Lengthen the path."""
+        """Lengthen the path, unless it ends there."""
+        if self.path and self.path[-1] == enu_m:
+            return
         if len(self.path) >= MOST_PATH:
             self.path = self.path[::2]
             self.path_number += 1

@@ -111,7 +111,7 @@ def health(companion: Companion) -> dict[str, Any]:
         "sync_ms": _finite(link.residual_ms, 2) if companion.link.timesync.synced else None,
         "windows": companion.worker.reports,
         "dropped_windows": companion.worker.dropped_windows,
-        "latencies_ms": [round(ms, 1) for ms in list(companion.worker.latencies_ms)[-LATENCIES:]],
+        "latencies_ms": [round(ms, 1) for ms in companion.worker.latencies_ms.array(LATENCIES).tolist()],
         "streams": companion.streams.statistics(),
         "lidar": {name: value for name, value in lidar.items() if isinstance(value, int | float | str)},
         "fusion": {name: value for name, value in fusion.items() if isinstance(value, int | float | str)},

@@ -122,7 +122,7 @@ class Page:
     def report(self, report: Report) -> None:
         """Show a report."""
         latencies = self._companion.worker.latencies_ms
-        self.board.take(report, latencies[-1] if latencies else float("nan"))
+        self.board.take(report, float(latencies.last) if latencies else float("nan"))
 
     def close(self) -> None:
         """End the page and free its port."""
@@ -151,8 +151,8 @@ class Page:
     def _observe(self) -> None:
         """Put the state on the board, ten times a second of real time at most."""
         now_s, companion, board = time.monotonic(), self._companion, self.board
-        if companion.path_enu_m and (not board.path or board.path[-1] != _place(companion.path_enu_m[-1])):
-            board.fly(_place(companion.path_enu_m[-1]))
+        if companion.path_enu_m:
+            board.fly(_place(companion.path_enu_m.last))
         if now_s - self._last_state_s >= 0.9 * STATE_S:
             self._last_state_s = now_s
             board.state = observe.state(companion)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import numpy as np
+
+from companion.recent import Recent
 
 MOST = 20_000  # kept, a quarter of an hour at 20 Hz
 
@@ -22,8 +23,8 @@ class Cadence:
     def __init__(self, hz: float | None) -> None:
         self._period_ms = None if hz is None else 1e3 / hz
         self._last_ns: int | None = None
-        self._intervals_ms: deque[float] = deque(maxlen=MOST)
-        self._ages_ms: deque[float] = deque(maxlen=MOST)
+        self._intervals_ms = Recent(MOST)
+        self._ages_ms = Recent(MOST)
         self.count = 0
 
     def note(self, now_ns: int, pose_age_ns: int | None = None) -> None:
@@ -42,13 +43,13 @@ class Cadence:
     def summary(self) -> dict[str, Any]:
         """Return the count, the rate, and quantiles of jitter and pose age; nothing of what is unknown."""
         out: dict[str, Any] = {"count": self.count}
-        intervals = np.array(self._intervals_ms)
+        intervals = self._intervals_ms.array()
         if intervals.any():  # all of them 0: it was sent at one instant only
             out["hz"] = round(1e3 / float(intervals.mean()), 2)
             if self._period_ms is not None:
                 out["jitter_ms"] = _quantiles(np.abs(intervals - self._period_ms))
         if self._ages_ms:
-            out["pose_age_ms"] = _quantiles(np.array(self._ages_ms))
+            out["pose_age_ms"] = _quantiles(self._ages_ms.array())
         return out
 
 

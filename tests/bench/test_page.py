@@ -156,7 +156,7 @@ async def watch(companion: Companion, turns: Turns) -> None:
     turns.seconds += time.monotonic() - started_s
     turns.process_s += time.process_time() - process_s
     turns.page_s += cpu_s("slz-page") - page_s
-    turns.latencies_ms += companion.worker.latencies_ms
+    turns.latencies_ms += companion.worker.latencies_ms.array().tolist()
 
 
 @pytest.mark.bench

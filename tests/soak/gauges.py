@@ -61,7 +61,7 @@ class Gauges:
             self._since_s = now_s
         worker = companion.worker
         new = min(worker.reports - self._reports, len(worker.latencies_ms))
-        latencies = list(worker.latencies_ms)[-new:] if new else [float("nan")]
+        latencies = worker.latencies_ms.array(new) if new else np.array([np.nan])
         self._reports = worker.reports
         p50_ms, p99_ms = np.percentile(latencies, (50, 99))
         reading = Reading(
