@@ -282,14 +282,13 @@ def replay(
     from companion.replay.flown import Beside
 
     beside = Beside(points, tuple(pose), lidar, origin, profile)
-    if dashboard is not None or dashboard_token is not None:
-        from companion.dashboard.replay_page import show
+    with _front(dashboard, dashboard_token) as front:
+        if front is not None:
+            from companion.dashboard.replay_page import show
 
-        interrupts: Interrupts = context.obj
-        with _front(dashboard, dashboard_token) as front:
-            if front is not None:
-                show(file, setting, front, beside, speed, interrupts.handled_by)
-        return
+            interrupts: Interrupts = context.obj
+            show(file, setting, front, beside, speed, interrupts.handled_by)
+            return
 
     with _progress(as_json) as step:
         summary = command.run(

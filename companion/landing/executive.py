@@ -142,10 +142,10 @@ class Executive:
         refusal = _not_flying(s)
         if refusal is not None:
             return refusal
-        if not s.guided:
-            return Reply(False, "set GUIDED first")
         if self.phase in (Phase.FINAL, Phase.DESCEND):
             return Reply(False, "descending: abort first")
+        if not s.guided:
+            return Reply(False, "set GUIDED first")
         return self._start(s, wish)
 
     def _start(self, s: Situation, wish: Wish) -> Reply:

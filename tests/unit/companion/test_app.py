@@ -15,6 +15,8 @@ from companion.clock import now_ns
 from companion.landing.situation import Orders, Phase
 from companion.link.command import CommandResult
 from companion.link.vehicle import VehicleState
+from slz import LocalFrame, Scan
+from tests.ports import free_port
 
 FLYING = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True, reported_landed="in_air")
 
@@ -165,3 +167,75 @@ async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
     companion.lidar.stream.last_arrival_ns = None if lidar_s is None else now - round(lidar_s * 1e9)  # type: ignore[attr-defined]
     assert companion._scans_are_fresh(now) is fresh
     companion.worker.close()
+
+
+async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It enters that mode only while they arrive; few are enough, and on the ground none are due."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(FLYING, autopilot="px4"))
+        await seat.tick("AUTO.LOITER")
+        await seat.tick("AUTO.LOITER")
+        assert seat.velocities() == [(0.0, 0.0, 0.0)]
+        monkeypatch.setattr(
+            f"{__name__}.FLYING", replace(FLYING, autopilot="px4", reported_landed="on_ground")
+        )
+        seat.companion._last_open_ns = 0
+        await seat.tick("AUTO.LOITER")
+        assert len(seat.velocities()) == 1
+
+
+def scan(stamp_ns: int) -> Scan:
+    points = np.array([[1.0, 2.0, -20.0], [2.0, 2.0, -20.0]])
+    return Scan(points, np.full(2, stamp_ns), np.zeros(3), LocalFrame(47.0, 8.0, 400.0))
+
+
+async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with cockpit(monkeypatch) as seat:
+        companion, begun, offered = seat.companion, [], []
+        monkeypatch.setattr(companion.worker, "restart", lambda: begun.append("map"))
+        monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        companion.link.ready = True
+        companion._on_scan(scan(1))
+        companion._on_radar_scan(scan(2))
+        assert (len(begun), len(offered)) == (0, 2)
+        companion.history.epoch += 1
+        companion._on_radar_scan(scan(3))  # it may still be of the frame before
+        assert (len(begun), len(offered)) == (0, 2)
+        companion._on_scan(scan(4))
+        companion._on_radar_scan(scan(5))
+        assert (len(begun), len(offered)) == (1, 3)
+        assert "the position estimate jumped: mapping anew" in caplog.text
+
+
+async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+        offered: list[Scan] = []
+        monkeypatch.setattr(seat.companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        seat.companion.link.ready = False
+        seat.companion._on_scan(scan(1))
+        assert offered == []
+        seat.companion.link.ready = True
+        seat.companion._on_scan(scan(2))
+        assert len(offered) == 1
+
+
+async def test_a_radar_and_a_view_run_and_end_with_the_companion(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def warm_up() -> None: ...
+
+    ports = [free_port() for _ in range(3)]
+    companion = Companion(
+        f"udpin:127.0.0.1:{ports[0]}", f"livox:127.0.0.1:{ports[1]}", params.load(), auto=False,
+        radar_url=f"radar:127.0.0.1:{ports[2]}", foxglove_port=0,
+    )  # fmt: skip
+    monkeypatch.setattr(companion.worker, "warm_up", warm_up)
+    companion.on_ready.subscribe(companion.stop)
+    await companion.run()
+    assert companion.live is not None
+    assert companion.summary["phase"] == "idle"
+    assert companion.summary["radar"]["packets"] == 0
+    with pytest.raises(ConnectionRefusedError):  # nobody listens any more
+        await asyncio.open_connection("127.0.0.1", companion.live.port)

@@ -12,6 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rich.console import Console
+from rich.logging import RichHandler
 
 import params
 from companion import cli, flight
@@ -239,6 +241,17 @@ def test_demo_serves_the_page_unless_it_is_headless_and_nobody_asked(
     assert ("the pilot's page: http://127.0.0.1:" in capfd.readouterr().err) == page
 
 
+@pytest.mark.parametrize(("landed", "safe", "code"), [(True, True, 0), (True, False, 1), (False, False, 1)])
+def test_demo_ends_with_1_unless_it_landed_on_safe_ground(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, landed: bool, safe: bool, code: int
+) -> None:
+    summary = {"landed": landed, "touchdown_safe": safe}
+    monkeypatch.setattr("companion.demo.fly", lambda *_, **__: summary)
+    monkeypatch.setattr("companion.demo.table", lambda told: f"how it ended: {told['touchdown_safe']}")
+    assert ended("demo", "--headless") == code
+    assert f"how it ended: {safe}" in capsys.readouterr().out
+
+
 # ---- slz sim -------------------------------------------------------------------------------------------
 
 
@@ -321,3 +334,137 @@ def test_doctor_ends_with_1_where_something_needed_is_wrong(
     assert ended(*words, *(["--json"] if as_json else [])) == code
     out = capsys.readouterr().out
     assert json.loads(out)["ok"] is ok if as_json else "the findings" in out
+
+
+ZONE = {
+    "id": 7, "area_m2": 412.4, "certainty": 0.93, "slope_deg": 2.345, "square_side_m": 12.0,
+    "lat": 46.1234567, "lon": -122.7654321, "distance_m": 87.6, "bearing_deg": 271.2,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("told", "words", "code"),
+    [
+        ({"identical": 5, "different": 0}, [], 0),
+        ({"identical": 4, "different": 1}, [], 1),
+        ({"identical": 4, "different": 1}, ["--json"], 1),
+        ({"identical": 4, "different": 1}, ["--set", "zone_m=200"], 0),  # other parameters, other zones
+        ({"identical": 4, "different": 1}, ["--from", "2"], 0),  # another beginning, other zones
+        ({"identical": 0, "different": 0, "source": "flight.tlog"}, [], 0),
+    ],
+)
+def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
+    told: dict[str, Any], words: list[str], code: int, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    summary = {"windows": 5, "zones": [ZONE], **told}
+    monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
+    assert ended("replay", "a.mcap", *words) == code
+    out = capsys.readouterr().out
+    if "--json" in words:
+        assert json.loads(out) == summary
+        return
+    assert "46.1234567" in out
+    assert ("as in flight" in out) == ("source" not in told)
+
+
+def test_replay_on_the_page_shows_the_file_there(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr("companion.dashboard.replay_page.show", lambda *given: shown.append(given))
+    assert ended("replay", "a.mcap", "--dashboard", "127.0.0.1:0", "--speed", "2") == 0
+    ((file, _settings, front, _beside, speed, _handled),) = shown
+    assert (file, speed) == (Path("a.mcap"), 2.0)
+    assert str(front.address) in capfd.readouterr().err
+
+
+def test_a_key_to_a_page_that_nobody_opens_is_refused(capfd: Capture, tmp_path: Path) -> None:
+    line = refusal(capfd, "replay", "a.mcap", "--dashboard-token", str(tmp_path / "tokens"))
+    assert "--dashboard-token goes with --dashboard" in line
+
+
+def test_map_tells_zones_and_what_it_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    def found(_files: object, _out: object, parameters: Parameters, *_: object) -> dict[str, Any]:
+        cells_m.append(parameters.cell_m)
+        return {"zones": [ZONE], "skipped": [{"file": "b.las", "reason": "b.las: it is truncated"}]}
+
+    cells_m: list[float] = []
+    monkeypatch.setattr("companion.survey.run", found)
+    assert ended("map", "a.las", "--out", str(tmp_path)) == 2
+    out, err = capsys.readouterr()
+    assert "1 zones, maps in" in out.replace("\n", " ")
+    assert "46.1234567" in out
+    assert "slz: left out: b.las: it is truncated" in err
+    assert ended("map", "a.las", "--out", str(tmp_path), "--cell-m", "0.25") == 2
+    assert cells_m == [0.5, 0.25]
+
+
+def test_nearest_tells_a_table_or_that_there_is_none(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    answers: list[dict[str, Any]] = [{"zones": [ZONE, {**ZONE, "id": 9, "slope_deg": None}]}, {"zones": []}]
+    monkeypatch.setattr("companion.survey.nearest.nearest", lambda *_: answers[0])
+    assert ended("nearest", "46.1", "-122.8", "--json") == 0
+    assert json.loads(capsys.readouterr().out) == answers[0]
+    assert ended("nearest", "46.1", "-122.8") == 0
+    first, second = (line for line in capsys.readouterr().out.splitlines() if "412" in line)
+    assert "2.3" in first
+    assert "2.3" not in second  # a slope that nobody measured is not told
+    answers.pop(0)
+    assert ended("nearest", "46.1", "-122.8") == 0
+    assert capsys.readouterr().out == "no zone there\n"
+
+
+def test_reproduce_tells_where_the_page_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    summary = {"files": ["results.json", "index.html"]}
+    monkeypatch.setattr("companion.reproduce.run", lambda *_: summary)
+    assert ended("reproduce", "--out", str(tmp_path)) == 0
+    assert capsys.readouterr().out == "see index.html\n"
+    assert ended("reproduce", "--out", str(tmp_path), "--json") == 0
+    assert json.loads(capsys.readouterr().out) == summary
+
+
+def test_bench_tells_the_times_of_windows_and_stages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    summary = {"windows": 8, "points_per_s": 123_456, "ms": {"p50": 1.25}, "stage_ms": {"slope": 0.5}}
+    monkeypatch.setattr("companion.bench.run", lambda _case: summary)
+    words = ["bench", "--points", str(tmp_path / "a.f64"), "--cell-m", "1", "--zone-m", "200"]
+    words += ["--min-square-m", "5", "--min-boundary", "20"]
+    assert ended(*words) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"p50\W+1\.250", out)
+    assert re.search(r"slope\W+0\.500", out)
+    assert ended(*words, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == summary
+
+
+def test_the_first_start_says_why_it_takes_a_minute(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:
+    def compiled(step: Any) -> None:
+        step(1, 2)
+        steps.append("compiled")
+
+    steps: list[str] = []
+    monkeypatch.setattr("companion.first_start.is_first", lambda: True)
+    monkeypatch.setattr("companion.first_start.compile_kernels", compiled)
+    monkeypatch.setattr("companion.calibrate.command.run", lambda *_: {})
+    assert ended("calibrate", "a.mcap", "--json") == 0
+    assert steps == ["compiled"]
+    assert "first start: compiling the kernels" in capfd.readouterr().err
+
+
+def test_on_a_terminal_the_log_is_coloured_and_elsewhere_plain(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    asked: list[dict[str, Any]] = []
+    monkeypatch.setattr(logging, "basicConfig", lambda **how: asked.append(how))
+    monkeypatch.setattr("companion.calibrate.command.run", lambda *_: {})
+    for terminal in (True, False):
+        monkeypatch.setattr(cli, "err", Console(stderr=True, force_terminal=terminal))
+        assert ended("calibrate", "a.mcap", "--json") == 0
+    on_terminal, elsewhere = asked
+    assert isinstance(on_terminal["handlers"][0], RichHandler)
+    assert "handlers" not in elsewhere
+    assert "%(asctime)s" in elsewhere["format"]

@@ -5,7 +5,7 @@ import pytest
 
 from companion.landing.situation import Orders, Phase
 from slz import PointState
-from tests.unit.companion.landing.flight import Flight, zone
+from tests.unit.companion.landing.flight import Flight, replace, zone
 
 
 def commands(orders: Orders) -> bool:
@@ -204,6 +204,31 @@ class TestOperator:
     def test_abort_without_a_landing_is_refused(self) -> None:
         flight = Flight([], auto=False).run(1)
         assert not flight.executive.abort(flight.situation()).accepted
+
+    def test_abort_below_commit_height_is_refused_and_the_landing_goes_on(self) -> None:
+        flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+        flight.until(lambda f: f.position[2] < 1.0)
+        reply = flight.executive.abort(flight.situation())
+        assert not reply.accepted
+        assert "below commit height" in reply.reason
+        flight.fly_to(Phase.LANDED)
+        assert flight.executive.tally.aborts == 0
+
+    @pytest.mark.parametrize("phase", [Phase.DESCEND, Phase.FINAL])
+    def test_an_emergency_in_a_landing_lets_it_go_on_and_another_order_is_refused(self, phase: Phase) -> None:
+        flight = Flight([zone(1, 10, 0), zone(2, 12, 0)]).fly_to(phase)
+        reply = flight.executive.land_in_zone(flight.situation(), 2)
+        assert (reply.accepted, reply.reason) == (False, "descending: abort first")
+        assert flight.executive.land_now(flight.situation()).reason == "landing already"
+        flight.fly_to(Phase.LANDED)
+        assert flight.position[0] == pytest.approx(10, abs=0.5)
+        assert flight.executive.tally.aborts == 0
+
+    def test_there_is_no_zone_to_land_in_before_the_first_report(self) -> None:
+        flight = Flight([zone(1, 10, 0)], auto=False).run(1)
+        unmapped = replace(flight.situation(), report=None)
+        assert flight.executive.land_in_zone(unmapped, 1).reason == "no zone 1"
+        assert not flight.executive.watch_zone(unmapped, 1).accepted
 
 
 def test_ground_of_a_survey_is_flown_to_and_left_again_unless_live_maps_call_it_safe() -> None:

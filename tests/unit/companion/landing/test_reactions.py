@@ -5,7 +5,7 @@ import pytest
 
 from companion.landing.situation import Orders, Phase
 from slz import PointState
-from tests.unit.companion.landing.flight import Flight, zone
+from tests.unit.companion.landing.flight import Flight, replace, zone
 
 
 def commands(orders: Orders) -> bool:
@@ -248,6 +248,23 @@ def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() 
     flight.run(30)
     assert not any(commands(orders) for *_, orders in flight.orders)
     assert sum("battery low" in text for text in flight.texts) == 1
+
+
+def test_a_low_battery_on_the_ground_is_nobody_s_concern() -> None:
+    flight = Flight([], auto=False, height=0.0)
+    flight.armed, flight.battery_pct = False, 5.0
+    flight.run(2)
+    assert flight.texts == []
+
+
+def test_a_low_battery_without_a_map_goes_on_to_the_point_that_was_chosen() -> None:
+    flight = Flight([zone(1, 60, 0)]).fly_to(Phase.APPROACH)
+    flight.battery_pct = 5.0
+    orders = flight.executive.step(replace(flight.situation(), report=None))
+    assert [text for _, text in orders.texts] == ["SLZ: battery low: landing at the nearest zone"]
+    assert flight.executive.phase is Phase.APPROACH
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(60, abs=0.5)
 
 
 def test_a_new_battery_is_watched_anew() -> None:
