@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 from companion import cli
+from companion.bench import Case
+from companion.errors import UsageError
+from params import Parameters
 
 ARGUMENTS = [  # of a small flight
     "--cell-m",
@@ -86,3 +89,13 @@ def test_bad_input_is_one_line_and_exit_2(
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("slz: ")
+
+
+def test_the_rules_of_the_source_are_set_in_its_mode_only(tmp_path: Path) -> None:
+    source, default = (
+        Case(tmp_path, 1.0, 60.0, 5.0, 20, mode).parameters() for mode in ("source", "default")
+    )
+    assert source.safe_slope_deg == 4.0
+    assert default.safe_slope_deg == Parameters().safe_slope_deg
+    with pytest.raises(UsageError, match="--mode 'ours': use source or default"):
+        Case(tmp_path, 1.0, 60.0, 5.0, 20, "ours").parameters()

@@ -108,3 +108,10 @@ def test_what_stands_around_the_vehicle_and_the_landing_point_is_told_up_to_the_
     np.testing.assert_allclose(points, [[5.25, 0.25, 10.0], [5.0, 4.0, 1.5], [5.2, 4.0, 1.5]])
     assert len(obstacle_points_enu_m(ABOVE, None, None, 2.0)) == 0
     assert len(obstacle_points_enu_m(ABOVE, mapped(0.0, pole_m=7.9), None, 2.0)) == 0
+
+
+def test_a_scan_without_a_return_is_no_news_of_what_is_around() -> None:
+    seen = memory(0.0)
+    seen.add(scan(np.empty((0, 3)), 5 * S))
+    assert seen.newest_ns == S
+    assert math.isnan(ObstacleMemory().ground_below_m(ABOVE, S))

@@ -441,20 +441,6 @@ def test_bench_tells_the_times_of_windows_and_stages(
     assert json.loads(capsys.readouterr().out) == summary
 
 
-def test_the_first_start_says_why_it_takes_a_minute(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:
-    def compiled(step: Any) -> None:
-        step(1, 2)
-        steps.append("compiled")
-
-    steps: list[str] = []
-    monkeypatch.setattr("companion.first_start.is_first", lambda: True)
-    monkeypatch.setattr("companion.first_start.compile_kernels", compiled)
-    monkeypatch.setattr("companion.calibrate.command.run", lambda *_: {})
-    assert ended("calibrate", "a.mcap", "--json") == 0
-    assert steps == ["compiled"]
-    assert "first start: compiling the kernels" in capfd.readouterr().err
-
-
 def test_on_a_terminal_the_log_is_coloured_and_elsewhere_plain(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import struct
 import sys
 from dataclasses import replace
@@ -12,16 +13,17 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion import cli
+from companion.doctor import machine_check
 from companion.doctor.command import document, table
 from companion.doctor.finding import Finding, healthy
 from companion.doctor.lidar_check import lidar_findings
 from companion.doctor.link_check import link_findings
-from companion.doctor.machine_check import speed_finding, timer_finding
+from companion.doctor.machine_check import speed_finding, timer_finding, window_ms
 from companion.doctor.parameter_check import RETRY_NS, TRIES, ParameterReader, parameter_findings
 from companion.link.statistics import LinkStatistics
 from companion.link.streams import wanted
 from companion.link.vehicle import VehicleState
-from params import load, required
+from params import build, load, required
 from params.required import parse
 
 STREAMS = wanted("ardupilot", 50.0)
@@ -144,6 +146,14 @@ def test_px4_s_integers_are_read_by_their_bytes() -> None:
     assert ardupilot.values["A"] == pytest.approx(number)
 
 
+def test_a_value_that_is_no_number_is_asked_for_again() -> None:
+    reader = ParameterReader(ROWS, "ardupilot")
+    reader.take(value("A", math.nan))
+    assert reader.values == {}
+    reader.take(value("A", 1.0))
+    assert reader.values == {"A": 1.0}
+
+
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
@@ -162,6 +172,7 @@ def test_parameters_are_judged_by_the_file(values: dict[str, float], expected: d
 
 # ---- LiDAR, computer -----------------------------------------------------------------------------------
 
+SMALL = {"zone_m": 60.0, "adaptive": "off"}
 COUNTS = {"packets": 20_000, "returns": 1_500_000, "lost_packets": 0, "clock_resets": 0}
 
 
@@ -192,6 +203,23 @@ def test_a_silent_lidar_fails(counts: dict[str, int], said: str) -> None:
     (finding,) = lidar_findings("livox:x", 10.0, 0, counts)
     assert finding.state == "fail"
     assert said in finding.remedy
+
+
+def test_a_sensor_s_time_is_judged_where_it_has_one_to_follow() -> None:
+    def said(**more: int) -> str | None:
+        return states(lidar_findings("livox:x", 10.0, 20_000, COUNTS | more)).get("LiDAR time")
+
+    assert said() is None
+    assert said(clock_follows=1) == "ok"
+    assert said(clock_follows=0) == "fail"
+
+
+def test_this_computer_is_measured_with_windows_of_invented_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine_check, "POINTS", 500)
+    monkeypatch.setattr(machine_check, "window_ms", lambda p: window_ms(build(p.model_dump() | SMALL)))
+    told = machine_check.machine_findings(load(), [0.5, 1.0])
+    assert [finding.check for finding in told] == ["cores", "pipeline speed", "timer, p99 late", "date"]
+    assert "for 500 points" in told[1].found
 
 
 def test_a_slow_computer_fails_and_a_late_timer_warns() -> None:

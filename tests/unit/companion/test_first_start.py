@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import os
+import signal
 import sys
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Self
 
 import pytest
 
 from companion import cli, first_start
+from companion.interrupt import Interrupted
 
 PYTHON = f"py{sys.version_info.major}{sys.version_info.minor}"
 
@@ -108,13 +114,59 @@ def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
     assert told == []
 
 
+class Compiler:
+    """A process that compiles until it is told to end."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self.stdin, self.stdout, self.ended = io.StringIO(), self, threading.Event()
+        self.asked = threading.Event()
+        COMPILERS.append(self)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def readline(self) -> str:
+        self.asked.set()
+        self.ended.wait(60)
+        return ""
+
+    def terminate(self) -> None:
+        self.ended.set()
+
+
+COMPILERS: list[Compiler] = []
+
+
+def test_a_signal_ends_the_processes_that_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_futures: object) -> None:
+        while not (COMPILERS and COMPILERS[0].asked.wait(60)):
+            pass
+        raise Interrupted(signal.SIGINT)
+
+    monkeypatch.setattr("subprocess.Popen", Compiler)
+    monkeypatch.setattr(first_start, "wait", interrupted)
+    COMPILERS.clear()
+    told: list[tuple[int, int]] = []
+    with pytest.raises(Interrupted):
+        first_start.compile_kernels(lambda *pair: told.append(pair))
+    assert all(compiler.ended.is_set() for compiler in COMPILERS if compiler.asked.is_set())
+    assert COMPILERS[0].stdin.getvalue().startswith("slz.")
+    assert told == []
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_the_first_start_says_why_it_takes_long(
     first: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    def compiled(step: Callable[[int, int], None]) -> None:
+        step(1, 2)
+        asked.append(step)
+
     asked: list[object] = []
     monkeypatch.setattr(first_start, "is_first", lambda: first)
-    monkeypatch.setattr(first_start, "compile_kernels", asked.append)
+    monkeypatch.setattr(first_start, "compile_kernels", compiled)
     cli._compile_at_first()
     assert len(asked) == first
     assert ("first start: compiling the kernels" in capfd.readouterr().err) == first

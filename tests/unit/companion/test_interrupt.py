@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -52,6 +53,20 @@ def test_a_signal_is_put_off_to_the_end_of_a_block_even_one_that_fails(interrupt
     with pytest.raises(Interrupted):
         fail()
     assert steps == ["after"]
+
+
+def test_signals_are_left_alone_where_the_program_is_no_main_thread() -> None:
+    """Python hands signals to the main thread only, and refuses to install a handler from another."""
+
+    def work() -> None:
+        with Interrupts().installed():
+            handlers.append(signal.getsignal(signal.SIGTERM))
+
+    handlers: list[object] = []
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert handlers == [signal.getsignal(signal.SIGTERM)]
 
 
 def test_a_signal_calls_what_handles_it(interrupts: Interrupts) -> None:

@@ -72,3 +72,22 @@ def test_points_of_an_earlier_run_are_read_and_a_broken_line_is_left_out(
     served, _, _ = services(state)
     assert served.rally.ours == (RallyPoint(470_000_000, 80_000_000, 20),)
     assert len(caplog.records) == 3
+
+
+def test_points_and_timestamps_that_cannot_be_kept_are_warned_of_and_the_flight_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = StateDir(tmp_path)
+    served, _, link = services(state)
+    sent: list[str] = []
+    link.send = sent.append
+    monkeypatch.setattr(state, "write", lambda *_, **__: "No space left on device")
+    monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
+    served._signing = cast(Any, SimpleNamespace(tick=7, to_save=lambda: 7))
+    served._send_mission(["a message"])
+    served._save_timestamp()
+    assert sent == ["a message"]
+    assert [record.getMessage() for record in caplog.records] == [
+        "our rally points are not remembered: No space left on device",
+        "the timestamp of signing is not kept: No space left on device",
+    ]

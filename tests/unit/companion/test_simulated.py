@@ -115,6 +115,15 @@ def test_a_loop_let_go_runs_on_by_itself_though_the_simulator_dies_and_a_thread_
     assert loop.run_until_complete(end()) >= 2
 
 
+def test_a_simulator_that_dies_ends_the_flight_beside_it(loop: LockstepLoop, ticker: Ticker) -> None:
+    def die() -> None:
+        raise CompanionError("the simulator ended")
+
+    ticker.each = die
+    with pytest.raises(CompanionError, match="the simulator ended"):
+        loop.run_until_complete(asyncio.sleep(1))
+
+
 def test_client_asks_and_hears_the_time_until_the_simulator_ends() -> None:
     server = socket.create_server(("127.0.0.1", 0))
     client = LockstepClient(server.getsockname()[1])

@@ -1,6 +1,7 @@
 """The pipeline's thread: windows in, reports out, failures withdrawn."""
 
 import asyncio
+import threading
 import time
 from collections.abc import Callable
 
@@ -165,3 +166,41 @@ async def test_a_report_of_the_map_before_a_jump_is_dropped(monkeypatch: pytest.
         worker.offer(scan(second))
     await drive(worker, lambda: bool(reports))
     assert reports[0].stamp_ns > 4e9
+
+
+async def test_a_window_that_waits_when_the_estimate_jumps_is_never_computed() -> None:
+    reports: list[Report] = []
+    worker = worker_to(reports)
+    worker.offer(scan(0))
+    worker.offer(scan(1))
+    worker.restart()
+    await drive(worker, lambda: not worker._wake.is_set())
+    assert (reports, worker.reports) == ([], 0)
+
+
+async def test_it_hangs_once_a_window_takes_longer_than_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    def process(_self: Pipeline, _window: Window) -> Report:
+        begun.set()
+        go_on.wait(60)
+        raise ArithmeticError("broken on purpose")
+
+    begun, go_on = threading.Event(), threading.Event()
+    monkeypatch.setattr(Pipeline, "process", process)
+    worker = worker_to([])
+    worker.offer(scan(0))
+    worker.offer(scan(1))
+    assert not worker.hangs(0.0)
+    task = asyncio.create_task(worker.run())
+    async with asyncio.timeout(60):
+        while not begun.is_set():
+            await asyncio.sleep(0)
+        assert worker.busy
+        assert worker.hangs(0.0)
+        assert not worker.hangs(3600.0)
+        go_on.set()
+        while worker.busy:
+            await asyncio.sleep(0)
+    assert not worker.hangs(0.0)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()

@@ -267,6 +267,14 @@ def test_a_low_battery_without_a_map_goes_on_to_the_point_that_was_chosen() -> N
     assert flight.position[0] == pytest.approx(60, abs=0.5)
 
 
+def test_a_low_battery_where_no_zone_is_left_goes_on_to_the_point_that_was_chosen() -> None:
+    flight = Flight([zone(1, 60, 0)]).fly_to(Phase.APPROACH)
+    flight.battery_pct, flight.zones = 5.0, []
+    flight.fly_to(Phase.LANDED)
+    assert flight.phases.count(Phase.APPROACH) == 1
+    assert flight.position[0] == pytest.approx(60, abs=0.5)
+
+
 def test_a_new_battery_is_watched_anew() -> None:
     flight = Flight([zone(1, 0, 0)], auto=False)
     for charge in (10.0, 14.0, 90.0, 12.0):

@@ -92,6 +92,23 @@ def test_it_ends_before_the_disk_is_full_and_says_so(
     assert "ended" in caplog.text
 
 
+def test_a_disk_that_fails_ends_the_recording_and_what_comes_after_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(_file: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(writer, "FLUSH_S", 0.01)
+    monkeypatch.setattr("companion.recorder.writer.os.fsync", fail)
+    out = open_writer(tmp_path / "a.mcap")
+    wait_until(lambda: bool(out.ended))
+    assert not out.put(frame(1))
+    out.close()
+    assert out.ended == "writing failed: [Errno 5] Input/output error"
+    assert out.dropped == {journal.MAVLINK_IN: 1}
+    assert "Input/output error" in caplog.text
+
+
 def test_a_message_that_cannot_be_made_costs_itself_only(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1,0 +1,50 @@
+"""What a recording holds of a flight, and what it says of what it could not hold."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.fusion.pose import Pose
+from companion.recorder import journal, scene
+from companion.recorder.recorder import Recorder
+from companion.recorder.writer import McapWriter
+from companion.replay.reading import Recording
+from params import Parameters
+from slz import LocalFrame
+
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+
+
+async def test_what_the_disk_was_too_slow_for_is_told_as_a_gap_before_what_comes_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", "livox", Parameters(), 0)
+    recorder.time_asked(1)
+    with monkeypatch.context() as full:
+        full.setattr(McapWriter, "put", lambda *_: False)
+        for at_ns in (2, 3, 4):
+            recorder.time_asked(at_ns)
+    recorder.time_asked(5)
+    recorder.close()
+    kept = [(m.topic, json.loads(m.data)) for m in Recording(tmp_path / "a.mcap").messages()]
+    assert kept == [
+        (journal.EVENT, {"time_asked_ns": 1}),
+        (journal.GAP, {"lost": 3}),
+        (journal.EVENT, {"time_asked_ns": 5}),
+    ]
+
+
+async def test_the_place_is_recorded_a_few_times_a_second_however_often_it_is_told(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", "livox", Parameters(), 0)
+    pose = Pose(0, np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), 0)
+    for _ in range(5):
+        recorder.pose(pose, FRAME)
+    recorder.changed("cell_m", 0.5)
+    recorder.close()
+    written = recorder.statistics()["written"]
+    assert (written[scene.TRANSFORM], written[scene.FIX]) == (1, 1)
+    assert written[scene.PARAMETERS] == 2  # those at the start, and the one changed
