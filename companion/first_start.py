@@ -26,6 +26,7 @@ OURS = (
     "fusion/placement",
     "sensors/livox_points",
     "sensors/ouster_points",
+    "sensors/velodyne_points",
     "outputs/sectors",
     "dashboard/small_numbers",
 )

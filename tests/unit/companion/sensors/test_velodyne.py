@@ -47,6 +47,19 @@ def test_the_azimuth_turns_on_while_the_lasers_fire() -> None:
     assert math.degrees(math.atan2(-raw.xyz_m[0, 1], raw.xyz_m[0, 0])) == pytest.approx(11.4, abs=0.011)
 
 
+@pytest.mark.parametrize(("block", "azimuth_deg"), [(3, 11.4), (5, 12.2), (8, 193.4), (11, 194.6)])
+def test_a_sector_that_the_sensor_leaves_out_does_not_smear_its_neighbours(
+    block: int, azimuth_deg: float
+) -> None:
+    """Set to leave out 180 degrees, one packet of each turn jumps: between its blocks it turns as ever."""
+    packet = bytearray(velodyne_packet(only(block, 16), azimuth=1000, step=40))
+    for k in range(6, 12):
+        packet[100 * k + 2 : 100 * k + 4] = (19_000 + 40 * k).to_bytes(2, "little")
+    raw = VelodyneDecoder().decode([bytes(packet)])
+    azimuth = math.degrees(math.atan2(-raw.xyz_m[0, 1], raw.xyz_m[0, 0])) % 360
+    assert azimuth == pytest.approx(azimuth_deg, abs=0.011)
+
+
 @pytest.mark.parametrize(
     ("model", "mode", "block", "place", "after_ns"),
     [

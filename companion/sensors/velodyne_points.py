@@ -1,0 +1,192 @@
+"""Kernel that turns the bytes of many Velodyne packets into points, and the lasers of each model.
+
+Elevations and azimuth offsets are those of the user manuals (63-9243 VLP-16, 63-9318 Puck Hi-Res, 63-9325
+VLP-32C), laser by laser; vertical offsets follow from the focus, to 0.05 mm of those listed for the VLP-16.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+BLOCKS, PLACES = 12, 32  # of a packet; measurements of a block
+BLOCK_BYTES = 100
+TAIL_AT = BLOCKS * BLOCK_BYTES  # stamp, return mode, model
+MODE_AT, MODEL_AT = TAIL_AT + 4, TAIL_AT + 5
+DUAL = 0x39
+TICK_NS = 2_304  # between two lasers
+SEQUENCE_TICKS = 24  # from one firing of all lasers to the next
+CIRCLE = 36_000  # hundredths of a degree
+MOST_PER_TICK = CIRCLE * 25 * TICK_NS * 1e-9  # it turns 5 to 20 times a second: more is a sector left out
+
+
+@dataclass(frozen=True, slots=True)
+class Lasers:
+    """Where lasers look, elevation and azimuth (deg); the unit of ranges (m).
+
+    focus_m : from the axis to where all beams cross, level with the origin; a beam begins above or below it.
+    """
+
+    elevation_deg: tuple[float, ...]
+    azimuth_deg: tuple[float, ...]
+    focus_m: float
+    unit_m: float
+
+
+VLP16 = Lasers(
+    elevation_deg=(-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15),
+    azimuth_deg=(0,) * 16,
+    focus_m=0.04191,
+    unit_m=0.002,
+)
+PUCK_HI_RES = Lasers(
+    elevation_deg=(
+        -10, 0.667, -8.667, 2, -7.333, 3.333, -6, 4.667, -4.667, 6, -3.333, 7.333, -2, 8.667, -0.667, 10,
+    ),
+    azimuth_deg=(0,) * 16,
+    focus_m=0.04191,
+    unit_m=0.002,
+)  # fmt: skip
+VLP32C = Lasers(
+    elevation_deg=(
+        -25, -1, -1.667, -15.639, -11.31, 0, -0.667, -8.843, -7.254, 0.333, -0.333, -6.148, -5.333, 1.333,
+        0.667, -4, -4.667, 1.667, 1, -3.667, -3.333, 3.333, 2.333, -2.667, -3, 7, 4.667, -2.333, -2, 15,
+        10.333, -1.333,
+    ),
+    azimuth_deg=(
+        1.4, -4.2, 1.4, -1.4, 1.4, -1.4, 4.2, -1.4, 1.4, -4.2, 1.4, -1.4, 4.2, -1.4, 4.2, -1.4, 1.4, -4.2,
+        1.4, -4.2, 4.2, -1.4, 1.4, -1.4, 1.4, -1.4, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4,
+    ),
+    focus_m=0.0424,
+    unit_m=0.004,
+)  # fmt: skip
+MODELS = {0x22: VLP16, 0x24: PUCK_HI_RES, 0x28: VLP32C}
+SEQUENCES = {model: BLOCKS * PLACES // len(lasers.elevation_deg) for model, lasers in MODELS.items()}
+
+
+def _table(lasers: Lasers) -> tuple[list[list[float]], list[int], list[int]]:
+    """Return for each place of a block (across m, up m, offset m, azimuth rad) a unit, tick and ring."""
+    n = len(lasers.elevation_deg)
+    rings = np.argsort(np.argsort(lasers.elevation_deg))
+    shape, ticks, ring = [], [], []
+    for place in range(PLACES):
+        laser = place % n
+        elevation = math.radians(lasers.elevation_deg[laser])
+        across_m, up_m = lasers.unit_m * math.cos(elevation), lasers.unit_m * math.sin(elevation)
+        turn = math.radians(lasers.azimuth_deg[laser])
+        shape.append([across_m, up_m, -lasers.focus_m * math.tan(elevation), turn])
+        ticks.append(place // 2 if n == PLACES else place // n * SEQUENCE_TICKS + laser)
+        ring.append(int(rings[laser]))
+    return shape, ticks, ring
+
+
+_TABLES = [_table(lasers) for lasers in MODELS.values()]
+SHAPE = np.array([shape for shape, _, _ in _TABLES])
+TICKS = np.array([ticks for _, ticks, _ in _TABLES])
+RING = np.array([ring for _, _, ring in _TABLES], np.uint8)
+BLOCK_TICKS = np.array([SEQUENCE_TICKS * count // BLOCKS for count in SEQUENCES.values()])
+NUMBER = np.full(256, -1)  # of a model's row in the tables, by its factory byte
+NUMBER[list(MODELS)] = range(len(MODELS))
+
+Bytes = NDArray[np.uint8]
+_PACKETS = "Array(uint8, 2, 'C', readonly=True)"
+
+
+@kernel(f"int64({_PACKETS}, int64, int64)")
+def _u16(packets: Bytes, packet: int, at: int) -> int:
+    return int(packets[packet, at]) | int(packets[packet, at + 1]) << 8
+
+
+@kernel(f"float64({_PACKETS}, int64, int64, int64)")
+def _turn_per_tick(packets: Bytes, packet: int, step: int, ticks: int) -> float:
+    """Return the mean turn in a tick, in 0.01 degrees; steps over a sector that is left out do not count."""
+    turned, times = 0, 0
+    for block in range(0, BLOCKS - step, step):
+        before = _u16(packets, packet, block * BLOCK_BYTES + 2)
+        ahead = (_u16(packets, packet, (block + step) * BLOCK_BYTES + 2) - before + CIRCLE) % CIRCLE
+        if ahead <= MOST_PER_TICK * ticks:
+            turned += ahead
+            times += 1
+    return turned / (times * ticks) if times else 0.0
+
+
+@kernel(
+    f"UniTuple(int64, 2)({_PACKETS}, i8[::1], i8[::1], f8[:, :, ::1], i8[:, ::1], u1[:, ::1], i8[::1], "
+    "f4[:, ::1], i8[::1], u1[::1], u1[::1], u1[::1], u1[::1])"
+)
+def place_rays(
+    packets: Bytes,
+    stamps_ns: NDArray[np.int64],
+    number: NDArray[np.int64],
+    shape: NDArray[np.float64],
+    ticks: NDArray[np.int64],
+    rings: Bytes,
+    block_ticks: NDArray[np.int64],
+    xyz_m: NDArray[np.float32],
+    stamp_ns: NDArray[np.int64],
+    intensity: Bytes,
+    ring: Bytes,
+    echo: Bytes,
+    echoes: Bytes,
+) -> tuple[int, int]:
+    """Place what packets measured; a distance of zero is no return.
+
+    The lasers turn on while they fire: by the mean of the packet's own steps from block to block.
+
+    Parameters
+    ----------
+    packets, stamps_ns
+        (packets, 1206) uint8, checked, of known models; when each one's first laser fired.
+    number, shape, ticks, rings, block_ticks
+        `NUMBER`, `SHAPE`, `TICKS`, `RING`, `BLOCK_TICKS`.
+    xyz_m, stamp_ns, intensity, ring, echo, echoes
+        Filled from the front; as in `RawReturns`. Of two returns of a ray the nearer is the first.
+
+    Returns
+    -------
+    tuple
+        Points, rays without a return.
+    """
+    kept, absent = 0, 0
+    cos_ahead, sin_ahead = np.empty(PLACES), np.empty(PLACES)
+    for packet in range(len(packets)):
+        model = number[packets[packet, MODEL_AT]]
+        step = 2 if packets[packet, MODE_AT] == DUAL else 1
+        per_tick = _turn_per_tick(packets, packet, step, block_ticks[model]) * (2 * math.pi / CIRCLE)
+        for place in range(PLACES):
+            ahead = per_tick * ticks[model, place] + shape[model, place, 3]
+            cos_ahead[place] = math.cos(ahead) * shape[model, place, 0]
+            sin_ahead[place] = math.sin(ahead) * shape[model, place, 0]
+        for block in range(0, BLOCKS, step):
+            at = block * BLOCK_BYTES + 2
+            azimuth = _u16(packets, packet, at) * (2 * math.pi / CIRCLE)
+            forward, right = math.cos(azimuth), math.sin(azimuth)
+            begun_ns = stamps_ns[packet] + block // step * block_ticks[model] * TICK_NS
+            for place in range(PLACES):
+                at += 2 if place == 0 else 3
+                last = _u16(packets, packet, at)
+                other = _u16(packets, packet, at + BLOCK_BYTES) if step == 2 else last
+                if last == 0 and other == 0:
+                    absent += 1
+                    continue
+                both = last != other and last > 0 and other > 0
+                x = forward * cos_ahead[place] - right * sin_ahead[place]
+                y = -right * cos_ahead[place] - forward * sin_ahead[place]
+                for k in range(2):  # the last return, then the strongest; one of two that are the same
+                    distance = other if k else last
+                    if distance == 0 or (k == 0 and last == other):
+                        continue
+                    xyz_m[kept, 0], xyz_m[kept, 1] = x * distance, y * distance
+                    xyz_m[kept, 2] = shape[model, place, 1] * distance + shape[model, place, 2]
+                    stamp_ns[kept] = begun_ns + ticks[model, place] * TICK_NS
+                    intensity[kept] = packets[packet, at + 2 + (BLOCK_BYTES if k and step == 2 else 0)]
+                    ring[kept] = rings[model, place]
+                    echo[kept] = 2 if both and distance == max(last, other) else 1
+                    echoes[kept] = 2 if both else 1
+                    kept += 1
+    return kept, absent
