@@ -47,7 +47,7 @@ def test_the_points_are_those_of_the_library(model: int, mode: int) -> None:
     assert len(raw) == len(cloud) > 3_000
     theirs = np.column_stack([cloud[axis] for axis in "xyz"]).astype(float)
     far_m = np.linalg.norm(theirs, axis=1)
-    # The library rounds azimuths to 0.01 degrees, and takes the vertical offsets of the Hi-Res from a drawing.
+    # It rounds azimuths to 0.01 degrees, and takes the vertical offsets of the Hi-Res from a drawing.
     assert (np.linalg.norm(raw.xyz_m - theirs, axis=1) < 1.01e-4 * far_m + 5e-4).all()
     np.testing.assert_allclose(np.linalg.norm(raw.xyz_m.astype(float), axis=1), far_m, atol=5e-4)
     np.testing.assert_array_equal(raw.intensity, cloud["intensity"])
