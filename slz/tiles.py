@@ -114,12 +114,12 @@ class Tiles:
         wanted = np.argwhere(tiles_of(at, *corner, *shape)) + np.array(corner)
         evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
         table = self._table(corner, shape)
-        touched = np.full((*shape, 4), -1, np.int64)
+        touched = np.zeros((*shape, 4), np.int64)
         used = gather_evidence(
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner,
             now_s, hold_s, self._pool, table, touched,
         )  # fmt: skip
-        boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] >= 0])
+        boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] < touched[..., 1]])
         return Change(boxes, evicted, inside - int(used))
 
     def _make_room(
@@ -234,14 +234,14 @@ class TiledLayers:
     def __init__(self, count: int, dtype: DTypeLike, empty: float = 0) -> None:
         self._empty = np.full((count, TILE, TILE), empty, dtype)
         self._tiles: dict[Key, NDArray[Any]] = {}
-        self._last: tuple[Box, NDArray[Any]] | None = None  # what was read last
+        self._last: dict[int, tuple[Box, NDArray[Any]]] = {}  # what was read last of each layer
         self.serial = next(SERIALS)
         self.touched: set[Key] = set()
         """Tiles written or forgotten since somebody emptied this set."""
 
     def write(self, box: Box, values: NDArray[Any]) -> None:
         """Set (count, rows, cols) values of a box."""
-        self._last = None
+        self._last.clear()
         for key, there, here in _pieces(box):
             if key not in self._tiles:
                 self._tiles[key] = self._empty.copy()
@@ -249,26 +249,24 @@ class TiledLayers:
             self.touched.add(key)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
-        """Return a copy (rows, cols) of one layer of a box; all layers of a box are read at once."""
-        held = self._last  # two threads may read, while none writes
+        """Return a copy (rows, cols) of one layer of a box."""
+        held = self._last.get(layer)  # two threads may read, while none writes
         if held is None or not held[0].holds(box):
-            held = self._last = box, self._read(box)
+            held = self._last[layer] = box, self._read(box, layer)
         whole, values = held
         rows, cols = box.relative_to(whole).slices
-        return np.array(values[layer, rows, cols])
+        return np.array(values[rows, cols])
 
-    def _read(self, box: Box) -> NDArray[Any]:
-        out = np.empty((len(self._empty), *box.shape), self._empty.dtype)
-        out[:] = self._empty[:, :1, :1]
+    def _read(self, box: Box, layer: int) -> NDArray[Any]:
+        out = np.empty(box.shape, self._empty.dtype)
         for key, there, here in _pieces(box):
             tile = self._tiles.get(key)
-            if tile is not None:
-                out[(slice(None), *here)] = tile[(slice(None), *there)]
+            out[here] = self._empty[layer, 0, 0] if tile is None else tile[layer][there]
         return out
 
     def keep(self, wanted: Callable[[Key], bool]) -> None:
         """Forget all tiles but those wanted."""
-        self._last = None
+        self._last.clear()
         gone = [key for key in self._tiles if not wanted(key)]
         self.touched.update(gone)
         for key in gone:

@@ -117,8 +117,8 @@ def gather_evidence(
     """Add points to the per-cell statistics; return how many were used.
 
     `at` are the points' cells, see `cells_of`; what is outside is passed over. `table` holds the slot in the
-    pool of each tile of a rectangle from (tile_row, tile_col) on, -1 where there is none. `touched` receives
-    row0, row1, col0, col1 of the cells hit of each tile, and stays -1 where none is.
+    pool of each tile of a rectangle from (tile_row, tile_col) on, -1 where there is none. `touched` holds
+    zeros and receives row0, row1, col0, col1 (half open) of the cells hit of each tile.
 
     A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
     arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
@@ -136,7 +136,7 @@ def gather_evidence(
             continue
         used += 1
         box = touched[tr, tc]
-        if box[0] < 0:
+        if box[0] == box[1]:
             box[0], box[1], box[2], box[3] = r, r + 1, c, c + 1
         else:
             box[0], box[1] = min(box[0], r), max(box[1], r + 1)

@@ -7,6 +7,7 @@ cell and shifts by whole cells are exact.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -231,3 +232,55 @@ def test_the_scenes_are_partly_safe(seed: int) -> None:
     """Else the tests above would say nothing."""
     state = answer(scene(seed)).state
     assert 300 < (state == SAFE).sum() < 0.9 * (2 * HALF_M / CELL_M) ** 2
+
+
+# ---- far from where it began --------------------------------------------------------------------
+
+DIRECTIONS = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
+FAR_STEP_M = 6.0
+
+
+def flown(east: int, north: int, seconds: int, *, obstacle: bool = False) -> tuple[Pipeline, Report]:
+    """Fly over level ground in a straight line, many zones far; at the end something may stand below."""
+    pipe = Pipeline(PARAMETERS)
+    for second in range(seconds):
+        rng = np.random.default_rng(second)
+        at = FAR_STEP_M * second * np.array([east, north, 0.0])
+        points = rng.uniform(-HALF_M, HALF_M, (6000, 3)) * [1, 1, 0] + rng.normal(0, 0.02, (6000, 3)) * [
+            0,
+            0,
+            1,
+        ]
+        if obstacle and second == seconds - 1:
+            points = np.vstack([points, box_of_returns(rng, 0.0, 0.0, 2.0, 1.5, 400)])
+        start = second * 10**9
+        window = Window(
+            exact(points + at), np.full(len(points), start, np.int64), SENSOR + at, FRAME, start, start
+        )
+        report = pipe.process(window)
+    return pipe, report
+
+
+@pytest.mark.parametrize(("east", "north"), DIRECTIONS)
+@pytest.mark.parametrize("which", ["near", "far"])
+def test_ground_is_mapped_however_far_and_in_whatever_direction_it_lies_from_the_first(
+    east: int, north: int, which: Literal["near", "far"]
+) -> None:
+    pipe, report = flown(east, north, 16)
+    here = 15 * FAR_STEP_M * np.array([east, north])
+    assert _state_at(pipe, which, here) == SAFE
+    assert report.zones
+    assert min(np.hypot(*(zone.best.enu_m[:2] - here)) for zone in report.zones) < 2 * HALF_M
+
+
+@pytest.mark.parametrize(("east", "north"), DIRECTIONS)
+def test_what_arrives_there_is_unsafe_at_once(east: int, north: int) -> None:
+    pipe, _ = flown(east, north, 16, obstacle=True)
+    assert _state_at(pipe, "near", 15 * FAR_STEP_M * np.array([east, north])) != SAFE
+
+
+def _state_at(pipe: Pipeline, which: Literal["near", "far"], place: Floats) -> int:
+    maps = pipe.maps(which=which)
+    assert maps is not None
+    row, col = maps.grid.index(float(place[0]), float(place[1]))
+    return int(maps.state[row - maps.box.row0, col - maps.box.col0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 import params
-from slz import SAFE, UNKNOWN, Pipeline, Report, TerrainMaps
+from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, Report, TerrainMaps
 from slz.pipeline import reach_m
+from slz.zone_map import far_parameters
 from tests.unit.slz.hand_made import NOWHERE, flat, returns, window
 
 Floats = NDArray[np.float64]
@@ -238,3 +240,36 @@ def test_a_wide_cell_hides_no_hazard_of_the_near_map() -> None:
     assert near.grid.cell_m == 0.2
     around = near.state[row - near.box.row0 - 4 :, col - near.box.col0 - 4 :][:9, :9]
     assert not (around == SAFE).any()
+
+
+@pytest.mark.parametrize(
+    ("far_cell_m", "cell_m", "evidence_m"), [(1.0, 0.2, 0.25), (2.0, 0.1, 0.5), (1.0, 0.5, 0.5)]
+)
+def test_the_evidence_of_the_far_map_is_four_times_as_fine_as_its_cells_and_never_finer_than_the_near_one(
+    far_cell_m: float, cell_m: float, evidence_m: float
+) -> None:
+    near = params.load(
+        "quadcopter", [f"far_cell_m={far_cell_m}", f"cell_m={cell_m}", "min_boundary_points=100"]
+    )
+    far = far_parameters(near)
+    assert far.cell_m == evidence_m
+    assert far.min_boundary_points == int(100 * cell_m / evidence_m)
+    assert far.coverage_m == max(near.coverage_m, far_cell_m)
+    assert far.min_square_m == max(near.min_square_m, far_cell_m)
+    assert far.height_noise_m == 2 * near.height_noise_m
+    assert far.memory_mb == near.memory_mb / 8
+
+
+@pytest.mark.parametrize("mode", ["source", "default"])
+def test_a_window_of_another_frame_begins_new_maps(mode: str) -> None:
+    pipe = source() if mode == "source" else default()
+    over(pipe, 30.0)
+    first = pipe.maps()
+    assert first is not None
+    again = window(FIELD[FIELD[:, 0] > 0], 1.0, (0.0, 0.0, 30.0))
+    pipe.process(replace(again, frame=LocalFrame(46.0, 7.0, 300.0)))
+    second = known(pipe, "near")
+    assert second.frame == LocalFrame(46.0, 7.0, 300.0)
+    rows, cols = np.nonzero(second.state != UNKNOWN)
+    east = second.grid.centres(np.column_stack([rows + second.box.row0, cols + second.box.col0]))[:, 0]
+    assert east.min() > -2.0

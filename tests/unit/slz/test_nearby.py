@@ -62,6 +62,19 @@ def test_what_stands_around_the_vehicle_goes_with_the_report() -> None:
     assert around.ground_below_m(np.array([8.0, 0.0])) == pytest.approx(6.0, abs=0.1)
 
 
+def test_a_mast_reaches_as_high_as_its_highest_return() -> None:
+    """The mean of its cell is lower, and most of its returns lie below that."""
+    rng = np.random.default_rng(3)
+    foot = np.array([8.1, 0.1]) + rng.uniform(-0.02, 0.02, (60, 2))
+    mast = np.column_stack([foot, 6.0 * rng.random(60) ** 2])
+    mast[:3, 2] = 6.0
+    report = Pipeline(parameters(), (0.0, 0.0)).process(window(np.vstack([ground(1), mast]), 0))
+    assert report.nearby is not None
+    (column,) = report.nearby.columns_enu_m(4.0)
+    assert np.hypot(column[0] - 8.1, column[1] - 0.1) < 0.6
+    assert column[2] == pytest.approx(6.0, abs=0.1)
+
+
 def test_what_lies_behind_the_field_of_view_stays_and_what_drove_off_leaves() -> None:
     pipeline = Pipeline(parameters(), (0.0, 0.0))
     first = np.vstack([ground(1), box(8.0, 0.0, 3.0)])

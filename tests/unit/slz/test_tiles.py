@@ -7,8 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 import params
+from params import Parameters
 from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, PointState, Report, Window
-from slz.grid import Box
+from slz.evidence import EvidenceTerrain
+from slz.grid import Box, Grid
 from slz.tiles import FEWEST, TILE_BYTES, Noise, TiledLayers, Tiles, box_of_tile
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -86,6 +88,41 @@ def test_of_more_ground_at_once_than_the_budget_holds_the_nearest_is_kept_and_th
     assert tiles.read(Box(0, 1, 500 * (FEWEST + 4), 500 * (FEWEST + 4) + 1))[0, 0, 0, 0] == 0
 
 
+@pytest.mark.parametrize("level", [0, 1, 3])
+def test_a_map_s_tile_is_kept_while_evidence_lies_under_or_beside_it(level: int) -> None:
+    """Beside, because a footprint reaches over a tile's edge."""
+    tiles = Tiles(0.0, 0.0, 0.2, 64 * TILE_BYTES)
+    add(tiles, points_at((0.1, 0.1), (100.0, -70.0), (-200.0, 40.0)))
+    held = {(0, 0), (-6, 7), (3, -16)}
+    side = 2**level
+    for row, col in np.ndindex(24, 24):
+        key = row - 12, col - 12
+        near = any(
+            key[0] * side - 1 <= r <= (key[0] + 1) * side and key[1] * side - 1 <= c <= (key[1] + 1) * side
+            for r, c in held
+        )
+        assert tiles.any_near(key, level) == near, key
+
+
+def test_what_stands_over_known_ground_is_told_in_every_tile_and_over_unknown_ground_in_none() -> None:
+    row, col = np.mgrid[-140:140:9, -130:131:11]
+    places = np.column_stack([(col.ravel() + 0.5) * 0.5, (row.ravel() + 0.5) * 0.5])
+    height = 0.1 * np.arange(len(places))
+    tiles = Tiles(0.0, 0.0, 0.5, 64 * TILE_BYTES)
+    add(tiles, np.column_stack([places, height]))
+    over = 0.9 + 0.2 * (np.arange(len(places)) % 2)  # every other one more than the least of 1 m
+    asked = np.column_stack([places, height + over])
+    sensor = np.array([10.0, -20.0, 30.0])
+    told = tiles.contradicted_by(asked, sensor, NOISE, 1.0)
+    np.testing.assert_array_equal(told, np.arange(len(places)) % 2 == 1)
+    assert not tiles.contradicted_by(asked + np.array([0.5, 0.0, 0.0]), sensor, NOISE, 1.0).any()
+    blurred = Noise(0.02, 0.01)  # four deviations of the angle, 4 cm for each metre of the way
+    way_m = np.hypot(*(places - sensor[:2]).T)
+    told = tiles.contradicted_by(np.column_stack([places, height + 2.0]), sensor, blurred, 1.0)
+    clear = np.abs(0.04 * way_m - 1.0) > 0.01
+    np.testing.assert_array_equal(told[clear], (0.04 * way_m < 1.0)[clear])
+
+
 def test_layers_hold_what_was_written_and_zero_elsewhere() -> None:
     layers = TiledLayers(2, np.float32)
     values = np.arange(2 * 90 * 70, dtype=np.float32).reshape(2, 90, 70)
@@ -131,6 +168,20 @@ def test_the_chosen_point_stays_known_when_the_budget_gives_up_the_ground_around
     assert last.n_without_tile == 0
     assert last.selected is not None
     assert last.selected.state is PointState.SAFE
+
+
+@pytest.mark.parametrize("around_m", [0.0, 9.0, 21.0])
+def test_all_tiles_that_decide_on_the_chosen_point_are_pinned(around_m: float) -> None:
+    terrain = EvidenceTerrain(Grid(-40.0, -40.0, 0.2, 400, 400), Parameters())
+    for east, north in ((0.05, 0.05), (-12.9, 3.0), (7.7, -25.5)):
+        terrain.pin(np.array([east, north, 0.0]), around_m)
+        for angle in np.linspace(0, 2 * np.pi, 32, endpoint=False):
+            rim = np.array([east + around_m * np.cos(angle), north + around_m * np.sin(angle)])
+            key = tuple(np.floor((rim + 40.0) / (64 * 0.2)).astype(int)[::-1].tolist())
+            assert key in terrain.pinned
+        assert len(terrain.pinned) <= (2 * (around_m + 6.0) / 12.8 + 2) ** 2
+    terrain.pin(None)
+    assert not terrain.pinned
 
 
 def test_ground_given_up_is_unknown_and_so_is_the_edge_of_what_is_left(small: Pipeline) -> None:

@@ -76,6 +76,38 @@ def test_polynomial_is_numpys_least_squares_fit() -> None:
     assert np.allclose(ours, theirs)
 
 
+def test_a_range_is_where_numpy_s_polynomial_is_greatest_wherever_in_the_buffer() -> None:
+    camera = small(0.03)
+    frame, _ = frame_of(camera, some_peaks(camera, spread=5.0), 1500.0, 0.03)
+    image = polynomial_ranges(frame, camera)
+    u = np.linspace(-1, 1, 18_001)
+    inner = (u >= 3 / 9 - 1) & (u <= 1 - 3 / 9)  # not the three outermost samples
+    for row, col in np.ndindex(8, 8):
+        ring = frame.samples[row, col]
+        y = np.roll(ring, -int(np.argmin(ring)) - 1)[:-1] - camera.baseline_counts
+        fit = np.polynomial.polynomial.polyval(
+            u, np.polynomial.polynomial.polyfit(np.linspace(-1, 1, 19), y, 6)
+        )
+        best = u[inner][np.argmax(fit[inner])]
+        if abs(best) < 0.6:  # a maximum, not the end of where it is looked for
+            assert image.range_m[row, col] == pytest.approx(
+                (700 - 19 + 9 + 9 * best) * camera.sample_m, abs=1e-3
+            )
+            assert image.intensity[row, col] == pytest.approx(fit[inner].max(), rel=1e-6)
+            assert image.state[row, col] == GOOD
+
+
+@pytest.mark.parametrize(("clipped", "state"), [(4, GOOD), (5, SATURATED)])
+def test_four_clipped_samples_leave_a_range_and_five_do_not(clipped: int, state: int) -> None:
+    camera = small(0.001)
+    frame, _ = frame_of(camera, np.full((32, 32), 9.2), 1500.0, 0.0)
+    order = np.sort(frame.samples[0, 0])
+    cut = noisy_camera(0.001, rows=32, cols=32, saturated_counts=int(order[-clipped]))
+    samples = np.minimum(frame.samples, cut.saturated_counts)
+    for ranges in (likely_ranges, polynomial_ranges):
+        assert (ranges(FlashFrame(samples, frame.counter), cut).state == state).all()
+
+
 def test_likeliest_pulse_is_that_of_scipys_least_squares() -> None:
     camera = small(0.1)
     frame, _ = frame_of(camera, some_peaks(camera), 1500.0, 0.1)

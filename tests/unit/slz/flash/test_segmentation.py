@@ -33,6 +33,28 @@ def test_both_boxes_are_found_with_their_heights_and_sizes_at_either_xi(xi: floa
     assert len(found) == 2
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_where_a_hazard_is_and_how_large_is_told_to_the_cell(sign: float) -> None:
+    heights = np.random.default_rng(2).normal(0, 0.002, (128, 128))
+    heights[40:47, 70:81] += sign * 0.8
+    heights[90, 20] += sign * 0.8  # a single cell is noise
+    (found,) = find_hazards(heights, GRID)
+    assert found.extent_m == pytest.approx((0.6, -2.4, 1.7, -1.7))
+    assert (found.east_m, found.north_m) == (pytest.approx(1.15), pytest.approx(-2.05))
+    assert found.area_m2 == pytest.approx(0.77)
+    assert found.height_m == pytest.approx(sign * 0.8, abs=0.003)
+
+
+@pytest.mark.parametrize(("height_m", "beside_m", "seen"), [(0.3, 0.2, 1), (0.3, 0.17, 0), (0.24, 0.24, 0)])
+def test_a_hazard_has_a_cell_that_reaches_the_least_and_another_of_three_quarters(
+    height_m: float, beside_m: float, seen: int
+) -> None:
+    heights = np.zeros((128, 128))
+    heights[60:62, 60:62] = beside_m
+    heights[60, 60] = height_m
+    assert len(find_hazards(heights, GRID)) == seen
+
+
 @pytest.mark.parametrize("xi", [2.0, 6.0])
 def test_segments_show_the_boxes_and_the_coarser_map_has_fewer(xi: float) -> None:
     segments = segment(two_boxes(), xi)
