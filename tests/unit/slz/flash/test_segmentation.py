@@ -50,7 +50,7 @@ def test_a_hazard_has_a_cell_that_reaches_the_least_and_another_of_three_quarter
     height_m: float, beside_m: float, seen: int
 ) -> None:
     heights = np.zeros((128, 128))
-    heights[60:62, 60:62] = beside_m
+    heights[60:68, 60:68] = beside_m
     heights[60, 60] = height_m
     assert len(find_hazards(heights, GRID)) == seen
 
