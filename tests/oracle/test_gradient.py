@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slz.kernels.fuse import atan
 from slz.kernels.gradient import gradient_slope_deg
 
 Floats = NDArray[np.float64]
@@ -123,3 +124,10 @@ def test_an_unknown_cell_or_neighbour_leaves_the_slope_unknown(seed: int) -> Non
             dx, dy = h[row, col + 1] - h[row, col - 1], h[row + 1, col] - h[row - 1, col]
             expected = np.degrees(np.arctan(np.hypot(dx, dy))) if np.isfinite(h[k]) else np.nan
             np.testing.assert_allclose(slope[k], expected, atol=1e-3)
+
+
+def test_the_arc_tangent_is_numpy_s_to_the_last_bits_of_single_precision() -> None:
+    x = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 4001)]).astype(np.float32)
+    ours = np.array([atan(v) for v in x], np.float64)
+    np.testing.assert_allclose(ours, np.arctan(x.astype(np.float64)), rtol=2.5e-7, atol=0)
+    assert np.isnan(atan(np.float32(np.nan)))

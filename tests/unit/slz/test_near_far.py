@@ -273,3 +273,17 @@ def test_a_window_of_another_frame_begins_new_maps(mode: str) -> None:
     rows, cols = np.nonzero(second.state != UNKNOWN)
     east = second.grid.centres(np.column_stack([rows + second.box.row0, cols + second.box.col0]))[:, 0]
     assert east.min() > -2.0
+
+
+@pytest.mark.parametrize(("east", "north"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_the_zone_follows_once_the_vehicle_is_nearer_to_an_edge_than_a_quarter_of_it(
+    east: int, north: int
+) -> None:
+    pipe, places = default("zone_m=80"), [0.0, 19.0, 21.0]
+    here, near, moved = (
+        pipe.process(window(FIELD[::4], float(k), (away * east, away * north, 30.0))).near.grid
+        for k, away in enumerate(places)
+    )
+    assert near == here
+    assert moved.west_m - here.west_m == pytest.approx(21.0 * east, abs=0.2)
+    assert moved.south_m - here.south_m == pytest.approx(21.0 * north, abs=0.2)
