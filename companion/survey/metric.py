@@ -67,7 +67,12 @@ def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Met
     UsageError
         The corners are not on the Earth, or the cloud is so large that its units differ in length.
     """
-    to_wgs84 = Transformer.from_crs(reference.horizontal, "EPSG:4326", always_xy=True)
+    try:
+        to_wgs84 = Transformer.from_crs(reference.horizontal, "EPSG:4326", always_xy=True)
+    except ProjError:  # of another celestial body
+        raise UsageError(
+            f"{reference.name}: it is not tied to the Earth: name another CRS by --crs"
+        ) from None
     centre = (low + high) / 2
     true = _lengths(reference, centre, low, high)
     nominal = reference.unit_m
@@ -106,8 +111,8 @@ def _lengths(reference: Reference, centre: Floats, low: Floats, high: Floats) ->
     """Return the metres on the ground of one unit of x and of y at the centre."""
     geodetic = reference.horizontal.geodetic_crs
     geod = reference.horizontal.get_geod()
-    if geodetic is None or geod is None:
-        raise UsageError(f"{reference.name}: it is not tied to the Earth: name another CRS by --crs")
+    assert geodetic is not None  # noqa: S101 - a projected or geographic CRS has both
+    assert geod is not None  # noqa: S101
     step = 1e-3 if reference.unit_m is None else 100 / reference.unit_m
     transformer = Transformer.from_crs(reference.horizontal, geodetic, always_xy=True)
     lengths = []

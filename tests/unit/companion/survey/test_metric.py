@@ -74,3 +74,9 @@ def test_coordinates_that_are_not_on_the_earth_are_refused(crs: str, corner: tup
 def test_a_cloud_so_large_that_its_units_differ_is_refused() -> None:
     with pytest.raises(UsageError, match="changes its length"):
         metric("EPSG:3857", extent=200_000)
+
+
+def test_a_crs_of_another_celestial_body_is_refused() -> None:
+    low = np.zeros(3)
+    with pytest.raises(UsageError, match=r"Moon.*not tied to the Earth.*--crs"):
+        about(from_option("IAU_2015:30100"), low, low + 1e-4, 0.5)
