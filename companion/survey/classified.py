@@ -105,7 +105,7 @@ def _copied(piece: Any, header: Any, found: NDArray[np.uint8]) -> Any:
     for name in piece.point_format.dimension_names:
         if name in ours:
             new[name] = piece[name]
-        elif name == "scan_angle_rank":
+        else:  # scan_angle_rank, the only one that is called otherwise now
             new["scan_angle"] = np.round(np.asarray(piece[name], np.float64) / SCAN_ANGLE).astype(np.int16)
     new[SOURCE_CLASS] = piece.classification
     new.classification = found

@@ -14,12 +14,12 @@ RECORD_BYTES, EXTENDED_BYTES = 54, 60  # least bytes of a variable length record
 
 
 def look(path: Path) -> None:
-    """Refuse what is no LAS or LAZ file, and one whose header asks for more than the file holds.
+    """Refuse a LAS or LAZ file whose header asks for more than the file holds.
 
     Raises
     ------
     UsageError
-        Missing, unreadable, empty, of another kind, truncated or corrupt.
+        Missing, unreadable, truncated or corrupt.
     """
     try:
         with path.open("rb") as file:
@@ -30,10 +30,6 @@ def look(path: Path) -> None:
         raise UsageError(f"{path}: no such file") from None
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    if not head:
-        raise UsageError(f"{path}: it is empty")
-    if head[:4] != b"LASF":
-        raise UsageError(f"{path}: it is not a LAS or LAZ file, and only these are supported")
     if len(head) < SHORTEST:
         raise UsageError(f"{path}: it is truncated within its header: copy it again")
     major, minor = head[24], head[25]

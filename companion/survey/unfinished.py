@@ -22,11 +22,9 @@ WORTH_BYTES = 200_000_000  # of work done; less is done again sooner than it is 
 
 def look(out: Path) -> None:
     """Refuse a folder that is a file before minutes are spent; it is made when something is written."""
-    for part in (out, *out.parents):
-        if part.exists():
-            if not part.is_dir():
-                raise UsageError(f"--out {out}: {part} is a file: name a folder")
-            return
+    there = next(part for part in (out, *out.parents) if part.exists())
+    if not there.is_dir():
+        raise UsageError(f"--out {out}: {there} is a file: name a folder")
 
 
 @contextmanager

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +40,8 @@ class Census:
     dropped: dict[str, int]
 
 
-def take(paths: Iterable[Path], bin_m: float) -> Census | None:
-    """Count the points of sorted files; None where there is none."""
+def take(paths: Iterable[Path], bin_m: float) -> Census:
+    """Count the points of sorted files, of which one at least holds some."""
     rows, cols, bins = (_Tally() for _ in range(3))
     dropped: Counter[str] = Counter()
     n_read, low, high = 0, EVERYTHING[1], EVERYTHING[0]
@@ -54,8 +53,6 @@ def take(paths: Iterable[Path], bin_m: float) -> Census | None:
             tally.add(arrays[name])
         if len(arrays["low"]):
             low, high = min(low, int(arrays["low"].min())), max(high, int(arrays["high"].max()))
-    if not rows.count:
-        return None
     (row0, row1), (col0, col1) = _reach(rows.table()), _reach(cols.table())
     interval = _interval(bins.table(), bin_m / UNIT_M, low, high)
     return Census(Box(row0, row1, col0, col1), interval, low, n_read, dict(dropped))
@@ -100,9 +97,3 @@ def _interval(bins: Ints, units: float, low: int, high: int) -> tuple[int, int]:
         low if first <= 0 else int(np.ceil((number[0] + first) * units)),
         high if last >= len(dense) - 1 else int(np.floor((number[0] + last + 1) * units)),
     )
-
-
-def document(census: Census) -> dict[str, Any]:
-    """Return what a census says, for the notes of a run."""
-    box = census.box
-    return {"box": [box.row0, box.row1, box.col0, box.col1], "interval": list(census.interval)}

@@ -85,8 +85,6 @@ def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, m
     p = ground.parameters
     wide = grown(block, margin)
     held = common(wide, sums.box)
-    if held.empty:
-        return
     there = within(held, sums.box)
     count = sums.count[there]
     if not count.any():

@@ -75,15 +75,13 @@ def gathered(
     Parameters
     ----------
     whole
-        The survey's box; points beyond it are astray.
+        The survey's box, which holds some of the inner one; points beyond it are astray.
     interval
         Heights believed; points beyond it count when so many lie together as `slz.outliers.CLOUD_GROUP` asks.
         Distances are between the centres of cells, and the radius is longer by a cell's diagonal: rather too
         many count than too few, since what counts is an obstacle.
     """
     box = common(grown(inner, margin), whole)
-    if box.empty:
-        box = Box(inner.row0, inner.row0, inner.col0, inner.col0)
     rows, cols = box.shape
     count, total = np.zeros((rows, cols), np.int32), np.zeros((rows, cols), np.int64)
     extreme = np.zeros((rows, cols, 4), np.int32)

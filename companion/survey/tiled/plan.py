@@ -14,7 +14,7 @@ import numpy as np
 from companion.errors import UsageError
 from companion.survey.cloud import open_source, refuse_mixed, refuse_twice
 from companion.survey.las import LasSource
-from companion.survey.reference import Reference, from_option
+from companion.survey.reference import from_option
 from companion.survey.source import Source
 from companion.survey.tiled import packed
 from companion.survey.tiled.draw import Tile
@@ -158,10 +158,6 @@ def tiles(layout: Layout, sources: Sequence[Path], margin: int) -> list[Tile]:
         Tile(*key, layout.box(key), tuple(sorted(reach[key], key=number.__getitem__)), layout.path(key))
         for key in sorted(held)
     ]
-
-
-def reference_of(sources: Sequence[Source]) -> Reference:
-    return sources[0].reference
 
 
 def spacing(sources: Sequence[Source], box: Box, lattice: Lattice) -> float:

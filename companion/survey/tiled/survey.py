@@ -186,10 +186,7 @@ class Survey:
         if not whole:
             raise UsageError(broken[0].reason)
         paths = [piece.sorted for piece in whole]
-        census = take(paths, self._bin_m)
-        if census is None:
-            raise UsageError("no point is left: all are higher than 20 km; is the vertical unit right?")
-        return paths, census, broken
+        return paths, take(paths, self._bin_m), broken
 
     def _fitted(self, layout: Layout, paths: list[Path]) -> tuple[float, Parameters]:
         """Return the density, and parameters whose limits hold a survey of any size."""
@@ -296,8 +293,3 @@ def _empty(pieces: Sequence[Piece]) -> dict[Path, str]:
 def _reasons(dropped: Counter[str]) -> str:
     counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in dropped.items() if count)
     return f" ({counts})" if counts else ""
-
-
-def store_of(surveyed: Surveyed) -> Store:
-    """Return the maps of a survey."""
-    return Store(surveyed.layout)
