@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from companion.errors import UsageError
-from companion.survey.cloud import read
+from companion.survey.cloud import open_source, read
+from companion.survey.las import LasSource, pieces
+from companion.survey.reference import from_option
 from tests.unit.companion.survey import packing
 from tests.unit.companion.survey.clouds import field, placed, write
 
@@ -56,6 +58,10 @@ def test_several_files_make_one_cloud(tmp_path: Path) -> None:
     assert cloud.gps_s is not None
     np.testing.assert_allclose(cloud.gps_s, np.concatenate([times, times + 1]))
     assert shares[-1] == 1.0
+
+
+def test_no_file_at_all_is_refused() -> None:
+    assert refusal([]).startswith("no files: name one or more clouds")
 
 
 def test_a_file_given_twice_is_refused_by_name(tmp_path: Path) -> None:
@@ -196,3 +202,38 @@ def test_more_points_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest
     path = write(tmp_path / "a.las", POINTS)
     monkeypatch.setattr("companion.survey.memory.total_bytes", lambda: 10_000)
     assert "do not fit into memory" in refusal([path])
+
+
+def test_a_file_that_became_shorter_after_it_was_opened_is_refused_by_name(tmp_path: Path) -> None:
+    las, pcd = write(tmp_path / "a.las", POINTS), tmp_path / "a.pcd"
+    pcd.write_bytes(packing.pcd(POINTS))
+    opened = [open_source(path, from_option("EPSG:32610")) for path in (las, pcd)]
+    write(las, POINTS[:40])
+    pcd.write_bytes(packing.pcd(POINTS)[:-10])
+    assert isinstance(opened[0], LasSource)
+    for reading, path, left in (
+        (pieces(las, len(POINTS)), las, 40),
+        (opened[0].columns(0, len(POINTS)), las, 40),
+        (opened[0].columns(30, len(POINTS)), las, 40),
+        (opened[1].chunks(), pcd, len(POINTS) - 1),
+    ):
+        with pytest.raises(UsageError) as caught:
+            list(reading)
+        assert str(caught.value) == f"{path}: it is truncated, {left} of {len(POINTS)} points: copy it again"
+
+
+@pytest.mark.parametrize("chunks", [1, 2**31])
+def test_a_laz_file_whose_table_is_told_of_at_its_end_is_read_like_any(tmp_path: Path, chunks: int) -> None:
+    """A writer that cannot go back, as into a pipe, puts the table's place into the last eight bytes."""
+    path = write(tmp_path / "a.laz", POINTS)
+    data = bytearray(path.read_bytes())
+    (points_at,) = struct.unpack_from("<I", data, 96)
+    table = data[points_at : points_at + 8]
+    (table_at,) = struct.unpack("<q", table)
+    data[points_at : points_at + 8] = struct.pack("<q", -1)
+    struct.pack_into("<I", data, table_at + 4, chunks)
+    path.write_bytes(data + table)
+    if chunks == 1:
+        np.testing.assert_allclose(read([path]).points, POINTS, atol=6e-4)
+    else:
+        assert f"its table names {chunks} chunks" in refusal([path])

@@ -13,6 +13,7 @@ from companion.errors import UsageError
 from companion.survey import memory
 from companion.survey.density import coverage_for, density_per_m2
 from companion.survey.stray import near
+from companion.survey.tiled.density import per_m2
 
 
 def scattered(n: int, side: float, seed: int = 0) -> np.ndarray:
@@ -37,6 +38,12 @@ def test_a_tile_apart_is_not_astray() -> None:
     assert near(points, 1.0).all()
 
 
+def test_points_on_one_line_have_no_strays_across_it() -> None:
+    points = scattered(1000, 100.0) * [0, 1, 1]
+    points[17, 0] = 40.0  # nothing tells how wide the cloud is
+    assert near(points, 1.0).all()
+
+
 def test_heights_no_ground_has_are_astray_in_the_unit_of_the_file() -> None:
     points = scattered(100, 10.0)
     points[0, 2], points[1, 2] = 30_000, -70_000
@@ -49,6 +56,7 @@ def test_density_is_that_of_the_ground_that_holds_points() -> None:
     half_empty[:, 1] *= 0.5  # 100 m x 50 m: 8 a square metre
     far_corner = np.array([[99.0, 99.0, 0.0]])
     assert density_per_m2(np.vstack([half_empty, far_corner])) == pytest.approx(8, rel=0.05)
+    assert density_per_m2(np.empty((0, 3))) == per_m2([], 0.5) == 0.0
 
 
 @settings(deadline=None)

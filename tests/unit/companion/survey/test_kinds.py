@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from companion.errors import UsageError
-from companion.survey.cloud import Cloud, read
+from companion.survey.cloud import Cloud, open_source, read
 from companion.survey.kind import kind_of
+from companion.survey.reference import from_option
 from tests.unit.companion.survey import packing
 from tests.unit.companion.survey.clouds import field, placed, write
 
@@ -112,6 +114,17 @@ def test_copc_reads_as_the_laz_that_it_is(tmp_path: Path) -> None:
 
 
 PCD, PLY, TEXT = KINDS["binary.pcd"], KINDS["little.ply"], KINDS["plain.xyz"]
+COMPRESSED_HEAD = KINDS["compressed.pcd"].partition(b"DATA binary_compressed\n")[0] + (
+    b"DATA binary_compressed\n"
+)
+RECORD_BYTES = 1 + 3 * 8 + 3 * 4
+
+
+def block(packed: bytes) -> bytes:
+    """Return a block that claims to hold all points, and zeros of which nothing is made."""
+    plain = RECORD_BYTES * len(POINTS)
+    packed = bytes([31, *bytes(32)]) * (plain // 100 // 33 + 1) + packed
+    return struct.pack("<II", len(packed), plain) + packed
 
 
 @pytest.mark.parametrize(
@@ -123,10 +136,18 @@ PCD, PLY, TEXT = KINDS["binary.pcd"], KINDS["little.ply"], KINDS["plain.xyz"]
         ("a.pcd", PCD[:-1000], "truncated"),
         ("a.pcd", KINDS["ascii.pcd"].rsplit(b"\n", 3)[0], "truncated"),
         ("a.pcd", KINDS["compressed.pcd"][:-10], "truncated"),
+        ("a.pcd", COMPRESSED_HEAD + bytes(7), f"truncated, 0 of {len(POINTS)} points"),
+        ("a.pcd", COMPRESSED_HEAD + struct.pack("<II", 4, 4) + bytes(4), "sizes contradict each other"),
+        ("a.pcd", COMPRESSED_HEAD + block(b"\x1f123"), "cannot be unpacked"),  # 32 bytes as they are, of 3
+        ("a.pcd", COMPRESSED_HEAD + block(b"\x20"), "cannot be unpacked"),  # a length, and no distance
+        ("a.pcd", COMPRESSED_HEAD + block(b"\x00a\xe0"), "cannot be unpacked"),  # no rest of the length
+        ("a.pcd", COMPRESSED_HEAD + block(b"\x00a\xe0\x09"), "cannot be unpacked"),  # that, and no distance
+        ("a.pcd", COMPRESSED_HEAD + block(b"\x00a\x20\x01"), "cannot be unpacked"),  # from before the first
         ("a.pcd", PCD.replace(b" x ", b" u "), "no x"),
         ("a.pcd", PCD.replace(b"TYPE U F", b"TYPE U I"), "its x is int64"),
         ("a.pcd", PCD.replace(b"COUNT 1 1", b"COUNT 1 2"), "its x is 2 of"),
         ("a.pcd", PCD.replace(b"COUNT 1 1", b"COUNT 1"), "differ in length"),
+        ("a.pcd", PCD.replace(b"COUNT 1 1", b"COUNT 0 1"), "a COUNT is not from 1"),
         ("a.pcd", PCD.replace(b"SIZE 1", b"SIZE 3"), "'U3' is no type"),
         ("a.pcd", PCD.replace(b"POINTS ", b"POINTS 9"), "contradict"),
         ("a.pcd", PCD.replace(b"DATA binary", b"DATA zipped"), "'zipped'"),
@@ -144,11 +165,14 @@ PCD, PLY, TEXT = KINDS["binary.pcd"], KINDS["little.ply"], KINDS["plain.xyz"]
         ("a.ply", PLY.replace(b"property float focus", b"property list uchar int a"), "camera has a list"),
         ("a.ply", PLY.replace(b"1.0", b"2.0"), "'format binary_little_endian 2.0'"),
         ("a.ply", packing.ply(np.zeros((0, 3))), "no points"),
+        ("a.ply", b"ply\ncomment of nothing\nend_header\n", "it names no format"),
         ("a.xyz", b"\n\n", "no line"),
         ("a.xyz", b"hello world\nhow are you\n", "no line"),
         ("a.xyz", b"1 2\n3 4\n", "no line"),
         ("a.xyz", TEXT + b"1 2\n", "'1 2' is no point"),
         ("a.xyz", TEXT + b"1 2 three\n", "'1 2 three'"),
+        ("a.xyz", TEXT + b"\n  \n1 2 three\n", "'1 2 three'"),
+        ("a.xyz", TEXT + b"1_0 2 3\n", "its lines are not of numbers"),
         ("a.csv", packing.text(POINTS, ",", "x,y,intensity,n"), "leave out x, y or z"),
         ("a.xyz", b"1" * 100_000, "no text"),
         ("a.png", b"\x89PNG", "not a cloud of a kind"),
@@ -222,3 +246,14 @@ def test_noise_is_one_clear_line(tmp_path: Path, suffix: str, content: bytes) ->
 def test_kinds_are_told_by_content(tmp_path: Path) -> None:
     assert kind_of(put(tmp_path, "a.las", KINDS["little.ply"])) == "ply"
     assert kind_of(put(tmp_path, "a.txt", KINDS["binary.pcd"])) == "pcd"
+
+
+def test_a_block_that_does_not_fit_into_memory_is_refused_before_it_is_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = open_source(put(tmp_path, "a.pcd", KINDS["compressed.pcd"]), from_option(CRS))
+    monkeypatch.setattr("companion.survey.memory.total_bytes", lambda: 1000)
+    with pytest.raises(
+        UsageError, match=r"a\.pcd: its \d+ bytes do not fit into memory, 700 would: split it"
+    ):
+        list(source.chunks())

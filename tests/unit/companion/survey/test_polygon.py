@@ -75,6 +75,18 @@ def test_a_zone_across_the_date_line_is_cut_along_it() -> None:
     assert area == pytest.approx(80 * 0.25 * metric.area_factor, rel=0.001)
 
 
+def test_a_zone_around_a_pole_is_left_as_it_is() -> None:
+    cells = np.zeros((8, 8), np.uint8)
+    cells[2:6] = cells[:, 2:6] = 1  # a cross, its centre at the pole
+    pole = np.array([2e6, 2e6, 0])
+    metric = about(from_option("EPSG:32661"), pole - 10, pole + 10, 0.5)
+    outline = zone_polygon(zone(cells, 0, 0), Grid(-2.0, -2.0, 0.5, 8, 8))
+    (part,) = wgs84(outline, metric).geoms
+    assert len(part.exterior.coords) == len(outline.geoms[0].exterior.coords)
+    assert shapely.get_coordinates(part)[:, 1].min() > 89.9999
+    assert part.bounds[2] - part.bounds[0] > 180
+
+
 def test_the_square_lies_on_safe_cells_only() -> None:
     cells = np.zeros((10, 12), np.uint8)
     cells[1:8, 2:9] = 1

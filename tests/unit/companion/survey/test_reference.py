@@ -35,6 +35,16 @@ def test_units_of_a_crs(text: str, unit_m: float | None, vertical_m: float, sour
     assert reference.vertical_from == source
 
 
+@pytest.mark.parametrize("vertical", ["", " +vunits=us-ft"])
+def test_a_crs_bound_to_a_shift_has_the_units_of_the_one_within(vertical: str) -> None:
+    text = "+proj=utm +zone=32 +ellps=intl +towgs84=-87,-98,-121 +units=ft +type=crs"
+    reference = from_option(text + vertical)
+    assert reference.unit_m == FOOT
+    assert not reference.horizontal.is_bound
+    assert reference.vertical_m == pytest.approx(SURVEY_FOOT if vertical else FOOT, rel=1e-12)
+    assert reference.vertical_from == ("crs" if vertical else "horizontal unit")
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [
@@ -81,3 +91,16 @@ def test_user_defined_keys_ask_for_the_option(tmp_path: Any) -> None:
 
 def test_names_of_units_are_those_of_gdal() -> None:
     assert [unit_name(v) for v in (1.0, FOOT, SURVEY_FOOT)] == ["m", "ft", "US survey foot"]
+    assert unit_name(0.9143984146) == "0.914398415 m"
+
+
+def test_a_crs_that_no_library_can_read_is_one_line(tmp_path: Any) -> None:
+    def fail(prefer_wkt: bool) -> None:
+        raise RuntimeError("unexpected\nend of WKT")
+
+    unreadable = header(None)
+    unreadable.parse_crs = fail
+    with pytest.raises(
+        UsageError, match=r"its CRS cannot be read \(unexpected end of WKT\): name it by --crs"
+    ):
+        of_header(unreadable, tmp_path)
