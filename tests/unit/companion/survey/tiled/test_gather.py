@@ -98,6 +98,18 @@ def test_blocks_without_room_are_asked_for_anew() -> None:
     assert blocks.tolist() == [[0, 0], [1, 1]]
 
 
+def test_points_on_more_blocks_than_there_is_room_for_at_first_are_all_kept(tmp_path: Path) -> None:
+    side = 70  # 4900 blocks of 128 m, each with two points
+    east, north = (128.0 * axis.ravel() + 60.25 for axis in np.meshgrid(np.arange(side), np.arange(side)))
+    one = np.column_stack([east, north, np.full(side**2, 20.0)])
+    arrays, notes = packed.read(sorted_file(tmp_path, np.vstack([one, one + np.array([1.0, 2.0, 3.0])])))
+    assert len(arrays["blocks"]) == side**2
+    assert arrays["blocks"].tolist() == [[row, col] for row in range(side) for col in range(side)]
+    assert (np.diff(arrays["ends"], prepend=0) == 2).all()
+    assert arrays["heights"].reshape(-1, 2).tolist() == [[200_000, 230_000]] * side**2
+    assert notes == {"n_read": 2 * side**2, "dropped": {"not_finite": 0, "stray": 0}}
+
+
 def test_a_packed_file_is_whole_or_absent(tmp_path: Path) -> None:
     arrays = {"a": np.arange(5, dtype=np.uint16), "b": np.zeros((0, 2)), "c": np.eye(3, dtype=np.float32)}
     packed.write(tmp_path / "x", arrays, {"n": 1})

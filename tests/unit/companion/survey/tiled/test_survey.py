@@ -6,17 +6,19 @@ import json
 import os
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from distributed import CancelledError, KilledWorker
 
 from companion import cli, survey
-from companion.errors import UsageError
-from companion.survey.tiled.engine import engine
+from companion.errors import CompanionError, UsageError
+from companion.survey.tiled.engine import Distributed, engine
 from companion.survey.tiled.progress import Progress
 from tests.unit.companion.survey import packing
 from tests.unit.companion.survey.clouds import field, placed, write
-from tests.unit.companion.survey.tiled.ground import parameters, surveyed
+from tests.unit.companion.survey.tiled.ground import answer, parameters, surveyed
 
 UTM = "EPSG:32610"
 FIELD = placed(field(), UTM)
@@ -118,6 +120,106 @@ def test_degrees_are_sorted_again_with_the_length_they_have(tmp_path: Path) -> N
     assert found.found[0].zone.area_m2 == pytest.approx(57 * 37 - 6.5 * 6.5, rel=0.03)
 
 
+def test_ground_far_from_the_survey_s_edges_is_mapped_as_at_them(tmp_path: Path) -> None:
+    """A block whose whole surroundings are of the survey holds the same field as one that is cut off."""
+    corner = np.array([3906 * 128.0, 35156 * 128.0, 0.0])  # of a block of 256 cells
+    amid_block = field() + corner + np.array([64 - 30, 64 - 20, 0])
+    far = corner + np.array([[64 - 180.0, 64 - 180, 100], [64 + 180, 64 + 180, 100]])
+    alone, amid = (
+        surveyed([write(tmp_path / f"{len(xyz)}.laz", xyz)], tmp_path / str(len(xyz)))
+        for xyz in (amid_block, np.vstack([amid_block, far]))
+    )
+    assert amid.layout.whole.shape == (721, 721)
+    assert amid.n_used == alone.n_used + 2
+    assert len(amid.found) == len(alone.found) == 1
+    assert amid.found[0].zone.cells.tobytes() == alone.found[0].zone.cells.tobytes()
+    assert amid.n_safe == alone.n_safe
+
+
+def test_a_survey_that_ended_as_all_was_done_is_not_done_again(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.laz", FIELD)
+    first = surveyed([path], tmp_path / "work")
+    before = {file: file.stat().st_mtime_ns for file in (tmp_path / "work").rglob("*") if file.is_file()}
+    assert {file.suffix for file in before} >= {".sorted", ".tile", ".zones", ".tif", ".png"}
+    assert answer(surveyed([path], tmp_path / "work")) == answer(first)
+    assert all(file.stat().st_mtime_ns == at for file, at in before.items())
+
+
+def test_a_disk_without_room_for_the_points_is_told_before_they_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "a.laz", FIELD)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=6 * len(FIELD)))
+    with pytest.raises(UsageError, match=r"0\.0 GB are free.*choose another disk by --out"):
+        surveyed([path], tmp_path / "work")
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_zones_of_a_survey_too_large_for_pictures_are_held_without_their_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "a.laz", FIELD)
+    whole = surveyed([path], tmp_path / "work")
+    monkeypatch.setattr("companion.survey.tiled.survey.MOST_HELD", 100)
+    (one,) = surveyed([path], tmp_path / "work").found
+    assert one.zone.cells.size == 0
+    assert one.polygon_m.equals(whole.found[0].polygon_m)
+    assert one.zone.area_m2 == whole.found[0].zone.area_m2
+
+
+def test_a_survey_too_large_for_pictures_has_all_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def drawn(*_: object) -> None:
+        raise AssertionError("pictures were drawn")
+
+    monkeypatch.setattr("companion.figures.save_maps", drawn)
+    monkeypatch.setattr("companion.survey.command.MOST_DRAWN", 100)
+    told = survey.run([write(tmp_path / "a.laz", FIELD)], tmp_path / "out", parameters(), lambda *_: None)
+    assert len(told["zones"]) == 1
+    assert {"map.html", "zones.geojson", "safe.tif"} <= {Path(path).name for path in told["outputs"]}
+
+
+def test_a_cloud_higher_than_any_ground_is_refused_by_name(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.laz", FIELD + np.array([0, 0, 25_000.0]))
+    message = rf"a\.laz: none of its {len(FIELD)} points is usable \({len(FIELD)} stray\)"
+    with pytest.raises(UsageError, match=message):
+        surveyed([path], tmp_path / "work")
+
+
+def test_a_piece_of_a_file_without_a_usable_point_does_not_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = np.repeat([7, 2], [2000, len(FIELD)])
+    path = write(tmp_path / "a.laz", np.vstack([FIELD[:2000] + 500.0, FIELD]), classification=kinds)
+    monkeypatch.setattr("companion.survey.tiled.plan.PIECE", 2000)
+    found = surveyed([path], tmp_path / "work")
+    assert (found.n_read, found.n_used, found.dropped["noise"]) == (len(FIELD) + 2000, len(FIELD), 2000)
+    assert found.skipped == []
+    assert len(found.found) == 1
+
+
+def test_a_survey_of_one_line_of_points_is_a_row_of_cells_without_a_zone(tmp_path: Path) -> None:
+    line = np.column_stack([FIELD[0, 0] + np.arange(0.0, 40, 0.1), *np.full((2, 400), 100.0)])
+    found = surveyed([write(tmp_path / "a.laz", line)], tmp_path / "work")
+    assert found.layout.whole.shape[0] == 1
+    assert found.n_used == 400
+    assert found.found == []
+
+
+def test_the_user_is_told_of_zones_that_were_cut_and_of_coarse_coordinates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("companion.survey.tiled.zones.MOST_CELLS", 2000)
+    monkeypatch.setattr("companion.survey.tiled.zones.CUT", 64)
+    path = tmp_path / "a.pcd"
+    path.write_bytes(packing.pcd(FIELD, form="<f4"))
+    told = survey.run([path], tmp_path / "out", parameters("cell_m=1.0"), lambda *_: None, survey.Plan(UTM))
+    assert "32-bit coordinates of this size are 0.5 m apart: store them as 64-bit numbers" in told["warnings"]
+    cut = [text for text in told["warnings"] if "are parts of larger ones" in text]
+    assert [text.split()[0] for text in cut] == [str(len(told["zones"]))]
+
+
 def test_the_sources_rules_are_not_tiled(tmp_path: Path) -> None:
     path = write(tmp_path / "a.laz", FIELD)
     with pytest.raises(UsageError, match="one window in one piece"):
@@ -153,3 +255,40 @@ def test_the_time_left_is_told_and_what_was_done_before_does_not_shorten_it() ->
     assert told[0] == "sorting 0.00"
     assert told[1] == "sorting 0.25"  # nothing of it is this run's
     assert told[2] == "sorting, 60 s left 0.50"
+
+
+@pytest.mark.parametrize(
+    ("passed_s", "left"),
+    [(80, "80 s"), (100, "2 min"), (5300, "88 min"), (9000, "2.5 h"), (200_000, "2.3 days")],
+)
+def test_the_time_left_is_told_in_two_figures(passed_s: float, left: str) -> None:
+    now = iter([0.0, 0.0, passed_s])
+    told: list[str] = []
+    progress = Progress(lambda what, _: told.append(what), lambda: next(now))
+    progress.step("sorting", 1.0, 2)
+    progress.at(1)
+    assert told == ["sorting", f"sorting, {left} left"]
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "said"),
+    [
+        (CancelledError("key"), CompanionError, "the scheduler is gone"),
+        (KilledWorker("task", "worker", 10), CompanionError, "workers died again and again at one task"),
+        (UsageError("a.laz: its zones.csv cannot be written"), UsageError, "cannot be written"),
+    ],
+)
+def test_what_became_of_workers_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, error: Exception, kind: type[Exception], said: str
+) -> None:
+    class Failed:
+        def result(self) -> None:
+            raise error
+
+    client = SimpleNamespace(
+        submit=lambda *_, **__: Failed(), scheduler_info=lambda n_workers: {"workers": {"one": {}}}
+    )
+    monkeypatch.setattr("distributed.as_completed", list)
+    with pytest.raises(kind, match=said) as caught:
+        list(Distributed(client).each(abs, [1, 2]))
+    assert "\n" not in str(caught.value)
