@@ -24,7 +24,7 @@ from companion import cli, survey
 from companion.errors import UsageError
 from companion.survey.flatgeobuf import write_flatgeobuf, zones_within
 from companion.survey.nearest import nearest
-from tests.unit.companion.survey.clouds import LAT, LON, write
+from tests.unit.companion.survey.clouds import LAT, LON, field, write
 from tests.unit.companion.survey.tiled.ground import parameters, points
 
 GEOD = Geod(ellps="WGS84")
@@ -64,14 +64,19 @@ def place(data: dict[str, Any], right: float, down: float) -> np.ndarray:
     return np.array([1 - down, down]) @ (np.array([1 - right, right]) @ corners)
 
 
+def survey_of(page: Path) -> dict[str, Any]:
+    """Return what a page says of its survey."""
+    found = re.search(r'<script id="survey"[^>]*>(.*?)</script>', page.read_text("utf-8"), re.DOTALL)
+    assert found is not None
+    return dict(json.loads(found[1]))
+
+
 def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[str, Any]]) -> None:
     folder, told = out
     page = (folder / "map.html").read_text("utf-8")
     assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//|@import|fetch\(|XMLHttpRequest""", page)
     assert "__" not in re.sub(r"base64,[^\"]*", "", page)
-    found = re.search(r'<script id="survey"[^>]*>(.*?)</script>', page, re.DOTALL)
-    assert found is not None
-    data = json.loads(found[1])
+    data = survey_of(folder / "map.html")
     assert [zone["id"] for zone in data["zones"]] == [zone["id"] for zone in told["zones"]]
     for zone, row in zip(data["zones"], told["zones"], strict=True):
         area = sum(
@@ -86,6 +91,38 @@ def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[st
     assert png is not None
     picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(png[1])))
     assert picture.shape[:2] == (told["cells"]["rows"], told["cells"]["cols"])
+
+
+def test_outlines_of_too_many_corners_are_thinned_on_the_page_and_stay_in_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xyz = points(60_000)
+    path = write(tmp_path / "a.laz", xyz)
+    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    survey.run([path], tmp_path / "all", parameters(), lambda *_: None)
+    every = survey_of(tmp_path / "all" / "map.html")["zones"]
+    corners = sum(len(ring) // 2 for zone in every for ring in zone["rings"])
+    monkeypatch.setattr("companion.survey.page.MOST_CORNERS", corners // 4)
+    survey.run([path], tmp_path / "few", parameters(), lambda *_: None)
+    few = survey_of(tmp_path / "few" / "map.html")["zones"]
+    assert sum(len(ring) // 2 for zone in few for ring in zone["rings"]) < corners / 2
+    for whole, thin in zip(every, few, strict=True):
+        outer, thinned = (shapely.Polygon(np.reshape(zone["rings"][0], (-1, 2))) for zone in (whole, thin))
+        assert thinned.area == pytest.approx(outer.area, rel=0.1)
+        assert thinned.bounds == pytest.approx(outer.bounds, abs=2.5)
+    rows = [(tmp_path / name / "zones.geojson").read_bytes() for name in ("all", "few")]
+    assert rows[0] == rows[1]  # the files hold all corners
+
+
+def test_a_page_across_the_date_line_has_corners_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    xyz = field() + np.array([180_206.0 - 30, 8_140_143 - 20, 0])
+    survey.run([write(tmp_path / "a.laz", xyz, "EPSG:32701")], tmp_path, parameters(), lambda *_: None)
+    lon = np.array(survey_of(tmp_path / "map.html")["corners"])[:, 0]
+    assert lon == pytest.approx(180.0, abs=1e-3)
+    assert lon.min() < 180 < lon.max()
 
 
 def test_the_nearest_zones_are_those_that_trying_all_finds(tmp_path: Path) -> None:
@@ -193,3 +230,9 @@ def test_a_question_that_cannot_be_answered_is_one_line(
 ) -> None:
     with pytest.raises(UsageError, match=said):
         nearest(tmp_path, lat, lon, radius_m)
+
+
+@pytest.mark.parametrize("most", [0, -3])
+def test_no_zone_at_all_is_nothing_to_ask_for(tmp_path: Path, most: int) -> None:
+    with pytest.raises(UsageError, match=f"--most {most}: one at least"):
+        nearest(tmp_path, LAT, LON, most=most)
