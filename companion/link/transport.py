@@ -83,7 +83,8 @@ class Transport:
                 self.opened += 1
                 on_up()
                 try:
-                    reason = await channel.lost
+                    # Whoever cancels us must not cancel that too: the channel could no longer tell its end.
+                    reason = await asyncio.shield(channel.lost)
                 finally:
                     self._channel = None
                     await _close(channel)

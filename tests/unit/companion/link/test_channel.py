@@ -1,0 +1,280 @@
+"""Streams, servers and serial lines as channels: what they take, and how they end."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import itertools
+import os
+import socket
+import termios
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import serial
+
+from companion.errors import UsageError
+from companion.link import transport
+from companion.link.channel import MAX_BACKLOG_BYTES, StreamChannel
+from companion.link.serial import SerialChannel
+from companion.link.tcp import ServerChannel
+from companion.link.transport import Transport
+from companion.link.url import Url, parse_url
+from tests.integration.link_bench import virtually
+
+
+class Wire:
+    """What asyncio gives a protocol."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.backlog, self.closing = 0, False
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+
+    def get_write_buffer_size(self) -> int:
+        return self.backlog
+
+    def is_closing(self) -> bool:
+        return self.closing
+
+    def close(self) -> None:
+        self.closing = True
+
+
+# ---- streams ------------------------------------------------------------------------------------
+
+
+async def test_a_stream_takes_nothing_before_it_is_open_and_after_it_is_closed() -> None:
+    channel, wire = StreamChannel(lambda _: None), Wire()
+    assert not channel.write(b"before")
+    channel.connection_made(wire)  # type: ignore[arg-type]
+    assert channel.write(b"during")
+    wire.backlog = MAX_BACKLOG_BYTES + 1
+    assert not channel.write(b"too much")
+    wire.backlog = 0
+    channel.close()
+    assert not channel.write(b"after")
+    assert wire.sent == [b"during"]
+
+
+async def test_a_stream_that_was_never_open_can_be_closed() -> None:
+    channel = StreamChannel(lambda _: None)
+    channel.close()
+    assert await asyncio.wait_for(channel.lost, 1) == "closed by the other side"
+
+
+async def test_a_server_hangs_up_on_all_who_called_when_it_closes() -> None:
+    came: list[bytes] = []
+    server, loop = ServerChannel(came.append), asyncio.get_running_loop()
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    await server.listen("127.0.0.1", port)
+    with socket.create_connection(("127.0.0.1", port)) as client:
+        client.setblocking(False)
+        await loop.sock_sendall(client, b"here")
+        while not came:
+            await asyncio.sleep(0)
+        server.close()
+        assert await loop.sock_recv(client, 10) == b""
+    assert await server.lost == "closed"
+    server.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port))
+
+
+async def test_a_server_that_never_listened_can_be_closed() -> None:
+    server = ServerChannel(lambda _: None)
+    assert not server.write(b"x")
+    server.close()
+    assert await asyncio.wait_for(server.lost, 1) == "closed"
+
+
+# ---- serial lines -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def line() -> Iterator[tuple[int, str]]:
+    """Give the far end of a pseudo-terminal and the name of its near end."""
+    far, near = os.openpty()
+    name = os.ttyname(near)
+    os.close(near)
+    yield far, name
+    os.close(far)
+
+
+async def serial_channel(name: str) -> tuple[SerialChannel, list[bytes], serial.Serial]:
+    came: list[bytes] = []
+    port = serial.Serial(name, timeout=0)
+    return SerialChannel(port, came.append), came, port
+
+
+@pytest.mark.parametrize("call", ["read", "write"])
+async def test_a_serial_line_that_fails_ends_with_the_reason(
+    line: tuple[int, str], monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    far, name = line
+    channel, _, _ = await serial_channel(name)
+
+    def failed(*_: Any) -> Any:
+        raise OSError(errno.EIO, "Input/output error")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, failed)
+        if call == "write":
+            assert channel.write(b"x")
+        else:
+            assert os.write(far, b"x") == 1
+        assert await asyncio.wait_for(channel.lost, 1) == "Input/output error"
+    assert not channel.write(b"after")
+
+
+async def test_a_line_that_says_it_is_readable_and_is_not_goes_on(
+    line: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    far, name = line
+    channel, came, port = await serial_channel(name)
+    read, waits = os.read, [BlockingIOError()]
+
+    def waiting(descriptor: int, size: int) -> bytes:
+        if descriptor == port.fileno() and waits:
+            raise waits.pop()
+        return read(descriptor, size)
+
+    monkeypatch.setattr(os, "read", waiting)
+    os.write(far, b"late\n")
+    while not came:
+        await asyncio.sleep(0)
+    assert came == [b"late\n"]
+    assert waits == []
+    channel.close()
+
+
+@pytest.mark.parametrize("gone", [None, OSError("gone"), termios.error(5, "gone")])
+async def test_a_stalled_line_drops_what_waits_and_closes_at_once_though_the_device_is_gone(
+    line: tuple[int, str], monkeypatch: pytest.MonkeyPatch, gone: Exception | None
+) -> None:
+    channel, _, port = await serial_channel(line[1])
+    cleared: list[str] = []
+
+    def stalled(*_: Any) -> int:
+        raise BlockingIOError
+
+    def clear() -> None:
+        cleared.append("output")
+        if gone is not None:
+            raise gone
+
+    monkeypatch.setattr(port, "reset_output_buffer", clear)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", stalled)
+        assert channel.write(b"waits")
+    channel.close()
+    reason = await asyncio.wait_for(channel.lost, 1)
+    assert cleared == ["output"]
+    assert reason == ("closed" if gone is None else f"closed ({gone})")
+
+
+# ---- what keeps them open -----------------------------------------------------------------------
+
+
+def test_a_serial_port_that_another_program_holds_is_one_line(line: tuple[int, str]) -> None:
+    async def script() -> None:
+        with serial.Serial(line[1], exclusive=True):
+            said = f"^{line[1]},57600: another program has the port open; stop it$"
+            with pytest.raises(UsageError, match=said):
+                await asyncio.wait_for(Transport(parse_url(f"{line[1]},57600")).run(print), 5)
+
+    virtually(script)
+
+
+def test_a_serial_port_is_free_again_when_the_link_has_ended(line: tuple[int, str]) -> None:
+    async def script() -> None:
+        way = Transport(parse_url(f"{line[1]},57600"))
+        task = asyncio.create_task(way.run(lambda _: None))
+        while not way.up:
+            await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        serial.Serial(line[1], exclusive=True).close()
+
+    virtually(script)
+
+
+@pytest.mark.parametrize(
+    ("url", "advice"),
+    [("/dev/null,57600", "; add the user to the group 'dialout'"), ("tcp:127.0.0.1:5760", "")],
+)
+def test_an_address_that_may_not_be_opened_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, url: str, advice: str
+) -> None:
+    def denied(*_: Any, **__: Any) -> Any:
+        raise serial.SerialException(errno.EACCES, "could not open port")
+
+    async def script() -> None:
+        monkeypatch.setattr("serial.Serial", denied)
+        monkeypatch.setattr(asyncio.get_running_loop(), "create_connection", denied)
+        parsed = parse_url(url)
+        with pytest.raises(UsageError) as caught:
+            await asyncio.wait_for(Transport(parsed).run(print), 5)
+        assert str(caught.value) == f"{parsed}: permission denied{advice}"
+
+    virtually(script)
+
+
+class Fleeting:
+    """A channel that is lost as soon as it is open, and may never say so when it is closed."""
+
+    def __init__(self, *, ends: bool) -> None:
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        if ends:
+            self.lost.set_result("gone")
+
+    def write(self, data: bytes) -> bool:
+        return True
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
+def kept(monkeypatch: pytest.MonkeyPatch, *, ends: bool, hears: bool) -> tuple[Transport, list[float]]:
+    """Return a transport whose channels are fleeting, and when they were opened."""
+    opened: list[float] = []
+
+    async def opener(_: Url, on_bytes: Any) -> Fleeting:
+        opened.append(asyncio.get_running_loop().time())
+        if hears:
+            on_bytes(b"x")
+        return Fleeting(ends=ends)
+
+    monkeypatch.setitem(transport._OPENERS, "tcp", opener)
+    return Transport(parse_url("tcp:127.0.0.1:5760")), opened
+
+
+def test_a_channel_on_which_nobody_speaks_is_opened_again_ever_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def script() -> None:
+        way, opened = kept(monkeypatch, ends=True, hears=False)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(way.run(lambda _: None), 13)
+        gaps = [after - before for before, after in itertools.pairwise(opened)]
+        assert gaps == pytest.approx([0.5, 1, 2, 4, 5], abs=0.05)
+
+    virtually(script)
+
+
+def test_a_channel_that_does_not_close_holds_nothing_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def script() -> None:
+        way, opened = kept(monkeypatch, ends=False, hears=False)
+        task, loop = asyncio.create_task(way.run(lambda _: None)), asyncio.get_running_loop()
+        while not way.up:
+            await asyncio.sleep(0.01)
+        began = loop.time()
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        assert loop.time() - began == pytest.approx(transport.FLUSH_S, abs=0.05)
+        assert len(opened) == 1
+
+    virtually(script)
