@@ -167,6 +167,31 @@ def test_points_that_others_removed_are_put_back_within_a_minute() -> None:
     assert vehicle.points == [FOREIGN, *MINE]
 
 
+def test_points_that_are_there_already_are_not_written_again() -> None:
+    vehicle = Vehicle(Rally(MINE), [FOREIGN, *MINE]).run((point(1.5), point(49)), 50)
+    assert (vehicle.writes(), vehicle.rally.uploads) == (0, 0)
+    assert vehicle.sent.count("MISSION_REQUEST_LIST") == 1
+    assert vehicle.rally.foreign == (FOREIGN,)
+
+
+def test_somebody_who_begins_while_we_read_is_let_finish() -> None:
+    vehicle = Vehicle(deaf=True).run(MINE, 0.05)
+    vehicle.other()
+    vehicle.deaf = False
+    vehicle._say(mavlink.MAVLink_mission_count_message(*US, 0, RALLY))  # so the reading ends well
+    vehicle.run(MINE, 4)
+    assert vehicle.writes() == 0
+    vehicle.run(MINE, 12)
+    assert vehicle.points == list(MINE)
+
+
+def test_messages_that_carry_no_points_hold_nothing_up() -> None:
+    vehicle = Vehicle()
+    told = received(mavlink.MAVLink_param_request_list_message(1, 1), *STATION)
+    assert vehicle.rally.hear(told, 0, 1, US) == []
+    assert vehicle.run(MINE).points == list(MINE)
+
+
 def test_after_a_failure_the_next_try_comes_later_and_later() -> None:
     vehicle = Vehicle(deaf=True).run(MINE, 200)
     lists = vehicle.sent.count("MISSION_REQUEST_LIST")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.clock import now_ns
 from companion.link.command import Command, CommandCall
+from companion.link.commander import Commander
 from tests.unit.companion.link.messages import acknowledgement
 
 S = 1_000_000_000
@@ -91,3 +93,26 @@ def test_a_frame_makes_it_a_command_int() -> None:
     message = Command(LAND, (0.0, 1.0), frame=6, x=470_000_001, y=-5, z=12.5).message(7, 1, 0)
     assert message.get_type() == "COMMAND_INT"
     assert (message.frame, message.x, message.y, message.z, message.param2) == (6, 470_000_001, -5, 12.5, 1.0)
+
+
+def test_a_command_that_has_its_answer_is_not_superseded() -> None:
+    c = call()
+    c.poll(0)
+    c.acknowledge(acknowledgement(LAND, 0), S)
+    c.supersede()
+    assert c.result is not None
+    assert c.result.outcome == "accepted"
+
+
+async def test_an_answer_to_a_command_that_nobody_sent_is_passed_over() -> None:
+    sent: list[int] = []
+
+    def send(command: Command, attempt: int) -> bool:
+        sent.append(attempt)
+        commander.acknowledge(acknowledgement(LAND + 1, 0), now_ns())
+        commander.acknowledge(acknowledgement(LAND, 2), now_ns())
+        return True
+
+    commander = Commander(send)
+    result = await commander.run(Command(LAND), timeout_s=60.0, tries=3)
+    assert (result.outcome, sent) == ("denied", [0])

@@ -185,3 +185,10 @@ def test_a_change_that_cannot_be_stored_is_refused(tmp_path: Path) -> None:
     (tmp_path / "state").rename(tmp_path / "gone")
     assert kinds(desk.set("SLZ_FINAL_H", 20)) == ["PARAM_ERROR", "PARAM_VALUE"]
     assert desk.settings.running.final_height_m == 12
+
+
+def test_messages_of_other_protocols_are_passed_over() -> None:
+    desk = Desk()
+    assert desk.tell(mavlink.MAVLink_param_value_message(b"SLZ_COVERAGE_M", 9.0, REAL32, 1, 0)) == []
+    assert desk.tell(mavlink.MAVLink_mission_request_list_message(*US)) == []
+    assert (desk.server.changed, desk.server.refused, desk.sent(1.0)) == (0, 0, [])

@@ -206,3 +206,25 @@ def test_what_was_long_under_way_is_seen_in_the_delays_once_clocks_are_synchroni
     assert clock.timesync.worst_residual_ns >= clock.timesync.residual_ns
     clock.reset()
     assert not clock.delays_ns
+
+
+@pytest.mark.parametrize(("there_ns", "tc1"), [(-1, 9 * S), (3600 * S, 9 * S), (5 * MS, 0), (5 * MS, -4)])
+def test_an_answer_that_came_before_it_was_asked_for_or_tells_no_time_counts_for_nothing(
+    there_ns: int, tc1: int
+) -> None:
+    sync = TimeSync()
+    for at in range(20):
+        now = 100 * S + at * S
+        stamp = sync.request(now)
+        assert stamp is not None
+        sync.reply(tc1, stamp, now + there_ns)
+    assert not sync.synced
+    assert sync.round_trip_ns == 0
+
+
+def test_without_exchanges_there_is_no_other_time() -> None:
+    sync = TimeSync()
+    with pytest.raises(ValueError, match="not synchronised yet"):
+        sync.to_local_ns(S)
+    with pytest.raises(ValueError, match="not synchronised yet"):
+        sync.to_autopilot_ns(S)

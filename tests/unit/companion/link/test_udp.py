@@ -122,3 +122,10 @@ async def test_a_channel_that_was_never_open_can_be_closed() -> None:
     assert not channel.write(b"x")
     channel.close()
     assert await asyncio.wait_for(channel.lost, 1) == "closed"
+
+
+async def test_a_socket_that_fails_before_it_is_open_is_lost_for_the_first_reason() -> None:
+    channel = DatagramChannel(lambda _: None, bound=False)
+    channel.error_received(OSError("Network is unreachable"))
+    channel.error_received(OSError("Network is down"))
+    assert await channel.lost == "Network is unreachable"

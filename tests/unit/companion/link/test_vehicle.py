@@ -161,3 +161,12 @@ def test_messages_a_little_out_of_order_are_no_reboot() -> None:
 @given(st.integers(0, 2**32 - 1), st.integers(-(2**30), 2**30))
 def test_boot_times_are_compared_across_their_overflow(boot_ms: int, step: int) -> None:
     assert boot_step_ms(boot_ms, (boot_ms + step) % 2**32) == step
+
+
+@pytest.mark.parametrize("place", [(math.nan, 0.0, -5.0), (1.0, math.inf, -5.0)])
+def test_a_local_position_that_is_no_number_leaves_the_last_one(place: tuple[float, float, float]) -> None:
+    def local(boot_ms: int, x: float, y: float, z: float) -> Any:
+        return received(mavlink.MAVLink_local_position_ned_message(boot_ms, x, y, z, 0, 0, 0))
+
+    state = after(heartbeat(), local(1000, 1.0, 2.0, -3.0), local(1100, *place))
+    assert (state.local_ned_m, state.local_boot_ms) == ((1.0, 2.0, -3.0), 1000)
