@@ -333,12 +333,12 @@ class Link:
     async def _keep_streams(self) -> None:
         while True:
             stream = self._streams.due(now_ns()) if self.connected else None
-            if stream is None:
-                await asyncio.sleep(STREAM_PAUSE_S)
-            else:
+            if stream is not None:
                 result = await self._ask(stream)
                 if result.outcome != "not_connected":
                     self._streams.asked(stream, now_ns(), accepted=result.ok)
+                    continue
+            await asyncio.sleep(STREAM_PAUSE_S)  # while the line is down a request ends without any waiting
 
     async def _ask(self, stream: Stream) -> CommandResult:
         return await self.command(
@@ -372,10 +372,9 @@ class Link:
             self._set_connected(True)
 
     def _set_connected(self, connected: bool) -> None:
-        if connected != self.connected:
-            self.connected = connected
-            log.info("autopilot connected") if connected else log.warning("autopilot lost")
-            self.on_connection.emit(connected)
+        self.connected = connected
+        log.info("autopilot connected") if connected else log.warning("autopilot lost")
+        self.on_connection.emit(connected)
 
     async def _sees_mode(self, name: str) -> bool:
         seen = asyncio.Event()

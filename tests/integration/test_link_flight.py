@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+from contextlib import asynccontextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +15,15 @@ from companion.clock import now_ns
 from companion.link.link import Link
 from companion.link.operator import CommandReply, OperatorCommand
 from params import Parameters
-from tests.integration.link_bench import GUIDED, LAND, autopilot_over_udp, running, until, virtually
+from tests.integration.link_bench import (
+    GUIDED,
+    LAND,
+    Autopilot,
+    autopilot_over_udp,
+    running,
+    until,
+    virtually,
+)
 from tests.ports import free_port
 
 USER, DO_SET_MODE = mavlink.MAV_CMD_USER_1, mavlink.MAV_CMD_DO_SET_MODE
@@ -260,6 +271,71 @@ def test_a_subscriber_s_fault_ends_the_link_instead_of_passing_unseen() -> None:
             link.subscribe("HEARTBEAT", fail)
             with pytest.raises(ZeroDivisionError, match="mine"):
                 await link.run()
+
+    virtually(flight)
+
+
+def test_of_several_faults_the_first_is_told() -> None:
+    async def flight() -> None:
+        port, faults = free_port(), [0]
+
+        def fail(message: Any, at_ns: int) -> None:
+            faults[0] += 1
+            raise ZeroDivisionError(f"number {faults[0]}")
+
+        async with autopilot_over_udp(port) as autopilot:
+            link = Link(f"udpin:127.0.0.1:{port}", Parameters())
+            link.subscribe("HEARTBEAT", fail)
+            running_ = asyncio.create_task(link.run())
+            await asyncio.sleep(0.02)
+            for _ in range(20):
+                autopilot.send(mavlink.MAVLink_heartbeat_message(2, 3, 1, LAND, 4, 3))
+            with pytest.raises(ZeroDivisionError, match="number 1$"):
+                await running_
+            assert faults[0] > 1
+
+    virtually(flight)
+
+
+def test_a_mode_that_the_vehicle_is_in_already_is_not_waited_for() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port, mode=GUIDED):
+            await until(lambda: link.vehicle.guided)
+            began = asyncio.get_running_loop().time()
+            assert (await link.set_mode("GUIDED")).ok
+            assert asyncio.get_running_loop().time() - began < 0.1
+
+    virtually(flight)
+
+
+def test_a_broken_line_holds_nothing_up_until_it_is_there_again() -> None:
+    async def flight() -> None:
+        port, loop = free_port(socket.SOCK_STREAM), asyncio.get_running_loop()
+
+        @asynccontextmanager
+        async def plugged() -> Any:
+            with socket.create_server(("127.0.0.1", port)) as server:
+                server.setblocking(False)
+                client, _ = await loop.sock_accept(server)
+            with client:
+                client.setblocking(False)
+                autopilot = Autopilot(SimpleNamespace(write=client.send))
+                loop.add_reader(client, lambda: autopilot.hear(client.recv(4096)))
+                flying = asyncio.create_task(autopilot.fly())
+                yield autopilot
+                flying.cancel()
+                loop.remove_reader(client)
+
+        async with running(f"tcp:127.0.0.1:{port}") as link:
+            for _ in range(2):
+                async with plugged():
+                    await until(lambda: link.connected and link.statistics().rates_hz)
+                    await asyncio.sleep(5)
+                await asyncio.sleep(4)  # longer than streams may be away, shorter than the autopilot may
+                assert link.connected
+                await asyncio.sleep(6)
+                assert not link.connected
 
     virtually(flight)
 
