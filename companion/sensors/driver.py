@@ -271,8 +271,7 @@ class UdpLidar(asyncio.DatagramProtocol):
         session = asyncio.create_task(self.session.run(), name="lidar session")
         try:
             done, _ = await asyncio.wait({failure, session}, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()
+            next(iter(done)).result()
         finally:
             session.cancel()
             await asyncio.gather(session, return_exceptions=True)

@@ -8,8 +8,9 @@ from collections.abc import Awaitable, Callable, Iterator
 
 import pytest
 
-from companion.errors import UsageError
+from companion.errors import CompanionError, UsageError
 from companion.sensors.driver import UdpLidar, open_lidar
+from companion.sensors.livox_session import LivoxSession
 from companion.sensors.returns import Returns
 from companion.simulated import CLOCK_OFFSET_NS, LockstepLoop
 from params import Parameters
@@ -217,3 +218,45 @@ def test_a_failing_receiver_ends_the_run_with_its_error(port: int) -> None:
 
     with pytest.raises(RuntimeError, match="pipeline is broken"):
         asyncio.run(scenario())
+
+
+def test_of_several_faults_the_first_ends_the_run(port: int) -> None:
+    async def scenario() -> None:
+        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+        running = asyncio.ensure_future(driver.run())
+        await asyncio.sleep(0)
+        faults = iter([ZeroDivisionError("first"), ZeroDivisionError("second")])
+
+        def fail(*_: object) -> None:
+            raise next(faults)
+
+        driver.stream.take = fail  # type: ignore[method-assign]
+        for _ in range(2):
+            driver.datagram_received(b"x", ("127.0.0.1", 56300))
+        await running
+
+    with pytest.raises(ZeroDivisionError, match="first"):
+        asyncio.run(scenario())
+
+
+def test_a_socket_that_fails_ends_the_run_with_its_address(port: int) -> None:
+    async def scenario() -> None:
+        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+        running = asyncio.ensure_future(driver.run())
+        await asyncio.sleep(0)
+        driver.connection_lost(OSError("Network is down"))
+        await running
+
+    with pytest.raises(CompanionError, match=f"LiDAR socket 127.0.0.1:{port} failed: Network is down"):
+        asyncio.run(scenario())
+
+
+def test_a_session_that_cannot_be_held_ends_the_run_and_frees_the_port(port: int) -> None:
+    async def scenario() -> None:
+        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+        driver.session = LivoxSession("255.255.255.255", port, lambda: None)
+        await driver.run()
+
+    for _ in range(2):
+        with pytest.raises(UsageError, match=r"LiDAR at 255\.255\.255\.255: .*; is the network card set up\?"):
+            asyncio.run(scenario())

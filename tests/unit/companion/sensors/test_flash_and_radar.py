@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
 from companion.fusion.pose_history import PoseHistory
+from companion.sensors import flash, radar
 from companion.sensors.beside import open_beside
 from companion.sensors.driver import decoder_for
 from companion.sensors.flash import FlashDecoder
@@ -156,6 +158,62 @@ def test_what_is_no_packet_is_counted_and_a_foreign_one_is_named(kind: str) -> N
     assert decoder.counters.malformed == 5
     assert decoder.kind == kind
     assert lookalike(packet) == kind
+
+
+def changed(packet: bytes, header: struct.Struct, **fields: float) -> bytes:
+    """Return a packet with other values in its header, named by their place in it."""
+    values = list(header.unpack_from(packet))
+    for place, value in fields.items():
+        values[int(place[1:])] = value
+    return header.pack(*values) + packet[header.size :]
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("flash", {"_6": 128}),  # a row beyond the last
+        ("flash", {"_3": 0}),
+        ("flash", {"_9": -1.0}),  # a field of view that cannot be
+        ("radar", {"_13": 0.2}),  # on the ground
+        ("radar", {"_13": 5000.0}),
+        ("radar", {"_14": 2.0}),  # on its back
+        ("radar", {"_12": 0.0}),
+        ("radar", {"_6": -1.0}),  # a wave of no length
+    ],
+)
+def test_a_header_that_cannot_be_is_counted_and_its_packet_gives_nothing(
+    kind: str, fields: dict[str, float]
+) -> None:
+    sensor = {"flash": FlashSensor, "radar": RadarSensor}[kind](np.random.default_rng(1))
+    header = {"flash": flash.HEADER, "radar": radar.HEADER}[kind]
+    packet = changed(sensor.step(0, SECOND // 5, swaying, world())[0], header, **fields)
+    decoder = decoder_for(kind)
+    assert decoder.check(packet) is None
+    decoder.take(packet)
+    assert (len(decoder), decoder.counters.malformed, decoder.counters.packets) == (0, 1, 0)
+    assert len(decoder.drain()) == 0
+
+
+def test_a_flash_frame_in_the_dark_gives_no_point() -> None:
+    packets = FlashSensor(np.random.default_rng(1)).step(0, SECOND // 8, swaying, world())
+    body = flash.HEADER.size
+    black = [packet[:body] + bytes(len(packet) - body) for packet in packets]
+    decoder = FlashDecoder()
+    assert len(decoded(decoder, black)) == 0
+    assert (decoder.counters.frames, decoder.counters.returns) == (1, 0)
+    assert decoder.counters.no_return == 128 * 128
+
+
+def test_radar_lines_before_a_pause_make_no_block_with_those_after_it() -> None:
+    packets = RadarSensor(np.random.default_rng(1)).step(0, 2 * SECOND, swaying, world())
+    late = [
+        changed(p, radar.HEADER, _5=radar.HEADER.unpack_from(p)[5] + radar.MOST_BLOCK_NS) for p in packets
+    ]
+    decoder = RadarDecoder()
+    raw = decoded(decoder, packets[:1] + late[1 : 1 + radar.BLOCK])
+    assert (decoder.counters.blocks, decoder.counters.broken_blocks) == (2, 1)
+    assert len(raw) > 0
+    assert raw.stamp_ns.min() >= radar.HEADER.unpack_from(late[1])[5]
 
 
 def test_only_a_radar_flies_beside_a_lidar() -> None:

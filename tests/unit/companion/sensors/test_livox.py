@@ -199,3 +199,15 @@ def test_any_header_is_decoded_or_counted(points: list[Point], **fields: int) ->
     assert len(raw) == c.returns <= len(points)
     assert np.isfinite(raw.xyz_m).all()
     assert (raw.stamp_ns >= 0).all()
+
+
+def test_packets_may_be_checked_together_before_they_are_taken() -> None:
+    packets = [points_packet([(1000 * n, 0, 0, n, 0)], stamp_ns=10**9 * n, count=n) for n in range(1, 4)]
+    decoder = LivoxDecoder()
+    assert all(decoder.check(packet) for packet in packets)
+    for packet in packets:
+        decoder.take(packet)
+    raw = decoder.drain()
+    assert raw.xyz_m[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert raw.stamp_ns.tolist() == [10**9, 2 * 10**9, 3 * 10**9]
+    assert decoder.counters.lost_packets == 0

@@ -82,3 +82,19 @@ def test_other_messages_are_passed_over() -> None:
     bench = Bench()
     bench.ranges.take(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3), NOW)
     assert bench.ranges.counters.packets == 0
+
+
+def test_nothing_seen_around_is_no_return() -> None:
+    bench = Bench()
+    bench.ranges.take(ring([65535] * 72), NOW)
+    assert not bench.batches
+    assert (bench.ranges.counters.no_return, bench.ranges.counters.malformed) == (1, 0)
+
+
+def test_a_range_whose_stamp_cannot_be_is_counted_and_not_placed() -> None:
+    bench = Bench()
+    bench.ranges.take(beam(800, 25), NOW)
+    bench.ranges.take(beam(700, 25), NOW + 60_000_000_000)  # the same stamp a minute later
+    assert len(bench.batches) == 1
+    assert bench.ranges.statistics()["without_time"] == 1
+    assert bench.ranges.last_arrival_ns == NOW
