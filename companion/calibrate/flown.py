@@ -29,10 +29,8 @@ class FlownReturns:
     def __init__(self, returns: Returns, history: PoseHistory, parameters: Parameters) -> None:
         self._samples = history.samples()
         self._mount = Mount(parameters)
-        margin_ns = round(MOST_DELAY_MS * 1e6)
         kept = self._in_range(returns, parameters)
-        for shift_ns in (-margin_ns, 0, margin_ns):
-            kept &= self._have_poses(returns.stamp_ns + shift_ns)
+        kept &= self._have_poses(returns.stamp_ns, round(MOST_DELAY_MS * 1e6))
         self._xyz_sensor_m = np.ascontiguousarray(returns.xyz_sensor_m[kept])
         self._stamp_ns = np.ascontiguousarray(returns.stamp_ns[kept])
 
@@ -64,8 +62,7 @@ class FlownReturns:
             points,
             written,
         )
-        if count != n:
-            raise RuntimeError(f"{n - count} returns lost their pose")
+        assert count == n  # noqa: S101 - every return has poses at any delay
         return points
 
     @staticmethod
@@ -73,16 +70,20 @@ class FlownReturns:
         distance = np.linalg.norm(returns.xyz_sensor_m, axis=1)
         return np.asarray((distance >= p.lidar_min_m) & (distance <= p.lidar_max_m))
 
-    def _have_poses(self, stamps: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Tell which stamps have poses on both sides, near enough and without a jump between."""
+    def _have_poses(self, stamps: NDArray[np.int64], margin_ns: int) -> NDArray[np.bool_]:
+        """Tell around which stamps, to the margin, all poses are near enough and without a jump between."""
         attitude_ns, _, position_ns, positions, gap_ns = self._samples
+        steady = np.zeros(max(len(attitude_ns) - 1, 0), bool)
+        jumps = positions[1:, EPOCH] != positions[:-1, EPOCH]
         kept = np.ones(len(stamps), bool)
-        for track in (attitude_ns, position_ns):
-            after = np.searchsorted(track, stamps, side="right")
-            before = np.clip(after - 1, 0, len(track) - 2)
-            kept &= (after > 0) & (after < len(track)) & (track[before + 1] - track[before] <= gap_ns)
-        before = np.clip(np.searchsorted(position_ns, stamps, side="right") - 1, 0, len(position_ns) - 2)
-        return np.asarray(kept & (positions[before, EPOCH] == positions[before + 1, EPOCH]))
+        for track, broken in ((attitude_ns, steady), (position_ns, jumps)):
+            first = np.searchsorted(track, stamps - margin_ns, side="left") - 1
+            after = np.searchsorted(track, stamps + margin_ns, side="right")
+            kept &= (first >= 0) & (after < len(track))
+            n_broken = np.concatenate([[0], np.cumsum(broken | (np.diff(track) > gap_ns))])
+            last = len(n_broken) - 1
+            kept &= n_broken[np.clip(first, 0, last)] == n_broken[np.clip(after, 0, last)]
+        return kept
 
 
 def corrected(rotation_frd_from_sensor: Floats, correction: Floats) -> Floats:

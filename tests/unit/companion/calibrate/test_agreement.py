@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,3 +111,56 @@ def test_angles_of_a_mount_are_its_parameters() -> None:
         mount = Mount(Parameters(**dict(zip(names, values, strict=True))))
         again = Mount(Parameters(**mount_angles(mount.rotation_frd_from_sensor)))
         np.testing.assert_allclose(again.rotation_frd_from_sensor, mount.rotation_frd_from_sensor, atol=1e-12)
+
+
+def hovering(jump_at: int | None = None, missing: Sequence[int] = (), attitudes: bool = True) -> FlownReturns:
+    """Return what two seconds of hovering measured, a return a millisecond, poses every 20 ms.
+
+    jump_at: first position that lies elsewhere. missing: numbers of the poses that never came.
+    """
+    parameters = Parameters(pose_timeout_s=0.05)
+    history = PoseHistory(parameters, HOME, capacity=8192)
+    for k in range(101):
+        if k in missing:
+            continue
+        at_ns = BEGIN_NS + k * 20 * MS
+        if attitudes:
+            history.add_attitude(at_ns, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        east_m = 0.0 if jump_at is None or k < jump_at else 30.0
+        lat, lon, alt = (float(v) for v in HOME.lla(np.array([east_m, 0.0, 20.0])))
+        history.add_position(at_ns, lat, lon, alt, (0.0, 0.0, 0.0))
+    assert history.jumps == (jump_at is not None)
+    stamps = BEGIN_NS + np.arange(2001, dtype=np.int64) * MS
+    points = np.tile(np.array([5.0, 0.0, -5.0], np.float32), (len(stamps), 1))
+    return FlownReturns(Returns.plain(points, stamps), history, parameters)
+
+
+@pytest.mark.parametrize(
+    ("flight", "left_out"),
+    [
+        ({}, 0),
+        ({"jump_at": 50}, 20 + 2 * 100 + 1),  # between 980 and 1000 ms
+        ({"missing": range(50, 53)}, 80 + 2 * 100 + 1),
+    ],
+)
+def test_returns_beside_a_jump_or_a_gap_are_left_out_so_that_any_delay_has_poses(
+    flight: dict[str, Any], left_out: int
+) -> None:
+    flown_ = hovering(**flight)
+    assert len(flown_) == 2000 - 2 * 100 - 1 - left_out
+    for delay_ms in np.linspace(-120.0, 120.0, 49):
+        places = flown_.place(np.array([0.0, 0.0, 0.0, delay_ms]))
+        assert places.shape == (len(flown_), 3)
+        assert np.isfinite(places).all()
+
+
+def test_without_attitudes_no_return_has_a_place() -> None:
+    assert len(hovering(attitudes=False)) == 0
+
+
+def test_ground_that_is_nowhere_flat_is_refused() -> None:
+    rng = np.random.default_rng(1)
+    bush = rng.uniform(0, 8, (20_000, 3))
+    twice = rng.choice([0.0, 10.0], len(bush)) + rng.uniform(0, 1, len(bush))
+    with pytest.raises(TooLittleError, match="no ground that is seen twice is flat"):
+        solve(lambda _: bush, twice, np.zeros(4, bool))
