@@ -259,9 +259,7 @@ class UdpLidar(asyncio.DatagramProtocol):
             await self._until_failed(self._failure)
         finally:
             transport.close()
-            if self._timer is not None:
-                self._timer.cancel()
-                self._timer = None
+            self._stop_timer()
 
     async def _until_failed(self, failure: asyncio.Future[None]) -> None:
         """Wait for a failure, and keep the sensor sending meanwhile."""
@@ -311,13 +309,16 @@ class UdpLidar(asyncio.DatagramProtocol):
             self._fail(CompanionError(f"LiDAR socket {self._address[0]}:{self._address[1]} failed: {exc}"))
 
     def _flush(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._stop_timer()
         try:
             self.stream.flush(now_ns())
         except Exception as error:
             self._fail(error)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
     def _fail(self, error: Exception) -> None:
         if self._failure is not None and not self._failure.done():

@@ -222,8 +222,8 @@ class OusterDecoder:
         for packet in packets:
             data = np.frombuffer(packet, np.uint8)
             columns = form.columns(data)
-            if columns is not None:  # which `check` has seen
-                parts.append((columns, *form.measurements(data, columns.valid)))
+            assert columns is not None  # noqa: S101 - `check` has seen it
+            parts.append((columns, *form.measurements(data, columns.valid)))
         range_mm = np.concatenate([part[1] for part in parts])
         bright = np.concatenate([part[2] for part in parts])
         number = np.concatenate([part[0].number for part in parts])

@@ -258,5 +258,7 @@ def test_a_session_that_cannot_be_held_ends_the_run_and_frees_the_port(port: int
         await driver.run()
 
     for _ in range(2):
-        with pytest.raises(UsageError, match=r"LiDAR at 255\.255\.255\.255: .*; is the network card set up\?"):
+        with pytest.raises(
+            UsageError, match=r"LiDAR at 255\.255\.255\.255: .*; is the network card set up\?"
+        ):
             asyncio.run(scenario())

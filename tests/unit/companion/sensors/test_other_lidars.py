@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import socket
 import tty
@@ -15,6 +16,7 @@ import pytest
 from companion.errors import UsageError
 from companion.link.link import Link
 from companion.sensors.driver import open_lidar
+from companion.sensors.livox_session import LivoxSession
 from companion.sensors.mavlink_lidar import MavlinkLidar
 from companion.sensors.returns import Returns
 from companion.simulated import LockstepLoop
@@ -106,6 +108,34 @@ def test_a_mid_360_is_told_where_to_send(loop: LockstepLoop) -> None:
         loop.run_until_complete(scenario())
     assert unit.sampling
     assert unit.point_host == ("127.0.0.1", port)
+
+
+def test_a_mid_360_that_answers_is_left_in_peace_until_it_has_been_silent_for_long(
+    loop: LockstepLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    unit, asked = ControlUnit(), list[float]()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+        control.bind(("127.0.0.1", 0))
+        control.setblocking(False)
+
+        async def scenario() -> None:
+            session = LivoxSession(f"127.0.0.1:{control.getsockname()[1]}", 56301, lambda: None)
+            running = asyncio.ensure_future(session.run())
+            end_s = loop.time() + 5.0
+            while loop.time() < end_s:
+                await asyncio.sleep(0.01)
+                with contextlib.suppress(BlockingIOError):
+                    data, sender = control.recvfrom(2048)
+                    asked.append(loop.time())
+                    for answer in (b"noise", unit.receive(data) or b"", b"noise"):
+                        control.sendto(answer, sender)
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+
+        loop.run_until_complete(scenario())
+    assert np.diff(asked).tolist() == pytest.approx([3.0], abs=0.25)
+    assert caplog.text.count("LiDAR at 127.0.0.1 answers") == 1
 
 
 def test_ranges_of_the_autopilot_stand_in_for_a_lidar() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 from pathlib import Path
@@ -212,3 +213,20 @@ def test_a_real_recording_gives_all_its_returns() -> None:
     elevation = np.degrees(np.arctan2(raw.xyz_m[:, 2], np.hypot(*raw.xyz_m[:, :2].T)))
     medians = [np.median(elevation[raw.ring == ring]) for ring in (0, 64, 127)]
     np.testing.assert_allclose(medians, [-45, 0, 46], atol=3)
+
+
+def test_metadata_that_places_points_nowhere_is_one_clear_line() -> None:
+    told = json.loads(metadata())
+    told["lidar_intrinsics"]["lidar_to_sensor_transform"][3] = 1e9  # a thousand kilometres forward
+    with pytest.raises(UsageError, match="places points nowhere: fetch it again") as error:
+        OusterDecoder(json.dumps(told))
+    assert "\n" not in str(error.value)
+
+
+def test_a_packet_beside_the_sensor_s_window_is_decoded_and_no_loss() -> None:
+    told = json.loads(metadata())
+    told["lidar_data_format"]["column_window"] = [0, 255]
+    d = OusterDecoder(json.dumps(told))
+    columns = (0, 400, 16, 416, 32)
+    raw = d.decode([ouster_packet(only(3, 0), column=column) for column in columns])
+    assert (len(raw), d.counters.packets, d.counters.lost_packets) == (5, 5, 0)

@@ -244,3 +244,15 @@ def test_a_decoder_that_raises_at_every_packet_has_a_silent_sensor(method: str) 
         rig.stream.flush(500 * S + i * MS)
     assert rig.counted("failed") == 99
     assert rig.stream.last_arrival_ns == 500 * S
+
+
+def test_returns_of_a_synchronised_sensor_have_its_own_stamps_whatever_their_way_took() -> None:
+    wall_ns, batches = 1_790_000_000 * S, list[Returns]()
+    parameters = Parameters(lidar_clock="ptp")
+    stream = PacketStream(decoder_for("livox"), parameters, batches.append, lambda: wall_ns)
+    measured = [EPOCH_NS + k * 10 * MS for k in range(20)]
+    for k, at_ns in enumerate(measured):
+        arrival_ns = at_ns + (2 + k % 5) * MS
+        stream.take(livox(k, wall_ns + at_ns), "sensor", arrival_ns)
+        stream.flush(arrival_ns)
+    assert [int(stamp) for batch in batches for stamp in batch.stamp_ns] == measured
