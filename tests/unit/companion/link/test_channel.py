@@ -18,7 +18,7 @@ from companion.errors import UsageError
 from companion.link import transport
 from companion.link.channel import MAX_BACKLOG_BYTES, StreamChannel
 from companion.link.serial import SerialChannel
-from companion.link.tcp import ServerChannel
+from companion.link.tcp import ServerChannel, open_tcp
 from companion.link.transport import Transport
 from companion.link.url import Url, parse_url
 from tests.integration.link_bench import virtually
@@ -91,6 +91,20 @@ async def test_a_server_that_never_listened_can_be_closed() -> None:
     assert not server.write(b"x")
     server.close()
     assert await asyncio.wait_for(server.lost, 1) == "closed"
+
+
+async def test_where_the_system_cannot_give_up_on_silence_a_stream_is_opened_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delattr(socket, "TCP_USER_TIMEOUT", raising=False)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        channel = await open_tcp(parse_url(f"tcp:127.0.0.1:{server.getsockname()[1]}"), lambda _: None)
+        client, _ = server.accept()
+        with client:
+            assert channel.write(b"x")
+            assert client.recv(1) == b"x"
+        channel.close()
+        assert await asyncio.wait_for(channel.lost, 1)
 
 
 # ---- serial lines -------------------------------------------------------------------------------

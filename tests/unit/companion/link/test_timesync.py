@@ -228,3 +228,16 @@ def test_without_exchanges_there_is_no_other_time() -> None:
         sync.to_local_ns(S)
     with pytest.raises(ValueError, match="not synchronised yet"):
         sync.to_autopilot_ns(S)
+
+
+def test_exchanges_around_one_moment_that_contradict_each_other_are_no_drift() -> None:
+    sync = TimeSync()
+    sent = [k * 200 * MS for k in range(5)]
+    stamps = [sync.request(at) for at in sent]
+    for k in reversed(range(5)):  # the later it was asked for, the sooner an answer comes
+        stamp = stamps[k]
+        assert stamp is not None
+        sync.reply((10 + 5 * k) * S, stamp, 1800 * MS - sent[k])
+    assert sync.synced
+    assert sync.drift_ppm == 0.0
+    assert sync.to_local_ns(20 * S) == 900 * MS

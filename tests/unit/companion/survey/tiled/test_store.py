@@ -8,21 +8,25 @@ import numpy as np
 import pytest
 
 from companion.survey.tiled import packed
+from companion.survey.tiled.draw import KEPT
 from companion.survey.tiled.label import Members, joined, label_tile
 from companion.survey.tiled.store import HELD, Layout, Store
+from companion.survey.tiled.zone_file import load
+from companion.survey.tiled.zones import Work, describe_zones
 from slz import SAFE, UNKNOWN, UNSAFE, Box
+from tests.unit.companion.survey.tiled.ground import parameters
 
 WHOLE = Box(-2, 13, 5, 22)  # of five rows and six columns of tiles, those at the rim cut
 SIDE = 4
 
 
 def tiles(folder: Path, state: np.ndarray) -> Layout:
-    """Write the tiles of a survey, of which only the state and the heights are of interest."""
+    """Write the tiles of a survey, of which only the state is of interest."""
     layout = Layout(folder, SIDE, WHOLE, 0.5)
     for key in layout.keys(WHOLE):
         box = layout.held(key)
         part = state[layout.local(box).slices]
-        layers = {"state": part, "height_m": part.astype(np.float32)}
+        layers = {"state": part} | {name: part.astype(np.float32) for name in KEPT}
         packed.write(layout.path(key), layers, {"box": [box.row0, box.row1, box.col0, box.col1]})
     return layout
 
@@ -66,3 +70,19 @@ def test_a_zone_over_more_tiles_than_are_held_is_one_and_whole(tmp_path: Path, s
     for window in (WHOLE, Box(3, 9, 6, 11), Box(2, 8, 7, 12)):
         cells = members.cells(found[0], window)
         np.testing.assert_array_equal(cells, state[layout.local(window).slices] == SAFE)
+
+
+def test_a_zone_whose_only_square_hangs_on_its_corner_is_found_and_has_a_place(
+    tmp_path: Path, state: np.ndarray
+) -> None:
+    """The few cells of that square are left out of it, so no safe square is left to count it by."""
+    state[:] = UNSAFE
+    state[3, 2:13] = SAFE
+    state[4:6, 13:15] = SAFE
+    layout = tiles(tmp_path, state)
+    found = joined({key: label_tile(layout, key, 2) for key in layout.keys(WHOLE)})
+    work = Work(tuple(found), tmp_path / "0.zones")
+    assert describe_zones(work, layout, parameters("min_square_m=1.0", "min_boundary_points=4")) == 1
+    (one,) = load(work.done)
+    assert one.zone.cells.sum() == 11
+    assert one.first == (3 << 32) + 2
