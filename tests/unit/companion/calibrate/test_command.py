@@ -97,7 +97,7 @@ def recorded(path: Path, *, range_mm: int = 5000, attitudes: bool = True, broken
                 add(journal.MAVLINK_IN, at_ns, bytes(message.get_msgbuf()))
             packet = points_packet([(range_mm, 0, 0, 9, 0)] * 10, stamp_ns=at_ns, interval_ns=0, count=k)
             add(journal.LIDAR, at_ns, journal.pack_batch([(at_ns, packet)]))
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return path
 
 

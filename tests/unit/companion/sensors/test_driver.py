@@ -220,9 +220,15 @@ def test_a_failing_receiver_ends_the_run_with_its_error(port: int) -> None:
         asyncio.run(scenario())
 
 
-def test_of_several_faults_the_first_ends_the_run(port: int) -> None:
+def opened(port: int) -> UdpLidar:
+    driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+    assert isinstance(driver, UdpLidar)
+    return driver
+
+
+def test_of_several_faults_the_first_ends_the_run(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     async def scenario() -> None:
-        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+        driver = opened(port)
         running = asyncio.ensure_future(driver.run())
         await asyncio.sleep(0)
         faults = iter([ZeroDivisionError("first"), ZeroDivisionError("second")])
@@ -230,7 +236,7 @@ def test_of_several_faults_the_first_ends_the_run(port: int) -> None:
         def fail(*_: object) -> None:
             raise next(faults)
 
-        driver.stream.take = fail  # type: ignore[method-assign]
+        monkeypatch.setattr(driver.stream, "take", fail)
         for _ in range(2):
             driver.datagram_received(b"x", ("127.0.0.1", 56300))
         await running
@@ -241,7 +247,7 @@ def test_of_several_faults_the_first_ends_the_run(port: int) -> None:
 
 def test_a_socket_that_fails_ends_the_run_with_its_address(port: int) -> None:
     async def scenario() -> None:
-        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+        driver = opened(port)
         running = asyncio.ensure_future(driver.run())
         await asyncio.sleep(0)
         driver.connection_lost(OSError("Network is down"))
@@ -253,7 +259,7 @@ def test_a_socket_that_fails_ends_the_run_with_its_address(port: int) -> None:
 
 def test_a_session_that_cannot_be_held_ends_the_run_and_frees_the_port(port: int) -> None:
     async def scenario() -> None:
-        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), print)
+        driver = opened(port)
         driver.session = LivoxSession("255.255.255.255", port, lambda: None)
         await driver.run()
 
