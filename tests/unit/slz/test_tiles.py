@@ -58,7 +58,8 @@ def test_a_point_differs_from_the_mean_of_its_own_cell_and_of_no_other() -> None
     add(tiles, np.column_stack([places, height]))
     over = np.column_stack([places, height + 0.25])
     beside = over + np.array([cell_m, 0.0, 0.0])  # no cell there was hit
-    found = tiles.differences(np.vstack([beside, over]))
+    rim = [(65.2, 0.2), (0.2, 65.2), (-64.3, 0.2), (0.2, -64.3)]  # the first tile beyond all that are held
+    found = tiles.differences(np.vstack([beside, points_at(*rim), over]))
     np.testing.assert_allclose(found, np.column_stack([places, np.full(len(places), 0.25)]), atol=1e-5)
 
 
@@ -116,6 +117,8 @@ def test_what_stands_over_known_ground_is_told_in_every_tile_and_over_unknown_gr
     told = tiles.contradicted_by(asked, sensor, NOISE, 1.0)
     np.testing.assert_array_equal(told, np.arange(len(places)) % 2 == 1)
     assert not tiles.contradicted_by(asked + np.array([0.5, 0.0, 0.0]), sensor, NOISE, 1.0).any()
+    rim = [(70.2, 0.2), (0.2, 100.2), (-70.3, 0.2), (0.2, -100.3)]
+    assert not tiles.contradicted_by(points_at(*rim) * [1, 1, 99], sensor, NOISE, 1.0).any()
     blurred = Noise(0.02, 0.01)  # four deviations of the angle, 4 cm for each metre of the way
     way_m = np.hypot(*(places - sensor[:2]).T)
     told = tiles.contradicted_by(np.column_stack([places, height + 2.0]), sensor, blurred, 1.0)
