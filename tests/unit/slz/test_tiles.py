@@ -117,7 +117,7 @@ def test_what_stands_over_known_ground_is_told_in_every_tile_and_over_unknown_gr
     told = tiles.contradicted_by(asked, sensor, NOISE, 1.0)
     np.testing.assert_array_equal(told, np.arange(len(places)) % 2 == 1)
     assert not tiles.contradicted_by(asked + np.array([0.5, 0.0, 0.0]), sensor, NOISE, 1.0).any()
-    rim = [(70.2, 0.2), (0.2, 100.2), (-70.3, 0.2), (0.2, -100.3)]
+    rim = [(100.2, 0.2), (0.2, 100.2), (-100.3, 0.2), (0.2, -100.3)]
     assert not tiles.contradicted_by(points_at(*rim) * [1, 1, 99], sensor, NOISE, 1.0).any()
     blurred = Noise(0.02, 0.01)  # four deviations of the angle, 4 cm for each metre of the way
     way_m = np.hypot(*(places - sensor[:2]).T)
