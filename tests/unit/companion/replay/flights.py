@@ -19,6 +19,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from companion.recorder import journal, scene
+from companion.recorder.writer import MIB, Entry, McapWriter
+from companion.replay.reading import Header, Raw
+from companion.replay.replay import Replay
+from companion.window_event import WindowEvent
+from params import load
 from sitl import scenes
 from sitl.mid360 import Mid360
 from sitl.mount import Mount
@@ -71,17 +77,83 @@ def returns(seed: int = 1) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     return lidar.points_m(shots)[seen].astype(np.float32), lidar.stamps_ns(shots)[seen]
 
 
+# ---- our own recording ------------------------------------------------------------------------------------
+
+OFFSET_NS = BEGIN_NS - 60_000_000_000  # of the companion's clock, a minute old
+PARAMETERS = load("quadcopter", ["cell_m=0.5", "zone_m=200"])
+HEADER = Header("livox", PARAMETERS.model_dump(mode="json"), OFFSET_NS)
+
+
+def recorded() -> list[Raw]:
+    """Return what a flight's recording holds, on the companion's clock, without windows and reports."""
+    begun_ns = BEGIN_NS - OFFSET_NS
+    found = [Raw(journal.MAVLINK_IN, begun_ns + at, frame) for at, frame in _telemetry(angles=False)]
+    found += [
+        Raw(journal.LIDAR, begun_ns + at, journal.pack_batch([(begun_ns + at, packet)]))
+        for at, packet in packets()
+    ]
+    return sorted(found, key=lambda message: message.at_ns)
+
+
+def with_windows(messages: list[Raw], scans: int = 20) -> list[Raw]:
+    """Return a flight in which so many scans were a window, with what came of each.
+
+    The program that made the recording is the one under test: a replay does the same again.
+    """
+    found: list[Raw] = []
+    flight, done = Replay(HEADER, PARAMETERS), 0
+    for message in messages:
+        found.append(message)
+        flight.take(message)
+        event = window(message.at_ns, done + 1, done + scans)
+        report = flight.take(event) if message.topic == journal.LIDAR else None
+        if report is not None:  # so many scans have come
+            found += [event, Raw(journal.REPORT, message.at_ns, journal.report_document(report))]
+            done += scans
+    return found
+
+
+def window(at_ns: int, first: int, last: int, anew: bool = False) -> Raw:
+    """Return the event of a window of some scans."""
+    event = WindowEvent(first // (last - first + 1), ((first, last),), anew=anew)
+    return Raw(journal.EVENT, at_ns, journal.pack_window(event))
+
+
+def write_own(out: Path, messages: list[Raw]) -> Path:
+    """Write a recording as `slz run --record` does."""
+    metadata = {
+        "version": str(journal.VERSION),
+        "lidar": HEADER.lidar,
+        "parameters": PARAMETERS.model_dump_json(),
+        "clock_offset_ns": str(OFFSET_NS),
+    }
+    writer = McapWriter(out, scene.channels, 100 * MIB, metadata)
+    for message in messages:
+        writer.put(Entry(message.topic, OFFSET_NS + message.at_ns, message.data, len(message.data)))
+    writer.close()
+    return out
+
+
 # ---- telemetry log and capture --------------------------------------------------------------------------
 
 
-def write_tlog(out: Path, angles: bool = False, shift_ns: int = 0) -> Path:
+def write_tlog(out: Path, angles: bool = False, shift_ns: int = 0, old: bool = False) -> Path:
     """Write what a ground station logs: heartbeats, attitudes as quaternions or angles, positions."""
+    log = bytearray()
+    for at_ns, frame in _telemetry(angles, old):
+        log.extend(struct.pack(">Q", (BEGIN_NS + shift_ns + at_ns) // 1000) + frame)
+    out.write_bytes(log)
+    return out
+
+
+def _telemetry(angles: bool, old: bool = False) -> list[tuple[int, bytes]]:
+    """Return frames, of MAVLink 1 if they are old, with their times since the beginning (ns)."""
     sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    log = bytearray()
+    found: list[tuple[int, bytes]] = []
 
     def put(message: Any, at_ns: int, by: Any = sender) -> None:
-        log.extend(struct.pack(">Q", (BEGIN_NS + shift_ns + at_ns) // 1000) + message.pack(by))
+        found.append((at_ns, bytes(message.pack(by, force_mavlink1=old))))
 
     put(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), -600_000_000, station)
     put(mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), -500_000_000)
@@ -103,8 +175,7 @@ def write_tlog(out: Path, angles: bool = False, shift_ns: int = 0) -> Path:
             boot_ms, round(lat * 1e7), round(lon * 1e7), round(alt * 1e3), 20_000, *cm, 65535
         )
         put(position, ms * 1_000_000)
-    out.write_bytes(log)
-    return out
+    return found
 
 
 def write_pcap(out: Path, cut_up: bool = False) -> Path:
@@ -204,6 +275,17 @@ def write_bag(out: Path, what: Bag = Bag()) -> Path:
     return out
 
 
+def write_messages(out: Path, lines: dict[str, tuple[str, list[tuple[int, Any]]]]) -> Path:
+    """Write a bag of messages by topic, with their type and times (ns); bytes are written as they are."""
+    with Writer(out, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        for topic, (kind, messages) in lines.items():
+            line = writer.add_connection(topic, kind, typestore=STORE)
+            for at_ns, message in messages:
+                raw = message if isinstance(message, bytes) else STORE.serialize_cdr(message, kind)
+                writer.write(line, at_ns, raw)
+    return out
+
+
 def _messages(what: Bag, kinds: dict[str, str]) -> Iterator[tuple[int, str, Any]]:
     points, times = returns()
     for begin in range(0, round(SECONDS * 1e9), SCAN_MS * 1_000_000):
@@ -216,7 +298,7 @@ def _messages(what: Bag, kinds: dict[str, str]) -> Iterator[tuple[int, str, Any]
     for ms in range(-400, round(SECONDS * 1000) + 400, POSE_MS):
         for topic, kind in kinds.items():
             if not kind.endswith("PointCloud2"):
-                yield ms * 1_000_000, topic, _pose(kind, ms)
+                yield ms * 1_000_000, topic, pose(kind, ms)
 
 
 def _types(*names: str) -> list[Any]:
@@ -241,10 +323,11 @@ def cloud(points: NDArray[np.float32], after_ns: NDArray[np.int64], at_ns: int, 
     return kind(header, 1, len(points), fields, False, CLOUD_STEP, len(data), data, True)
 
 
-def _pose(kind: str, ms: int) -> Any:
+def pose(kind: str, ms: int) -> Any:
+    """Return a message that tells a pose, or a part of one, some milliseconds after the beginning."""
     place, (w, x, y, z) = (value[0] for value in path(ms * 1e-3))
     header = _header(BEGIN_NS + ms * 1_000_000, "odom")
-    point, quaternion, pose = _types(
+    point, quaternion, place_and_turn = _types(
         "geometry_msgs/msg/Point", "geometry_msgs/msg/Quaternion", "geometry_msgs/msg/Pose"
     )
     ned_from_frd = Rotation.from_quat([x, y, z, w]).as_matrix()
@@ -254,7 +337,7 @@ def _pose(kind: str, ms: int) -> Any:
     match kind.rpartition("/")[2]:
         case "PoseStamped":
             (stamped,) = _types(kind)
-            return stamped(header, pose(point(*map(float, place)), turn))
+            return stamped(header, place_and_turn(point(*map(float, place)), turn))
         case "Odometry":
             odometry, with_pose, with_twist, twist, vector = _types(
                 kind,
@@ -264,7 +347,7 @@ def _pose(kind: str, ms: int) -> Any:
                 "geometry_msgs/msg/Vector3",
             )
             still = with_twist(twist(vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0)), zeros)
-            where = with_pose(pose(point(*map(float, place)), turn), zeros)
+            where = with_pose(place_and_turn(point(*map(float, place)), turn), zeros)
             return odometry(header, "base_link", where, still)
         case "NavSatFix":
             fix, status = _types(kind, "sensor_msgs/msg/NavSatStatus")
