@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import struct
 from pathlib import Path
 from typing import Any
 
+import dpkt
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
@@ -15,10 +18,13 @@ from companion.replay import command
 from companion.replay.cloud_folder import stamp_of
 from companion.replay.flown import Beside, kind_of
 from companion.replay.point_cloud import BadCloudError, decode
+from companion.replay.rerun import Rerun
 from companion.replay.ros_pose import ned_from_frd
-from companion.replay.stored_cloud import since_1970_ns
+from companion.replay.stored_cloud import StoredCloud, since_1970_ns
+from companion.replay.tlog import TelemetryLog
 from tests.unit.companion.replay import flights
 from tests.unit.companion.replay.flights import BEGIN_NS, HOME, Bag
+from tests.unit.companion.survey import clouds
 
 ORIGIN = f"{HOME.lat_deg},{HOME.lon_deg},{HOME.alt_m}"
 GROUND_M = HOME.alt_m  # of the plain
@@ -143,6 +149,22 @@ def test_bags_give_the_map_of_the_same_flight(files: Path) -> None:
     assert fix["source"]["poses"] == ["/fix", "/imu"]
     areas = [sum(zone["area_m2"] for zone in summary["zones"]) for summary in (odometry, fix)]
     assert areas[0] == pytest.approx(areas[1], rel=0.05)
+
+
+def test_the_maps_of_another_program_s_flight_are_drawn(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[np.ndarray] = []
+
+    def save_flight(out: Path, _maps: Any, _zones: Any, flown: np.ndarray, *_: Any) -> list[Path]:
+        drawn.append(flown)
+        return [out / "dsm.png"]
+
+    monkeypatch.setattr("companion.figures.save_flight", save_flight)
+    out, beside = tmp_path / "out", Beside(origin=ORIGIN)
+    summary = command.run(files / "odometry", ["cell_m=0.5"], out, 0.0, (0.0, 1e9), beside=beside)
+    assert summary["files"] == {"dsm": str(out / "dsm.png")}
+    assert [len(flown) for flown in drawn] == [summary["windows"]]
 
 
 def test_points_without_times_have_that_of_their_message(tmp_path: Path) -> None:
@@ -324,3 +346,167 @@ def test_rows_with_padding_are_read() -> None:
     message.height, message.width, message.row_step = 2, 2, 48
     returns, _ = decode(message, BEGIN_NS)
     np.testing.assert_array_equal(returns.xyz_sensor_m, np.repeat(POINTS, 2, axis=0))
+
+
+def test_fields_of_a_cloud_that_are_no_numbers_are_passed_over() -> None:
+    message = flights.cloud(POINTS, AFTER, BEGIN_NS)
+    (field,) = {type(f) for f in message.fields}
+    vector, strange = field("normal", 0, 7, 3), field("label", 10**6, 99, 1)
+    message.fields = [vector, strange, *message.fields]
+    returns, timed = decode(message, BEGIN_NS)
+    assert timed
+    np.testing.assert_array_equal(returns.xyz_sensor_m, POINTS)
+
+
+# ---- topics of a bag ------------------------------------------------------------------------------
+
+ODOMETRY, POSE = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"
+FIX, IMU, CLOUD = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu", "sensor_msgs/msg/PointCloud2"
+
+
+def bag(folder: Path, **kinds: str) -> Path:
+    """Write a bag of a message a topic; slashes before the names are left out here."""
+    cloud = flights.cloud(POINTS, AFTER, BEGIN_NS)
+    return flights.write_messages(
+        folder / "bag",
+        {
+            f"/{name}": (kind, [(BEGIN_NS, cloud if kind == CLOUD else flights.pose(kind, 0))])
+            for name, kind in kinds.items()
+        },
+    )
+
+
+def test_the_topic_of_poses_is_named_where_there_are_several(tmp_path: Path) -> None:
+    path = bag(tmp_path, points=CLOUD, odom=ODOMETRY, pose=POSE)
+    with pytest.raises(UsageError, match=r"topics of poses are /odom, /pose: name one"):
+        again(path, origin=ORIGIN)
+    feed, _ = command.opened(path, (), Beside(poses=("/pose",), origin=ORIGIN))
+    assert feed.told()["poses"] == ["/pose"]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "says"),
+    [
+        ({"odom": ODOMETRY}, "it has no message of sensor_msgs/PointCloud2"),
+        ({"points": CLOUD}, "it has no message of a pose"),
+        ({"points": CLOUD, "imu": IMU}, "topics of poses are /imu"),
+        ({"points": CLOUD, "fix": FIX, "imu": IMU, "imu2": IMU}, "topics of poses are /fix, /imu, /imu2"),
+    ],
+)
+def test_a_bag_that_lacks_points_or_poses_says_which(
+    tmp_path: Path, kinds: dict[str, str], says: str
+) -> None:
+    with pytest.raises(UsageError, match=says):
+        again(bag(tmp_path, **kinds), origin=ORIGIN)
+
+
+@pytest.mark.parametrize("topic", ["/points", "/odom"])
+def test_a_topic_of_which_no_message_can_be_read_is_named(tmp_path: Path, topic: str) -> None:
+    good = {"/points": flights.cloud(POINTS, AFTER, BEGIN_NS), "/odom": flights.pose(ODOMETRY, 0)}
+    kinds = {"/points": CLOUD, "/odom": ODOMETRY}
+    lines = {name: (kinds[name], [(BEGIN_NS, b"\0\1" if name == topic else good[name])]) for name in good}
+    path = flights.write_messages(tmp_path / "bag", lines)
+    with pytest.raises(UsageError, match=f"no message on {topic} can be read"):
+        again(path, origin=ORIGIN)
+
+
+def test_messages_that_cannot_be_read_are_counted_and_the_others_are_taken(tmp_path: Path) -> None:
+    cloud, wide = (flights.cloud(POINTS, AFTER, BEGIN_NS) for _ in range(2))
+    wide.width = 1000
+    odometry = [(BEGIN_NS + ms * 10**6, flights.pose(ODOMETRY, ms)) for ms in range(-100, 400, 50)]
+    points = [(BEGIN_NS, cloud), (BEGIN_NS + 1, b"\0\1"), (BEGIN_NS + 2, wide), (BEGIN_NS + 3, cloud)]
+    path = flights.write_messages(
+        tmp_path / "bag", {"/odom": (ODOMETRY, odometry), "/points": (CLOUD, points)}
+    )
+    feed, rerun = command.opened(path, (), Beside(origin=ORIGIN))
+    for _, act in feed.steps(rerun):
+        rerun.take(act)
+    assert feed.bad == 2
+    assert (feed.told()["clouds"], rerun.returns) == (2, 4)
+
+
+# ---- a log and what lies beside it ----------------------------------------------------------------
+
+
+def test_frames_of_the_older_mavlink_are_read_alike(tmp_path: Path) -> None:
+    logs = [TelemetryLog(flights.write_tlog(tmp_path / f"{old}.tlog", old=old)) for old in (False, True)]
+    new, old = ([(m.at_ns, m.message.to_dict()) for m in log.messages()] for log in logs)
+    assert new == old
+    assert (logs[1].bad, logs[1].cut) == (0, "")
+
+
+def test_orders_in_a_log_are_not_carried_out_again(files: Path, tmp_path: Path) -> None:
+    """The log's ground station spoke to a companion such as this one."""
+    station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    order = mavlink.MAVLink_command_long_message(1, 191, mavlink.MAV_CMD_USER_1, 0, 1, 0, 0, 0, 0, 0, 0)
+    stamp = struct.pack(">Q", (BEGIN_NS + 10**9) // 1000)
+    content = (files / "flight.tlog").read_bytes()
+    path = tmp_path / "orders.tlog"
+    path.write_bytes(content + 3 * (stamp + order.pack(station)))
+    plain = again(files / "flight.tlog", points=str(files / "lidar.pcap"))
+    assert again(path, points=str(files / "lidar.pcap")) == plain | {"file": str(path)}
+
+
+def test_a_vehicle_without_a_position_places_nothing_and_that_is_said(files: Path, tmp_path: Path) -> None:
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3).pack(sender)
+    path = tmp_path / "still.tlog"
+    path.write_bytes(struct.pack(">Q", BEGIN_NS // 1000) + heartbeat)
+    with pytest.raises(UsageError, match="no attitude, or no position"):
+        again(path, points=str(files / "lidar.pcap"))
+
+
+def test_returns_that_are_all_out_of_range_are_said_to_be(files: Path) -> None:
+    with pytest.raises(UsageError, match=r"none of (\d+) returns could be placed: \d{4,} out of range"):
+        again(files / "flight.tlog", "lidar_min_m=5", "lidar_max_m=6", points=str(files / "lidar.pcap"))
+
+
+def test_times_that_are_none_of_day_are_told_in_seconds(tmp_path: Path) -> None:
+    """Such are those of a simulation, which begin with zero."""
+    odometry = [(ms * 10**6, flights.pose(ODOMETRY, ms)) for ms in range(0, 400, 50)]
+    cloud = flights.cloud(POINTS, AFTER, 12_500_000_000)
+    lines = {"/odom": (ODOMETRY, odometry), "/points": (CLOUD, [(10**9, cloud)])}
+    with pytest.raises(UsageError, match=r"returns of 12\.500 s to 12\.590 s .* 2025-06-15 "):
+        again(flights.write_messages(tmp_path / "bag", lines), origin=ORIGIN)
+
+
+def test_a_capture_of_no_known_sensor_wants_its_name(files: Path, tmp_path: Path) -> None:
+    path = tmp_path / "strange.pcap"
+    with path.open("wb") as file:
+        writer = dpkt.pcap.Writer(file, linktype=101)
+        for k in range(3):
+            udp = bytes(dpkt.udp.UDP(sport=1, dport=2, data=b"strange", ulen=15))
+            ip = dpkt.ip.IP(src=bytes(4), dst=bytes(4), p=17, len=35, data=udp)
+            writer.writepkt(bytes(ip), BEGIN_NS * 1e-9 + k)
+    with pytest.raises(UsageError, match="none of its first 3 UDP packets is of a known LiDAR"):
+        again(files / "flight.tlog", points=str(path))
+    with pytest.raises(UsageError, match=r"--lidar ouster\?meta=absent: "):
+        again(files / "flight.tlog", points=str(path), lidar="ouster?meta=absent")
+
+
+def test_a_folder_without_scans_is_one_line(files: Path, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("no scan")
+    with pytest.raises(UsageError, match=r"it holds no \.pcd file"):
+        again(files / "flight.tlog", points=str(tmp_path))
+
+
+def test_placed_points_before_the_first_position_are_counted_and_left_out(tmp_path: Path) -> None:
+    cloud = StoredCloud(flights.write_laz(tmp_path / "cloud.laz"), BEGIN_NS)
+    rerun = Rerun(flights.PARAMETERS)
+    steps = list(cloud.steps(rerun))
+    for _, act in steps[:3]:
+        rerun.take(act)
+    assert rerun.returns == 0
+    before = cloud.told()["before_position"]
+    rerun.history.add_position(BEGIN_NS, HOME.lat_deg, HOME.lon_deg, HOME.alt_m, (0.0, 0.0, 0.0))
+    for _, act in steps[3:]:
+        rerun.take(act)
+    assert cloud.told()["before_position"] == before > 0
+    assert rerun.returns == cloud.told()["points"] - before
+
+
+def test_a_cloud_whose_points_are_not_on_the_earth_is_one_line(tmp_path: Path) -> None:
+    points = np.array([[1e9, 5e6, 0.0], [1e9 + 1, 5e6, 0.0]])
+    path = clouds.write(tmp_path / "far.las", points, "EPSG:32632", gps_time=AFTER * 1.0)
+    with pytest.raises(UsageError, match="points are not on the Earth in EPSG:32632"):
+        StoredCloud(path, BEGIN_NS)

@@ -86,3 +86,25 @@ def test_going_ahead_passes_over_what_lies_between(tape: Tape) -> None:
     tape.until(lambda: len(tape.taken) >= 6)
     assert tape.taken[:6] == list(range(6))
     assert tape.begun == 1
+
+
+def test_going_back_in_the_middle_begins_anew(tape: Tape) -> None:
+    tape.player.set_speed(0)
+    tape.player.go_to(6.0)
+    tape.thread.start()
+    tape.until(lambda: len(tape.taken) == 6)
+    tape.player.go_to(2.0)
+    tape.until(lambda: tape.begun == 2 and len(tape.taken) == 8)
+    assert tape.taken[6:] == [0, 1]
+    assert not tape.player.ended
+
+
+def test_a_second_beyond_the_end_is_the_end_and_going_back_is_still_possible(tape: Tape) -> None:
+    tape.player.set_speed(0)
+    tape.player.go_to(1000.0)
+    tape.thread.start()
+    tape.until(lambda: len(tape.taken) == 10)
+    tape.player.go_to(1000.0)
+    tape.player.go_to(3.0)
+    tape.until(lambda: len(tape.taken) >= 13)
+    assert (tape.begun, tape.taken[10:13]) == (2, [0, 1, 2])

@@ -92,3 +92,13 @@ def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp
     McapWriter(old, scene.channels, MIB, METADATA).close()
     assert (Recording(new).header.lidar, Recording(new).header.lidar_setup) == ("ouster", '{"rows": 128}')
     assert Recording(old).header.lidar_setup == ""
+
+
+def test_a_recording_of_which_only_the_last_bytes_are_spoiled_is_read_as_a_whole(
+    whole: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "spoiled.mcap"
+    path.write_bytes(whole.read_bytes()[:-8] + b"nonsense")
+    recording = Recording(path)
+    assert len(list(recording.messages())) == 300
+    assert recording.cut == ""

@@ -1,13 +1,17 @@
-"""What a recording holds that no decoder takes costs itself only."""
+"""What the vehicle measured is heard again as in flight, and what no decoder takes costs itself only."""
+
+from typing import Any
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.recorder import journal
 from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
 from companion.replay.replay import Replay
 from companion.replay.senses import Senses
+from companion.sensors.returns import Returns
 from params import Parameters
 
 HEADER = Header("livox", Parameters().model_dump(mode="json"), 0)
@@ -34,3 +38,56 @@ def test_a_replay_counts_it_and_goes_on(message: Raw) -> None:
     replay = Replay(HEADER, Parameters())
     assert replay.take(message) is None
     assert replay.outcome.bad == 1
+
+
+SECOND = 1_000_000_000
+
+
+def heard(message: Any, at_ns: int, system: int = 1) -> Raw:
+    """Return a message as it was recorded, of the autopilot or of another system."""
+    sender = mavlink.MAVLink(None, srcSystem=system, srcComponent=1 if system == 1 else 190)
+    return Raw(journal.MAVLINK_IN, at_ns, bytes(message.pack(sender)))
+
+
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3)
+BELOW = mavlink.MAVLink_distance_sensor_message(1000, 20, 5000, 800, 0, 1, 25, 0)
+
+
+def test_ranges_that_came_over_mavlink_are_returns_again() -> None:
+    found: list[Returns] = []
+    header = Header("mavlink", HEADER.values, 0)
+    senses = Senses(header, Parameters(), found.append)
+    senses.take(heard(BELOW, SECOND))  # before anybody knows whose it is
+    assert not found
+    senses.take(heard(HEARTBEAT, 2 * SECOND))
+    senses.take(heard(BELOW, 3 * SECOND))
+    senses.take(heard(BELOW, 4 * SECOND, system=2))  # another vehicle's
+    senses.take(Raw(journal.LIDAR, 5 * SECOND, journal.pack_batch([(0, b"a packet of no sensor")])))
+    assert len(found) == 1
+    assert np.linalg.norm(found[0].xyz_sensor_m) == pytest.approx(8.0, abs=0.5)
+    assert found[0].stamp_ns.tolist() == [3 * SECOND]
+    assert senses.vehicle.sysid == 1
+
+
+def test_ranges_beside_a_lidar_with_packets_of_its_own_are_none_of_it() -> None:
+    found: list[Returns] = []
+    senses = Senses(HEADER, Parameters(), found.append)
+    senses.take(heard(HEARTBEAT, 2 * SECOND))
+    senses.take(heard(BELOW, 3 * SECOND))
+    assert not found
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        mavlink.MAVLink_command_long_message(1, 191, mavlink.MAV_CMD_USER_1, 0, 1, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_command_int_message(1, 191, 0, mavlink.MAV_CMD_USER_1, 0, 0, 1, 0, 0, 0, 0, 0, 0),
+    ],
+)
+def test_an_operator_s_order_is_not_given_to_the_vehicle_again(order: Any) -> None:
+    replay = Replay(HEADER, Parameters())
+    replay.take(heard(HEARTBEAT, SECOND))
+    before = replay.vehicle
+    assert replay.take(heard(order, 2 * SECOND, system=255)) is None
+    assert replay.vehicle is before
+    assert (replay.outcome.bad, replay.outcome.windows) == (0, 0)
