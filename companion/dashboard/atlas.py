@@ -88,9 +88,7 @@ class Sheet:
         key = level, row, col
         held = self._bytes.get(key)
         if held is None or held[0] != version:
-            block = self._block(level, row, col)
-            if block is None:
-                return None
+            block = self._block(level, row, col, version)
             cell_m = self.cell_m * 2**level
             west_m, south_m = self.west_m + col * SIDE * cell_m, self.south_m + row * SIDE * cell_m
             held = self._bytes[key] = version, blocks.encode(block, west_m, south_m, cell_m)
@@ -141,19 +139,17 @@ class Sheet:
         found = [at for r in rows for c in cols if (at := self.changes.get((r, c))) is not None]
         return max(found, default=None)
 
-    def _block(self, level: int, row: int, col: int) -> Block | None:
+    def _block(self, level: int, row: int, col: int, version: int) -> Block:
+        """Return a block of which something is known, made anew if it changed."""
         if level == 0:
-            return self._finest.get((row, col))
-        version = self._version(level, row, col)
-        if version is None:
-            return None
+            return self._finest[row, col]
         held = self._coarse.get((level, row, col))
         if held is None or held.version != version:
+            places = {(r, c): (level - 1, 2 * row + r, 2 * col + c) for r in (0, 1) for c in (0, 1)}
             children = {
-                (r, c): child
-                for r in (0, 1)
-                for c in (0, 1)
-                if (child := self._block(level - 1, 2 * row + r, 2 * col + c)) is not None
+                quarter: self._block(*place, changed)
+                for quarter, place in places.items()
+                if (changed := self._version(*place)) is not None
             }
             held = blocks.coarser(children, next(iter(children.values())).base_m)
             held.version = version

@@ -187,3 +187,30 @@ def test_values_out_of_reach_and_unknown_ones_are_numbers_of_their_own() -> None
     assert block.slope[0, :3].tolist() == [255, 254, 0]
     assert block.certainty[0, :2].tolist() == [255, 180]
     assert (block.state[64:] == UNKNOWN).all()
+
+
+def test_ground_given_up_that_was_never_drawn_is_no_change() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile()))
+    before = sheet.clock
+    sheet.take(drawn(gone=((40, 40),)))
+    assert sheet.clock == before
+    assert sheet.encoded(0, 10, 10) is None
+
+
+def test_a_far_view_has_what_is_known_of_its_corners_and_follows_changes() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile((0, 0), height_m=100.0), tile((12, 12), height_m=200.0)))
+
+    def seen() -> tuple[float, float, float]:
+        """Return heights near two opposite corners of a block of four by four, and between them."""
+        data = sheet.encoded(2, 0, 0)
+        assert data is not None
+        _, height, _ = decoded(data)
+        return height[0, 0], height[192, 192], height[0, 192]
+
+    middle = 0.1 * 1.5  # of the four rows that a cell of this level is the mean of
+    assert seen() == pytest.approx((100 + middle, 200 + middle, np.nan), abs=2 * STEP_M, nan_ok=True)
+    sheet.take(drawn(tile((12, 12), height_m=201.0)))  # of the two halves one only
+    assert seen() == pytest.approx((100 + middle, 201 + middle, np.nan), abs=2 * STEP_M, nan_ok=True)
+    assert sheet.encoded(2, 1, 0) is None
