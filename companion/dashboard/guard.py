@@ -34,9 +34,6 @@ class Guard:
         self._app, self._access = app, access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "lifespan":
-            await self._app(scope, receive, send)
-            return
         headers = Headers(scope=scope)
         channel = scope["type"] == "websocket"
         acts = channel or scope["method"] not in SAFE_METHODS

@@ -145,3 +145,10 @@ async def test_a_zone_that_is_gone_is_refused() -> None:
 async def test_a_replay_is_not_controlled_in_flight() -> None:
     async with seat() as s:
         assert not (await s.order(do="replay", speed=0)).accepted
+
+
+async def test_a_point_cannot_be_watched_before_there_is_a_position() -> None:
+    async with seat() as s:
+        s.companion.history.frame = None
+        reply = await s.order(do="select_point", east_m=1, north_m=2)
+        assert (reply.accepted, reply.reason) == (False, "no position yet")

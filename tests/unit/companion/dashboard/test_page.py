@@ -4,23 +4,30 @@ import asyncio
 import urllib.request
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import params
 from companion.app import Companion
+from companion.dashboard.address import listen
 from companion.dashboard.page import Front, Page
 from companion.dashboard.site import Site
+from companion.simulated import LockstepLoop
+
+
+def companion() -> Companion:
+    """Return a companion with a page, of which nothing runs yet."""
+    urls = "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301"
+    return Companion(*urls, params.load(), auto=False, front=Front("127.0.0.1:0"))
 
 
 @asynccontextmanager
 async def shown(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Page]:
     """Return the running page of a companion that does nothing else."""
     monkeypatch.setattr("companion.dashboard.page.FIRST_PAUSE_S", 0.01)
-    front = Front("127.0.0.1:0")
-    urls = "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301"
-    made = Companion(*urls, params.load(), auto=False, front=front)
+    made = companion()
     assert made.page is not None
     running = asyncio.create_task(made.page.run())
     yield made.page
@@ -86,4 +93,63 @@ async def test_a_display_that_fails_in_the_pipeline_s_thread_is_dropped(
     assert made.worker.look is None
     assert not made.worker.invalid
     assert "planted" in caplog.text
+    made.worker.close()
+
+
+class Brief:
+    """A server that ends by itself when its time has come."""
+
+    failure: BaseException | None = None
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, lasts_s: float) -> None:
+        self._loop, self._ends_s = loop, loop.time() + lasts_s
+
+    @property
+    def alive(self) -> bool:
+        return self._loop.time() < self._ends_s
+
+    def ask_to_stop(self) -> None:
+        """Nothing is left to stop."""
+
+
+def test_pauses_grow_while_the_page_ends_at_once_and_begin_anew_after_it_ran_well(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    clock, lasts_s = [0], [0.0, 0.0, 0.0, 61.0, 0.0]
+
+    def advance() -> int:
+        clock[0] += 50_000_000
+        return clock[0]
+
+    loop = LockstepLoop(advance)
+    runs = iter(lasts_s)
+    made = companion()
+    assert made.page is not None
+    monkeypatch.setattr("companion.dashboard.page.time", SimpleNamespace(monotonic=loop.time))
+    monkeypatch.setattr("companion.dashboard.page.serve", lambda *_: Brief(loop, next(runs)))
+    monkeypatch.setattr("companion.dashboard.observe.state", lambda _: {})
+    monkeypatch.setattr("companion.dashboard.observe.health", lambda _: {})
+
+    async def script(page: Page) -> None:
+        running = asyncio.create_task(page.run())
+        while page.starts < len(lasts_s):
+            await asyncio.sleep(0.5)
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    try:
+        loop.run_until_complete(script(made.page))
+    finally:
+        loop.close()
+        made.page.front.close()
+        made.worker.close()
+    pauses = [r.getMessage() for r in caplog.records if "started again" in r.getMessage()]
+    assert [text.rpartition("in ")[2] for text in pauses[:5]] == ["1 s", "2 s", "4 s", "1 s", "2 s"]
+
+
+def test_a_page_that_was_never_served_frees_its_port() -> None:
+    made = companion()
+    assert made.page is not None
+    made.page.close()
+    listen(made.page.front.address).close()
     made.worker.close()

@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -428,3 +429,33 @@ async def test_every_file_of_the_page_comes_from_this_computer() -> None:
             outside = data.replace(b"http://www.w3.org/2000/svg", b"")
             assert b"http://" not in outside
             assert b"https://" not in outside
+
+
+async def test_only_files_of_the_page_are_served(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What an editor left beside them is not."""
+    (tmp_path / "static").mkdir()
+    for name in ("main.js", "main.js~", "notes.txt", "secret"):
+        (tmp_path / "static" / name).write_text("text")
+    package = SimpleNamespace(files=lambda _name: tmp_path)
+    monkeypatch.setattr("companion.dashboard.routes.resources", package)
+    async with served() as s:
+        codes = [(await s.http(f"/static/{f.name}"))[0] for f in sorted((tmp_path / "static").iterdir())]
+    assert codes == [200, 404, 404, 404]
+
+
+async def test_of_a_body_that_does_not_say_how_long_it_is_the_beginning_counts_only(tokens: Path) -> None:
+    """A stranger could fill the memory with it."""
+    async with served(tokens) as s:
+        pieces = {"Transfer-Encoding": "chunked", "Content-Length": "0", "Origin": f"http://{s.host}"}
+        for spare, kept in ((0, True), (2000, False)):
+            form = b"x" * spare + f"&token={OPERATOR}".encode()
+            body = b"%x\r\n%s\r\n0\r\n\r\n" % (len(form), form)
+            assert (await s.http("/login", "POST", body, **pieces))[0] == 303
+            assert ("set-cookie" in s.head) == kept
+
+
+async def test_a_server_that_ended_may_be_stopped_again() -> None:
+    async with served() as s:
+        await asyncio.to_thread(s.server.stop)
+        assert not s.server.alive
+        await asyncio.to_thread(s.server.stop)
