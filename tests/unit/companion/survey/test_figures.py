@@ -107,3 +107,13 @@ def test_a_large_map_is_thinned_and_its_zones_stay_in_place(
         row, col = zone.box.row0 - found.maps.box.row0, zone.box.col0 - found.maps.box.col0
         whole[row : row + zone.cells.shape[0], col : col + zone.cells.shape[1]] |= zone.cells == 1
     np.testing.assert_array_equal(picture.all_zones(), whole[:: picture.step, :: picture.step])
+
+
+def test_a_zone_that_lies_outside_of_the_picture_is_not_drawn(found: Survey, tmp_path: Path) -> None:
+    (zone,) = found.report.zones
+    far = replace(zone, box=Box(10_000, 10_000 + zone.cells.shape[0], 0, zone.cells.shape[1]))
+    cells, _ = Picture(found.maps, (far,), found.parameters).zone_cells(far)
+    assert cells.size == 0
+    inside, both = (Picture(found.maps, zones, found.parameters) for zones in ((zone,), (zone, far)))
+    np.testing.assert_array_equal(both.all_zones(), inside.all_zones())
+    assert both.all_zones().any()
