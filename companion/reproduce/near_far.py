@@ -125,10 +125,10 @@ def _run(case: Case, surveys: Path) -> Flown:
     for window in recording.windows():
         reports.append(pipeline.process(window))
         path.append(window.sensor_enu_m)
-    flown = np.array(path)
-    last = reports[-1]
-    near = pipeline.maps(_about(flown, last.near.grid), "near")
-    far = pipeline.maps(_about(flown, last.far.grid), "far")
+    flown, near, far = np.array(path), None, None
+    if reports:
+        near = pipeline.maps(_about(flown, reports[-1].near.grid), "near")
+        far = pipeline.maps(_about(flown, reports[-1].far.grid), "far")
     if near is None or far is None:
         raise RuntimeError(f"{case.name}: nothing was seen")
     return Flown(tuple(reports), flown, near, far, parameters)

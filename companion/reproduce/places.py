@@ -127,12 +127,15 @@ def watch(place: Place, mode: str, surveys: Path, recording: Recording | None = 
     for window in windows[:-1]:
         pipeline.process(window)
     pipeline.select(np.array([*place.east_north_m, 0.0]))
-    report = pipeline.process(windows[-1])
-    reach = int(np.ceil(1.1 * parameters.surround_m / report.near.grid.cell_m))
-    row, col = report.near.grid.index(*place.east_north_m)
-    box = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
-    maps = pipeline.maps(box.grown(0, report.near.grid), "near")
-    if report.selected is None or maps is None:
+    selected, maps = None, None
+    for window in windows[-1:]:
+        report = pipeline.process(window)
+        grid, selected = report.near.grid, report.selected
+        reach = int(np.ceil(1.1 * parameters.surround_m / grid.cell_m))
+        row, col = grid.index(*place.east_north_m)
+        box = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
+        maps = pipeline.maps(box.grown(0, grid), "near")
+    if selected is None or maps is None:
         raise RuntimeError(f"{place.name}: nothing was seen")
     truth = Around(recording, *place.east_north_m, parameters.surround_m)
-    return Watched(place, mode, report.selected, truth, maps, parameters)
+    return Watched(place, mode, selected, truth, maps, parameters)
