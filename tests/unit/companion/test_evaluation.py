@@ -96,7 +96,7 @@ def test_cells_that_were_called_safe_are_compared_with_the_truth(tmp_path: Path)
     blank = np.full((40, 40), np.nan, np.float32)
     state = np.full((40, 40), SAFE, np.uint8)
     state[:, :10] = UNKNOWN
-    maps = TerrainMaps(HOME, grid, box, *[blank] * 6, state)
+    maps = TerrainMaps(HOME, grid, box, blank, blank, blank, blank, blank, blank, state)
     found = area_error(truth, maps, (), load())
     assert found["area_error"] is None  # there is no zone
     assert found["unsafe_as_safe"] == pytest.approx(1 / 3)

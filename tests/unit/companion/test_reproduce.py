@@ -2,25 +2,43 @@
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 import params
+from companion import reproduce
 from companion.errors import CompanionError, UsageError
 from companion.evaluation import room_to_land
-from companion.reproduce import identities, landing_points, near_far, page, reliability, room, run, timing
+from companion.reproduce import (
+    identities,
+    instruments,
+    landing_points,
+    near_far,
+    page,
+    places,
+    reliability,
+    room,
+    run,
+    scenes,
+    timing,
+)
 from companion.reproduce.around import Around
 from companion.reproduce.measure import compare
 from companion.reproduce.places import Place
 from companion.reproduce.planes import SlopeError, slope_errors
-from companion.reproduce.recording import Recording, Survey, fly
+from companion.reproduce.recording import FRAME, Recording, Survey, fly
 from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.reproduce.scenes import run as run_case
-from slz import Box, Grid, Obstacle, Pipeline, Surroundings, zone_mask
+from slz import Box, Grid, Obstacle, Pipeline, PointState, Surroundings, TerrainMaps, zone_mask
+from slz.landing_point import unknown
 
 SIDE_M = 30.0
 
@@ -320,3 +338,171 @@ def test_a_climb_is_told_as_near_and_far_windows(tmp_path: Path) -> None:
 def test_only_a_climb_changes_a_survey_s_name() -> None:
     assert not any("climb" in option for option in survey().options())
     assert "--climb=50" in survey(climb_m=50.0).options()
+
+
+# ---- the whole -------------------------------------------------------------------------------------
+
+
+def test_a_run_tells_of_every_case_and_the_certainty_of_default_mode_only(
+    small: Scenario, surveys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[str, float]] = []
+    judged: list[str] = []
+
+    def certainty(counted: Mapping[str, reliability.Bins], _out: Path) -> page.Section:
+        judged.extend(counted)
+        return page.Section([], [], {})
+
+    (tmp_path / "surveys").symlink_to(surveys)
+    monkeypatch.setattr(reproduce, "CASES", (small.case("source"), small.case("default")))
+    monkeypatch.setattr(reproduce, "save_maps", lambda folder, *_: [folder / "safe.png"])
+    monkeypatch.setattr(reproduce, "slope_errors", lambda: [SlopeError(5.0, 3.39, 0.05, 0.21, 1.0)])
+    monkeypatch.setattr(reliability, "section", certainty)
+    found = run(tmp_path, lambda what, share: told.append((what, share)), "field")
+    names = ["field, source mode", "field, default mode"]
+    assert [what for what, _ in told] == [*names, "planes", "done"]
+    assert [share for _, share in told] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+    assert list(found["scenes"]) == names
+    assert all(scene["zones"] >= 1 for scene in found["scenes"].values())
+    assert found["slope_rms_deg"] == {"5": [3.39, 0.21]}
+    assert judged == ["field, default mode"]
+    assert [Path(file).name for file in found["files"]] == ["index.md", "index.html"]
+    text = Path(found["files"][0]).read_text("utf-8")
+    assert all(name in text for name in (*names, "field_source_mode/safe.png", "time_per_window.png"))
+
+
+def test_an_instrument_alone_is_run_from_what_was_recorded_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    def section(data: dict[str, np.ndarray], out: Path) -> page.Section:
+        return page.Section([], [], {"radar": [*data["truth_m"].tolist(), out.name]})
+
+    (tmp_path / "surveys").mkdir()
+    np.savez(tmp_path / "surveys" / f"radar_seed{instruments.SEED}.npz", truth_m=np.arange(3.0))
+    monkeypatch.setattr("companion.reproduce.radar.section", section)
+    found = run(tmp_path, lambda what, _share: told.append(what), "radar")
+    assert found["radar"] == [0.0, 1.0, 2.0, "radar"]
+    assert told == ["radar", "done"]
+    assert "scenes" not in found
+
+
+@pytest.mark.parametrize(("said", "why"), [("a\nno room\n", "no room"), ("", "no reason given")])
+def test_why_an_instrument_could_not_be_recorded_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str, why: str
+) -> None:
+    def fail(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(command, 3, "", said)
+
+    monkeypatch.setattr(instruments, "subprocess", SimpleNamespace(run=fail))
+    with pytest.raises(CompanionError, match=f"could not record the flash: {why}"):
+        run(tmp_path, lambda _what, _share: None, "flash")
+    assert list((tmp_path / "surveys").iterdir()) == []
+
+
+# ---- what is not there -----------------------------------------------------------------------------
+
+
+def silent() -> Recording:
+    """Return a survey that no return came back in."""
+    return replace(recording(wall=False), count=np.zeros(10, np.int64))
+
+
+def test_a_second_without_a_return_is_no_window() -> None:
+    one = recording(wall=False)
+    count = np.concatenate([np.zeros(10, np.int64), one.count, np.zeros(10, np.int64)])
+    longer = replace(one, count=count, sensor_enu_m=np.tile(one.sensor_enu_m, (3, 1)))
+    assert [len(window) for window in longer.windows()] == [len(one.points_enu_m)]
+
+
+NOTHING: dict[ModuleType, Callable[[Path], object]] = {
+    scenes: lambda out: run_case(scenes.Case("the field", survey(), 1.0), out),
+    near_far: lambda out: near_far.section(
+        [near_far.Climb("the field", survey())], out, out, lambda _what: None
+    ),
+    places: lambda out: places.watch(Place("the field", survey(), (15.0, 15.0)), "default", out),
+}
+
+
+@pytest.mark.parametrize("module", NOTHING)
+def test_a_survey_in_which_nothing_was_seen_is_said_to_be_one(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, module: ModuleType
+) -> None:
+    monkeypatch.setattr(module, "fly", lambda *_: silent())
+    with pytest.raises(RuntimeError, match=r"the field.*: nothing was seen"):
+        NOTHING[module](tmp_path)
+
+
+def watched(around: Surroundings | None) -> places.Watched:
+    """Return a point at 15, 15 of a plain, near the block, and what was found around it."""
+    blank = np.zeros((60, 60), np.float32)
+    grid, box = Grid(0.0, 0.0, 0.5, 60, 60), Box(0, 60, 0, 60)
+    maps = TerrainMaps(
+        FRAME, grid, box, blank, blank, blank, blank, blank, blank, np.ones((60, 60), np.uint8)
+    )
+    point = replace(unknown(np.array([15.0, 15.0, 0.0])), state=PointState.SAFE, surroundings=around)
+    place = Place("field", survey(), (15.0, 15.0))
+    return places.Watched(place, "default", point, around_a_block(), maps, params.load())
+
+
+def test_a_point_around_which_nothing_is_known_has_no_obstacles_to_compare() -> None:
+    with pytest.raises(RuntimeError, match="field: nothing is known around the point"):
+        _ = watched(None).surroundings
+
+
+def test_obstacles_around_a_landing_point_stand_beside_the_truth_and_wide_ones_have_their_height(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    labels: list[str] = []
+    annotate = Axes.annotate
+
+    def noted(axes: Axes, text: str, *given: Any, **more: Any) -> Any:
+        labels.append(text)
+        return annotate(axes, text, *given, **more)
+
+    made = watched(surroundings((5.0, 5.0, 6.0, 6.0), (19.8, 13.5, 22.0, 17.0)))  # 1 m and 2.6 m wide
+    monkeypatch.setattr(Axes, "annotate", noted)
+    monkeypatch.setattr(landing_points, "MODES", ("default",))
+    monkeypatch.setattr(landing_points, "fly", lambda *_: None)
+    monkeypatch.setattr(landing_points, "watch", lambda *_: made)
+    found = landing_points.section([made.place], tmp_path, tmp_path, lambda _what: None)
+    name = "field, default mode"
+    obstacles, horizons = found.tables
+    edges = "4.8 to 6.8, -1.5 to 2.0", "5.0 to 7.0, -1.5 to 2.5"
+    assert obstacles.rows == [(name, "the block", *edges, "3.10", "3.00")]
+    assert [row[:4] for row in horizons.rows] == [(name, "safe", "2", "1")]
+    figures = found.figures["landing_points"][name]
+    assert (figures["missed"], figures["worst_edge_m"], figures["worst_height_m"]) == (0, 0.5, 0.1)
+    assert labels == ["3.1 m"]
+
+
+def test_beyond_the_survey_s_edge_the_true_horizon_is_unknown() -> None:
+    horizon = Around(recording(wall=False), 0.25, 15.25, 5.0).horizon_deg(1.0)
+    assert np.isnan(horizon[27])  # west
+    assert horizon[[0, 9, 18]].tolist() == [0, 0, 0]
+
+
+def test_without_a_known_cell_there_is_no_calibration_error() -> None:
+    none = np.zeros(0, bool)
+    assert np.isnan(reliability.Bins.of(np.zeros(0, np.float32), none, none).error)
+
+
+@pytest.mark.usefixtures("blank")
+def test_where_no_zone_is_left_none_is_the_largest(
+    small: Scenario, surveys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room, "MODES", ("default",))
+    barren = replace(small, settings=("min_boundary_points=100000", "zone_m=200"))
+    found = room.section([barren], tmp_path, surveys, lambda _what: None)
+    assert found.tables[0].rows == [("field, default mode", "0", "0", "0", "0", "none")]
+
+
+def test_a_flight_that_stays_low_has_no_row_of_far_windows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(near_far, "MODES", ("default",))
+    monkeypatch.setattr(near_far, "fly", lambda *_: recording(wall=False))
+    found = near_far.section([near_far.Climb("low", survey())], tmp_path, tmp_path, lambda _what: None)
+    assert [row[:3] for row in found.tables[0].rows] == [("low, default mode", "near", "1")]
+    assert found.figures["near_and_far"]["low, default mode"]["windows_far"] == 0

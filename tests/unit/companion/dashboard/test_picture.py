@@ -9,6 +9,7 @@ import pytest
 import params
 from companion.dashboard import picture
 from companion.dashboard.picture import Picture, sure
+from companion.survey.polygon import zone_polygon
 from slz import Report
 from tests.unit.companion.landing.flight import Flight, zone
 
@@ -23,11 +24,10 @@ def report(*ids: int) -> Report:
 def outlined(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return the numbers of the zones whose outlines are made, as they are."""
     made: list[int] = []
-    polygon = picture.zone_polygon
 
     def noted(of: Any, grid: Any) -> Any:
         made.append(of.id)
-        return polygon(of, grid)
+        return zone_polygon(of, grid)
 
     monkeypatch.setattr(picture, "zone_polygon", noted)
     return made

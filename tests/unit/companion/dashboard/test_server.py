@@ -446,7 +446,11 @@ async def test_only_files_of_the_page_are_served(monkeypatch: pytest.MonkeyPatch
 async def test_of_a_body_that_does_not_say_how_long_it_is_the_beginning_counts_only(tokens: Path) -> None:
     """A stranger could fill the memory with it."""
     async with served(tokens) as s:
-        pieces = {"Transfer-Encoding": "chunked", "Content-Length": "0", "Origin": f"http://{s.host}"}
+        pieces: dict[str, Any] = {
+            "Transfer-Encoding": "chunked",
+            "Content-Length": "0",
+            "Origin": f"http://{s.host}",
+        }
         for spare, kept in ((0, True), (2000, False)):
             form = b"x" * spare + f"&token={OPERATOR}".encode()
             body = b"%x\r\n%s\r\n0\r\n\r\n" % (len(form), form)

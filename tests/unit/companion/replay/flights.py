@@ -1,4 +1,4 @@
-"""A short flight over the simulator's ground, as other programs record flights."""
+"""A short flight over the simulator's ground, as other programs and ours record flights."""
 
 from __future__ import annotations
 

@@ -14,9 +14,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
+from companion.link.operator import CommandServer
 from companion.replay import command
 from companion.replay.cloud_folder import stamp_of
-from companion.replay.flown import Beside, kind_of
+from companion.replay.flown import Beside, kind_of, opened
 from companion.replay.point_cloud import BadCloudError, decode
 from companion.replay.rerun import Rerun
 from companion.replay.ros_pose import ned_from_frd
@@ -177,10 +178,10 @@ def test_several_clouds_want_a_name_and_points_of_the_body_no_mount(tmp_path: Pa
     path = flights.write_bag(tmp_path / "bag", Bag(second_cloud=True, points_frame="base_link"))
     with pytest.raises(UsageError, match="/other, /points"):
         again(path, origin=ORIGIN)
-    feed, rerun = command.opened(path, (), Beside("/other", origin=ORIGIN))
+    feed, rerun = opened(path, (), Beside("/other", origin=ORIGIN))
     assert rerun.parameters.lidar_pitch_deg == 0.0
     assert feed.told()["points"] == "/other"
-    _, rerun = command.opened(path, ("lidar_pitch_deg=20",), Beside("/other", origin=ORIGIN))
+    _, rerun = opened(path, ("lidar_pitch_deg=20",), Beside("/other", origin=ORIGIN))
     assert rerun.parameters.lidar_pitch_deg == 20
 
 
@@ -380,7 +381,7 @@ def test_the_topic_of_poses_is_named_where_there_are_several(tmp_path: Path) -> 
     path = bag(tmp_path, points=CLOUD, odom=ODOMETRY, pose=POSE)
     with pytest.raises(UsageError, match=r"topics of poses are /odom, /pose: name one"):
         again(path, origin=ORIGIN)
-    feed, _ = command.opened(path, (), Beside(poses=("/pose",), origin=ORIGIN))
+    feed, _ = opened(path, (), Beside(poses=("/pose",), origin=ORIGIN))
     assert feed.told()["poses"] == ["/pose"]
 
 
@@ -418,7 +419,7 @@ def test_messages_that_cannot_be_read_are_counted_and_the_others_are_taken(tmp_p
     path = flights.write_messages(
         tmp_path / "bag", {"/odom": (ODOMETRY, odometry), "/points": (CLOUD, points)}
     )
-    feed, rerun = command.opened(path, (), Beside(origin=ORIGIN))
+    feed, rerun = opened(path, (), Beside(origin=ORIGIN))
     for _, act in feed.steps(rerun):
         rerun.take(act)
     assert feed.bad == 2
@@ -435,8 +436,12 @@ def test_frames_of_the_older_mavlink_are_read_alike(tmp_path: Path) -> None:
     assert (logs[1].bad, logs[1].cut) == (0, "")
 
 
-def test_orders_in_a_log_are_not_carried_out_again(files: Path, tmp_path: Path) -> None:
+def test_orders_in_a_log_are_not_carried_out_again(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The log's ground station spoke to a companion such as this one."""
+    asked: list[Any] = []
+    monkeypatch.setattr(CommandServer, "take", lambda _server, message, *_: asked.append(message))
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     order = mavlink.MAVLink_command_long_message(1, 191, mavlink.MAV_CMD_USER_1, 0, 1, 0, 0, 0, 0, 0, 0)
     stamp = struct.pack(">Q", (BEGIN_NS + 10**9) // 1000)
@@ -445,6 +450,7 @@ def test_orders_in_a_log_are_not_carried_out_again(files: Path, tmp_path: Path) 
     path.write_bytes(content + 3 * (stamp + order.pack(station)))
     plain = again(files / "flight.tlog", points=str(files / "lidar.pcap"))
     assert again(path, points=str(files / "lidar.pcap")) == plain | {"file": str(path)}
+    assert asked == []
 
 
 def test_a_vehicle_without_a_position_places_nothing_and_that_is_said(files: Path, tmp_path: Path) -> None:

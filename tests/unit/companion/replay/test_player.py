@@ -104,7 +104,6 @@ def test_a_second_beyond_the_end_is_the_end_and_going_back_is_still_possible(tap
     tape.player.go_to(1000.0)
     tape.thread.start()
     tape.until(lambda: len(tape.taken) == 10)
-    tape.player.go_to(1000.0)
     tape.player.go_to(3.0)
     tape.until(lambda: len(tape.taken) >= 13)
     assert (tape.begun, tape.taken[10:13]) == (2, [0, 1, 2])

@@ -29,6 +29,12 @@ def scan(second: float) -> Scan:
     return Scan(points, stamps, np.array([0.0, 0.0, 20.0]), HOME)
 
 
+def put(one: Rerun, second: float, east_m: float = 0.0) -> None:
+    """Let the vehicle stand still in the air at a second."""
+    lat, lon, alt = HOME.lla([east_m, 0.0, 20.0]).tolist()
+    one.history.add_position(round(second * SECOND), lat, lon, alt, (0.0, 0.0, 0.0))
+
+
 def placed(one: Rerun, *seconds: float, mapping: bool = True) -> list[bool]:
     """Hand over scans that are placed; return after each whether a report came of it."""
     return [one.take(lambda at=at: one.add_placed(scan(at)), mapping) is not None for at in seconds]  # type: ignore[misc]
@@ -37,8 +43,7 @@ def placed(one: Rerun, *seconds: float, mapping: bool = True) -> list[bool]:
 def test_a_window_is_mapped_when_the_next_begins_and_the_last_at_the_end() -> None:
     one = rerun()
     assert placed(one, 0.0, 0.5, 1.0, 1.5) == [False, False, True, False]
-    assert one.finish() is not None
-    assert one.finish() is None
+    assert [one.finish() is not None for _ in range(2)] == [True, False]
     assert (one.outcome.windows, one.returns) == (2, 20_000)
     assert one.span_ns == (0, 1.99 * SECOND)
     assert [place.tolist() for place in one.outcome.path_enu_m] == [[0, 0, 20], [0, 0, 20]]
@@ -56,11 +61,10 @@ def test_nothing_is_mapped_on_the_ground_nor_outside_of_the_span(standing: bool,
 
 def test_a_jump_of_the_position_begins_the_maps_anew() -> None:
     one = rerun()
-    for second, east_m in ((0.0, 0.0), (0.5, 0.0)):
-        one.history.add_position(round(second * SECOND), *HOME.lla([east_m, 0.0, 20.0]), (0.0, 0.0, 0.0))
-    placed(one, 0.0, 0.5, 1.0)
-    assert one.report is not None
-    one.history.add_position(SECOND, *HOME.lla([50.0, 0.0, 20.0]), (0.0, 0.0, 0.0))
+    put(one, 0.0)
+    put(one, 0.5)
+    assert placed(one, 0.0, 0.5, 1.0)[-1]
+    put(one, 1.0, east_m=50.0)
     assert placed(one, 1.5) == [False]  # it may lie on both sides of the jump
     assert one.report is None
     assert one.maps() is None
@@ -98,7 +102,7 @@ def test_spans_of_returns_and_of_poses_are_told_as_far_as_they_are_known() -> No
     assert (one.returns, one.span_ns, one.poses_ns) == (10, (SECOND, SECOND), None)
     for second in (2.0, 3.0):
         one.history.add_attitude(round(second * SECOND), LEVEL, (0.0, 0.0, 0.0))
-        one.history.add_position(round(second * SECOND), *HOME.lla([0.0, 0.0, 20.0]), (0.0, 0.0, 0.0))
+        put(one, second)
         one.add_returns(returns(second))
     assert (one.returns, one.span_ns) == (30, (SECOND, 3 * SECOND))
     assert one.poses_ns == (2 * SECOND, 3 * SECOND)

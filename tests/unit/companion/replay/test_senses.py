@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.link.operator import CommandServer
 from companion.recorder import journal
 from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
@@ -84,10 +85,14 @@ def test_ranges_beside_a_lidar_with_packets_of_its_own_are_none_of_it() -> None:
         mavlink.MAVLink_command_int_message(1, 191, 0, mavlink.MAV_CMD_USER_1, 0, 0, 1, 0, 0, 0, 0, 0, 0),
     ],
 )
-def test_an_operator_s_order_is_not_given_to_the_vehicle_again(order: Any) -> None:
+def test_an_operator_s_order_is_not_carried_out_again(monkeypatch: pytest.MonkeyPatch, order: Any) -> None:
+    """What came of it, the windows tell."""
+    asked: list[Any] = []
+    monkeypatch.setattr(CommandServer, "take", lambda _server, message, *_: asked.append(message))
     replay = Replay(HEADER, Parameters())
     replay.take(heard(HEARTBEAT, SECOND))
     before = replay.vehicle
     assert replay.take(heard(order, 2 * SECOND, system=255)) is None
+    assert asked == []
     assert replay.vehicle is before
     assert (replay.outcome.bad, replay.outcome.windows) == (0, 0)
