@@ -45,7 +45,7 @@ def test_a_window_is_mapped_when_the_next_begins_and_the_last_at_the_end() -> No
     assert placed(one, 0.0, 0.5, 1.0, 1.5) == [False, False, True, False]
     assert [one.finish() is not None for _ in range(2)] == [True, False]
     assert (one.outcome.windows, one.returns) == (2, 20_000)
-    assert one.span_ns == (0, 1.99 * SECOND)
+    assert one.span_ns == (0, 1_990_000_000)
     assert [place.tolist() for place in one.outcome.path_enu_m] == [[0, 0, 20], [0, 0, 20]]
 
 
