@@ -62,6 +62,14 @@ def test_what_stands_around_the_vehicle_goes_with_the_report() -> None:
     assert around.ground_below_m(np.array([8.0, 0.0])) == pytest.approx(6.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("cell_m", "block_m"), [(0.1, 0.5), (0.2, 0.6), (0.25, 0.5), (0.5, 0.5), (0.7, 0.7)])
+def test_blocks_are_whole_cells_and_no_smaller_than_half_a_metre(cell_m: float, block_m: float) -> None:
+    own = build({"zone_m": 100.0, "cell_m": cell_m, "adaptive": "off"})
+    report = Pipeline(own, (0.0, 0.0)).process(window(ground(1), 0))
+    assert report.nearby is not None
+    assert report.nearby.cell_m == pytest.approx(block_m)
+
+
 def test_a_mast_reaches_as_high_as_its_highest_return() -> None:
     """The mean of its cell is lower, and most of its returns lie below that."""
     rng = np.random.default_rng(3)

@@ -89,6 +89,20 @@ def test_of_more_ground_at_once_than_the_budget_holds_the_nearest_is_kept_and_th
     assert tiles.read(Box(0, 1, 500 * (FEWEST + 4), 500 * (FEWEST + 4) + 1))[0, 0, 0, 0] == 0
 
 
+@pytest.mark.parametrize(("east", "north"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_the_nearest_ground_is_kept_in_whatever_direction_it_lies(east: int, north: int) -> None:
+    tiles = Tiles(50.0, -30.0, 0.2, 0)
+    sensor = np.array([-400.0, 300.0, 30.0])
+    away = 40.0 * np.arange(1, FEWEST + 6)
+    places = sensor[:2] + away[:, np.newaxis] * [east, north]
+    points = points_at(*places[::-1].tolist())
+    change = tiles.add(points, sensor, NOISE, EVERYWHERE, 0.0, 8.0)
+    assert change.n_dropped == 5
+    row, col = np.floor((places - [50.0, -30.0]) / 0.2).astype(int).T[::-1]
+    seen = [tiles.read(Box(r, r + 1, c, c + 1))[0, 0, 0, 0] for r, c in zip(row, col, strict=True)]
+    assert seen == [1.0] * FEWEST + [0.0] * 5
+
+
 @pytest.mark.parametrize("level", [0, 1, 3])
 def test_a_map_s_tile_is_kept_while_evidence_lies_under_or_beside_it(level: int) -> None:
     """Beside, because a footprint reaches over a tile's edge."""

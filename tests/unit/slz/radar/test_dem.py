@@ -130,3 +130,14 @@ def test_bad_input_is_refused_by_name(level: RadarLines) -> None:
         fuse([])
     with pytest.raises(ValueError, match="different grids"):
         fuse([a_dem(0, 1), RadarDem(GRID, *[np.zeros((60, 80))] * 3)])
+
+
+@pytest.mark.parametrize(
+    ("agree", "of", "known"),
+    [(1, 2, False), (2, 2, True), (1, 3, False), (2, 3, True), (2, 4, False), (3, 4, True), (3, 5, True)],
+)
+def test_half_of_the_observations_and_one_more_must_agree(agree: int, of: int, known: bool) -> None:
+    seen = [a_dem(0.5, 0.7 + 0.13 * k) for k in range(agree)]
+    fused = fuse([*seen, *[a_dem(np.nan, np.nan, np.nan)] * (of - agree)])
+    assert bool(np.isfinite(fused.height_m).all()) is known
+    assert np.isfinite(fused.height_m).any() == known
