@@ -1,0 +1,129 @@
+"""Small flights, surveys and frames whose numbers are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import params
+from sitl.primitives import Ground, Kind
+from sitl.radar import SideLooker, Track
+from sitl.world import World
+from slz import LocalFrame, Pipeline, Window
+from slz.flash.elevation import elevation_map, grid_around, histogram_peaks, relative_elevation
+from slz.flash.hazards import find_hazards
+from slz.flash.process import process_frame, sensor_pixels
+from slz.flash.segmentation import segment
+from slz.grid import Grid
+from slz.radar.dem import RadarDem, fuse, grid_heights
+from slz.radar.heights import heights
+from slz.radar.interferogram import interferogram
+from slz.radar.interferometer import Interferometer
+from slz.radar.lines import RadarLines
+from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
+
+F64 = NDArray[np.float64]
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+S = 1_000_000_000
+LINES, BINS = 7, slice(120, 260)  # of the radar
+
+
+def scene(rng: np.random.Generator, centre: F64, half_m: float, n: int) -> F64:
+    """Return returns of ground with a bank, a ditch, three boxes, a mast and a pond that returns nothing."""
+    points = np.column_stack([rng.uniform(-half_m, half_m, (n, 2)) + centre, np.zeros(n)])
+    east, north = points[:, 0], points[:, 1]
+    points[:, 2] = 0.02 * east + 0.3 * np.maximum(0.0, north - 4.0) + rng.normal(0, 0.02, n)
+    points[np.abs(east + 6.0) < 0.4, 2] -= 0.6
+    for box_east, box_north, side, top in (
+        (3.0, -3.0, 1.5, 1.2),
+        (-2.0, 2.5, 0.8, 0.7),
+        (0.5, -9.0, 0.8, 0.9),
+    ):
+        points[(abs(east - box_east) < side / 2) & (abs(north - box_north) < side / 2), 2] = top
+    mast = (np.hypot(east - 1.0, north + 6.0) < 0.3) & (rng.random(n) < 0.5)
+    points[mast, 2] = 3.0 * rng.random(mast.sum())
+    return points[np.hypot(east - 6.0, north - 1.0) > 1.2]
+
+
+def flight(mode: str) -> Iterator[Any]:
+    """Yield the reports and maps of a flight to the south-west, over which the zone moves."""
+    own = [
+        "zone_m=24",
+        "cell_m=0.5",
+        "far_cell_m=2",
+        "min_boundary_points=8",
+        "adaptive=off",
+        "min_square_m=2",
+    ]
+    pipe = Pipeline(params.load("quadcopter", [f"mode={mode}", *own]))
+    rng = np.random.default_rng(11)
+    for second in range(4):
+        centre = np.array([-2.5, -3.5]) * second
+        points = scene(rng, centre, 9.0, 4500)
+        stamps = second * S + np.linspace(0, 0.9 * S, len(points)).astype(np.int64)
+        sensor = np.array([*(0.8 * centre), 18.0])
+        report = pipe.process(Window(points, stamps, sensor, FRAME, int(stamps[0]), int(stamps[-1])))
+        yield report
+        if second == 1:
+            pipe.select(report.near.zones[0].best.enu_m)
+    yield pipe.maps(which="near")
+    yield pipe.maps(which="far")
+
+
+def flash() -> Iterator[Any]:
+    """Yield what comes of a frame by both estimators, and of a map with boxes and a pit."""
+    camera = noisy_camera(0.05, rows=10, cols=12)
+    frame, _ = frame_of(camera, some_peaks(camera, spread=5.0), 1500.0, 0.05)
+    for estimator in ("likely", "polynomial"):
+        image = process_frame(frame, camera, estimator)  # type: ignore[arg-type]
+        yield image
+        yield sensor_pixels(image, camera)
+    rng = np.random.default_rng(5)
+    points = scene(rng, np.zeros(2), 8.0, 4000)
+    elevation = elevation_map(points, grid_around(points, 0.25))
+    dem = relative_elevation(elevation)
+    yield elevation
+    yield dem
+    yield segment(dem, 2.0)
+    yield find_hazards(dem, elevation.grid)
+    yield histogram_peaks(dem)
+
+
+def radar() -> Iterator[Any]:
+    """Yield what comes of a pass over a plane with a step, and of observations whose turns differ."""
+    axis = np.arange(-200.0, 201.0, 4.0)
+    z = np.broadcast_to(0.05 * axis + (axis > 8.0), (101, 101)).copy()
+    world = World(Ground(-200.0, -200.0, 4.0, z, np.full((100, 100), Kind.GRASS, np.uint8)))
+    instrument, grid = Interferometer(), Grid(-20.0, -8.0, 0.5, 30, 60)
+    north = (np.arange(LINES) - LINES / 2) * 0.8
+    position = np.column_stack([np.full(LINES, -85.0), north, np.full(LINES, 75.0)])
+    track = Track(position, 0.0, np.radians(0.5) * np.sin(north / 3))
+    raw = SideLooker(np.random.default_rng(3)).fly(track, world)
+    samples, first_m = raw.samples[..., BINS], raw.first_m + BINS.start * raw.step_m
+    lines = RadarLines(samples, first_m, raw.step_m, position, 0.0, track.roll_rad, 0.3)
+    image = interferogram(lines, instrument)
+    found = heights(image, lines, instrument)
+    yield image
+    yield found
+    yield grid_heights(found, instrument, grid)
+    rng, shape = np.random.default_rng(4), (12, 15)
+    true_m, seen = rng.uniform(-1.0, 2.0, shape), []
+    for turn_m in (0.75, 0.9, 1.05, 1.2):
+        turns = rng.integers(-1, 2, shape) * (rng.random(shape) < 0.3)
+        height_m = true_m + turn_m * turns + rng.normal(0, 0.03, shape)
+        height_m[rng.random(shape) < 0.2] = np.nan
+        sigma_m = np.where(np.isnan(height_m), np.nan, rng.uniform(0.02, 0.06, shape))
+        seen.append(RadarDem(Grid(0, 0, 0.5, *shape), height_m, sigma_m, np.full(shape, turn_m)))
+    yield fuse(seen)
+    yield fuse(seen, 2)
+
+
+KEPT: dict[str, Callable[[], Iterator[Any]]] = {
+    "default": lambda: flight("default"),
+    "source": lambda: flight("source"),
+    "flash": flash,
+    "radar": radar,
+}
