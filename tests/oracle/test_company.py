@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from slz.kernels.voxels import has_company
 
 Floats = NDArray[np.float64]
-VOXEL_M, LEAST, OBJECT_M2 = 0.3, 2, 0.005
+VOXEL_M, LEAST = 0.3, 2
 
 
-def plainly(points: Floats, sensor: Floats) -> list[bool]:
+def plainly(points: Floats, sensor: Floats, object_m2: float) -> list[bool]:
     """The rule of `slz.outliers.in_company`, counted point against point."""
     edge = np.array([VOXEL_M, VOXEL_M, VOXEL_M / 4])
     at = ((points - edge * np.floor(points.min(axis=0) / edge)) / edge).astype(np.int64)
     keep = []
     for point, here in zip(points, at, strict=True):
         away2 = float(((point - sensor) ** 2).sum())
-        expected = OBJECT_M2 * len(points) / (4 * np.pi) / max(away2, 1e-2)
+        expected = object_m2 * len(points) / (4 * np.pi) / max(away2, 1e-2)
         near = expected > LEAST
         need = min(int(expected), 5 if away2 > 4.0 else 10_000) if near else LEAST
         beside = (np.abs(at[:, :2] - here[:2]) <= 1).all(axis=1)
@@ -35,8 +35,9 @@ def plainly(points: Floats, sensor: Floats) -> list[bool]:
 
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("far_m", [0.0, 3000.0])
-def test_company_is_what_counting_says(seed: int, far_m: float) -> None:
-    """A far return spreads the columns so wide that the hash table is used."""
+@pytest.mark.parametrize("object_m2", [0.005, 0.4])
+def test_company_is_what_counting_says(seed: int, far_m: float, object_m2: float) -> None:
+    """A far return spreads the columns so wide that the hash table is used; large objects promise more."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(50, 900))
     ground = np.column_stack([rng.uniform(-6, 6, (n, 2)), rng.normal(0, 0.03, n)])
@@ -46,4 +47,5 @@ def test_company_is_what_counting_says(seed: int, far_m: float) -> None:
     crowd = rng.normal(0, 0.1, (300, 3)) * [1, 1, 0.1] + [3, 3, 0]
     points = np.vstack([ground, wall, dust, echoes, crowd, [[far_m, far_m, 0.0]]])
     sensor = np.array([0.0, 0.0, float(rng.choice([0.5, 3.0, 20.0]))]) if seed % 4 else np.full(3, np.nan)
-    assert has_company(points, sensor, VOXEL_M, LEAST, OBJECT_M2).tolist() == plainly(points, sensor)
+    told = has_company(points, sensor, VOXEL_M, LEAST, object_m2).tolist()
+    assert told == plainly(points, sensor, object_m2)

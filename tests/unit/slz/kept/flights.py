@@ -12,12 +12,14 @@ import params
 from sitl.primitives import Ground, Kind
 from sitl.radar import SideLooker, Track
 from sitl.world import World
-from slz import LocalFrame, Pipeline, Window
+from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, Window
 from slz.flash.elevation import elevation_map, grid_around, histogram_peaks, relative_elevation
 from slz.flash.hazards import find_hazards
 from slz.flash.process import process_frame, sensor_pixels
 from slz.flash.segmentation import segment
 from slz.grid import Grid
+from slz.outline import outline
+from slz.prior import Surveyed
 from slz.radar.dem import RadarDem, fuse, grid_heights
 from slz.radar.heights import heights
 from slz.radar.interferogram import interferogram
@@ -28,7 +30,7 @@ from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 F64 = NDArray[np.float64]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 S = 1_000_000_000
-LINES, BINS = 7, slice(120, 260)  # of the radar
+LINES, BINS = 6, slice(120, 260)  # of the radar
 
 
 def scene(rng: np.random.Generator, centre: F64, half_m: float, n: int) -> F64:
@@ -48,26 +50,39 @@ def scene(rng: np.random.Generator, centre: F64, half_m: float, n: int) -> F64:
     return points[np.hypot(east - 6.0, north - 1.0) > 1.2]
 
 
-def flight(mode: str) -> Iterator[Any]:
-    """Yield the reports and maps of a flight to the south-west, over which the zone moves."""
-    own = [
-        "zone_m=24",
-        "cell_m=0.5",
-        "far_cell_m=2",
-        "min_boundary_points=8",
-        "adaptive=off",
-        "min_square_m=2",
-    ]
-    pipe = Pipeline(params.load("quadcopter", [f"mode={mode}", *own]))
+def surveyed() -> Surveyed:
+    """Level ground known before the flight, with a wood and a lake."""
+    grid = Grid(-40.0, -40.0, 1.0, 80, 80)
+    state = np.full((80, 80), SAFE, np.uint8)
+    state[:, 50:54] = UNSAFE
+    state[12:16, :] = UNKNOWN
+    height_m = np.fromfunction(lambda row, col: 0.02 * (col - 40) + 0.01 * row - 12.0, (80, 80))
+    return Surveyed(grid, state, height_m.astype(np.float32), np.full((80, 80), 1.1, np.float32))
+
+
+def flight(mode: str, *own: str, seconds: int = 4, up_m: float = 18.0, prior: bool = False) -> Iterator[Any]:
+    """Yield what the pipeline tells in a flight to the south-west, over which the zone moves."""
+    fixed = ["zone_m=24", "cell_m=0.5", "far_cell_m=2", "min_boundary_points=8", "min_square_m=1.5"]
+    parameters = params.load("quadcopter", [f"mode={mode}", *fixed, "footprint_m=1.5", *own])
+    pipe = Pipeline(parameters, prior=(lambda _frame, _place: surveyed()) if prior else None)
     rng = np.random.default_rng(11)
-    for second in range(4):
+    for second in range(seconds):
         centre = np.array([-2.5, -3.5]) * second
         points = scene(rng, centre, 9.0, 4500)
+        if second == 3:  # something arrives, and something flies by
+            points = np.vstack(
+                [points, rng.uniform((-6, -14, 0), (-4.5, -12, 1.4), (300, 3)), [[-9, -9, 7.0]]]
+            )
         stamps = second * S + np.linspace(0, 0.9 * S, len(points)).astype(np.int64)
-        sensor = np.array([*(0.8 * centre), 18.0])
+        sensor = np.array([*(0.8 * centre), up_m + second])
         report = pipe.process(Window(points, stamps, sensor, FRAME, int(stamps[0]), int(stamps[-1])))
         yield report
-        if second == 1:
+        yield [outline(zone.cells) for zone in report.zones]
+        for which in ("near", "far"):
+            drawn = pipe.drawn(which, 5)
+            if drawn is not None:
+                yield sorted(drawn.gone), drawn.left, sorted(drawn.tiles, key=lambda tile: tile.key)
+        if second == 1 and report.near.zones:
             pipe.select(report.near.zones[0].best.enu_m)
     yield pipe.maps(which="near")
     yield pipe.maps(which="far")
@@ -122,7 +137,9 @@ def radar() -> Iterator[Any]:
 
 
 KEPT: dict[str, Callable[[], Iterator[Any]]] = {
-    "default": lambda: flight("default"),
+    "default": lambda: flight("default", "adaptive=off"),
+    "adaptive": lambda: flight("default", up_m=45.0, seconds=3),
+    "prior": lambda: flight("default", "adaptive=off", seconds=2, prior=True),
     "source": lambda: flight("source"),
     "flash": flash,
     "radar": radar,
