@@ -7,6 +7,7 @@ bytes and blocks that came.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import sys
 import time
@@ -74,7 +75,9 @@ async def main(host: str, count: int, level: int) -> None:
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)
-    print(json.dumps({"blocks": sum(x.blocks for x in lookers), "bytes": sum(x.bytes for x in lookers)}))
+    with contextlib.suppress(BrokenPipeError):  # nobody may want to know
+        told = {"blocks": sum(x.blocks for x in lookers), "bytes": sum(x.bytes for x in lookers)}
+        print(json.dumps(told), flush=True)
 
 
 if __name__ == "__main__":
