@@ -158,7 +158,7 @@ class Companion:
     async def run(self) -> None:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
         if self._record_into is not None:
-            self.recordings.begin(self._record_into)
+            self.recordings.begin_flight(self._record_into)
         if self._foxglove_port is not None:
             self.live = _live_view(self, self._foxglove_port)
         self.link.on_attitude.subscribe(self.history.add_attitude)

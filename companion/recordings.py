@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
+import logging
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +20,8 @@ from companion.sensors.driver import HasBatches
 from companion.settings import Settings
 from companion.state import StateDir
 from companion.worker import PipelineWorker
+
+log = logging.getLogger(__name__)
 
 
 class Recordings:
@@ -71,6 +75,13 @@ class Recordings:
         )
         self.recorder = recorder
 
+    def begin_flight(self, path: Path) -> None:
+        """Record into a file, or beside it where there is one; without a recording it flies all the same."""
+        try:
+            self.begin(fresh(path))
+        except (OSError, UsageError) as error:
+            log.warning("this flight is not recorded: %s", error)
+
     async def ask(self, on: bool) -> Reply:
         """Begin a recording in the state directory, or end the one that is made."""
         recorder = self.recorder
@@ -100,3 +111,9 @@ class Recordings:
     def statistics(self) -> dict[str, Any] | None:
         """Return the counts of the recording, None of none."""
         return None if self.recorder is None else self.recorder.statistics()
+
+
+def fresh(path: Path) -> Path:
+    """Return a path at which there is nothing: this one, or the same with the next free number."""
+    names = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
+    return next(name for name in itertools.chain([path], names) if not name.exists())

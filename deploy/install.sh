@@ -14,6 +14,13 @@ case "${1:-}" in
     *) echo "install.sh: $1 is not known: write no argument, or --root DIR" >&2; exit 2 ;;
 esac
 
+python=${PYTHON:-python3}
+enough='import sys; sys.exit(sys.version_info < (3, 11))'
+if [ -z "$root" ] && ! "$python" -c "$enough"; then
+    echo "install.sh: $python is older than 3.11: install a newer one and name it: sudo PYTHON=python3.11 $0" >&2
+    exit 2
+fi
+
 put() {  # put MODE SOURCE TARGET
     if ! cmp -s "$2" "$root$3"; then
         install -D -m "$1" "$2" "$root$3"
@@ -43,12 +50,14 @@ for part in companion slz params sitl docs pyproject.toml constraints.txt README
     rm -rf "/opt/slz/$part"
     cp -r "$here/$part" "/opt/slz/$part"
 done
-if [ ! -x /opt/slz/.venv/bin/python ]; then
-    python3 -m venv /opt/slz/.venv
+if ! /opt/slz/.venv/bin/python -c "$enough" 2> /dev/null; then
+    rm -rf /opt/slz/.venv
+    "$python" -m venv /opt/slz/.venv
 fi
 /opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt /opt/slz
 # The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
-install -d -o slz -g slz -m 0700 /var/cache/slz
+install -d -o slz -g slz -m 0700 /var/cache/slz /var/lib/slz
+cd /  # not the checkout: Python looks for modules where it stands
 runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
     'from companion.first_start import everything; everything()'
 

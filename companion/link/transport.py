@@ -99,8 +99,10 @@ class Transport:
     async def _open(self, on_bytes: OnBytes) -> Channel | None:
         try:
             return await _OPENERS[self.url.kind](self.url, on_bytes)
+        except UnicodeError:
+            raise UsageError(f"{self.url}: no host has such a name") from None
         except (OSError, TimeoutError) as error:
-            if self.opened == 0 and (line := _hopeless(self.url, error)):
+            if self.opened == self._failures == 0 and (line := _hopeless(self.url, error)):
                 raise UsageError(line) from None
             if self._failures == 0:
                 log.warning("%s: %s; trying again", self.url, error or "no answer")

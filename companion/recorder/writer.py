@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import threading
 import time
 from collections import Counter, deque
@@ -22,6 +23,7 @@ log = logging.getLogger(__name__)
 CHUNK_BYTES = 1 << 20
 MOST_WAITING_BYTES = 64 << 20
 LEAST_FREE_BYTES = 512 << 20
+BEGIN_BYTES = 16 << 20  # a library that cannot write the first bytes of a file takes the program with it
 FLUSH_S = 1.0
 TOGETHER_S = 0.05  # a thread that woke for every entry would hold up those that hand them over
 CLOSE_S = 10.0
@@ -68,16 +70,18 @@ class McapWriter:
     ) -> None:
         if path.exists():
             raise UsageError(f"--record {path}: there is one already; name another file")
+        if path.parent.is_dir() and shutil.disk_usage(path.parent).free < BEGIN_BYTES:
+            raise UsageError(f"--record {path}: less than {BEGIN_BYTES // MIB} MiB are free there: make room")
         self._context = context = foxglove.Context()  # its channels close with it
         options = MCAPWriteOptions(
             compression=MCAPCompression.Lz4, chunk_size=CHUNK_BYTES, compression_threads=0
         )
         try:
             self._writer = foxglove.open_mcap(path, context=context, writer_options=options)
+            self._writer.write_metadata("slz", metadata)
             self._file = os.open(path, os.O_RDONLY)
         except Exception as error:
             raise UsageError(f"--record {path}: {error}") from None
-        self._writer.write_metadata("slz", metadata)
         self._channels = channels(context)
         self._path = path
         self._most_bytes = most_bytes

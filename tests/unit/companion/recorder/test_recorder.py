@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from companion.fusion.pose import Pose
 from companion.recorder import journal, scene
 from companion.recorder.recorder import Recorder
 from companion.recorder.writer import McapWriter
+from companion.recordings import Recordings
 from companion.replay.reading import Recording
 from params import Parameters
 from slz import LocalFrame
@@ -48,3 +52,37 @@ async def test_the_place_is_recorded_a_few_times_a_second_however_often_it_is_to
     written = recorder.statistics()["written"]
     assert (written[scene.TRANSFORM], written[scene.FIX]) == (1, 1)
     assert written[scene.PARAMETERS] == 2  # those at the start, and the one changed
+
+
+def recordings() -> Recordings:
+    heard = SimpleNamespace(subscribe=lambda _take: lambda: None)
+    link = SimpleNamespace(on_frame=heard, on_sent=heard, on_time_asked=heard)
+    stream = SimpleNamespace(kind="livox", setup="", batches=heard)
+    worker = SimpleNamespace(on_window=heard)
+    settings = SimpleNamespace(running=Parameters(), on_change=heard)
+    given: Any = (link, stream, worker, settings, lambda: 0, None)
+    return Recordings(*given)
+
+
+async def test_each_start_records_into_a_file_of_its_own(tmp_path: Path) -> None:
+    """The service starts with the same options every time, after a crash in flight too."""
+    for _ in range(3):
+        made = recordings()
+        made.begin_flight(tmp_path / "flight.mcap")
+        assert made.recorder is not None
+        made.close()
+    assert sorted(os.listdir(tmp_path)) == ["flight-2.mcap", "flight-3.mcap", "flight.mcap"]
+
+
+@pytest.mark.parametrize("why", ["no folder", "full disk"])
+async def test_what_cannot_be_recorded_is_flown_all_the_same(
+    why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path if why == "full disk" else tmp_path / "stick"
+    if why == "full disk":
+        monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=1 << 20))
+    made = recordings()
+    made.begin_flight(folder / "flight.mcap")
+    assert made.recorder is None
+    assert "this flight is not recorded: --record" in caplog.text
+    assert not os.listdir(tmp_path)
