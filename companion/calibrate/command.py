@@ -40,7 +40,7 @@ def run(path: Path, settings: Iterable[str]) -> dict[str, Any]:
     """
     recording = Recording(path)
     parameters = recording.header.parameters(settings)
-    flown = _read(recording, parameters)
+    flown = _read(path, recording, parameters)
     try:
         fit = solve(flown.place, flown.stamp_s, np.zeros(4, bool))
         unsure = fit.sigma > BELIEVED
@@ -76,10 +76,10 @@ def _summary(path: Path, fit: Fit, unsure: np.ndarray[Any, Any], parameters: Par
     }
 
 
-def _read(recording: Recording, parameters: Parameters) -> FlownReturns:
+def _read(path: Path, recording: Recording, parameters: Parameters) -> FlownReturns:
     """Return the flight's returns, some of them where there are many, and its poses."""
-    parts: list[Returns] = []
-    senses = Senses(recording.header, parameters, parts.append, MOST_POSES)
+    some = Some(MOST_RETURNS)
+    senses = Senses(recording.header, parameters, some.take, MOST_POSES)
     bad = 0
     for message in recording.messages():
         try:
@@ -88,14 +88,32 @@ def _read(recording: Recording, parameters: Parameters) -> FlownReturns:
             bad += 1
     if bad:
         log.warning("%d messages cannot be read and are left out", bad)
-    if not parts or senses.history.frame is None:
-        raise CompanionError("the recording holds no returns or no positions")
-    flown = FlownReturns(_thinned(join(parts)), senses.history, parameters)
+    if not some.parts or senses.history.frame is None:
+        raise CompanionError(f"{path}: it holds no returns or no positions")
+    flown = FlownReturns(join(some.parts), senses.history, parameters)
     if not len(flown):
-        raise CompanionError("the recording holds no return that is in range and has a pose")
+        raise CompanionError(f"{path}: it holds no return that is in range and has a pose")
     return flown
 
 
-def _thinned(returns: Returns) -> Returns:
-    step = max(1, len(returns) // MOST_RETURNS)
-    return returns.part(slice(None, None, step))
+class Some:
+    """Every so many of a flight's returns: an hour of them would not fit into memory.
+
+    parts: what is kept, in its order, `most` returns at most.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.parts: list[Returns] = []
+        self._most = most
+        self._every, self._skip, self._count = 1, 0, 0
+
+    def take(self, returns: Returns) -> None:
+        """Take a batch; once there are too many, keep every other one of all."""
+        part = returns.part(slice(self._skip, None, self._every))
+        self._skip = (self._skip - len(returns)) % self._every
+        self.parts.append(part)
+        self._count += len(part)
+        while self._count > self._most:
+            self._every *= 2
+            self.parts = [join(self.parts).part(slice(None, None, 2))]
+            self._count = len(self.parts[0])

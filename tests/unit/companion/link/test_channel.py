@@ -205,6 +205,54 @@ def test_a_serial_port_that_another_program_holds_is_one_line(line: tuple[int, s
     virtually(script)
 
 
+def test_a_device_that_comes_later_and_is_held_for_a_moment_is_waited_for(
+    line: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At boot others look at a new serial port first."""
+
+    async def script() -> None:
+        exists, absent = os.path.exists, [True]
+        monkeypatch.setattr(os.path, "exists", lambda path: not absent.pop() if absent else exists(path))
+        way = Transport(parse_url(f"{line[1]},57600"))
+        with serial.Serial(line[1], exclusive=True):
+            task = asyncio.create_task(way.run(lambda _: None))
+            await asyncio.sleep(3)
+            assert not task.done()
+        async with asyncio.timeout(60):
+            while not way.up:
+                await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    virtually(script)
+
+
+@pytest.mark.parametrize(
+    "url", ["tcp:192.168.1..10:5760", "udpin:a..b:14550", "udpout:a..b:14550", "tcpin:a..b:1"]
+)
+def test_a_name_that_no_host_can_have_is_one_line(url: str) -> None:
+    async def script() -> None:
+        with pytest.raises(UsageError, match="no host has such a name"):
+            await asyncio.wait_for(Transport(parse_url(url)).run(print), 5)
+
+    virtually(script)
+
+
+def test_a_speed_that_the_port_refuses_is_told_and_tried_again(
+    line: tuple[int, str], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refused(*_: Any, **__: Any) -> Any:
+        raise ValueError("Invalid baud rate: 57600")
+
+    async def script() -> None:
+        monkeypatch.setattr("serial.Serial", refused)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(Transport(parse_url(f"{line[1]},57600")).run(print), 5)
+        assert "Invalid baud rate" in caplog.text
+
+    virtually(script)
+
+
 def test_a_serial_port_is_free_again_when_the_link_has_ended(line: tuple[int, str]) -> None:
     async def script() -> None:
         way = Transport(parse_url(f"{line[1]},57600"))
