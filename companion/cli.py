@@ -37,6 +37,11 @@ err = Console(stderr=True)
 _BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, whichever click typer carries
 
 LIDAR = "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, or mavlink: (docs/sensors.md)."
+Key = Annotated[
+    Path | None,
+    typer.Option(help="File with the key of MAVLink signing: 32 bytes, 64 hex digits or a passphrase."),
+]
+State = Annotated[Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")]
 Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
@@ -194,13 +199,8 @@ def run(
     ] = "ask",
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
-    mavlink_key: Annotated[
-        Path | None,
-        typer.Option(help="File with the key of MAVLink signing: 32 bytes, 64 hex digits or a passphrase."),
-    ] = None,
-    state_dir: Annotated[
-        Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")
-    ] = None,
+    mavlink_key: Key = None,
+    state_dir: State = None,
     radar: Annotated[
         str | None, typer.Option(help="A radar beside the LiDAR: radar:HOST:PORT (docs/instruments.md).")
     ] = None,
@@ -328,6 +328,8 @@ def doctor(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
     lidar: Annotated[str, typer.Option(help=LIDAR)],
     seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long to listen.")] = 10.0,
+    mavlink_key: Key = None,
+    state_dir: State = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
@@ -338,7 +340,13 @@ def doctor(
     from companion.doctor import command as consultation
 
     parameters = params.load(profile, setting)
-    findings = consultation.examine(mavlink, lidar, parameters, seconds)
+    signing = None
+    if mavlink_key is not None:
+        from companion.services import start_signing
+        from companion.state import StateDir, default_state_dir
+
+        signing = start_signing(mavlink_key, StateDir(state_dir or default_state_dir()))
+    findings = consultation.examine(mavlink, lidar, parameters, seconds, signing)
     summary = consultation.document(findings)
     if as_json:
         print(json.dumps(summary))

@@ -9,14 +9,17 @@ from rich.table import Table
 
 from companion.doctor.examination import Examination
 from companion.doctor.finding import Finding, healthy
+from companion.link.signing import Signing
 from params import Parameters
 
 _STYLE = {"ok": "green", "warn": "yellow", "fail": "bold red", "skipped": "dim"}
 
 
-def examine(mavlink_url: str, lidar_url: str, parameters: Parameters, seconds: float) -> list[Finding]:
+def examine(
+    mavlink_url: str, lidar_url: str, parameters: Parameters, seconds: float, signing: Signing | None = None
+) -> list[Finding]:
     """Listen for so many seconds and return the findings; raises UsageError for a URL that is none."""
-    return asyncio.run(Examination(mavlink_url, lidar_url, parameters, seconds).run())
+    return asyncio.run(Examination(mavlink_url, lidar_url, parameters, seconds, signing).run())
 
 
 def document(findings: list[Finding]) -> dict[str, Any]:

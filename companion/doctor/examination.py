@@ -13,6 +13,7 @@ from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import machine_findings
 from companion.doctor.parameter_check import ParameterReader, parameter_findings
 from companion.link.link import Link
+from companion.link.signing import Signing
 from companion.link.streams import wanted
 from companion.sensors.driver import Lidar, open_lidar
 from params import Parameters, required
@@ -35,6 +36,8 @@ class Examination:
         As of `slz run`.
     seconds
         How long to listen.
+    signing
+        Of a link that is signed.
 
     Raises
     ------
@@ -46,11 +49,12 @@ class Examination:
     lidar_url: str
     parameters: Parameters
     seconds: float = 10.0
+    signing: Signing | None = None
     late_ms: list[float] = field(default_factory=list)
 
     async def run(self) -> list[Finding]:
         """Return all findings; open nothing that stays open."""
-        link = Link(self.mavlink_url, self.parameters)
+        link = Link(self.mavlink_url, self.parameters, self.signing)
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
         begun_ns = now_ns()
         log.info("listening for %g s", self.seconds)

@@ -454,3 +454,25 @@ def test_on_a_terminal_the_log_is_coloured_and_elsewhere_plain(
     assert isinstance(on_terminal["handlers"][0], RichHandler)
     assert "handlers" not in elsewhere
     assert "%(asctime)s" in elsewhere["format"]
+
+
+def test_doctor_examines_a_signed_link_with_its_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
+) -> None:
+    from companion.doctor import command
+
+    given: list[Any] = []
+    monkeypatch.setattr(command, "examine", lambda *args: given.append(args[4]) or [])
+    monkeypatch.setattr(command, "document", lambda _found: {"ok": True, "findings": []})
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    words = ["doctor", "--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0", "--json"]
+    assert ended(*words) == 0
+    assert ended(*words, "--mavlink-key", str(key), "--state-dir", str(tmp_path)) == 0
+    unsigned, signed = given
+    assert unsigned is None
+    assert signed.secret == bytes(range(32))
+    key.chmod(0o644)
+    capfd.readouterr()
+    assert "others may use it" in refusal(capfd, *words, "--mavlink-key", str(key))
