@@ -301,6 +301,10 @@ def replay(
         if "source" not in summary:
             title += f", {summary['identical']} as in flight"
         _out().print(_zone_table(summary["zones"], title))
+        if summary["cut"]:
+            print(f"slz: {file}: it is not whole: {summary['cut']}", file=sys.stderr)
+        if summary["lost_messages"]:
+            print(f"slz: {file}: {summary['lost_messages']} messages were lost in flight", file=sys.stderr)
     if summary["different"] and not setting and start == 0:
         sys.exit(1)
 

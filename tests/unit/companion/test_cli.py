@@ -356,7 +356,7 @@ ZONE = {
 def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
     told: dict[str, Any], words: list[str], code: int, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    summary = {"windows": 5, "zones": [ZONE], **told}
+    summary = {"windows": 5, "zones": [ZONE], "cut": "", "lost_messages": 0, **told}
     monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
     assert ended("replay", "a.mcap", *words) == code
     out = capsys.readouterr().out
@@ -365,6 +365,17 @@ def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
         return
     assert "46.1234567" in out
     assert ("as in flight" in out) == ("source" not in told)
+
+
+def test_replay_says_what_the_recording_lacks(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    lacking = {"cut": "it ends within a chunk", "lost_messages": 3}
+    summary = {"windows": 0, "identical": 0, "different": 0, "zones": [], **lacking}
+    monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
+    assert ended("replay", "a.mcap") == 0
+    assert capsys.readouterr().err.splitlines() == [
+        "slz: a.mcap: it is not whole: it ends within a chunk",
+        "slz: a.mcap: 3 messages were lost in flight",
+    ]
 
 
 def test_replay_on_the_page_shows_the_file_there(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:
