@@ -30,7 +30,7 @@ from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 F64 = NDArray[np.float64]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 S = 1_000_000_000
-LINES, BINS = 6, slice(120, 260)  # of the radar
+LINES, BINS = 4, slice(140, 240)  # of the radar
 
 
 def scene(rng: np.random.Generator, centre: F64, half_m: float, n: int) -> F64:
@@ -60,15 +60,15 @@ def surveyed() -> Surveyed:
     return Surveyed(grid, state, height_m.astype(np.float32), np.full((80, 80), 1.1, np.float32))
 
 
-def flight(mode: str, *own: str, seconds: int = 4, up_m: float = 18.0, prior: bool = False) -> Iterator[Any]:
+def flight(mode: str, *own: str, seconds: int = 3, up_m: float = 18.0, prior: bool = False) -> Iterator[Any]:
     """Yield what the pipeline tells in a flight to the south-west, over which the zone moves."""
-    fixed = ["zone_m=24", "cell_m=0.5", "far_cell_m=2", "min_boundary_points=8", "min_square_m=1.5"]
+    fixed = ["zone_m=20", "cell_m=0.5", "far_cell_m=2", "min_boundary_points=8", "min_square_m=1.5"]
     parameters = params.load("quadcopter", [f"mode={mode}", *fixed, "footprint_m=1.5", *own])
     pipe = Pipeline(parameters, prior=(lambda _frame, _place: surveyed()) if prior else None)
     rng = np.random.default_rng(11)
     for second in range(seconds):
         centre = np.array([-2.5, -3.5]) * second
-        points = scene(rng, centre, 9.0, 4500)
+        points = scene(rng, centre, 7.5, 2600)
         if second == 3:  # something arrives, and something flies by
             points = np.vstack(
                 [points, rng.uniform((-6, -14, 0), (-4.5, -12, 1.4), (300, 3)), [[-9, -9, 7.0]]]
@@ -138,7 +138,7 @@ def radar() -> Iterator[Any]:
 
 KEPT: dict[str, Callable[[], Iterator[Any]]] = {
     "default": lambda: flight("default", "adaptive=off"),
-    "adaptive": lambda: flight("default", up_m=45.0, seconds=3),
+    "adaptive": lambda: flight("default", up_m=45.0, seconds=2),
     "prior": lambda: flight("default", "adaptive=off", seconds=2, prior=True),
     "source": lambda: flight("source"),
     "flash": flash,
