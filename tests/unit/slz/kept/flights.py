@@ -1,4 +1,4 @@
-"""Small flights, surveys and frames whose numbers are kept."""
+"""Small flights, surveys and frames whose numbers are kept; and what single steps make of small inputs."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
 from slz.radar.lines import RadarLines
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
+from tests.unit.slz.kept import pieces
 
 F64 = NDArray[np.float64]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -69,7 +70,7 @@ def flight(mode: str, *own: str, seconds: int = 3, up_m: float = 18.0, prior: bo
     for second in range(seconds):
         centre = np.array([-2.5, -3.5]) * second
         points = scene(rng, centre, 7.5, 2600)
-        if second == 3:  # something arrives, and something flies by
+        if second == 2:  # something arrives, and something flies by
             points = np.vstack(
                 [points, rng.uniform((-6, -14, 0), (-4.5, -12, 1.4), (300, 3)), [[-9, -9, 7.0]]]
             )
@@ -141,6 +142,12 @@ KEPT: dict[str, Callable[[], Iterator[Any]]] = {
     "adaptive": lambda: flight("default", up_m=45.0, seconds=2),
     "prior": lambda: flight("default", "adaptive=off", seconds=2, prior=True),
     "source": lambda: flight("source"),
+    "source max": lambda: flight("source", "fusing=max", "certainty_rule=certain", "adaptive=off"),
     "flash": flash,
     "radar": radar,
+    **{f"outlines {seed}": lambda seed=seed: pieces.outlines(seed) for seed in (21, 26, 27)},  # type: ignore[misc]
+    "zones": pieces.zones,
+    "clouds": pieces.clouds,
+    "pulses": pieces.pulses,
+    "formulas": pieces.formulas,
 }
