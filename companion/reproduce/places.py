@@ -124,18 +124,18 @@ def watch(place: Place, mode: str, surveys: Path, recording: Recording | None = 
     recording = recording or fly(place.survey, surveys)
     pipeline, parameters = begin(place.case(mode))
     windows = list(recording.windows())
+    if not windows:
+        raise RuntimeError(f"{place.name}: nothing was seen")
     for window in windows[:-1]:
         pipeline.process(window)
     pipeline.select(np.array([*place.east_north_m, 0.0]))
-    selected, maps = None, None
-    for window in windows[-1:]:
-        report = pipeline.process(window)
-        grid, selected = report.near.grid, report.selected
-        reach = int(np.ceil(1.1 * parameters.surround_m / grid.cell_m))
-        row, col = grid.index(*place.east_north_m)
-        box = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
-        maps = pipeline.maps(box.grown(0, grid), "near")
+    report = pipeline.process(windows[-1])
+    grid, selected = report.near.grid, report.selected
+    reach = int(np.ceil(1.1 * parameters.surround_m / grid.cell_m))
+    row, col = grid.index(*place.east_north_m)
+    box = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
+    maps = pipeline.maps(box.grown(0, grid), "near")
     if selected is None or maps is None:
-        raise RuntimeError(f"{place.name}: nothing was seen")
+        raise RuntimeError(f"{place.name}: nothing is known of it")
     truth = Around(recording, *place.east_north_m, parameters.surround_m)
     return Watched(place, mode, selected, truth, maps, parameters)

@@ -20,7 +20,7 @@ from companion.survey.overview import ground_png, step_of
 TEMPLATE = Path(__file__).with_name("page.html")
 MOST_ZONES = 3000  # the best are drawn; the files hold all
 MOST_CORNERS = 400_000  # of all outlines together
-TOLERANCE_CELLS = 0.5
+TOLERANCE_M = 0.5
 DIGITS = 2
 
 
@@ -65,7 +65,7 @@ def _zones(shown: Sequence[tuple[MultiPolygon, dict[str, Any]]]) -> list[dict[st
 
 def _rings(part: shapely.Polygon, scale: float) -> list[list[float]]:
     if scale > 1:
-        thin = part.simplify(TOLERANCE_CELLS * scale, preserve_topology=False)
+        thin = part.simplify(TOLERANCE_M * scale, preserve_topology=False)
         part = thin if isinstance(thin, shapely.Polygon) and not thin.is_empty else part
     return [
         np.asarray(ring.coords)[:-1].round(DIGITS).ravel().tolist()
