@@ -61,12 +61,11 @@ def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
     return side
 
 
-@kernel("int64(uint8[:, :], int32[:, :], int64, int64, int32)")
-def flood(safe: NDArray[np.uint8], label: NDArray[np.int32], row: int, col: int, value: int) -> int:
-    """Give the 8-connected safe component of a cell a label where it has none; return its cells."""
+@kernel("void(uint8[:, :], int32[:, :], int64, int64, int32)")
+def flood(safe: NDArray[np.uint8], label: NDArray[np.int32], row: int, col: int, value: int) -> None:
+    """Give the 8-connected safe component of a cell a label where it has none."""
     rows, cols = safe.shape
     stack = [(row, col)]
-    count = 0
     while len(stack) > 0:
         r, c = stack.pop()
         if label[r, c] != 0:
@@ -78,7 +77,6 @@ def flood(safe: NDArray[np.uint8], label: NDArray[np.int32], row: int, col: int,
             right += 1
         for j in range(left, right + 1):
             label[r, j] = value
-        count += right - left + 1
         for i in (r - 1, r + 1):
             if i < 0 or i >= rows:
                 continue
@@ -88,7 +86,6 @@ def flood(safe: NDArray[np.uint8], label: NDArray[np.int32], row: int, col: int,
                 if open_ and not inside:
                     stack.append((i, j))
                 inside = open_
-    return count
 
 
 @kernel("int32[:, :](uint8[:, :], int32[:, :], int64)")

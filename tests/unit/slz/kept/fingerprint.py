@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-TIMES = frozenset({"stage_ms"})
+TIMES = frozenset({"stage_ms", "total_ms"})
 UNKNOWN = -1e99  # in the place of NaN, which is equal to nothing
 FEW = 4  # numbers of an array that are kept as they are
 
@@ -24,6 +24,7 @@ def fingerprint(thing: Any, name: str = "") -> dict[str, list[float]]:
         return _of_array(thing, name)
     if is_dataclass(thing):
         parts = [(f".{f.name}", getattr(thing, f.name)) for f in fields(thing) if f.name not in TIMES]
+        parts += [(f".{part}", value) for part, value in _derived(thing)]
     elif isinstance(thing, dict):
         parts = [(f"[{key}]", value) for key, value in thing.items()]
     else:
@@ -32,6 +33,13 @@ def fingerprint(thing: Any, name: str = "") -> dict[str, list[float]]:
     for suffix, part in parts:
         found |= fingerprint(part, name + suffix)
     return found
+
+
+def _derived(thing: Any) -> list[tuple[str, float]]:
+    """Return the properties of a dataclass that are numbers."""
+    names = [name for name in dir(type(thing)) if isinstance(getattr(type(thing), name), property)]
+    values = [(name, getattr(thing, name)) for name in names if name not in TIMES]
+    return [(name, value) for name, value in values if isinstance(value, bool | int | float)]
 
 
 def _number(value: Any) -> float:
