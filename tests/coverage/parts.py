@@ -45,7 +45,8 @@ PARTS = (
         (
             "tests/oracle", "tests/unit/slz", "tests/unit/companion/sensors", "tests/unit/companion/fusion",
             "tests/unit/companion/outputs", "tests/unit/companion/survey",
-            "tests/unit/companion/dashboard/test_map_blocks.py", "tests/property",
+            "tests/unit/companion/dashboard/test_map_blocks.py", "tests/unit/companion/test_clearance.py",
+            "tests/property",
         ),
         compiled=False,
         limit_s=3.0,

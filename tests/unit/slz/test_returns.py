@@ -1,0 +1,37 @@
+"""Sums of heights by cell do not depend on how much ground a window covers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from slz.grid import Grid
+from slz.returns import CACHED, Returns
+
+
+@pytest.mark.parametrize(("half_m", "n"), [(3.0, 1500), (40.0, 70_000)])
+def test_the_mean_height_of_each_cell_hit_is_that_of_its_returns(half_m: float, n: int) -> None:
+    """The wider window's sums do not fit the cache, and of so many returns: they are sorted first."""
+    rng = np.random.default_rng(7)
+    grid = Grid(-50.0, -50.0, 0.1, 1000, 1000)
+    points = np.column_stack([rng.uniform(-half_m, half_m, (n, 2)), rng.uniform(-4.0, 9.0, n)])
+    points[:200] = points[200:400] + np.array([0.0, 0.0, 0.5])  # cells with several
+    points[0], points[1] = (70.0, 0.0, 1.0), (math.nan, 0.0, 1.0)  # outside, and no point
+    returns = Returns()
+    returns.read(points, np.full(3, np.nan), math.inf, grid)
+    box, width = returns.box, returns.width
+    assert (box.shape[0] * width > CACHED) == (half_m > 30)
+    sums, unit_m, count_bits, used = returns.sums()
+    sums = sums[: box.shape[0] * width].reshape(box.shape[0], width)
+    count = (sums & np.uint64((1 << count_bits) - 1)).astype(int)
+    height_m = returns.low_m * count + (sums >> np.uint64(count_bits)) * unit_m
+
+    at = np.floor((points[2:, :2] + 50.0) / 0.1).astype(int) - (box.col0, box.row0)
+    own_count, own_m = np.zeros_like(count), np.zeros(count.shape)
+    np.add.at(own_count, (at[:, 1], at[:, 0]), 1)
+    np.add.at(own_m, (at[:, 1], at[:, 0]), points[2:, 2])
+    assert used == n - 1
+    np.testing.assert_array_equal(count, own_count)
+    np.testing.assert_allclose(height_m, own_m, rtol=0, atol=1e-5)
