@@ -115,6 +115,7 @@ class EvidenceTerrain:
             now_s,
             p.hold_s,
             self.pinned,
+            p.max_age_s,
         )
         for box in change.boxes:
             self._seen = self._seen.union(_widened(box, self.level, 0))

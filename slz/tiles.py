@@ -103,8 +103,9 @@ class Tiles:
         now_s: float,
         hold_s: float,
         pinned: Collection[Key] = (),
+        max_age_s: float = math.inf,
     ) -> Change:
-        """Add the points that lie in a box of cells to the evidence of theirs."""
+        """Add the points that lie in a box of cells to the evidence of theirs, forgetting what is too old."""
         edges = np.array([within.row0, within.row1, within.col0, within.col1])
         at, found = cells_of(points_enu_m, self.west_m, self.south_m, self.cell_m, edges)
         *hit, inside = found.tolist()
@@ -117,7 +118,7 @@ class Tiles:
         touched = np.zeros((*shape, 4), np.int64)
         used = gather_evidence(
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner,
-            now_s, hold_s, self._pool, table, touched,
+            now_s, hold_s, max_age_s, self._pool, table, touched,
         )  # fmt: skip
         boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] < touched[..., 1]])
         return Change(boxes, evicted, inside - int(used))

@@ -30,6 +30,44 @@ MANY = 1024
 EXPECTED = np.array([expected_maximum(float(n)) if n > 8 else 0.0 for n in range(MANY)])
 
 
+@kernel("UniTuple(float32, 2)(float32[:, ::1], float32[:, :, ::1], int64, int64)")
+def _supported(
+    weight: NDArray[np.float32], extreme: NDArray[np.float32], r: int, c: int
+) -> tuple[np.float32, np.float32]:
+    """Return how far up and how far down the returns of a cell reach, see `summarise`.
+
+    Parameters
+    ----------
+    weight
+        (rows, cols) returns of every cell.
+    extreme
+        (4, rows, cols) highest, second highest, lowest, second lowest of them.
+    """
+    rows, cols = weight.shape
+    n, hi, lo = weight[r, c], extreme[0, r, c], extreme[2, r, c]
+    high2, low2 = extreme[1, r, c], extreme[3, r, c]
+    nearby = n
+    if n <= FEW:
+        for i in range(max(0, r - 1), min(rows, r + 2)):
+            for j in range(max(0, c - 1), min(cols, c + 2)):
+                nearby += weight[i, j] if i != r or j != c else F0
+    if nearby <= FEW:
+        return hi, lo
+    around = 1 if n < CROWD else 0
+    for i in range(max(0, r - around), min(rows, r + around + 1)):
+        for j in range(max(0, c - around), min(cols, c + around + 1)):
+            if (i != r or j != c) and weight[i, j] > 0:
+                second = 0 if weight[i, j] < CROWD else 1
+                high2 = max(high2, extreme[second, i, j])
+                low2 = min(low2, extreme[2 + second, i, j])
+    if np.isinf(high2):  # a lone return without neighbours stands for itself
+        return hi, lo
+    top, bottom = min(hi, high2), max(lo, low2)
+    if top < bottom:  # a lone return above or below everything around it
+        top = bottom = high2 if hi > high2 else low2
+    return top, bottom
+
+
 @kernel("float32[:, :, :](float32[:, :, :, :], float32, float32)")
 def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
     """Return height, bottom, top, number of returns, excess and spread of every cell; NaN, 0 where unknown.
@@ -37,7 +75,9 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
     Top is the highest return of the cell, but only as far up as a second return reaches; bottom likewise. So
     one ghost cannot condemn the ground, two returns of a pole do. Where returns are few, a wire or fence may
     have sent back one only, and each stands for itself. The second is one of the cell, or while
-    the cell has few returns, one of the cells around: of many, two ghosts in neighbours are mere chance. The
+    the cell has few returns, one of the cells around: of many, two ghosts in neighbours are mere chance. What
+    has come since the ground was seen before must not be outvoted by the returns from then: top and bottom
+    are as far as those of both epochs together reach, or those of the current ones alone. The
     height is the mean without an extreme that found no such support. The excess is how far beyond one
     standard deviation the sensor's noise alone is expected to carry the highest and the lowest return of so
     many; the spread is the variance of that noise.
@@ -46,9 +86,10 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
     out = np.full((6, rows, cols), np.float32(np.nan))
     nan = np.float32(np.nan)
     extreme = np.full((4, rows, cols), nan)  # highest, second highest, lowest, second lowest
+    weight, own_weight, own_extreme = out[WEIGHT], np.zeros((rows, cols), np.float32), np.empty_like(extreme)
     for r in range(rows):
         for c in range(cols):
-            out[WEIGHT, r, c] = 0
+            weight[r, c] = 0
             now, before = evidence[r, c, 0], evidence[r, c, 1]
             if now[COUNT] == 0 or now_s - before[TIME] > max_age_s:
                 continue
@@ -56,6 +97,9 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
             two = now[COUNT] > 1
             hi2, lo2 = (now[HIGH2], now[LOW2]) if two else (np.float32(-np.inf), np.float32(np.inf))
             n, mean, noise = now[COUNT], now[MEAN], now[NOISE]
+            own_weight[r, c] = n
+            own_extreme[0, r, c], own_extreme[1, r, c] = hi, hi2
+            own_extreme[2, r, c], own_extreme[3, r, c] = lo, lo2
             if before[COUNT] > 0:
                 hi2 = max(min(hi, before[HIGH]), max(hi2, before[HIGH2] if before[COUNT] > 1 else hi2))
                 lo2 = min(max(lo, before[LOW]), min(lo2, before[LOW2] if before[COUNT] > 1 else lo2))
@@ -64,40 +108,20 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 noise = (noise * n + before[NOISE] * before[COUNT]) / (n + before[COUNT])
                 n += before[COUNT]
             extreme[0, r, c], extreme[1, r, c], extreme[2, r, c], extreme[3, r, c] = hi, hi2, lo, lo2
-            out[HEIGHT, r, c], out[WEIGHT, r, c], out[SPREAD, r, c] = mean, n, noise
+            out[HEIGHT, r, c], weight[r, c], out[SPREAD, r, c] = mean, n, noise
             out[EXCESS, r, c] = 0
             if n > 8:
                 expected = EXPECTED[int(n)] if n < MANY else expected_maximum(n)
                 out[EXCESS, r, c] = (expected - 1) * np.sqrt(noise)
     for r in range(rows):
         for c in range(cols):
-            n = out[WEIGHT, r, c]
+            n = weight[r, c]
             if n == 0:
                 continue
             hi, lo = extreme[0, r, c], extreme[2, r, c]
-            high2, low2 = extreme[1, r, c], extreme[3, r, c]
-            nearby = n
-            if n <= FEW:
-                for i in range(max(0, r - 1), min(rows, r + 2)):
-                    for j in range(max(0, c - 1), min(cols, c + 2)):
-                        nearby += out[WEIGHT, i, j] if i != r or j != c else np.float32(0)
-            if nearby <= FEW:
-                out[TOP, r, c], out[BOTTOM, r, c] = hi, lo
-                continue
-            around = 1 if n < CROWD else 0
-            for i in range(max(0, r - around), min(rows, r + around + 1)):
-                for j in range(max(0, c - around), min(cols, c + around + 1)):
-                    if (i != r or j != c) and out[WEIGHT, i, j] > 0:
-                        second = 0 if out[WEIGHT, i, j] < CROWD else 1
-                        high2 = max(high2, extreme[second, i, j])
-                        low2 = min(low2, extreme[2 + second, i, j])
-            top, bottom = min(hi, high2), max(lo, low2)
-            if np.isinf(high2):  # a lone return without neighbours stands for itself
-                top, bottom = hi, lo
-            if top < bottom:  # a lone return above or below everything around it
-                top = bottom = high2 if hi > high2 else low2
+            top, bottom = _supported(weight, extreme, r, c)
             if n > 1:
-                dropped = np.float32(0)
+                dropped = F0
                 total = out[HEIGHT, r, c] * n
                 if hi - top > np.float32(0.5):
                     total, dropped = total - hi, dropped + 1
@@ -106,6 +130,9 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
                 out[HEIGHT, r, c] = total / (n - dropped)
             else:
                 out[HEIGHT, r, c] = min(max(out[HEIGHT, r, c], bottom), top)
+            if hi > top or lo < bottom:
+                high, low = _supported(own_weight, own_extreme, r, c)
+                top, bottom = max(top, high), min(bottom, low)
             out[TOP, r, c], out[BOTTOM, r, c] = top, bottom
     return out
 

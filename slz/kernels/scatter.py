@@ -98,7 +98,7 @@ def tiles_of(at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, col
 
 @kernel(
     "int64(float64[:, :], int32[:, ::1], float64[:], float64, float64, int64, int64,"
-    " float32, float32, float32[:, :, :, :, :], int32[:, :], int64[:, :, :])"
+    " float32, float32, float32, float32[:, :, :, :, :], int32[:, :], int64[:, :, :])"
 )
 def gather_evidence(
     points: NDArray[np.float64],
@@ -110,6 +110,7 @@ def gather_evidence(
     tile_col: int,
     now_s: float,
     hold_s: float,
+    max_age_s: float,
     pool: NDArray[np.float32],
     table: NDArray[np.int32],
     touched: NDArray[np.int64],
@@ -122,7 +123,8 @@ def gather_evidence(
 
     A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
     arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
-    until two epochs of newer observations have replaced it. NOISE is the mean variance of the heights that
+    until two epochs of newer observations have replaced it. What was not seen for `max_age_s` is forgotten
+    before anything is added. NOISE is the mean variance of the heights that
     the sensor's noise explains: of the range along the ray, of the angle across it.
     """
     used = 0
@@ -148,6 +150,8 @@ def gather_evidence(
         variance = np.float32(noise if noise == noise else range_noise_m**2)
         held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
         now = held[0]
+        if now_s - held[1, TIME] > max_age_s:
+            now[COUNT] = held[1, COUNT] = 0
         if now[COUNT] > 0 and now_s - now[TIME] > hold_s:
             for f in range(FIELDS):
                 held[1, f] = now[f]

@@ -195,7 +195,7 @@ def random_windows(seed: int) -> Windows:
                 z = rng.normal(0, 0.05, n) + rng.choice([0.0, 2.0, -2.0, 50.0], n, p=[0.9, 0.05, 0.04, 0.01])
                 clouds.append(np.column_stack([xy, z]))
         windows.append((stamp, rng.permutation(np.vstack(clouds)), sensor))
-        stamp += rng.choice([1.0, 3.0, 6.0])
+        stamp += rng.choice([1.0, 3.0, 6.0, 70.0])
     return windows
 
 
@@ -203,7 +203,7 @@ def gathered(windows: Windows) -> NDArray[np.float32]:
     tiles, place = Tiles(0.0, 0.0, CELL_M, 0), Box(0, ROWS, 0, COLS)
     for stamp, points, sensor in windows:
         noise = Noise(RANGE_NOISE_M, ANGLE_NOISE_RAD)
-        tiles.add(np.ascontiguousarray(points), sensor, noise, place, stamp, HOLD_S)
+        tiles.add(np.ascontiguousarray(points), sensor, noise, place, stamp, HOLD_S, max_age_s=MAX_AGE_S)
     return tiles.read(place)
 
 
@@ -215,6 +215,8 @@ def plain(windows: Windows) -> Cells:
             if not (0 <= row < ROWS and 0 <= col < COLS):
                 continue
             cell = cells[row, col]
+            if stamp - cell.last_s > MAX_AGE_S:
+                cell.now, cell.before = Epoch(), Epoch()
             if cell.now.heights and stamp - cell.now.start_s > HOLD_S:
                 cell.before, cell.now = cell.now, Epoch()
             if not cell.now.heights:
@@ -292,9 +294,12 @@ def supported(cells: dict[tuple[int, int], list[float]], row: int, col: int) -> 
 @given(seeds)
 def test_the_summary_joins_the_epochs_and_drops_what_stands_alone(seed: int) -> None:
     windows = random_windows(seed)
-    cells = {place: c.now.heights + c.before.heights for place, c in plain(windows).items()}
-    noise = {place: c.now.variances + c.before.variances for place, c in plain(windows).items()}
-    out = summarise(gathered(windows), windows[-1][0], MAX_AGE_S)
+    end_s = windows[-1][0]
+    known = {place: cell for place, cell in plain(windows).items() if end_s - cell.last_s <= MAX_AGE_S}
+    cells = {place: c.now.heights + c.before.heights for place, c in known.items()}
+    current = {place: c.now.heights for place, c in known.items()}
+    noise = {place: c.now.variances + c.before.variances for place, c in known.items()}
+    out = summarise(gathered(windows), end_s, MAX_AGE_S)
     for row in range(ROWS):
         for col in range(COLS):
             got = out[:, row, col]
@@ -304,7 +309,9 @@ def test_the_summary_joins_the_epochs_and_drops_what_stands_alone(seed: int) -> 
                 continue
             n = len(cells[row, col])
             assert got[WEIGHT] == n
-            expected = supported(cells, row, col)
+            height, bottom, top = supported(cells, row, col)
+            _, own_bottom, own_top = supported(current, row, col)
+            expected = height, min(bottom, own_bottom), max(top, own_top)
             assert got[[HEIGHT, BOTTOM, TOP]] == pytest.approx(expected, abs=1e-3)
             check_excess(float(got[EXCESS]), n, float(np.mean(noise[row, col])))
 
