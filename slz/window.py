@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 
 from slz.frame import LocalFrame
 
+LATE_NS = 2_000_000_000
+MOST_LATE = 100  # scans
+MOST_POINTS = 10_000_000  # of a window whose stamps stand still
+
 
 @dataclass(frozen=True, slots=True)
 class Scan:
@@ -50,40 +54,55 @@ class Windower:
     """Gather scans until their own stamps span the window, then hand the window on.
 
     The scan whose stamps reach the window's end is not part of it: it starts the next one
-    (SLZ thesis §3.2.1.1). Time stamps decide, never the arrival.
+    (SLZ thesis §3.2.1.1). Time stamps decide, never the arrival. A second sensor's scans may come late, by up
+    to `LATE_NS`: they join the open window, or wait for the next, and neither open nor close one. A scan that
+    is older still tells of a clock that went back, and starts a window.
     """
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s
         self._scans: list[Scan] = []
+        self._late: list[Scan] = []
+        self._last: Window | None = None
 
     def add(self, scan: Scan) -> Window | None:
         """Take a scan; return the finished window if this scan starts a new one."""
         if not len(scan):
             return None
-        window = None
-        if self._scans and self._must_close(scan):
-            window = self.flush()
-        self._scans.append(scan)
+        window = self.flush() if self._scans and self._must_close(scan) else None
+        if self._scans:
+            self._scans.append(scan)
+        elif window is None and self._is_late(scan):
+            self._late.append(scan)
+        else:
+            self._scans, self._late = [scan, *(late for late in self._late if late.frame == scan.frame)], []
         return window
 
     def _must_close(self, scan: Scan) -> bool:
         first = self._scans[0]
         elapsed = int(scan.stamp_ns[0]) - int(first.stamp_ns[0])
-        return elapsed >= round(self.window_s * 1e9) or elapsed < 0 or scan.frame != first.frame
+        over = elapsed >= round(self.window_s * 1e9) or sum(map(len, self._scans)) >= MOST_POINTS
+        return over or elapsed < -LATE_NS or scan.frame != first.frame
+
+    def _is_late(self, scan: Scan) -> bool:
+        """Tell whether a scan began within the last window, as if it had missed it."""
+        if self._last is None or scan.frame != self._last.frame or len(self._late) >= MOST_LATE:
+            return False
+        return -LATE_NS <= int(scan.stamp_ns[0]) - self._last.end_ns < 0
 
     def flush(self) -> Window | None:
         """Hand on what was gathered, complete or not."""
         if not self._scans:
             return None
         window = join(self._scans)
-        self._scans = []
+        self._scans, self._last = [], window
         return window
 
 
 def join(scans: Iterable[Scan]) -> Window:
-    """Join scans of one frame into a window, in their order."""
+    """Join scans of one frame into a window, in their order; those of two sensors may not come in order."""
     scans = list(scans)
+    newest = max(scans, key=lambda scan: int(scan.stamp_ns[-1]) if len(scan) else -1)
     stamps = np.concatenate([scan.stamp_ns for scan in scans])
     points = np.concatenate([scan.points_enu_m for scan in scans])
     points.setflags(write=False)
@@ -91,10 +110,10 @@ def join(scans: Iterable[Scan]) -> Window:
     return Window(
         points_enu_m=points,
         stamp_ns=stamps,
-        sensor_enu_m=scans[-1].sensor_enu_m,
-        frame=scans[-1].frame,
-        start_ns=int(stamps[0]),
-        end_ns=int(stamps.max()),  # scans of two sensors may not come in order
+        sensor_enu_m=newest.sensor_enu_m,
+        frame=newest.frame,
+        start_ns=int(stamps.min()),
+        end_ns=int(stamps.max()),
     )
 
 

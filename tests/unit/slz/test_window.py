@@ -45,13 +45,49 @@ def test_the_scan_that_begins_at_the_window_s_end_begins_the_next(began_ns: int)
 @pytest.mark.parametrize("began_ns", BEGINNINGS_NS)
 def test_a_clock_that_steps_back_and_another_frame_end_a_window(began_ns: int) -> None:
     windower = Windower(1.0)
-    windower.add(scan(500, began_ns))
-    assert east(windower.add(scan(499, began_ns))) == [500, 501, 502]
+    windower.add(scan(2500, began_ns))
+    assert east(windower.add(scan(499, began_ns))) == [2500, 2501, 2502]
     elsewhere = LocalFrame(46.0, 8.0, 400.0)
     assert east(windower.add(scan(510, began_ns, frame=elsewhere))) == [499, 500, 501]
     window = windower.add(scan(520, began_ns))
     assert window is not None
     assert window.frame == elsewhere
+
+
+def test_a_second_sensor_s_late_scans_neither_open_nor_close_a_window() -> None:
+    """A radar's block of eight lines is 0.8 s old when it is whole; windows near the ground last 0.5 s."""
+    windower, windows = Windower(0.5), []
+    for tick in range(200):
+        windows.append(windower.add(scan(50 * tick, 0)))
+        if tick % 16 == 15:
+            windows.append(windower.add(scan(50 * tick - 790, 0, n=8)))
+    found = [window for window in windows if window is not None]
+    assert len(found) == 19
+    ends = [window.end_ns for window in found]
+    assert np.diff(ends).tolist() == [500 * MS] * 18
+    late = [int((np.diff(window.stamp_ns) < 0).sum()) for window in found]
+    assert sum(late) == 11  # none is lost; the last one is in the window that is open
+    assert all(window.sensor_enu_m[2] * MS == window.end_ns - 2 * MS for window in found)
+    assert found[1].start_ns < found[0].end_ns
+
+
+def test_what_comes_late_waits_for_its_own_frame_only() -> None:
+    windower = Windower(0.5)
+    windower.add(scan(0, 0))
+    windower.add(scan(600, 0))
+    assert east(windower.flush()) == [600, 601, 602]
+    assert windower.add(scan(400, 0)) is None
+    assert windower.flush() is None
+    windower.add(scan(700, 0, frame=LocalFrame(46.0, 8.0, 400.0)))
+    assert east(windower.flush()) == [700, 701, 702]
+
+
+def test_a_window_whose_stamps_stand_still_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slz.window.MOST_POINTS", 12)
+    windower = Windower(1.0)
+    lengths = [len(window) for _ in range(500) if (window := windower.add(scan(0, 0))) is not None]
+    assert lengths[0] == 12
+    assert sum(lengths) > 1000
 
 
 def test_a_scan_without_a_return_is_no_part_of_anything() -> None:
