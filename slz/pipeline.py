@@ -46,6 +46,7 @@ AnyMap = ZoneMap | SourceMap
 M = TypeVar("M", ZoneMap, SourceMap)
 ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
+FARTHEST_M = 1e8  # of a place that may be selected; more than the way around the earth
 
 
 class Pipeline:
@@ -156,7 +157,8 @@ class Pipeline:
         far.name(sensor)
         clock.lap("zones")
         if self._prior is not None:
-            self._prior.take(points, sensor, window.frame, stamp_s, (near.terrain, far.terrain))
+            live, tiles = (near.terrain, far.terrain), near.tiles
+            self._prior.take(points, sensor, window.frame, tiles.latest_s, live, tiles.datum_m)
             clock.lap("prior")
         return near, far, choice, int(used.sum()), moved
 
@@ -190,8 +192,10 @@ class Pipeline:
             self._selected = None
             return
         point = np.array(enu_m, np.float64)
-        if point.shape != (3,) or not np.isfinite(point[:2]).all():
-            raise ValueError(f"a landing point is three numbers, east and north finite, not {enu_m!r}")
+        if point.shape != (3,) or not (np.abs(point[:2]) < FARTHEST_M).all():
+            raise ValueError(
+                f"a landing point is three numbers, east and north within {FARTHEST_M:g} m, not {enu_m!r}"
+            )
         self._selected = unknown(point)
         if self._near is not None and self._far is not None:
             self._selected = judge(point, self._near.terrain, self._far.terrain, self._parameters, None)
@@ -270,7 +274,9 @@ class Pipeline:
     def _without_outliers(self, window: Window, sensor_enu_m: Points) -> Points:
         """Return the finite points within `max_range_m` that no outlier rule drops."""
         p = self._parameters
-        points = usable(window.points_enu_m, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
+        points = usable(
+            np.ascontiguousarray(window.points_enu_m), sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M
+        )
         height_m = np.ascontiguousarray(points[:, 2])
         in_flight = bool(np.isfinite(sensor_enu_m).all())  # a stored cloud was cleaned by who made it
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)

@@ -35,6 +35,7 @@ CERTAINTY = 0.5  # of surveyed ground: below what a landing asks for (`min_certa
 FEWEST_RETURNS = 200
 AGREEING = 0.5  # share of returns that must lie on the surveyed ground, or all of it that was hit is given up
 FIRST_ID = 100_001  # of its zones, so that those of the live maps have the IDs they would have without it
+LEVEL_M = 0.05  # by which the survey may have risen or sunk since its zones were found
 LATER_S = 5.0  # between two looks at what the live maps have come to know
 AGAIN_M = 100.0  # off the place where there was no survey, before it is asked for again
 SAMPLE = 20_000  # returns, of which the height of the survey is found
@@ -60,13 +61,22 @@ Source = Callable[[LocalFrame, Points], Surveyed | None]
 
 
 class PriorTerrain:
-    """What is left of surveyed ground, to be read as the live maps are (`Readable`)."""
+    """What is left of surveyed ground, to be read as the live maps are (`Readable`).
+
+    offset_m: of the survey's zero over that of the live maps' kept heights. datum_m: of the latter, see
+    `slz.tiles.Tiles`.
+    """
 
     def __init__(self, surveyed: Surveyed) -> None:
         self.surveyed = surveyed
         self.given_up = np.zeros(surveyed.state.shape, np.uint8)
         self.hidden = np.zeros(surveyed.state.shape, bool)
-        self.offset_m = 0.0
+        self.offset_m = self.datum_m = 0.0
+
+    @property
+    def level_m(self) -> float:
+        """How high the survey's zero lies in the map frame."""
+        return self.offset_m + self.datum_m
 
     @property
     def grid(self) -> Grid:
@@ -84,7 +94,7 @@ class PriorTerrain:
         if name == "certainty":
             return np.where(self.state(box) == SAFE, np.float32(CERTAINTY), np.float32(0))
         if name in ("height_m", "top_m"):
-            return np.asarray(_window(self.surveyed.height_m, box, np.nan) + np.float32(self.offset_m))
+            return np.asarray(_window(self.surveyed.height_m, box, np.nan) + np.float32(self.level_m))
         if name == "slope_deg":
             return _window(self.surveyed.slope_deg, box, np.nan)
         return np.full(box.shape, np.nan, np.float32)
@@ -112,7 +122,7 @@ class Prior:
         self._looked_s = -math.inf
         self._registered = False
         self._offset_m = 0.0
-        self._dirty = True
+        self._dirty, self._level_m = True, 0.0
         self.zones: tuple[Zone, ...] = ()
 
     @property
@@ -127,20 +137,26 @@ class Prior:
         frame: LocalFrame,
         now_s: float,
         live: tuple[Readable, ...],
+        datum_m: float = 0.0,
     ) -> None:
         """Compare a window's returns with the survey and find what zones are left.
 
         Parameters
         ----------
         points_enu_m
-            (n, 3) returns of the window, outliers removed, however far.
+            (n, 3) returns of the window, outliers removed, however far, in the live maps' kept heights.
+        now_s
+            A time that never goes back within a frame.
         live
             The maps that go before the prior.
+        datum_m
+            By which the maps' heights lie over those they keep.
         """
         self._follow(frame, sensor_enu_m)
         terrain = self.terrain
         if terrain is None:
             return
+        terrain.datum_m = datum_m
         if self._contradicted(terrain, points_enu_m, sensor_enu_m):
             self._dirty = True
             self._take_out(terrain)
@@ -149,9 +165,11 @@ class Prior:
         if not (due or overruled):
             return
         self._looked_s = now_s
+        if abs(terrain.level_m - self._level_m) > LEVEL_M:
+            self._dirty = True
         hidden = known_to(live, terrain.grid)
         if overruled or self._dirty or not np.array_equal(hidden, terrain.hidden):
-            terrain.hidden, self._dirty = hidden, False
+            terrain.hidden, self._dirty, self._level_m = hidden, False, terrain.level_m
             self.zones = self._found(terrain, sensor_enu_m)
 
     def _take_out(self, terrain: PriorTerrain) -> None:
@@ -169,6 +187,9 @@ class Prior:
         if frame != self._frame:
             self._frame, self._asked, self.terrain, self.zones = frame, None, None, ()
             self._marks, self._registered, self._offset_m = None, False, 0.0
+            self._names = ZoneTracker(self._ids)
+        if self._asked is not None and not np.isfinite(sensor_enu_m).all():
+            return
         here = np.nan_to_num(sensor_enu_m)
         old = self.terrain
         if self._asked is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN, UNSAFE, Grid, LocalFrame, Pipeline, PointState, Report, Window
-from slz.prior import CERTAINTY, FIRST_ID, Prior, Surveyed
+from slz.prior import CERTAINTY, FIRST_ID, Prior, PriorTerrain, Surveyed
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 CELLS, OFFSET_M = 256, 37.0  # the survey's heights have another datum
@@ -174,3 +174,84 @@ def test_contradicted_ground_stays_out_when_the_flight_comes_back_to_it() -> Non
         )
         assert bool(held) == (second == 0)
     assert prior.zones
+
+
+def level_survey(_frame: LocalFrame, place: Points) -> Surveyed:
+    """Return level ground about a place."""
+    grid = Grid(round(float(place[0])) - 128.0, round(float(place[1])) - 128.0, 1.0, CELLS, CELLS)
+    flat = np.zeros((CELLS, CELLS), np.float32)
+    return Surveyed(grid, np.full((CELLS, CELLS), SAFE, np.uint8), flat, flat)
+
+
+def over(east_m: float, up_m: float, second: float, frame: LocalFrame = FRAME, sensor: bool = True) -> Window:
+    """Return a window over level ground, which a drifting barometer shows so high."""
+    points = ground(seed=round(second)) + np.array([east_m, 0.0, up_m])
+    place = np.array([east_m if sensor else np.nan, 0.0, 30.0 + up_m])
+    return replace(window(points, second), sensor_enu_m=place, frame=frame)
+
+
+def test_the_survey_s_heights_follow_the_drift_of_the_live_maps() -> None:
+    """It is looked at every 5 s, in which the barometer drifts 0.5 m."""
+    pipeline = Pipeline(PARAMETERS, prior=level_survey)
+    for second in range(24):
+        report = pipeline.process(over(0.0, 0.1 * second, second))
+    assert report.prior is not None
+    for zone in (*report.near.zones[:1], *report.prior.zones):
+        assert zone.best.enu_m[2] == pytest.approx(
+            2.3, abs=0.5
+        )
+        assert zone.corners_enu_m[:, 2].mean() == pytest.approx(2.3, abs=0.5)
+
+
+def test_a_clock_that_steps_back_does_not_keep_the_survey_over_what_live_maps_know() -> None:
+    pipeline = Pipeline(PARAMETERS, prior=level_survey)
+    pipeline.process(over(0.0, 0.0, 5000))
+    for second in range(8):
+        report = pipeline.process(over(4.0 * second, 0.0, 1000 + second))
+    assert not holding(report, 16.0, 5.0)
+
+
+def test_zones_of_a_survey_in_another_frame_are_others() -> None:
+    pipeline = Pipeline(PARAMETERS, prior=level_survey)
+    first = pipeline.process(over(0.0, 0.0, 0))
+    second = pipeline.process(over(0.0, 0.0, 1, frame=LocalFrame(10.0, 20.0, 0.0)))
+    assert first.prior is not None
+    assert second.prior is not None
+    ids = [{zone.id for zone in report.prior.zones} for report in (first, second) if report.prior]
+    assert ids[0]
+    assert ids[1]
+    assert not ids[0] & ids[1]
+
+
+def test_a_window_without_the_sensor_s_place_asks_for_no_other_ground() -> None:
+    asked = []
+
+    def source(frame: LocalFrame, place: Points) -> Surveyed:
+        asked.append(float(place[0]))
+        return level_survey(frame, place)
+
+    pipeline = Pipeline(PARAMETERS, prior=source)
+    for second, sensor in enumerate((True, False, True)):
+        report = pipeline.process(over(5000.0, 0.0, second, sensor=sensor))
+    assert asked == [5000.0]
+    assert report.prior is not None
+    assert report.prior.grid.west_m == 5000.0 - 128.0
+
+
+def test_a_best_point_that_a_live_map_finds_unsafe_is_given_up_before_the_next_look() -> None:
+    """Boxes stand on ground the survey knows nothing against, too little of it to contradict the survey."""
+    pipeline = Pipeline(PARAMETERS, prior=level_survey)
+    before = pipeline.process(over(0.0, 0.0, 0))
+    assert before.prior is not None
+    best = before.prior.zones[0].best.enu_m
+    prior = pipeline._prior
+    assert prior is not None
+    assert prior.terrain is not None
+    unsafe = replace(
+        level_survey(FRAME, best), state=np.full((CELLS, CELLS), UNSAFE, np.uint8)
+    )  # what a live map would say about the best point
+    live = PriorTerrain(unsafe)
+    hidden = np.zeros((CELLS, CELLS), bool)
+    prior.take(np.empty((0, 3)), np.array([0.0, 0.0, 30.0]), FRAME, prior._looked_s + 0.5, (live,))
+    assert not np.array_equal(prior.terrain.hidden, hidden)
+    assert not any(zone.holds(*prior.terrain.grid.index(*best[:2].tolist())) for zone in prior.zones)
