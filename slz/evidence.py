@@ -30,7 +30,7 @@ from slz.kernels.footprint import summarise
 from slz.kernels.pyramid import coarser
 from slz.kernels.scatter import TILE
 from slz.kernels.verdict import SAFE as TOLD_SAFE
-from slz.tiles import Change, Key, Noise, TiledLayers, Tiles, box_of_tile
+from slz.tiles import SERIALS, Change, Key, Noise, TiledLayers, Tiles, box_of_tile, keys_over
 
 HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
@@ -51,6 +51,11 @@ class EvidenceTerrain:
         Evidence to draw from; by default new, with the south-west corner of the grid as its origin.
     level
         Level of the pyramid.
+
+    Notes
+    -----
+    serial: number of the maps drawn, another one where all is to be taken anew. touched: tiles drawn or
+    forgotten since somebody emptied the set.
     """
 
     def __init__(
@@ -66,6 +71,8 @@ class EvidenceTerrain:
         self._parameters = parameters
         self._maps = TiledLayers(len(LAYERS), np.float32, np.nan)
         self._verdict = TiledLayers(1, np.uint8)
+        self.serial = next(SERIALS)
+        self.touched: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
         self._drawn_s: dict[Key, float] = {}
@@ -128,7 +135,9 @@ class EvidenceTerrain:
             self._draw_all([box_of_tile(key)], now_s)
         if change.evicted:
             for layers in (self._maps, self._verdict):
-                layers.keep(lambda key: self.tiles.any_near(key, self.level))
+                self.touched.update(layers.keep(lambda key: self.tiles.any_near(key, self.level)))
+            if len(self.touched) > 2 * self.tiles.capacity:  # nobody looks
+                self.serial, self.touched = next(SERIALS), set(self._verdict.keys())
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
@@ -181,6 +190,7 @@ class EvidenceTerrain:
         values, told = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
         self._maps.write(box, values)
         self._verdict.write(box, told)
+        self.touched.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (the new zone of SLZ paper §3.2.5)."""
@@ -189,13 +199,14 @@ class EvidenceTerrain:
         return new
 
     def at_level(self, level: int) -> EvidenceTerrain:
-        """Return a window onto the same evidence that covers this one, drawn at another level."""
+        """Return a window of the zone's size about the middle of this one, drawn at another level."""
         whole = _scaled(self._everywhere(self.grid.everything), self.level)
         cell_m = self.tiles.cell_m * 2**level
-        row0, col0 = whole.row0 >> level, whole.col0 >> level
-        rows, cols = -(-whole.row1 >> level) - row0, -(-whole.col1 >> level) - col0
+        side = -(-max(3, round(self._parameters.zone_m / self.tiles.cell_m)) >> level)
+        row0 = (((whole.row0 + whole.row1) >> 1) - (side << level >> 1)) >> level
+        col0 = (((whole.col0 + whole.col1) >> 1) - (side << level >> 1)) >> level
         west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
-        new = EvidenceTerrain(Grid(west_m, south_m, cell_m, rows, cols), self._parameters, self.tiles, level)
+        new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s = self.pinned, self._aged_s
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._draw_all(self.tiles.boxes, self.tiles.latest_s)
@@ -213,23 +224,13 @@ class EvidenceTerrain:
     # ---- what was drawn since somebody looked ----------------------------------------------------
 
     @property
-    def serial(self) -> int:
-        """Number of the maps drawn; another one where all was drawn anew at another level."""
-        return self._maps.serial
-
-    @property
     def corner_m(self) -> tuple[float, float]:
         """West and south edge of tile (0, 0)."""
         return self.tiles.west_m, self.tiles.south_m
 
-    @property
-    def touched(self) -> set[Key]:
-        """Tiles drawn or forgotten since somebody emptied this set."""
-        return self._verdict.touched
-
     def touch_all(self) -> None:
         """Count every tile as touched."""
-        self._verdict.touched.update(self._verdict.keys())
+        self.touched.update(self._verdict.keys())
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
         """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is drawn."""

@@ -222,8 +222,8 @@ def _tops(terrain: Terrain, box: Box) -> NDArray[np.float32]:
 
 
 def _view(terrain: Terrain, box: Box) -> NDArray[np.float32]:
-    """Return what may stand in the way: tops where the ground is unsafe, elsewhere mean heights."""
-    return np.where(terrain.state(box) == UNSAFE, _tops(terrain, box), terrain.layer("height_m", box))
+    """Return what may stand in the way: mean heights where the ground is safe, elsewhere tops."""
+    return np.where(terrain.state(box) == SAFE, terrain.layer("height_m", box), _tops(terrain, box))
 
 
 def _own_ground(terrain: Terrain, box: Box, cell: Box) -> NDArray[np.bool_]:

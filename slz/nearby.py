@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box
 from slz.landing_point import Terrain
-from slz.maps import UNSAFE
+from slz.maps import SAFE
 
 REACH_M = 30.0
 LEAST_CELL_M = 0.5
@@ -92,7 +92,7 @@ def _heights(terrain: Terrain, box: Box) -> tuple[Floats, Floats]:
     """Return mean heights and how high cells reach over a box, NaN beyond what the map holds."""
     if isinstance(terrain, EvidenceTerrain):
         height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
-        return height, np.where(terrain.state(box) == UNSAFE, np.fmax(height, top), height)
+        return height, np.where(terrain.state(box) == SAFE, height, np.fmax(height, top))
     inner = Box(
         max(0, box.row0), min(terrain.grid.rows, box.row1), max(0, box.col0), min(terrain.grid.cols, box.col1)
     )

@@ -25,6 +25,7 @@ from slz.kernels.scatter import (
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
+LEAP_S = 100_000.0
 FEWEST = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
 
@@ -85,12 +86,15 @@ class Tiles:
     def now_s(self, stamp_s: float) -> float:
         """Return the time since the first stamp; single precision keeps it to milliseconds for hours.
 
-        A clock that steps back makes nothing younger: time goes on from where it was.
+        A clock that steps back makes nothing younger: time goes on from where it was. One that leaps ahead
+        makes everything `LEAP_S` older, which is more than anything counts, and no number too large.
         """
         if self._epoch_s is None:
             self._epoch_s = stamp_s
         elif stamp_s - self._epoch_s < self.latest_s:
             self._epoch_s = stamp_s - self.latest_s
+        elif stamp_s - self._epoch_s > self.latest_s + LEAP_S:
+            self._epoch_s = stamp_s - self.latest_s - LEAP_S
         self.latest_s = stamp_s - self._epoch_s
         return self.latest_s
 
@@ -177,7 +181,7 @@ class Tiles:
         """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""
         if not self._slot or not len(points_enu_m):
             return np.empty((0, 3))
-        corner, table = self._whole_table()
+        corner, table = self._table_under(points_enu_m)
         return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
 
     def contradicted_by(
@@ -190,15 +194,24 @@ class Tiles:
         """Tell which points stand higher over known ground than noise and `least_m` explain."""
         if not self._slot or not len(points_enu_m):
             return np.zeros(len(points_enu_m), bool)
-        corner, table = self._whole_table()
+        corner, table = self._table_under(points_enu_m)
         place = (self.west_m, self.south_m, self.cell_m, *corner)
         return contradicts(points_enu_m, sensor_enu_m, least_m, noise.angle_rad, *place, self._pool, table)
 
-    def _whole_table(self) -> tuple[Key, NDArray[np.int32]]:
+    def _table_under(self, points_enu_m: NDArray[np.float64]) -> tuple[Key, NDArray[np.int32]]:
+        """Return the first tile and the slots of a rectangle with all tiles held that some points lie over.
+
+        However far apart the tiles held are, it is no larger than the ground under the points.
+        """
         keys = np.array(list(self._slot))
-        low, high = keys.min(axis=0), keys.max(axis=0) + 1
+        east_m, north_m, size_m = points_enu_m[:, 0], points_enu_m[:, 1], TILE * self.cell_m
+        south_west = np.array([self.south_m, self.west_m])
+        first = np.floor((np.array([north_m.min(), east_m.min()]) - south_west) / size_m)
+        last = np.floor((np.array([north_m.max(), east_m.max()]) - south_west) / size_m)
+        low = np.maximum(keys.min(axis=0), first).astype(np.int64)
+        high = np.minimum(keys.max(axis=0), last).astype(np.int64) + 1
         corner, shape = (int(low[0]), int(low[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
-        return corner, self._table(corner, shape)
+        return corner, self._table(corner, (max(0, shape[0]), max(0, shape[1])))
 
     def any_near(self, key: Key, level: int) -> bool:
         """Tell whether a tile of a level's maps lies over or beside a tile held."""
@@ -236,9 +249,6 @@ class TiledLayers:
         self._empty = np.full((count, TILE, TILE), empty, dtype)
         self._tiles: dict[Key, NDArray[Any]] = {}
         self._last: dict[int, tuple[Box, NDArray[Any]]] = {}  # what was read last of each layer
-        self.serial = next(SERIALS)
-        self.touched: set[Key] = set()
-        """Tiles written or forgotten since somebody emptied this set."""
 
     def write(self, box: Box, values: NDArray[Any]) -> None:
         """Set (count, rows, cols) values of a box."""
@@ -247,7 +257,6 @@ class TiledLayers:
             if key not in self._tiles:
                 self._tiles[key] = self._empty.copy()
             self._tiles[key][(slice(None), *there)] = values[(slice(None), *here)]
-            self.touched.add(key)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
         """Return a copy (rows, cols) of one layer of a box."""
@@ -265,13 +274,13 @@ class TiledLayers:
             out[here] = self._empty[layer, 0, 0] if tile is None else tile[layer][there]
         return out
 
-    def keep(self, wanted: Callable[[Key], bool]) -> None:
-        """Forget all tiles but those wanted."""
+    def keep(self, wanted: Callable[[Key], bool]) -> list[Key]:
+        """Forget all tiles but those wanted; return which."""
         self._last.clear()
         gone = [key for key in self._tiles if not wanted(key)]
-        self.touched.update(gone)
         for key in gone:
             del self._tiles[key]
+        return gone
 
     def keys(self) -> tuple[Key, ...]:
         """Return the keys of all tiles."""

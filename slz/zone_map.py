@@ -56,6 +56,8 @@ class ZoneMap:
 
         Parameters
         ----------
+        points_enu_m
+            (n, 3), in the map's heights (`tiles.datum_m`); the sensor's place is in those of the frame.
         like
             Evidence whose zero of heights the points have, by default its own.
         """
@@ -63,7 +65,8 @@ class ZoneMap:
         terrain = self.terrain
         if like is not None:
             terrain.tiles.datum_m = like.datum_m
-        change = terrain.add(points_enu_m, sensor_enu_m, stamp_s)
+        sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
+        change = terrain.add(points_enu_m, sensor_there_m, stamp_s)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
         self._candidates = self._search()
         return moved

@@ -197,9 +197,7 @@ def test_the_survey_s_heights_follow_the_drift_of_the_live_maps() -> None:
         report = pipeline.process(over(0.0, 0.1 * second, second))
     assert report.prior is not None
     for zone in (*report.near.zones[:1], *report.prior.zones):
-        assert zone.best.enu_m[2] == pytest.approx(
-            2.3, abs=0.5
-        )
+        assert zone.best.enu_m[2] == pytest.approx(2.3, abs=0.5)
         assert zone.corners_enu_m[:, 2].mean() == pytest.approx(2.3, abs=0.5)
 
 
