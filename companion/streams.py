@@ -94,12 +94,12 @@ class Streams:
         p = self._parameters
         async with asyncio.TaskGroup() as group:
             for name, hz, send in (
-                ("landing target", p.landing_target_hz, self.send_target),
-                ("obstacles", p.obstacle_hz, self.send_obstacles),
-                ("height", HEIGHT_HZ, self.send_height),
-                ("status", STATUS_HZ, self.send_status),
+                ("landing target", lambda: p.landing_target_hz, self.send_target),
+                ("obstacles", lambda: p.obstacle_hz, self.send_obstacles),
+                ("height", lambda: HEIGHT_HZ, self.send_height),
+                ("status", lambda: STATUS_HZ, self.send_status),
             ):
-                group.create_task(_every(1 / hz, send), name=name)
+                group.create_task(_every(hz, send), name=name)
 
     def statistics(self) -> dict[str, Any]:
         """Return the cadence of each stream by the name of its message."""
@@ -221,12 +221,13 @@ class Streams:
         return self._link.vehicle.boot_ms or 0
 
 
-async def _every(period_s: float, act: Callable[[], None]) -> None:
-    """Act at the multiples of a period from now; those that passed meanwhile are left out."""
+async def _every(hz: Callable[[], float], act: Callable[[], None]) -> None:
+    """Act at the multiples of a period from now, asked for each time; those that passed are left out."""
     loop = asyncio.get_running_loop()
     due_s = loop.time()
     while True:
         act()
+        period_s = 1 / hz()
         due_s += period_s
         late_s = loop.time() - due_s
         if late_s > 0:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import logging
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from companion.dashboard.access import Role
-from companion.dashboard.orders import BadMessageError, Facts, parse
+from companion.dashboard.orders import BadMessageError, Command, Facts, Simple, parse
 from companion.dashboard.site import TICK_S, Site
 from companion.landing.situation import Reply
 
@@ -19,6 +20,7 @@ SEND_S = 5.0  # a browser that takes nothing for so long is let go
 MOST_BAD = 10
 MOST_PER_S = 20
 PATH_PART = 2000
+ABORT = '"abort"'
 
 
 class Viewer:
@@ -33,6 +35,8 @@ class Viewer:
         self._clocks: dict[str, int] = {}
         self._bad = 0
         self._budget = float(MOST_PER_S)
+        self._orders: asyncio.Queue[tuple[Command, int | None]] = asyncio.Queue(MOST_PER_S)
+        self._aborts: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         """Serve until the browser goes."""
@@ -40,6 +44,7 @@ class Viewer:
         tasks = [
             asyncio.create_task(self._send_all(), name="page to browser"),
             asyncio.create_task(self._receive_all(), name="page from browser"),
+            asyncio.create_task(self._carry_out_all(), name="orders from browser"),
         ]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -50,7 +55,7 @@ class Viewer:
         finally:
             for task in tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.gather(*tasks, *self._aborts, return_exceptions=True)
 
     # ---- to the browser -------------------------------------------------------------------------
 
@@ -129,7 +134,7 @@ class Viewer:
 
     async def _take(self, text: str) -> None:
         self._budget -= 1
-        if self._budget < 0:
+        if self._budget < 0 and (ABORT not in text or len(self._aborts) >= MOST_PER_S):
             self._bad += 1
             return
         try:
@@ -140,13 +145,33 @@ class Viewer:
             self._site.refused += 1
             await self._reply(None, Reply(False, f"not understood: {error}"))
             return
-        if isinstance(message, Facts):
+        told = seen if seen is not None and seen <= self._sent["state"] else None  # else another run's
+        if isinstance(message, Simple) and message.do == "abort" and self._role is Role.OPERATOR:
+            # It waits neither for what was asked before nor for how much that was.
+            task = asyncio.create_task(self._abort(message, told), name="abort from browser")
+            self._aborts.add(task)
+            task.add_done_callback(self._aborts.discard)
+        elif isinstance(message, Facts):
             await self._send(json.dumps({"t": "facts", "id": message.id, **self._site.facts(message)}))
         elif self._role is not Role.OPERATOR:
             await self._reply(message.id, Reply(False, "this page may look only"))
         else:
-            told = seen if seen is not None and seen <= self._sent["state"] else None  # else another run's
-            await self._reply(message.id, await self._site.answer(message, told))
+            try:
+                self._orders.put_nowait((message, told))
+            except asyncio.QueueFull:
+                await self._reply(message.id, Reply(False, "too many orders at once: try again"))
+
+    async def _carry_out_all(self) -> None:
+        """Carry out orders one after the other."""
+        while True:
+            await self._answer(*await self._orders.get())
+
+    async def _abort(self, message: Command, told: int | None) -> None:
+        with contextlib.suppress(WebSocketDisconnect, TimeoutError, RuntimeError, OSError):  # it went
+            await self._answer(message, told)
+
+    async def _answer(self, message: Command, told: int | None) -> None:
+        await self._reply(message.id, await self._site.answer(message, told))
 
     async def _reply(self, number: int | None, reply: Reply) -> None:
         document = {"t": "reply", "id": number, "ok": reply.accepted, "reason": reply.reason}

@@ -22,6 +22,7 @@ from companion.link.modes import Autopilot
 from companion.link.vehicle import VehicleState
 from companion.obstacles import ObstacleMemory
 from companion.outputs.status import Status
+from companion.settings import Settings
 from companion.simulated import LockstepLoop
 from companion.streams import Streams
 from params import Parameters
@@ -264,3 +265,30 @@ def test_rates_are_kept_on_a_clock_that_only_the_loop_moves() -> None:
     assert told["jitter_ms"]["max"] <= 4
     assert told["pose_age_ms"]["max"] <= 22
     assert len(link.of("NAMED_VALUE_FLOAT")) in (4 * 5, 4 * 6)
+
+
+def test_a_rate_that_is_set_in_flight_holds_from_the_next_message_on(flight: Flight) -> None:
+    steps = itertools.count(2 * MS, 2 * MS)
+    loop = LockstepLoop(lambda: next(steps))
+    settings = Settings(Parameters())
+    sent = []
+
+    async def fly() -> None:
+        history, memory = PoseHistory(settings.live, FRAME), ObstacleMemory()
+        sender = Streams(cast(Link, flight.link), history, memory, settings.live, lambda: STATUS)
+        sender.send_obstacles = lambda: sent.append(loop.time())  # type: ignore[method-assign]
+        task = asyncio.create_task(sender.run())
+        await asyncio.sleep(2.0)
+        assert settings.change("obstacle_hz", 2.0).accepted
+        await asyncio.sleep(4.0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    try:
+        loop.run_until_complete(fly())
+    finally:
+        loop.close()
+    periods = np.diff(sent)
+    assert np.median(periods[:20]) == pytest.approx(1 / 12, abs=0.005)
+    assert np.median(periods[-6:]) == pytest.approx(0.5, abs=0.005)
+    assert len(sent) == pytest.approx(2 * 12 + 4 * 2, abs=3)

@@ -189,4 +189,3 @@ def test_boundary_cells_just_outside_an_array_are_not_in_it() -> None:
     for row, col in ((9, 22), (10, 19), (14, 22), (10, 25)):
         assert inside_count(np.array([[row, col]], np.int32), cells, 10, 20, 5) == 0
     assert inside_count(np.array([[10, 20], [13, 24]], np.int32), cells, 10, 20, 5) == 2
-
