@@ -68,7 +68,7 @@ class Settings:
         if new == getattr(self.stored, name):
             return Change(True, "")
         changed = self._changed | {name: new}
-        if self._state is not None and (fault := self._state.write(FILE, _toml(changed))):
+        if self._state is not None and (fault := self._state.write_behind(FILE, _toml(changed))):
             return Change(False, f"{row.mavlink} not kept: {fault}")
         self.stored, self.running, self._changed = stored, running, changed
         self.on_change.emit(name, new)

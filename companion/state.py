@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+import logging
 import os
 import tempfile
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from companion.errors import UsageError
+
+log = logging.getLogger(__name__)
 
 
 def default_state_dir() -> Path:
@@ -27,6 +32,9 @@ class StateDir:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._numbers = itertools.count(1)
+        self._disk: ThreadPoolExecutor | None = None
+        self._last: Future[None] | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
@@ -44,6 +52,8 @@ class StateDir:
             It is there and cannot be read.
         """
         path = self.folder / name
+        if self._last is not None:
+            self._last.result()
         try:
             return path.read_text("utf-8")
         except FileNotFoundError:
@@ -56,7 +66,7 @@ class StateDir:
 
         durable: wait until it would survive a power cut, which takes tens of milliseconds on some cards.
         """
-        beside = self.folder / f".{name}.new"
+        beside = self.folder / f".{name}.{next(self._numbers)}.new"
         try:
             with beside.open("w", encoding="utf-8") as file:
                 file.write(text)
@@ -67,3 +77,26 @@ class StateDir:
         except OSError as error:
             return str(error.strerror or error)
         return ""
+
+    def write_behind(self, name: str, text: str) -> str:
+        """Replace a file durably without waiting for the disk, which may take seconds on a busy card.
+
+        Return why it cannot be written, as on a full disk; what fails later is logged. Order is kept.
+        """
+        beside = self.folder / f".{name}.{next(self._numbers)}.new"
+        try:
+            beside.write_text(text, encoding="utf-8")
+        except OSError as error:
+            return str(error.strerror or error)
+        self._disk = self._disk or ThreadPoolExecutor(1, "slz-state")
+        self._last = self._disk.submit(self._finish, beside, self.folder / name)
+        return ""
+
+    @staticmethod
+    def _finish(beside: Path, path: Path) -> None:
+        try:
+            with beside.open("rb+") as file:
+                os.fsync(file.fileno())
+            beside.replace(path)
+        except OSError as error:
+            log.error("%s not kept: %s", path, error.strerror or error)

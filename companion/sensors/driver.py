@@ -114,10 +114,12 @@ def open_lidar(
         setup = "" if kind == "livox" else description(kind, query)
     except UsageError as error:
         raise UsageError(f"LiDAR {url!r}: {error}") from None
-    stream = PacketStream(decoder_for(kind, setup), parameters, on_returns, wall_offset_ns)
+    sensor = _sensor(url, query) if kind == "livox" and query else None
+    named = None if sensor is None else sensor.partition(":")[0]
+    stream = PacketStream(decoder_for(kind, setup), parameters, on_returns, wall_offset_ns, named)
     lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
-    if kind == "livox" and query:
-        lidar.session = LivoxSession(_sensor(url, query), int(port), lambda: lidar.last_arrival_ns)
+    if sensor is not None:
+        lidar.session = LivoxSession(sensor, int(port), lambda: lidar.last_arrival_ns)
     return lidar
 
 

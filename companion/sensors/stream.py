@@ -56,7 +56,7 @@ class PacketStream:
     """Checks, dates and decodes packets.
 
     It listens to one sensor: another host's packets are counted as foreign until the first has been silent
-    for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet that the network delivers
+    for `lidar_timeout_s`, for two sensors' clocks and counts would mix. If one is `named`, only to it. A packet that the network delivers
     twice is taken once. Packets of another maker are counted, and the first is logged; so are those at which
     the decoder fails. Where it fails at all of them, the sensor is silent.
 
@@ -85,6 +85,7 @@ class PacketStream:
         parameters: Parameters,
         on_returns: OnReturns,
         wall_offset_ns: Callable[[], int] | None = None,
+        named: str | None = None,
     ) -> None:
         self._decoder = decoder
         self._on_returns = on_returns
@@ -93,6 +94,7 @@ class PacketStream:
         if parameters.lidar_clock != "free":
             self._clock = SynchronisedClock(wall_offset_ns or WallOffset(), delay_ns)
         self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
+        self._named = named
         self._host: str | None = None
         self._foreign = 0
         self._repeated = 0
@@ -184,7 +186,7 @@ class PacketStream:
 
     def _is_ours(self, host: str, arrival_ns: int) -> bool:
         silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns
-        if host != self._host and silent:
+        if host != self._host and silent and host == (self._named or host):
             log.info("LiDAR at %s", host)
             self._host = host
         return host == self._host

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,33 @@ def test_only_what_was_changed_is_stored(tmp_path: Path) -> None:
     settings.change("safe_slope_deg", 4.0)  # as it was
     assert (state.read(FILE) or "").splitlines()[1:] == ["histogram_bins = 200"]
     assert not list(tmp_path.glob(".*"))
+
+
+def test_a_disk_that_takes_its_time_holds_up_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = threading.Event()
+    monkeypatch.setattr("os.fsync", lambda _file: done.wait(30.0))
+    state = StateDir(tmp_path)
+    settings = Settings(params.Parameters(), state)
+    assert settings.change("hold_s", 100.0).accepted
+    assert settings.change("hold_s", 90.0).accepted
+    assert settings.stored.hold_s == 90.0
+    assert not (tmp_path / FILE).exists()  # nothing is in its place before it would survive a power cut
+    done.set()
+    assert "hold_s = 90.0" in (state.read(FILE) or "")
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_what_the_disk_refuses_late_is_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(_file: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr("os.fsync", refuse)
+    state = StateDir(tmp_path)
+    assert Settings(params.Parameters(), state).change("hold_s", 100.0).accepted
+    assert state.read(FILE) is None
+    assert "parameters.toml not kept: Input/output error" in caplog.text
 
 
 def test_a_live_value_must_go_with_those_in_force_and_with_those_of_the_next_start() -> None:

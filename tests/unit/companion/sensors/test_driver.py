@@ -268,3 +268,15 @@ def test_a_session_that_cannot_be_held_ends_the_run_and_frees_the_port(port: int
             UsageError, match=r"LiDAR at 255\.255\.255\.255: .*; is the network card set up\?"
         ):
             asyncio.run(scenario())
+
+
+def test_the_sensor_that_the_url_names_is_the_one_that_is_heard() -> None:
+    """Another one of the network that sends here first would be placed with this one's mount."""
+    batches: list[Returns] = []
+    lidar = open_lidar("livox:0.0.0.0:56301?sensor=192.168.1.100", Parameters(), batches.append)
+    assert isinstance(lidar, UdpLidar)
+    for k, host in enumerate(("192.168.1.77", "192.168.1.100", "192.168.1.77"), start=100):
+        lidar.stream.take(points_packet(ONE, stamp_ns=k * 10 * MS), host, k * 10 * MS)
+    lidar.stream.flush(2000 * MS)
+    assert sum(map(len, batches)) == 1
+    assert lidar.statistics()["foreign"] == 2
