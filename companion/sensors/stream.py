@@ -55,10 +55,10 @@ class Decoder(Protocol):
 class PacketStream:
     """Checks, dates and decodes packets.
 
-    It listens to one sensor, that `named` if one is: another host's packets are counted as foreign until the
-    first has been silent for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet that the
-    network delivers twice is taken once. Packets of another maker are counted, and the first is logged; so are
-    those at which the decoder fails. Where it fails at all of them, the sensor is silent.
+    It listens to one sensor, that `named` if one is: another host's packets are counted as foreign until
+    the first has been silent for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet
+    that the network delivers twice is taken once. Packets of another maker are counted, and the first is
+    logged; so are those at which the decoder fails. Where it fails at all of them, the sensor is silent.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from companion.fusion.georeference import Georeferencer
 from companion.fusion.mount import rotation_frd_from_sensor
 from companion.fusion.pose_history import PoseHistory
+from companion.sensors.returns import Returns
 from params import Parameters
 from tests.unit.companion.fusion.flights import (
     ENU_FROM_NED,
@@ -178,3 +179,16 @@ def test_overtaken_returns_come_in_order_of_time() -> None:
         returns_of(xyz[[0, 2, 1]], np.sort(stamps)), history
     )
     np.testing.assert_allclose(scan.points_enu_m, sorted_scan.points_enu_m, atol=1e-9)
+
+
+def test_the_sensor_s_place_is_known_where_the_last_return_has_the_stamp_of_the_last_pose() -> None:
+    """A second without poses follows, so that nothing lies between that pose and the next."""
+    history, ms = PoseHistory(Parameters()), 1_000_000
+    for stamp in [*range(0, 2000, 20), 3000, 3020]:
+        history.add_attitude(stamp * ms, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        history.add_position(stamp * ms, 47.0, 8.0, 400.0, (0.0, 0.0, 0.0))
+    stamps = np.array([1979, 1980], np.int64) * ms
+    returns = Returns.plain(np.array([[5.0, 0.0, 0.0]] * 2, np.float32), stamps)
+    scan = Georeferencer(Parameters()).georeference(returns, history)
+    assert scan is not None
+    assert np.isfinite(scan.sensor_enu_m).all()
