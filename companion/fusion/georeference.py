@@ -60,8 +60,6 @@ class Georeferencer:
             order = np.argsort(stamps, kind="stable")
             points, stamps = points[order], stamps[order]
         pose = history.interpolate(stamps[-1:])
-        if not pose.valid[0]:  # the last pose before a gap: nothing lies between it and the next
-            pose = history.interpolate(stamps[-1:] - 1)
         sensor = pose.position_enu_m[0] + pose.rotation_enu_from_frd[0] @ self._mount.lever_frd_m
         for array in (points, stamps, sensor):
             array.setflags(write=False)

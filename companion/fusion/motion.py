@@ -25,9 +25,10 @@ SMALL_RAD = 0.5  # below which a sine is taken from its series
 
 @kernel("int64(int64[::1], int64, int64)")
 def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
-    """Return i with `stamp_ns[i] <= t_ns <= stamp_ns[i + 1]`, -1 if there is none.
+    """Return the least i with `stamp_ns[i] <= t_ns <= stamp_ns[i + 1]`, -1 if there is none.
 
-    The search walks from `hint`, as neighbouring returns lie in the same or the next segment.
+    So the last sample before a gap belongs to what lies before it. The search walks from `hint`, as
+    neighbouring returns lie in the same or the next segment.
     """
     last = len(stamp_ns) - 1
     if last < 1 or t_ns < stamp_ns[0] or t_ns > stamp_ns[last]:
@@ -35,7 +36,7 @@ def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
     i = min(max(hint, 0), last - 1)
     if abs(t_ns - stamp_ns[i]) > 2_000_000_000:
         i = min(np.int64(np.searchsorted(stamp_ns, t_ns)), last - 1)  # type: ignore[assignment]
-    while stamp_ns[i] > t_ns:
+    while i > 0 and stamp_ns[i] >= t_ns:
         i -= 1
     while stamp_ns[i + 1] < t_ns:
         i += 1

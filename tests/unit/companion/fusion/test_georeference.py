@@ -182,12 +182,12 @@ def test_overtaken_returns_come_in_order_of_time() -> None:
 
 
 def test_the_sensor_s_place_is_known_where_the_last_return_has_the_stamp_of_the_last_pose() -> None:
-    """A second without poses follows, so that nothing lies between that pose and the next."""
+    """Seconds without poses follow, so that nothing lies between that pose and the next."""
     history, ms = PoseHistory(Parameters()), 1_000_000
-    for stamp in [*range(0, 2000, 20), 3000, 3020]:
+    for stamp in [*range(0, 4000, 20), 9000, 9020]:
         history.add_attitude(stamp * ms, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         history.add_position(stamp * ms, 47.0, 8.0, 400.0, (0.0, 0.0, 0.0))
-    stamps = np.array([1979, 1980], np.int64) * ms
+    stamps = np.array([3979, 3980], np.int64) * ms
     returns = Returns.plain(np.array([[5.0, 0.0, 0.0]] * 2, np.float32), stamps)
     scan = Georeferencer(Parameters()).georeference(returns, history)
     assert scan is not None
