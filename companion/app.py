@@ -41,7 +41,7 @@ from companion.streams import Streams
 from companion.summary import flight_summary
 from companion.worker import PipelineWorker
 from params import Parameters
-from slz import Report, Scan, TerrainMaps, Zone
+from slz import Report, Scan, TerrainMaps
 
 if TYPE_CHECKING:
     from companion.dashboard.page import Front, Page
@@ -134,7 +134,7 @@ class Companion:
         self._watch = PointWatch()
         self.report: Report | None = None
         self.path_enu_m = Recent(20_000, (3,))
-        self.zones_seen: dict[int, Zone] = {}
+        self.zones_seen: set[int] = set()
         self.maps: TerrainMaps | None = None
         self.summary: dict[str, Any] = {}
         self._last_scan_ns: int | None = None
@@ -273,8 +273,7 @@ class Companion:
         if self.page is not None:
             self.page.report(report)
         self._last_report_ns = now_ns()
-        for zone in report.zones:
-            self.zones_seen[zone.id] = zone
+        self.zones_seen.update(zone.id for zone in report.zones)
         news = self._watch.news(report)
         if news is not None:
             log.info(news[1])

@@ -145,3 +145,13 @@ def test_columns_stand_in_the_middles_of_their_cells() -> None:
     heights = Nearby(-3.0, 7.0, 0.5, *(np.array([[0, 5, np.nan], [9, 1, 6]], np.float32) for _ in "gt"))
     found = heights.columns_enu_m(4.0)
     assert found.tolist() == [[-2.25, 7.25, 5.0], [-2.75, 7.75, 9.0], [-1.75, 7.75, 6.0]]
+
+
+@pytest.mark.parametrize(("east_m", "north_m"), [(2.25, 4.75), (4.75, 2.25), (0.25, 5.75), (3.1, 3.4)])
+def test_the_ground_below_is_the_median_of_the_cells_within_a_metre(east_m: float, north_m: float) -> None:
+    """Each cell has a height of its own."""
+    rng = np.random.default_rng(6)
+    heights = rng.permutation(12 * 12).reshape(12, 12).astype(float)
+    around = patch(heights.tolist())
+    rows, cols = (np.abs((np.arange(12) + 0.5) * 0.5 - at) <= 1.0 for at in (north_m, east_m))
+    assert around.ground_below_m(np.array([east_m, north_m])) == np.median(heights[rows][:, cols])

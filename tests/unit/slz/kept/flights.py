@@ -135,6 +135,7 @@ def radar() -> Iterator[Any]:
         seen.append(RadarDem(Grid(0, 0, 0.5, *shape), height_m, sigma_m, np.full(shape, turn_m)))
     yield fuse(seen)
     yield fuse(seen, 2)
+    yield fuse(seen).points()
 
 
 KEPT: dict[str, Callable[[], Iterator[Any]]] = {
