@@ -55,7 +55,9 @@ def search_components(
     for number, where in enumerate(ndimage.find_objects(label), start=1):
         rows, cols = where
         whole = label[where] == number
-        component = _without_crumbs(whole, least_side)
+        component = _without_crumbs(whole, CRUMB)
+        if int((side[where] * component).max()) < least_side:  # the square itself is no crumb
+            component = _without_crumbs(whole, least_side**2)
         boundary = trace(safe, rows.start, cols.start + int(np.argmax(whole[0])), TRACE_TIMEOUT)
         if len(boundary) < least_boundary:
             continue
@@ -80,12 +82,12 @@ def _placed(candidate: Candidate, row0: int, col0: int) -> Candidate:
     )
 
 
-def _without_crumbs(component: NDArray[np.bool_], least_side: int) -> NDArray[np.uint8]:
-    """Return a component without the few cells, too few for a safe square, that touch it at a corner only."""
+def _without_crumbs(component: NDArray[np.bool_], fewest: int) -> NDArray[np.uint8]:
+    """Return a component without what touches it at a corner only and is of fewer cells."""
     parts, _ = ndimage.label(component)
     size = np.bincount(parts.ravel())
     size[0] = 0
-    return np.asarray((size >= min(CRUMB, least_side**2, size.max()))[parts], np.uint8)
+    return np.asarray((size >= min(fewest, size.max()))[parts], np.uint8)
 
 
 def _content(boundary: NDArray[np.int32], box: Box) -> NDArray[np.uint8]:

@@ -160,12 +160,19 @@ def check(
     assert [tuple(cell) for cell in candidate.boundary_cells.tolist()] == path
 
 
-def without_crumbs(component: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return what is left of a component without parts of fewer than 9 cells that hang on a corner."""
+def without_crumbs(component: NDArray[np.bool_], least_side: int) -> NDArray[np.bool_]:
+    """Return what is left of a component without parts of fewer than 9 cells that hang on a corner.
+
+    Where no part that is left holds the square, parts of as many cells as it has stay.
+    """
     parts, count = ndimage.label(component)
     sizes = {part: int((parts == part).sum()) for part in range(1, count + 1)}
-    least = min(9, max(sizes.values()))
-    return np.isin(parts, [part for part, size in sizes.items() if size >= least])
+    for fewest in (9, least_side**2):
+        least = min(fewest, max(sizes.values()))
+        left = np.isin(parts, [part for part, size in sizes.items() if size >= least])
+        if slow_squares(left.astype(np.uint8)).max() >= least_side:
+            break
+    return left
 
 
 @settings(max_examples=60, deadline=None)
@@ -188,7 +195,7 @@ def test_every_component_with_room_is_found_once(
     assert sorted(numbers) == expected
     for number, candidate in zip(numbers, found, strict=True):
         component = label == number
-        check(candidate, safe, component, without_crumbs(component))
+        check(candidate, safe, component, without_crumbs(component, least_side))
 
 
 def search_source(safe: Map, least_side: int, least_boundary: int) -> list[Candidate]:
