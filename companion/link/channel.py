@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
+import socket
+import struct
+import sys
+import termios
 from collections.abc import Callable
+from time import monotonic
 from typing import Any, Protocol
 
 OnBytes = Callable[[bytes], None]
 
 # A stalled peer must cost memory and delay only up to here; what comes on top is dropped and counted.
 MAX_BACKLOG_BYTES = 16_384
+# On a TCP stream everything arrives in the end, however late, so no more than this may be on its way: half a
+# second of what we send; a batch of OBSTACLE_DISTANCE_3D, signed, is 2.4 KiB.
+MAX_UNACKNOWLEDGED_BYTES = 4096
+# A stream on which nothing was acknowledged for so long is reset: what it holds must not arrive any more.
+STALLED_S = 1.0
+# The kernel gives a stream up by itself, should we write nothing more: a pulled cable sends no reset.
+UNACKNOWLEDGED_MS = 2000
+# Bounds what waits in the kernel where it does not tell how much that is; Linux doubles it.
+SEND_BUFFER_BYTES = 8192
 
 
 class Channel(Protocol):
@@ -25,15 +40,25 @@ class Channel(Protocol):
 
 
 class StreamChannel(asyncio.Protocol):
-    """TCP stream as a channel; an asyncio protocol."""
+    """TCP stream as a channel; an asyncio protocol.
+
+    It is reset once the other side has acknowledged nothing for a second of the real clock, the kernel's.
+    """
 
     def __init__(self, on_bytes: OnBytes) -> None:
         self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._on_bytes = on_bytes
         self._transport: Any = None
+        self._written = 0
+        self._acknowledged = 0
+        self._acknowledged_s = 0.0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = transport
+        raw = transport.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)
 
     def data_received(self, data: bytes) -> None:
         self._on_bytes(data)
@@ -49,9 +74,14 @@ class StreamChannel(asyncio.Protocol):
         transport = self._transport
         if transport is None or transport.is_closing():
             return False
-        if transport.get_write_buffer_size() > MAX_BACKLOG_BYTES:
+        waiting = transport.get_write_buffer_size() + _unacknowledged(transport.get_extra_info("socket"))
+        if self._stalled(waiting):
+            self._reset(f"nothing acknowledged for {STALLED_S:g} s")
+            return False
+        if waiting > MAX_UNACKNOWLEDGED_BYTES:
             return False
         transport.write(data)
+        self._written += len(data)
         return True
 
     def close(self) -> None:
@@ -59,3 +89,23 @@ class StreamChannel(asyncio.Protocol):
             self.connection_lost(None)
         else:
             self._transport.close()
+
+    def _stalled(self, waiting: int) -> bool:
+        acknowledged = self._written - waiting
+        if waiting == 0 or acknowledged > self._acknowledged:
+            self._acknowledged, self._acknowledged_s = acknowledged, monotonic()
+        return monotonic() - self._acknowledged_s > STALLED_S
+
+    def _reset(self, reason: str) -> None:
+        """End the stream without sending what waits, the kernel's part included."""
+        self.connection_lost(ConnectionError(reason))
+        linger = struct.pack("ii", 1, 0)
+        self._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+        self._transport.abort()
+
+
+def _unacknowledged(raw: socket.socket) -> int:
+    """Return how many bytes the kernel still holds, unsent or unacknowledged; 0 where it does not tell."""
+    if sys.platform != "linux":
+        return 0
+    return int.from_bytes(fcntl.ioctl(raw.fileno(), termios.TIOCOUTQ, bytes(4)), sys.byteorder)  # SIOCOUTQ

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 
 from companion.link.channel import Channel, OnBytes, StreamChannel
 from companion.link.url import Url
 
 CONNECT_TIMEOUT_S = 5.0
-# The kernel gives a connection up when nothing it sent was acknowledged for so long: a pulled cable sends no
-# reset. Our heartbeat makes sure that there is always something to acknowledge.
-UNACKNOWLEDGED_MS = 10_000
 
 
 async def open_tcp(url: Url, on_bytes: OnBytes) -> Channel:
     """Connect to the host; raise OSError when that fails."""
     channel = StreamChannel(on_bytes)
     async with asyncio.timeout(CONNECT_TIMEOUT_S):
-        transport, _ = await asyncio.get_running_loop().create_connection(lambda: channel, url.host, url.port)
-    _give_up_on_silence(transport)
+        await asyncio.get_running_loop().create_connection(lambda: channel, url.host, url.port)
     return channel
 
 
@@ -60,9 +55,3 @@ class ServerChannel:
             client.close()
         if not self.lost.done():
             self.lost.set_result("closed")
-
-
-def _give_up_on_silence(transport: asyncio.BaseTransport) -> None:
-    raw = transport.get_extra_info("socket")
-    if raw is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
-        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED_MS)

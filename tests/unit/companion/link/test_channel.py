@@ -9,27 +9,39 @@ import os
 import socket
 import termios
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import serial
 
 from companion.errors import UsageError
+from companion.link import channel as channels
 from companion.link import transport
-from companion.link.channel import MAX_BACKLOG_BYTES, StreamChannel
+from companion.link.channel import (
+    MAX_UNACKNOWLEDGED_BYTES,
+    STALLED_S,
+    UNACKNOWLEDGED_MS,
+    StreamChannel,
+)
 from companion.link.serial import SerialChannel
 from companion.link.tcp import ServerChannel, open_tcp
 from companion.link.transport import Transport
 from companion.link.url import Url, parse_url
 from tests.integration.link_bench import virtually
+from tests.ports import free_port
 
 
 class Wire:
     """What asyncio gives a protocol."""
 
-    def __init__(self) -> None:
+    def __init__(self, raw: socket.socket) -> None:
+        self.raw = raw
         self.sent: list[bytes] = []
         self.backlog, self.closing = 0, False
+
+    def get_extra_info(self, name: str) -> Any:
+        return {"socket": self.raw}[name]
 
     def write(self, data: bytes) -> None:
         self.sent.append(data)
@@ -47,17 +59,76 @@ class Wire:
 # ---- streams ------------------------------------------------------------------------------------
 
 
-async def test_a_stream_takes_nothing_before_it_is_open_and_after_it_is_closed() -> None:
-    channel, wire = StreamChannel(lambda _: None), Wire()
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    with socket.socket() as raw:
+        yield Wire(raw)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """Return the clock by which a stream is stalled."""
+    made = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(channels, "monotonic", lambda: made.now)
+    return made
+
+
+async def test_a_stream_takes_nothing_before_it_is_open_and_after_it_is_closed(wire: Wire) -> None:
+    channel = StreamChannel(lambda _: None)
     assert not channel.write(b"before")
     channel.connection_made(wire)  # type: ignore[arg-type]
     assert channel.write(b"during")
-    wire.backlog = MAX_BACKLOG_BYTES + 1
+    wire.backlog = MAX_UNACKNOWLEDGED_BYTES + 1
     assert not channel.write(b"too much")
     wire.backlog = 0
     channel.close()
     assert not channel.write(b"after")
     assert wire.sent == [b"during"]
+
+
+async def test_a_peer_that_acknowledges_nothing_is_sent_little_and_after_a_second_it_is_reset(
+    clock: SimpleNamespace,
+) -> None:
+    loop = asyncio.get_running_loop()
+    with socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        channel = await open_tcp(parse_url(f"tcp:127.0.0.1:{server.getsockname()[1]}"), lambda _: None)
+        client, _ = server.accept()
+        with client:
+            client.setblocking(False)
+            taken = 50 * sum(channel.write(bytes(50)) for _ in range(1000))
+            began = clock.now
+            while not channel.lost.done() and clock.now < began + 10 * STALLED_S:
+                clock.now += STALLED_S / 10
+                taken += 50 * channel.write(bytes(50))
+            assert taken < 3 * MAX_UNACKNOWLEDGED_BYTES
+            assert clock.now - began > STALLED_S
+            assert await asyncio.wait_for(channel.lost, 1) == "nothing acknowledged for 1 s"
+            arrived = len(await loop.sock_recv(client, 65536))
+            with pytest.raises(ConnectionResetError):  # what waited is gone, in the kernel too
+                await loop.sock_recv(client, 65536)
+            assert arrived < taken
+
+
+async def test_a_slow_stream_is_not_reset_nor_one_that_was_idle(
+    wire: Wire, clock: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    channel = StreamChannel(lambda _: None)
+    channel.connection_made(wire)  # type: ignore[arg-type]
+    acknowledged = 0
+    monkeypatch.setattr(channels, "_unacknowledged", lambda _: sum(map(len, wire.sent)) - acknowledged)
+    taken = 0
+    for _ in range(100):
+        taken += channel.write(bytes(100))
+        clock.now += 0.9 * STALLED_S
+        acknowledged += 10
+    assert acknowledged < taken * 100 <= acknowledged + MAX_UNACKNOWLEDGED_BYTES + 100
+    assert not channel.lost.done()
+    acknowledged = taken * 100
+    clock.now += 100 * STALLED_S
+    assert channel.write(bytes(100))
 
 
 async def test_a_stream_that_was_never_open_can_be_closed() -> None:
@@ -93,10 +164,24 @@ async def test_a_server_that_never_listened_can_be_closed() -> None:
     assert await asyncio.wait_for(server.lost, 1) == "closed"
 
 
-async def test_where_the_system_cannot_give_up_on_silence_a_stream_is_opened_all_the_same(
+async def test_the_kernel_gives_up_silent_streams_of_both_kinds() -> None:
+    server, port = ServerChannel(lambda _: None), free_port(socket.SOCK_STREAM)
+    await server.listen("127.0.0.1", port)
+    channel: Any = await open_tcp(parse_url(f"tcp:127.0.0.1:{port}"), lambda _: None)
+    while not server.write(b"x"):
+        await asyncio.sleep(0)
+    for stream in (channel, *server._clients):
+        raw = stream._transport.get_extra_info("socket")
+        assert raw.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == UNACKNOWLEDGED_MS
+    server.close()
+    assert await asyncio.wait_for(channel.lost, 1)
+
+
+async def test_where_the_system_tells_nothing_and_cannot_give_up_on_silence_a_stream_is_opened_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delattr(socket, "TCP_USER_TIMEOUT", raising=False)
+    monkeypatch.setattr(channels, "sys", SimpleNamespace(platform="darwin"))
     with socket.create_server(("127.0.0.1", 0)) as server:
         channel = await open_tcp(parse_url(f"tcp:127.0.0.1:{server.getsockname()[1]}"), lambda _: None)
         client, _ = server.accept()
