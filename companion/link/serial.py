@@ -30,6 +30,8 @@ async def open_serial(url: Url, on_bytes: OnBytes) -> Channel:
         if isinstance(cause, termios.error):  # pyserial hides its number in the text
             raise OSError(*cause.args) from None
         raise
+    except termios.error as error:  # no OSError: the device went while it was being set up
+        raise OSError(*error.args) from None
     except ValueError as error:  # a speed that the port does not know
         raise OSError(22, str(error)) from None
     return SerialChannel(port, on_bytes)

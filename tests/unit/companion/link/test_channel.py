@@ -338,6 +338,33 @@ def test_a_speed_that_the_port_refuses_is_told_and_tried_again(
     virtually(script)
 
 
+@pytest.mark.parametrize("call", ["tcsetattr", "tcflush"])
+def test_a_device_that_vanishes_while_it_is_opened_is_waited_for(
+    line: tuple[int, str], monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    """A USB autopilot that reboots, say."""
+    real, failures = getattr(termios, call), [termios.error(errno.EIO, "Input/output error")]
+
+    def vanished(*arguments: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return real(*arguments)
+
+    async def script() -> None:
+        monkeypatch.setattr(termios, call, vanished)
+        way = Transport(parse_url(f"{line[1]},57600"))
+        task = asyncio.create_task(way.run(lambda _: None))
+        async with asyncio.timeout(5):
+            while not (way.up or task.done()):
+                await asyncio.sleep(0.01)
+        assert way.up
+        assert failures == []
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    virtually(script)
+
+
 def test_a_serial_port_is_free_again_when_the_link_has_ended(line: tuple[int, str]) -> None:
     async def script() -> None:
         way = Transport(parse_url(f"{line[1]},57600"))
