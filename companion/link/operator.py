@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +24,7 @@ _GLOBAL_FRAMES = frozenset(
 REPEAT_NS = 1_500_000_000
 COUNTED_REPEAT_NS = 10_000_000_000
 MAX_SENDERS = 16
+MAX_COMMANDS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ class Answer:
 
 
 @dataclass(slots=True)
-class _Last:
+class _Done:
     command: OperatorCommand
     sequence: int
     confirmation: int
@@ -103,8 +104,8 @@ class _Last:
 class CommandServer:
     """Answers COMMAND_LONG and COMMAND_INT.
 
-    Only the newest command of each sender is remembered: after another one, the same command is meant anew
-    (land, abort, land).
+    Only the newest command of a sender can be sent again: after another one, the same command is meant anew
+    (land, abort, land). Of the few before it the frames are known, which a network may deliver twice.
 
     Attributes
     ----------
@@ -118,7 +119,7 @@ class CommandServer:
         self.handler: Handler | None = None
         self.executed = 0
         self.repeated = 0
-        self._last: OrderedDict[tuple[int, int], _Last] = OrderedDict()
+        self._done: OrderedDict[tuple[int, int], deque[_Done]] = OrderedDict()
 
     def take(self, message: Any, system: int, component: int, now_ns: int) -> Answer | None:
         """Return the answer to a command, None if it is not addressed to this very component."""
@@ -127,27 +128,36 @@ class CommandServer:
         command = _command(message)
         confirmation = getattr(message, "confirmation", 0)
         sender = (command.sender_system, command.sender_component)
-        last = self._last.get(sender)
-        if last is not None and _repeats(last, command, confirmation, message.get_seq(), now_ns):
+        done = self._done.setdefault(sender, deque(maxlen=MAX_COMMANDS))
+        earlier = _repeated(reversed(done), command, confirmation, message.get_seq(), now_ns)
+        if earlier is not None:
             self.repeated += 1
-            last.confirmation = confirmation
-            return Answer(_ack(command, last.reply), last.reply, executed=False)
+            earlier.confirmation = confirmation
+            return Answer(_ack(command, earlier.reply), earlier.reply, executed=False)
         reply = CommandReply.unsupported() if self.handler is None else self.handler(command)
         self.executed += 1
-        self._last[sender] = _Last(command, message.get_seq(), confirmation, now_ns, reply)
-        self._last.move_to_end(sender)
-        if len(self._last) > MAX_SENDERS:
-            self._last.popitem(last=False)
+        done.append(_Done(command, message.get_seq(), confirmation, now_ns, reply))
+        self._done.move_to_end(sender)
+        if len(self._done) > MAX_SENDERS:
+            self._done.popitem(last=False)
         return Answer(_ack(command, reply), reply, executed=True)
 
 
-def _repeats(last: _Last, command: OperatorCommand, confirmation: int, sequence: int, now_ns: int) -> bool:
-    # repr, because an open parameter is NaN, which equals nothing
-    if repr(last.command) != repr(command):
-        return False
-    age_ns = now_ns - last.heard_ns
-    counted = confirmation > last.confirmation or sequence == last.sequence
-    return age_ns <= (COUNTED_REPEAT_NS if counted else REPEAT_NS)
+def _repeated(
+    done: Iterable[_Done], command: OperatorCommand, confirmation: int, sequence: int, now_ns: int
+) -> _Done | None:
+    """Return which of the sender's commands, newest first, this one repeats."""
+    for number, old in enumerate(done):
+        same_frame = sequence == old.sequence
+        counted = number == 0 and (same_frame or confirmation > old.confirmation)
+        longest_ns = COUNTED_REPEAT_NS if counted else REPEAT_NS
+        if (
+            (number == 0 or same_frame)
+            and now_ns - old.heard_ns <= longest_ns
+            and repr(old.command) == repr(command)  # an open parameter is NaN, which equals nothing
+        ):
+            return old
+    return None
 
 
 def _command(m: Any) -> OperatorCommand:

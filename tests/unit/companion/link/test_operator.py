@@ -38,10 +38,11 @@ class Desk:
         *,
         to: tuple[int, int] = (1, 191),
         system: int = 255,
+        sequence: int | None = None,
     ) -> Answer | None:
         p = (what, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0)
         message = mavlink.MAVLink_command_long_message(*to, USER, confirmation, *p)
-        return self._take(message, at_s, system)
+        return self._take(message, at_s, system, sequence)
 
     def int(self, what: float, at_s: float, frame: int = 5) -> Answer | None:
         message = mavlink.MAVLink_command_int_message(
@@ -49,9 +50,11 @@ class Desk:
         )
         return self._take(message, at_s, 255)
 
-    def _take(self, message: Any, at_s: float, system: int) -> Answer | None:
-        self._sequence += 1
-        return self.server.take(received(message, system, 190, self._sequence % 256), 1, 191, round(at_s * S))
+    def _take(self, message: Any, at_s: float, system: int, sequence: int | None = None) -> Answer | None:
+        if sequence is None:
+            self._sequence += 1
+            sequence = self._sequence % 256
+        return self.server.take(received(message, system, 190, sequence), 1, 191, round(at_s * S))
 
 
 def test_a_command_is_carried_out_and_acknowledged_to_its_sender() -> None:
@@ -102,6 +105,23 @@ def test_land_abort_land_in_one_second_are_three_commands() -> None:
     assert [c.params[0] for c in desk.done] == [1, 0, 1]
 
 
+def test_a_frame_that_comes_again_after_another_command_is_answered_alike_and_not_carried_out_again() -> None:
+    desk = Desk()
+    script = ((10.0, 1, 7), (10.2, 0, 8), (10.3, 1, 7), (10.4, 0, 8))
+    answers = [desk.long(what, at_s, sequence=sequence) for at_s, what, sequence in script]
+    assert [a and a.reply.reason for a in answers] == ["number 1", "number 2", "number 1", "number 2"]
+    assert [a and a.executed for a in answers] == [True, True, False, False]
+    assert [c.params[0] for c in desk.done] == [1, 0]
+    assert desk.server.repeated == 2
+
+
+def test_a_number_that_comes_again_later_or_with_another_command_is_no_frame_come_twice() -> None:
+    desk = Desk()
+    for at_s, what, sequence in ((10.0, 1, 7), (10.2, 0, 8), (10.3, 3, 7), (12.0, 1, 7)):
+        desk.long(what, at_s, sequence=sequence)
+    assert [c.params[0] for c in desk.done] == [1, 0, 3, 1]
+
+
 def test_the_same_command_of_two_senders_is_two_commands() -> None:
     desk = Desk()
     desk.long(1, 10, system=255)
@@ -134,7 +154,10 @@ def test_memory_of_senders_is_bounded() -> None:
     desk = Desk()
     for system in range(1, 101):
         desk.long(1, 10, system=system)
-    assert len(desk.server._last) <= 16
+    for number in range(100):
+        desk.long(number, 10, system=100)
+    assert len(desk.server._done) <= 16
+    assert len(desk.server._done[100, 190]) <= 8
 
 
 @given(st.lists(st.tuples(st.sampled_from([0, 1]), st.integers(0, 3), st.integers(0, 5000)), max_size=20))
