@@ -43,6 +43,13 @@ class Framer:
             yield from self._take(length)
         self._skip(len(self._buffer))
 
+    def whole(self, data: bytes) -> bytes:
+        """Take bytes and return all so far but those of a frame that is still incomplete."""
+        taken = bytes(self._buffer) + data
+        for _ in self.feed(data):
+            pass
+        return taken[: len(taken) - len(self._buffer)]
+
     def reset(self) -> None:
         """Forget a partial frame: what comes next starts anew."""
         self._skip(len(self._buffer))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from companion.link.channel import Channel, OnBytes, StreamChannel
+from companion.link.framing import Framer
 from companion.link.url import Url
 
 CONNECT_TIMEOUT_S = 5.0
@@ -26,7 +27,10 @@ async def listen_tcp(url: Url, on_bytes: OnBytes) -> Channel:
 
 
 class ServerChannel:
-    """Whoever has connected, as one channel; it is up from the moment it listens."""
+    """Whoever has connected, as one channel; it is up from the moment it listens.
+
+    What the clients send is handed on frame by frame: TCP cuts their streams anywhere.
+    """
 
     def __init__(self, on_bytes: OnBytes) -> None:
         self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
@@ -39,7 +43,8 @@ class ServerChannel:
         self._server = await asyncio.get_running_loop().create_server(self._accept, host, port)
 
     def _accept(self) -> StreamChannel:
-        client = StreamChannel(self._on_bytes)
+        framer = Framer()
+        client = StreamChannel(lambda data: self._on_bytes(framer.whole(data)))
         self._clients.add(client)
         client.lost.add_done_callback(lambda _: self._clients.discard(client))
         return client

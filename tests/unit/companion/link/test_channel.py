@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import serial
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import UsageError
 from companion.link import channel as channels
@@ -24,6 +25,7 @@ from companion.link.channel import (
     UNACKNOWLEDGED_MS,
     StreamChannel,
 )
+from companion.link.codec import Codec
 from companion.link.serial import SerialChannel
 from companion.link.tcp import ServerChannel, open_tcp
 from companion.link.transport import Transport
@@ -162,6 +164,23 @@ async def test_a_server_that_never_listened_can_be_closed() -> None:
     assert not server.write(b"x")
     server.close()
     assert await asyncio.wait_for(server.lost, 1) == "closed"
+
+
+async def test_streams_of_several_clients_do_not_mix_wherever_they_are_cut() -> None:
+    codec, received = Codec(191), []
+    server = ServerChannel(lambda data: received.extend(m.get_srcSystem() for m in codec.decode(data)))
+    clients = [(server._accept(), Codec(component)) for component in (1, 190)]
+    for system, (_, sender) in enumerate(clients, 1):
+        sender.system_id = system
+    for cut in range(1, 21):
+        beat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3)
+        frames = [sender.encode(beat) for _, sender in clients]
+        for part in (slice(0, cut), slice(cut, None)):
+            for (client, _), frame in zip(clients, frames, strict=True):
+                client.data_received(frame[part])
+    server._accept().data_received(b"no frame")
+    assert received == [1, 2] * 20
+    assert (codec.lost, codec.bad, codec.bad_bytes) == (0, 0, 8)
 
 
 async def test_the_kernel_gives_up_silent_streams_of_both_kinds() -> None:
