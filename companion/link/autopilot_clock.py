@@ -9,6 +9,8 @@ from companion.link.timesync import TimeSync
 
 Source = Literal["none", "arrival", "timesync"]
 
+# Boot times are 32 bits of milliseconds; TIMESYNC's are 64 bits and do not go round.
+TURN_NS = 2**32 * 1_000_000
 BUCKET_NS = 15_000_000_000
 # A mapped stamp cannot lie in the future by more than the error of the mapping, nor be older than any queue.
 FUTURE_NS = 20_000_000
@@ -35,6 +37,10 @@ class LeastDelay:
         offset = now_ns - autopilot_ns
         self._current_ns = offset if self._current_ns is None else min(self._current_ns, offset)
         return self._current_ns if self._previous_ns is None else min(self._current_ns, self._previous_ns)
+
+    def autopilot_ns(self, now_ns: int) -> int | None:
+        """Return what the autopilot's clock shows about now, None before the first arrival."""
+        return None if self._current_ns is None else now_ns - self._current_ns
 
 
 class AutopilotClock:
@@ -69,11 +75,11 @@ class AutopilotClock:
     def stamp_ns(self, boot_ms: int, now_ns: int) -> int | None:
         """Return our time of a message stamped `boot_ms` that arrived now; None if that cannot be."""
         self._heard = True
-        autopilot_ns = boot_ms * 1_000_000
         if (
             self.timesync.resets != self._resets
         ):  # the least delay so far is that of the clock before its jump
             self._resets, self._arrivals = self.timesync.resets, LeastDelay()
+        autopilot_ns = self._whole_ns(boot_ms, now_ns)
         stamp = autopilot_ns + self._arrivals.add(autopilot_ns, now_ns)
         if self.timesync.synced:
             stamp = self.timesync.to_local_ns(autopilot_ns)
@@ -87,6 +93,14 @@ class AutopilotClock:
         if self._doubts >= DOUBTS:  # the autopilot's clock is no longer the one we synchronised with
             self.reset()
         return None
+
+    def _whole_ns(self, boot_ms: int, now_ns: int) -> int:
+        """Return a boot time in the turn of its 32 bits that is nearest to the autopilot's clock now."""
+        synced = self.timesync.synced
+        clock_ns = self.timesync.to_autopilot_ns(now_ns) if synced else self._arrivals.autopilot_ns(now_ns)
+        part_ns = boot_ms * 1_000_000
+        turns = 0 if clock_ns is None else max(0, round((clock_ns - part_ns) / TURN_NS))
+        return part_ns + turns * TURN_NS
 
     def reset(self) -> None:
         """Start over: the autopilot rebooted."""

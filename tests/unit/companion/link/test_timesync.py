@@ -183,6 +183,19 @@ def test_synchronised_stamps_do_not_depend_on_the_delay_of_the_message() -> None
         assert clock.stamp_ns((now - 9 * S) // MS, now + delay) == pytest.approx(now, abs=100)
 
 
+@pytest.mark.parametrize("answered", [True, False])
+@pytest.mark.parametrize("turns", [0, 1, 2])
+def test_boot_times_that_go_round_after_seven_weeks_are_placed_as_before(answered: bool, turns: int) -> None:
+    clock, now = AutopilotClock(), 10 * S
+    ahead = turns * 2**32 * MS - 30 * S  # switched on a second ago, or goes round in 20 s
+    ahead += 21 * S if turns == 0 else 0
+    while now < 60 * S:
+        now = exchange(clock.timesync, now, 0.1, lambda t: t + ahead) if answered else now + 100 * MS
+        stamp = clock.stamp_ns((now + ahead) // MS % 2**32, now + 3 * MS)
+        assert stamp == pytest.approx(now, abs=4 * MS)
+    assert (clock.implausible, clock.timesync.resets) == (0, 0)
+
+
 def test_stamps_from_the_future_are_refused_and_many_of_them_start_the_clock_over() -> None:
     clock = AutopilotClock()
     now = exchange(clock.timesync, 10 * S, 5, lambda t: t - 9 * S)
