@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 from typing import Any
 
 from companion.link.channel import MAX_BACKLOG_BYTES, Channel, OnBytes
@@ -11,6 +12,8 @@ from companion.link.url import Url
 # A bound port answers everyone heard lately: an autopilot or router that restarts speaks from a new port.
 PEER_MEMORY_S = 10.0
 MAX_PEERS = 4
+# The kernel has no room for this datagram, or its firewall's table has none; for the next one it may.
+NOT_TAKEN = (errno.ENOBUFS, errno.ENOMEM, errno.EPERM)
 
 
 async def open_udpout(url: Url, on_bytes: OnBytes) -> Channel:
@@ -36,6 +39,7 @@ class DatagramChannel(asyncio.DatagramProtocol):
         self._loop = asyncio.get_running_loop()
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self.refused = 0
+        self.unsent = 0
         self._on_bytes = on_bytes
         self._bound = bound
         self._peers: dict[Any, float] = {}
@@ -53,6 +57,9 @@ class DatagramChannel(asyncio.DatagramProtocol):
         self._on_bytes(data)
 
     def error_received(self, exc: Exception) -> None:
+        if isinstance(exc, OSError) and exc.errno in NOT_TAKEN:
+            self.unsent += 1
+            return
         # "Refused" only says that nobody listens there yet; any other error means that the socket or the
         # network under it has gone, and a bound socket outlives the fault of one peer.
         if isinstance(exc, ConnectionRefusedError) or self._bound:
@@ -70,12 +77,11 @@ class DatagramChannel(asyncio.DatagramProtocol):
             return False
         if transport.get_write_buffer_size() > MAX_BACKLOG_BYTES:
             return False
-        if not self._bound:
-            transport.sendto(data)
-            return True
-        for peer in self._recent_peers():
+        unsent = self.unsent
+        peers = self._recent_peers() if self._bound else [None]
+        for peer in peers:
             transport.sendto(data, peer)
-        return bool(self._peers)
+        return bool(peers) and self.unsent == unsent
 
     def _recent_peers(self) -> list[Any]:
         """Forget peers silent for long, but never the last one."""

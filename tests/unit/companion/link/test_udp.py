@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import errno
+import os
 from types import SimpleNamespace
 from typing import Any
 
@@ -102,6 +104,22 @@ async def test_nobody_listening_yet_is_counted_and_any_other_fault_ends_the_sock
     assert transport.aborted
     channel.connection_lost(None)
     assert await channel.lost == "Network is unreachable"
+
+
+@pytest.mark.parametrize("bound", [True, False])
+@pytest.mark.parametrize("number", [errno.ENOBUFS, errno.ENOMEM, errno.EPERM])
+async def test_a_datagram_that_the_system_does_not_take_is_dropped_and_the_socket_goes_on(
+    number: int, bound: bool
+) -> None:
+    channel, transport, _, _ = opened(bound=bound)
+    channel.datagram_received(b"", "peer")
+    taken = transport.sendto
+    transport.sendto = lambda *_: channel.error_received(OSError(number, os.strerror(number)))
+    assert not channel.write(b"x")
+    transport.sendto = taken
+    assert channel.write(b"y")
+    assert [data for data, _ in transport.sent] == [b"y"]
+    assert (channel.unsent, channel.lost.done(), transport.aborted) == (1, False, False)
 
 
 async def test_the_fault_of_one_peer_leaves_a_bound_socket_open() -> None:
