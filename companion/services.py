@@ -11,12 +11,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import now_ns
-from companion.errors import UsageError
 from companion.link.key import read_key
 from companion.link.link import Link
 from companion.link.mission import RallyPoint
 from companion.link.parameter_server import Keeper, ParameterServer
-from companion.link.signing import Signing
+from companion.link.signing import HIGHEST_TICK, Signing
 from companion.rally import TRANSFERS, Rally, best_points
 from companion.settings import Settings
 from companion.state import StateDir
@@ -30,19 +29,29 @@ RALLY_FILE = "rally"
 
 
 def start_signing(key_file: Path, state: StateDir) -> Signing:
-    """Read the key and go on from the timestamp of the last flight.
+    """Read the key and go on from the timestamp of the last flight, from the date if there is none.
 
     Raises
     ------
     UsageError
-        The key is refused, or the state directory holds no timestamp but something else.
+        The key is refused, or the timestamp's file cannot be read at all.
     """
     key = read_key(key_file)
-    text = (state.read(SIGNING_FILE) or "0").strip()
-    if not (text.isascii() and text.isdigit() and int(text) < 2**48):
-        raise UsageError(f"{state.folder / SIGNING_FILE}: {text[:20]!r} is no timestamp; delete the file")
+    text = state.read(SIGNING_FILE, damaged=True)
+    text = "0" if text is None else text.strip()
+    tick = _tick(text)
+    if tick is None:
+        path = state.folder / SIGNING_FILE
+        log.warning("%s: %r is no timestamp; those of signing begin with the date", path, text[:20])
     log.info("MAVLink is signed: the key is %s", key.form)
-    return Signing(key.secret, int(text))
+    return Signing(key.secret, tick or 0)
+
+
+def _tick(text: str) -> int | None:
+    """Return the timestamp that a text is, None if it is none."""
+    if not (text.isascii() and text.isdigit() and len(text) <= len(str(HIGHEST_TICK))):
+        return None
+    return int(text) if int(text) <= HIGHEST_TICK else None
 
 
 class Services:
@@ -76,6 +85,7 @@ class Services:
         self._points: tuple[RallyPoint, ...] = ()
         self._signing = signing
         self._state = state
+        self._unsynced = False
         self.parameters = ParameterServer(settings, *orders)
         self.parameters.told.subscribe(self._tell)
         for name in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
@@ -92,10 +102,12 @@ class Services:
                 for message in self.parameters.poll(now_ns()):
                     self._link.send(message)
                 self._keep_rally_points()
-                self._save_timestamp()
+                await self._sync_points()
+                await self._save_timestamp()
                 await asyncio.sleep(TICK_S)
         finally:
-            self._save_timestamp(last=True)
+            if self._signing is not None:
+                self._write_timestamp(self._signing.tick)
 
     def _parameter(self, message: Any, _at_ns: int) -> None:
         self.parameters.bytewise = self._link.vehicle.autopilot == "px4"
@@ -134,6 +146,7 @@ class Services:
             lines = "".join(f"{p.lat_e7} {p.lon_e7} {p.alt_m}\n" for p in self._remembered)
             if fault := self._state.write(RALLY_FILE, lines, durable=False):
                 log.warning("our rally points are not remembered: %s", fault)
+            self._unsynced = not fault
         for message in messages:
             self._link.send(message)
 
@@ -141,18 +154,27 @@ class Services:
         log.info(text)
         self._link.statustext(text, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING)
 
-    def _save_timestamp(self, *, last: bool = False) -> None:
-        if self._signing is None or self._state is None:
-            return
-        tick = self._signing.tick if last else self._signing.to_save()
-        if tick is not None and (fault := self._state.write(SIGNING_FILE, f"{tick}\n", durable=False)):
+    async def _sync_points(self) -> None:
+        """Let our points survive a power cut; in a thread, for nothing here may wait for a card."""
+        if self._unsynced and self._state is not None:
+            self._unsynced = False
+            if fault := await asyncio.to_thread(self._state.sync, RALLY_FILE):
+                log.warning("our rally points are not kept: %s", fault)
+
+    async def _save_timestamp(self) -> None:
+        tick = None if self._signing is None else self._signing.to_save()
+        if tick is not None:
+            await asyncio.to_thread(self._write_timestamp, tick)
+
+    def _write_timestamp(self, tick: int) -> None:
+        if self._state is not None and (fault := self._state.write(SIGNING_FILE, f"{tick}\n")):
             log.warning("the timestamp of signing is not kept: %s", fault)
 
 
 def _read_points(state: StateDir) -> tuple[RallyPoint, ...]:
     """Return the points that an earlier run may have left on the vehicle; a line that is none is left out."""
     points = []
-    for line in (state.read(RALLY_FILE) or "").splitlines():
+    for line in (state.read(RALLY_FILE, damaged=True) or "").splitlines():
         try:
             lat_e7, lon_e7, alt_m = map(int, line.split())
             points.append(RallyPoint(lat_e7, lon_e7, alt_m))

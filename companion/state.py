@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import logging
 import os
@@ -24,6 +25,8 @@ def default_state_dir() -> Path:
 class StateDir:
     """Small text files that are always whole: each is written beside its place and then put there.
 
+    May be used in any thread.
+
     Raises
     ------
     UsageError
@@ -43,8 +46,10 @@ class StateDir:
             why = error.strerror or error
             raise UsageError(f"--state-dir {folder} cannot be written: {why}") from None
 
-    def read(self, name: str) -> str | None:
+    def read(self, name: str, *, damaged: bool = False) -> str | None:
         """Return a file's text, None if there is none.
+
+        damaged: bytes that are no text become U+FFFD, for readers who can do without.
 
         Raises
         ------
@@ -55,7 +60,7 @@ class StateDir:
         if self._last is not None:
             self._last.result()
         try:
-            return path.read_text("utf-8")
+            return path.read_text("utf-8", "replace" if damaged else "strict")
         except FileNotFoundError:
             return None
         except (OSError, UnicodeDecodeError) as error:
@@ -75,6 +80,15 @@ class StateDir:
                     os.fsync(file.fileno())
             beside.replace(self.folder / name)
         except OSError as error:
+            return _told(error, beside)
+        return ""
+
+    def sync(self, name: str) -> str:
+        """Wait until what was written without `durable` is; return why that failed, empty if it did not."""
+        try:
+            with (self.folder / name).open("rb") as file:
+                os.fsync(file.fileno())
+        except OSError as error:
             return str(error.strerror or error)
         return ""
 
@@ -87,7 +101,7 @@ class StateDir:
         try:
             beside.write_text(text, encoding="utf-8")
         except OSError as error:
-            return str(error.strerror or error)
+            return _told(error, beside)
         self._disk = self._disk or ThreadPoolExecutor(1, "slz-state")
         self._last = self._disk.submit(self._finish, beside, self.folder / name)
         return ""
@@ -99,4 +113,11 @@ class StateDir:
                 os.fsync(file.fileno())
             beside.replace(path)
         except OSError as error:
-            log.error("%s not kept: %s", path, error.strerror or error)
+            log.error("%s not kept: %s", path, _told(error, beside))
+
+
+def _told(error: OSError, beside: Path) -> str:
+    """Return why a file could not be written, and leave nothing of it."""
+    with contextlib.suppress(OSError):
+        beside.unlink()
+    return str(error.strerror or error)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import os
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,7 +15,7 @@ import pytest
 import params
 from companion.link.link import Link
 from companion.link.mission import RallyPoint
-from companion.link.signing import MARGIN_TICKS, wall_ticks
+from companion.link.signing import MARGIN_TICKS, Signing, wall_ticks
 from companion.link.vehicle import VehicleState
 from companion.services import RALLY_FILE, SIGNING_FILE, Services, start_signing
 from companion.settings import Settings
@@ -31,6 +34,25 @@ def test_signing_goes_on_from_the_timestamp_that_was_kept(tmp_path: Path) -> Non
     state.write(SIGNING_FILE, f"{ahead}\n")
     second = start_signing(key, state)
     assert (second.secret, second.next_tick()) == (bytes(range(32)), ahead + MARGIN_TICKS + 1)
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [b"", b"\0" * 16, b"\xff\xfe\x80", b"-1\n", b"%d\n" % 2**48, b"9" * 5000],
+    ids=lambda b: repr(b[:20]),
+)
+def test_a_damaged_timestamp_is_told_and_signing_begins_with_the_date(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, damaged: bytes
+) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    (tmp_path / SIGNING_FILE).write_bytes(damaged)
+    signing = start_signing(key, StateDir(tmp_path))
+    assert wall_ticks() - 1_000_000 <= signing.next_tick() <= wall_ticks() + 1_000_000
+    (line,) = (record.getMessage() for record in caplog.records if record.levelname == "WARNING")
+    assert line.startswith(f"{tmp_path / SIGNING_FILE}: ")
+    assert "is no timestamp" in line
 
 
 def services(state: StateDir | None = None, **values: Any) -> tuple[Services, Settings, Any]:
@@ -74,7 +96,42 @@ def test_points_of_an_earlier_run_are_read_and_a_broken_line_is_left_out(
     assert len(caplog.records) == 3
 
 
-def test_points_and_timestamps_that_cannot_be_kept_are_warned_of_and_the_flight_goes_on(
+def test_points_of_which_only_bytes_are_left_are_none(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / RALLY_FILE).write_bytes(b"\xff\xfe\x80\0\0")
+    served, _, _ = services(StateDir(tmp_path))
+    assert served.rally.ours == ()
+    assert len(caplog.records) == 1
+
+
+async def test_what_is_remembered_survives_a_power_cut_and_the_event_loop_never_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[tuple[str, bool]] = []
+
+    def fsync(descriptor: int) -> None:
+        name = Path(f"/proc/self/fd/{descriptor}").readlink().name.lstrip(".").partition(".")[0]
+        synced.append((name, threading.current_thread() is threading.main_thread()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    served, _, _ = services(StateDir(tmp_path))
+    served._signing = Signing(bytes(32), wall=lambda: 10**9)
+    monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
+    served._send_mission([])
+    assert synced == []
+    task = asyncio.create_task(served.run())
+    async with asyncio.timeout(5):
+        while len(synced) < 2:
+            await asyncio.sleep(0)
+    assert synced == [("rally", False), ("signing", False)]
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    assert synced[2:] == [("signing", True)]  # the last one, when nothing flies any more
+    assert StateDir(tmp_path).read(SIGNING_FILE) == f"{10**9}\n"
+
+
+async def test_points_and_timestamps_that_cannot_be_kept_are_warned_of_and_the_flight_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     state = StateDir(tmp_path)
@@ -85,7 +142,7 @@ def test_points_and_timestamps_that_cannot_be_kept_are_warned_of_and_the_flight_
     monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
     served._signing = cast(Any, SimpleNamespace(tick=7, to_save=lambda: 7))
     served._send_mission(["a message"])
-    served._save_timestamp()
+    await served._save_timestamp()
     assert sent == ["a message"]
     assert [record.getMessage() for record in caplog.records] == [
         "our rally points are not remembered: No space left on device",
