@@ -53,6 +53,7 @@ class Custody:
                 self._land_ns = None
             return False
         if s.landing and self._land_ns is not None:
-            self._shown = self._lands = True
+            if not self._shown:  # shown before: it may have been asked to leave since
+                self._shown = self._lands = True
             return False
         return s.mode != self._leaving

@@ -456,6 +456,21 @@ def test_a_landing_mode_that_shows_when_it_already_looks_elsewhere_is_left_again
     assert flight.executive.tally.hands_off == 0
 
 
+def test_a_guided_mode_that_was_asked_for_and_shows_after_a_silence_is_ours() -> None:
+    """It obeyed while its heartbeats were lost: nobody else has it, so the climb goes on."""
+    flight = Flight([zone(1, 10, 0), zone(2, -20, 0)]).fly_to(Phase.FINAL).run(1.0)
+    flight.blind, flight.obeys = True, False
+    flight.run(2.0)
+    assert flight.orders[-1][3].mode == "guided"
+    flight.heard = False
+    flight.run(1.0)
+    flight.blind, flight.heard, flight.obeys = False, True, True
+    flight.mode = "GUIDED"
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.hands_off == 0
+    assert flight.executive.tally.abort_reasons == ["position lost"]
+
+
 def test_a_landing_mode_entered_while_nothing_was_heard_is_ours_and_broken_off() -> None:
     flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0)
     flight.until(lambda f: f.executive.phase is Phase.DESCEND)
