@@ -51,6 +51,13 @@ class Executive:
         Speeds, heights and times of the `landing` section.
     auto
         Land without being asked, once the vehicle is armed, airborne and in its guided mode.
+
+    Attributes
+    ----------
+    phase, tally
+        Where the landing stands, and what happened so far.
+    turns
+        Rises with each order taken, and when one is broken off or ends: then it stands no more as given.
     """
 
     def __init__(self, parameters: Parameters, auto: bool) -> None:
@@ -58,6 +65,7 @@ class Executive:
         self._auto = auto
         self.phase = Phase.IDLE
         self.tally = Tally()
+        self.turns = 0
         self._custody = Custody()
         self._since_ns = 0
         self._steady_since_ns: int | None = None
@@ -117,6 +125,7 @@ class Executive:
         if self.phase in FLYING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
         self._pending_select = self._asked = enu_m
+        self.turns += 1
         return Reply(True, "watching the point")
 
     def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
@@ -529,6 +538,7 @@ class Executive:
 
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
+        self.turns += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         self._since_ns = s.now_ns
         self._late_ns = self._limit_ns(s)
         self._steady_since_ns = self._lost_since_ns = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,9 +38,14 @@ class Operator:
             reply = self._point(command, land=which == 1)
         else:
             reply = self.order(what, which)
-        if reply.accepted:
-            return CommandReply.accepted()
-        return CommandReply.denied(f"SLZ: {reply.reason}")
+        answer = CommandReply.accepted() if reply.accepted else CommandReply.denied(f"SLZ: {reply.reason}")
+        turns = self.turns
+        return replace(answer, always=what == ABORT, stands=lambda: self.turns == turns)
+
+    @property
+    def turns(self) -> int:
+        """Number that rises with each order taken, and when one ends."""
+        return self._companion.executive.turns
 
     def order(self, what: float, which: float = 0) -> Reply:
         """Carry out an order that needs no place."""

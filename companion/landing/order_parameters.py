@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from companion.clock import now_ns
 from companion.landing.operator import ABORT, CONFIRM, LAND_AT_BEST, LAND_NOW, SELECT, Operator
 from companion.settings import Change
@@ -36,7 +34,7 @@ DO_ROW = Row(
     live=True,
 )
 ORDERS = {1: LAND_AT_BEST, 2: CONFIRM, 3: LAND_NOW, 4: ABORT}
-# A station that missed the answer sets the parameter again: that is no second order.
+# A station that missed the answer sets the parameter again: no second order, as long as the first stands.
 REPEAT_NS = 3_000_000_000
 
 
@@ -53,7 +51,8 @@ class OrderParameters:
 
     def __init__(self, operator: Operator) -> None:
         self._operator = operator
-        self._last: tuple[str, int, int, Change] | None = None
+        self._last: tuple[str, int, int] | None = None  # an order taken: name, value, turn
+        self._last_ns = 0
         self.rows = (SELECT_ROW, DO_ROW)
         self.do = 0
 
@@ -74,11 +73,11 @@ class OrderParameters:
         row = SELECT_ROW if name == "select" else DO_ROW
         if row.high is not None and not 0 < value <= row.high:
             return Change(False, f"{row.mavlink}: must be 0 to {row.high:g}")
-        at_ns, last = now_ns(), self._last
-        if last is not None and last[:2] == (name, value) and at_ns - last[2] < REPEAT_NS:
-            return replace(last[3], reason="") if last[3].accepted else last[3]  # a refusal is told again
+        if (name, value, self._operator.turns) == self._last and now_ns() - self._last_ns < REPEAT_NS:
+            return Change(True, "")
         what, which = (SELECT, value) if name == "select" else (ORDERS[value], 0)
         reply = self._operator.order(what, which)
-        change = Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")
-        self._last = name, value, at_ns, change
-        return change
+        repeatable = reply.accepted and what != ABORT  # an abort is carried out each time
+        self._last = (name, value, self._operator.turns) if repeatable else None
+        self._last_ns = now_ns()
+        return Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")

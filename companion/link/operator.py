@@ -20,7 +20,8 @@ _GLOBAL_FRAMES = frozenset(
         mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
     }
 )
-# The same command again within so long is a retransmission; longer if its counter says so itself.
+# The same command again within so long is a retransmission, unless the first was refused or stands no more;
+# longer, and without any condition, if its counter says so itself.
 REPEAT_NS = 1_500_000_000
 COUNTED_REPEAT_NS = 10_000_000_000
 MAX_SENDERS = 16
@@ -54,10 +55,20 @@ class OperatorCommand:
 
 @dataclass(frozen=True, slots=True)
 class CommandReply:
-    """Answer to a command: a MAV_RESULT, and a reason for the pilot's screen (empty: none)."""
+    """Answer to a command: a MAV_RESULT, and a reason for the pilot's screen (empty: none).
+
+    Attributes
+    ----------
+    always
+        Carry the command out each time it comes: it must never be taken for a retransmission.
+    stands
+        Tells whether what was ordered still stands; after that the same command is meant anew.
+    """
 
     result: int
     reason: str = ""
+    always: bool = False
+    stands: Callable[[], bool] = lambda: True
 
     @classmethod
     def accepted(cls, reason: str = "") -> CommandReply:
@@ -148,16 +159,24 @@ def _repeated(
 ) -> _Done | None:
     """Return which of the sender's commands, newest first, this one repeats."""
     for number, old in enumerate(done):
-        same_frame = sequence == old.sequence
-        counted = number == 0 and (same_frame or confirmation > old.confirmation)
-        longest_ns = COUNTED_REPEAT_NS if counted else REPEAT_NS
-        if (
-            (number == 0 or same_frame)
-            and now_ns - old.heard_ns <= longest_ns
-            and repr(old.command) == repr(command)  # an open parameter is NaN, which equals nothing
+        # repr, because an open parameter is NaN, which equals nothing
+        if repr(old.command) == repr(command) and _repeats(
+            old, number == 0, confirmation, sequence, now_ns - old.heard_ns
         ):
             return old
     return None
+
+
+def _repeats(old: _Done, newest: bool, confirmation: int, sequence: int, age_ns: int) -> bool:
+    """Tell whether the same command, of so much later, repeats one."""
+    if sequence == old.sequence:  # the same frame, delivered twice
+        return age_ns <= (COUNTED_REPEAT_NS if newest else REPEAT_NS)
+    if not newest or old.reply.always:
+        return False
+    if confirmation > old.confirmation:
+        return age_ns <= COUNTED_REPEAT_NS
+    accepted = old.reply.result == mavlink.MAV_RESULT_ACCEPTED
+    return accepted and old.reply.stands() and age_ns <= REPEAT_NS
 
 
 def _command(m: Any) -> OperatorCommand:

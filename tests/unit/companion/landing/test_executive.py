@@ -224,6 +224,28 @@ class TestOperator:
         assert flight.position[0] == pytest.approx(10, abs=0.5)
         assert flight.executive.tally.aborts == 0
 
+    def test_each_order_and_each_end_of_one_is_a_turn_and_its_progress_is_none(self) -> None:
+        flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], auto=False).run(1)
+        executive, turns = flight.executive, [0]
+
+        def turned() -> bool:
+            turns.append(executive.turns)
+            return turns[-1] > turns[-2]
+
+        executive.watch_zone(flight.situation(), 2)
+        assert turned()
+        executive.land_at_best(flight.situation())
+        assert turned()
+        flight.fly_to(Phase.DESCEND)
+        assert not turned()
+        executive.abort(flight.situation())
+        assert turned()
+        executive.land_at_best(flight.situation())
+        assert turned()
+        flight.run(1).mode = "LOITER"
+        flight.run(1)
+        assert turned()
+
     def test_there_is_no_zone_to_land_in_before_the_first_report(self) -> None:
         flight = Flight([zone(1, 10, 0)], auto=False).run(1)
         unmapped = replace(flight.situation(), report=None)

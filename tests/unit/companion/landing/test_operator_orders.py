@@ -24,6 +24,7 @@ class Executive:
 
     def __init__(self) -> None:
         self.asked: list[tuple[Any, ...]] = []
+        self.turns = 0
 
     def __getattr__(self, name: str) -> Any:
         def order(*given: Any) -> Reply:
@@ -130,6 +131,15 @@ def test_before_any_position_there_is_no_point() -> None:
     operator, executive = desk(frame=None)
     assert "no position yet" in operator.answer(command(3.0, 1.0, at=(47.0, 8.0, 0.0))).reason
     assert executive.asked == []
+
+
+def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried_out() -> None:
+    operator, executive = desk()
+    landing, abort = operator.answer(command(1.0)), operator.answer(command(0.0))
+    assert (landing.always, landing.stands()) == (False, True)
+    assert abort.always
+    executive.turns += 1
+    assert not landing.stands()
 
 
 @pytest.mark.parametrize(

@@ -26,9 +26,13 @@ class Listener:
     def __init__(self) -> None:
         self.orders: list[tuple[int, int]] = []
         self.watched = 0
+        self.turns = 0
+        self.refuses = ""
 
     def order(self, what: int, which: int = 0) -> Reply:
         self.orders.append((what, which))
+        if self.refuses:
+            return Reply(False, self.refuses)
         if what == SELECT and which != 7:
             return Reply(False, f"no zone {which}")
         self.watched = which if what == SELECT else self.watched
@@ -92,6 +96,34 @@ def test_a_parameter_set_again_for_a_lost_answer_is_one_order(desk: Desk) -> Non
     desk.now_ns += REPEAT_NS
     desk.set("SLZ_DO", 1)
     assert desk.listener.orders == [(LAND_AT_BEST, 0)] * 2
+
+
+def test_an_abort_is_carried_out_each_time_it_comes(desk: Desk) -> None:
+    for _ in range(3):
+        desk.now_ns += REPEAT_NS // 10
+        desk.set("SLZ_DO", 4)
+    assert desk.listener.orders == [(ABORT, 0)] * 3
+
+
+@pytest.mark.parametrize(("name", "value"), [("SLZ_DO", 1), ("SLZ_SELECT", 7)])
+def test_a_refused_order_is_asked_anew_at_once(desk: Desk, name: str, value: int) -> None:
+    desk.listener.refuses = "set GUIDED first"
+    assert desk.set(name, value)[0][0] == "PARAM_ERROR"
+    desk.now_ns += REPEAT_NS // 2
+    desk.listener.refuses = ""
+    assert desk.set(name, value) == [("PARAM_VALUE", value)]
+    assert len(desk.listener.orders) == 2
+
+
+@pytest.mark.parametrize(("name", "value"), [("SLZ_DO", 1), ("SLZ_SELECT", 7)])
+def test_an_order_that_another_one_or_the_pilot_ended_is_meant_anew(
+    desk: Desk, name: str, value: int
+) -> None:
+    desk.set(name, value)
+    desk.listener.turns += 1
+    desk.now_ns += REPEAT_NS // 2
+    desk.set(name, value)
+    assert len(desk.listener.orders) == 2
 
 
 def test_saved_parameters_loaded_back_order_nothing(desk: Desk) -> None:

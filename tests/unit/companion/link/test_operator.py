@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -26,9 +27,14 @@ class Desk:
         self.server.handler = self._carry_out
         self._sequence = 0
 
+        self.refuses = self.always = False
+        self.stands = True
+
     def _carry_out(self, command: OperatorCommand) -> CommandReply:
         self.done.append(command)
-        return CommandReply.accepted(f"number {len(self.done)}")
+        reason = f"number {len(self.done)}"
+        reply = CommandReply.denied(reason) if self.refuses else CommandReply.accepted(reason)
+        return replace(reply, always=self.always, stands=lambda: self.stands)
 
     def long(
         self,
@@ -90,6 +96,45 @@ def test_an_uncounted_repetition_within_a_moment_is_a_retransmission_and_later_o
         False,
         True,
     ]
+
+
+def test_an_uncounted_repetition_of_a_refused_command_is_meant_anew() -> None:
+    desk = Desk()
+    desk.refuses = True
+    desk.int(1, 10)
+    desk.refuses = False
+    answer = desk.int(1, 11)
+    assert answer is not None
+    assert (answer.executed, answer.ack.result) == (True, mavlink.MAV_RESULT_ACCEPTED)
+
+
+def test_an_uncounted_repetition_of_what_stands_no_more_is_meant_anew() -> None:
+    desk = Desk()
+    desk.int(1, 10)
+    desk.stands = False
+    answer = desk.int(1, 11)
+    assert answer is not None
+    assert answer.executed
+
+
+@pytest.mark.parametrize(("name", "value"), [("refuses", True), ("stands", False)])
+def test_a_counted_retransmission_orders_nothing_anew(name: str, value: bool) -> None:
+    """Its sender has not seen the answer: it does not know that somebody else has ordered an abort since."""
+    desk = Desk()
+    setattr(desk, name, value)
+    desk.long(1, 10)
+    answer = desk.long(1, 11, 1)
+    assert answer is not None
+    assert not answer.executed
+
+
+def test_a_command_to_be_carried_out_always_is_so_at_each_frame_of_its_own() -> None:
+    desk = Desk()
+    desk.always = True
+    executed = [desk.long(0, 10), desk.long(0, 10.1), desk.long(0, 10.2, 1)]
+    desk._sequence -= 1  # the network repeats the last frame
+    executed.append(desk.long(0, 10.3, 1))
+    assert [a and a.executed for a in executed] == [True, True, True, False]
 
 
 def test_a_retry_whose_first_try_was_lost_is_carried_out() -> None:
