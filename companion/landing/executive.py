@@ -73,6 +73,7 @@ class Executive:
         self._aim = Aim()
         self._refused: list[Vector] = []
         self._route = Route(parameters)
+        self._over_since_ns: int | None = None  # the point, in this approach
         self._safe_since_ns: int | None = None
         self._lost_since_ns: int | None = None
         self._lost = ""
@@ -330,7 +331,7 @@ class Executive:
         self._aim.measure(s.position_enu_m, s.selected)
         self.tally.zone_id, self.tally.chosen_enu_m = zone_id, self._aim.enu_m
         self._pending_select = self._aim.enu_m
-        self._safe_since_ns = None
+        self._over_since_ns = self._safe_since_ns = None
         where = f"zone {zone_id}" if zone_id is not None else "the point"
         self._say(Severity.INFO, f"approaching {where}")
         self._go(Phase.APPROACH, s)
@@ -345,6 +346,8 @@ class Executive:
         judged = self._aim.judgement(s.selected)
         offset = _known(self._aim.enu_m)[:2] - position[:2]
         over = self._aim.away_m < 1.0 and float(np.hypot(*velocity[:2])) < 0.5
+        if over and self._over_since_ns is None:
+            self._over_since_ns = s.now_ns
         if judged is PointState.UNSAFE:
             return self._break_off(s, "point unsafe")
         if not (over and judged is PointState.SAFE):
@@ -354,7 +357,8 @@ class Executive:
         elif s.now_ns - self._safe_since_ns > STEADY_NS:
             self._say(Severity.INFO, "descending")
             self._go(Phase.DESCEND, s)
-        if over and judged is PointState.UNKNOWN and s.now_ns - self._since_ns > UNSEEN_NS:
+        unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > UNSEEN_NS
+        if over and judged is PointState.UNKNOWN and unseen:
             return self._break_off(s, "point not seen")
         if self._way(s) is Way.TOO_HIGH:
             return self._break_off(s, "way blocked")

@@ -110,6 +110,26 @@ def test_a_point_never_found_safe_is_never_descended_to(state: PointState) -> No
     assert flight.position[2] > 25
 
 
+@pytest.mark.parametrize("away_m", [10, 60, 200])
+def test_a_point_has_thirty_seconds_to_be_seen_from_above_however_long_the_way_was(away_m: int) -> None:
+    flight = Flight([zone(1, away_m, 0)])
+    flight.state = lambda _h, _point: PointState.UNKNOWN
+    flight.fly_to(Phase.APPROACH).until(lambda f: abs(f.position[0] - away_m) < 1)
+    arrived_s = flight.time_s
+    flight.run(25)
+    assert flight.executive.phase is Phase.APPROACH
+    flight.fly_to(Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["point not seen"]
+    assert 30 < flight.time_s - arrived_s < 35  # the last metre slows it down
+
+
+def test_a_point_far_away_that_is_found_safe_from_above_is_landed_on() -> None:
+    flight = Flight([zone(1, 200, 0)])
+    flight.state = lambda _h, _p: PointState.SAFE if flight.position[0] > 199.9 else PointState.UNKNOWN
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
 def test_lost_lidar_in_the_descent_breaks_off_and_then_asks_the_pilot() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 8)
