@@ -34,8 +34,10 @@ STEADY_NS = 2 * SECOND  # so long airborne and level before auto starts; so long
 TARGET_NS = round(2.5 * SECOND)  # the autopilot's estimator wants so much of the target before LAND
 LOST_NS = 10 * SECOND  # without LiDAR or position before the pilot is called
 TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
+SEARCH_NS = 300 * SECOND  # longer than the survey should take, before the pilot is called
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 STUCK_NS = 60 * SECOND  # longer than the way should take
+CALL_AGAIN_NS = 30 * SECOND  # with a low battery and no zone
 LANDING_MS = 0.5  # the slowest that autopilots sink at the end of a landing
 RECHARGED_PCT = 10.0
 
@@ -79,7 +81,7 @@ class Executive:
         self._lost = ""
         self._late_ns = 0
         self._started_ns = 0
-        self._battery_said = False
+        self._battery_said_ns: int | None = None
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
         self._asked: Vector | None = None  # the newest point put under watch
@@ -299,6 +301,10 @@ class Executive:
         zone = self._choice(s)
         if zone is not None:
             return self._approach_point(s, zone.best.enu_m, zone.id)
+        if s.now_ns - self._since_ns > round(self._p.survey_s * 1e9) + SEARCH_NS:
+            self._say(Severity.CRITICAL, "no zone found: take over")
+            self._go(Phase.HOLD, s)
+            return Orders(velocity_enu_ms=STOPPED)
         offset = self._route.to_corner(position, self._way(s))
         return self._route.fly(position, offset, self._p.survey_speed_ms)
 
@@ -486,31 +492,48 @@ class Executive:
             self._go(Phase.HOLD, s)
 
     def _heed_battery(self, s: Situation) -> None:
-        """Once the charge is low, land at the zone reached soonest; before a hand-over only say so."""
-        if s.battery_pct is None or self._p.battery_land_pct == 0:
+        """Once the charge is low, land at the zone reached soonest, and call the pilot while there is none.
+
+        Before a hand-over only say so.
+        """
+        if s.battery_pct is not None and s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
+            self._battery_said_ns = None
+        said_ns = self._battery_said_ns
+        if not self._is_low(s):
             return
-        if s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
-            self._battery_said = False
-        if s.battery_pct > self._p.battery_land_pct or self._battery_said:
+        if said_ns is not None and (s.now_ns - said_ns <= CALL_AGAIN_NS or not self._lacks_zone(s)):
             return
-        self._battery_said = True
-        if self.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB) and self._wish is not None:
+        self._battery_said_ns = s.now_ns
+        on_its_way = self._wish is not None and self.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB)
+        if self._lacks_zone(s):
+            self._say(Severity.CRITICAL, "battery low, no zone: take over")
+        elif on_its_way:
             self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
+        elif s.armed and s.on_ground is not True:
+            self._say(Severity.CRITICAL, "battery low: land")
+        if said_ns is None and on_its_way:
             self._wish = Wish(urgent=True)
             if self.phase is Phase.APPROACH and self._is_nearer_elsewhere(s):
                 self._go(Phase.SURVEY, s)
-        elif s.armed and s.on_ground is not True:
-            self._say(Severity.CRITICAL, "battery low: land")
 
     def _is_low(self, s: Situation) -> bool:
         return s.battery_pct is not None and 0 < self._p.battery_land_pct >= s.battery_pct
 
-    def _is_nearer_elsewhere(self, s: Situation) -> bool:
+    def _soonest(self, s: Situation) -> Zone | None:
         if s.report is None or s.position_enu_m is None:
+            return None
+        return soonest(s.report, self._refused, self._p, s.position_enu_m)
+
+    def _lacks_zone(self, s: Situation) -> bool:
+        """Tell whether it was told to land, flies to no point, and knows of none."""
+        looks = self.phase in (Phase.SURVEY, Phase.CLIMB, Phase.HOLD) and self._wish is not None
+        return looks and self._soonest(s) is None
+
+    def _is_nearer_elsewhere(self, s: Situation) -> bool:
+        zone = self._soonest(s)
+        if zone is None or s.position_enu_m is None:
             return False
-        here = s.position_enu_m[:2]
-        zone = soonest(s.report, self._refused, self._p, s.position_enu_m)
-        return zone is not None and np.hypot(*(zone.best.enu_m[:2] - here)) < self._aim.away_m
+        return bool(np.hypot(*(zone.best.enu_m - s.position_enu_m)[:2]) < self._aim.away_m)
 
     # ---- parts ----------------------------------------------------------------------------------
 

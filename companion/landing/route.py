@@ -31,6 +31,8 @@ class Way(Enum):
 class Route:
     """Height to fly at, and the corners of an expanding square search.
 
+    The search goes no farther than half of `zone_m` from where it began: it begins anew there.
+
     Attributes
     ----------
     height_m
@@ -42,6 +44,7 @@ class Route:
         self.height_m = 0.0
         self._corners: Iterator[tuple[float, float]] | None = None
         self._corner: Vector | None = None
+        self._middle = np.zeros(2)
         self._risen_m = 0.0
         self._blocked_since_ns: int | None = None
 
@@ -54,7 +57,8 @@ class Route:
         """Search about a position, at its height, at survey height, or at `least_m` if that is higher."""
         east, north, up = (float(v) for v in position_enu_m)
         self.height_m = max(up + max(0.0, self._p.survey_height_m - height_above_home_m), least_m)
-        self._search(east, north)
+        self._middle = np.array([east, north])
+        self._search(self._middle)
         self._risen_m = 0.0
 
     def forget(self) -> None:
@@ -65,12 +69,13 @@ class Route:
     def move(self, jump_enu_m: Vector) -> None:
         """Follow a jump of the position estimate; the search begins anew about its next corner."""
         self.height_m += float(jump_enu_m[2])
+        self._middle = self._middle + jump_enu_m[:2]
         if self._corner is not None:
-            self._search(*(float(v) for v in self._corner + jump_enu_m[:2]))
+            self._search(self._corner + jump_enu_m[:2])
 
-    def _search(self, east_m: float, north_m: float) -> None:
-        self._corner = np.array([east_m, north_m])
-        self._corners = expanding_square(east_m, north_m, 1.6 * reach_m(self._p))
+    def _search(self, about_m: Vector) -> None:
+        self._corner = about_m
+        self._corners = expanding_square(float(about_m[0]), float(about_m[1]), 1.6 * reach_m(self._p))
 
     def to_corner(self, position_enu_m: Vector, way: Way) -> Vector:
         """Return the offset (2,) to the corner; at it, or where the way is too high, to the next one."""
@@ -79,6 +84,8 @@ class Route:
         offset = self._corner - position_enu_m[:2]
         if float(np.hypot(*offset)) < AT_CORNER_M or way is Way.TOO_HIGH:
             self._corner = np.array(next(self._corners))
+            if float(np.hypot(*(self._corner - self._middle))) > self._p.zone_m / 2:
+                self._search(self._middle)
             offset = self._corner - position_enu_m[:2]
         return np.asarray(offset)
 

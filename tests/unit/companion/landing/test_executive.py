@@ -161,6 +161,40 @@ def test_no_zone_means_no_landing() -> None:
     assert flight.position[2] > 25
 
 
+def test_a_search_that_finds_no_zone_ends_in_a_hover_and_calls_the_pilot() -> None:
+    flight = Flight([]).fly_to(Phase.SURVEY)
+    flight.run(300)
+    assert flight.executive.phase is Phase.SURVEY
+    flight.run(10)
+    assert flight.executive.phase is Phase.HOLD
+    flight.run(60)
+    assert flight.texts.count("SLZ: no zone found: take over") == 1
+    assert flight.severities[flight.texts.index("SLZ: no zone found: take over")].name == "CRITICAL"
+    assert np.allclose(flight.velocity, 0)
+
+
+def test_after_a_search_without_a_zone_a_new_order_searches_anew() -> None:
+    flight = Flight([], auto=False).run(1)
+    flight.executive.land_at_best(flight.situation())
+    flight.until(lambda f: f.executive.phase is Phase.HOLD, 400)
+    flight.zones.append(zone(1, 10, 0))
+    assert flight.executive.land_at_best(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+
+
+@pytest.mark.parametrize(("zone_m", "jumps"), [(80.0, False), (80.0, True), (20.0, False)])
+def test_a_search_stays_within_half_the_map_of_where_it_began(zone_m: float, jumps: bool) -> None:
+    flight = Flight([], zone_m=zone_m).fly_to(Phase.SURVEY)
+    farthest_m = 0.0
+    while flight.time_s < 280:
+        flight.step()
+        farthest_m = max(farthest_m, float(np.hypot(*flight.position[:2])))
+        if jumps and round(flight.time_s, 1) % 30 == 0:
+            flight.jump(9.0, -4.0, 0.0)
+    assert farthest_m < zone_m / 2 + 1
+    assert zone_m < 80 or farthest_m > 0.8 * zone_m / 2
+
+
 @pytest.mark.parametrize(("east", "north"), [(40, 0), (0, 40), (-30, -30)])
 def test_the_nose_points_aside_of_the_course_for_the_lidar_to_see_ahead(east: float, north: float) -> None:
     flight = Flight([zone(1, east, north)], crab_deg=60.0).fly_to(Phase.APPROACH).run(1)

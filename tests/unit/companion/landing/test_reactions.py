@@ -275,6 +275,34 @@ def test_a_low_battery_where_no_zone_is_left_goes_on_to_the_point_that_was_chose
     assert flight.position[0] == pytest.approx(60, abs=0.5)
 
 
+@pytest.mark.parametrize("auto", [True, False])
+def test_a_low_battery_without_a_zone_calls_the_pilot_again_and_again(auto: bool) -> None:
+    flight = Flight([], auto=auto).run(1)
+    if not auto:
+        flight.executive.land_at_best(flight.situation())
+    flight.fly_to(Phase.SURVEY).run(20)
+    flight.battery_pct = 14.0
+    flight.run(1)
+    assert flight.texts[-1] == "SLZ: battery low, no zone: take over"
+    assert flight.severities[-1].name == "CRITICAL"
+    flight.run(120)
+    assert 4 <= flight.texts.count("SLZ: battery low, no zone: take over") <= 5
+    flight.until(lambda f: f.executive.phase is Phase.HOLD)
+    said = flight.texts.count("SLZ: battery low, no zone: take over")
+    flight.run(120)
+    assert flight.texts.count("SLZ: battery low, no zone: take over") > said + 2
+    assert not any("landing at the nearest" in text for text in flight.texts)
+
+
+def test_a_low_battery_lands_at_the_zone_found_after_the_pilot_was_called() -> None:
+    flight = Flight([]).fly_to(Phase.SURVEY).run(20)
+    flight.battery_pct = 14.0
+    flight.run(40)
+    flight.zones.append(zone(1, 30, 0))
+    flight.fly_to(Phase.LANDED)
+    assert flight.texts.count("SLZ: battery low, no zone: take over") == 2
+
+
 def test_a_new_battery_is_watched_anew() -> None:
     flight = Flight([zone(1, 0, 0)], auto=False)
     for charge in (10.0, 14.0, 90.0, 12.0):
