@@ -111,6 +111,7 @@ class Companion:
         orders = (OrderParameters(operator),)
         self.services = Services(self.link, self.settings, signing, state, self._fresh_report, orders)
         self.history = PoseHistory(parameters)
+        self.link.on_reboot.subscribe(self.history.begin_anew)
         surveyed = None if prior is None else SurveyPrior(prior, parameters)
         self.worker = PipelineWorker(parameters, self._on_report, surveyed)
         self.worker.on_invalid.subscribe(self._on_invalid)

@@ -18,9 +18,11 @@ Floats = NDArray[np.float64]
 
 CAPACITY = 1024
 # A position this far from where the velocities lead is a correction of the estimate, not motion; unknown
-# accelerations of this size are allowed for besides.
+# accelerations are allowed for besides. Over a gap they count by what they can add to the way at the mean
+# velocity of both ends: a t^2 / 4, half of that if they change once.
 JUMP_M = 2.0
 ACCELERATION_MS2 = 10.0
+GAP_ACCELERATION_MS2 = 3.0
 EXTRAPOLATION_S = 0.1
 
 
@@ -98,6 +100,12 @@ class PoseHistory:
             self.epoch += 1
         self._positions.append(stamp_ns, (*position, *velocity, self.epoch))
 
+    def begin_anew(self) -> None:
+        """Forget what was sampled: the autopilot began anew, and so did its estimate."""
+        self._attitudes.clear()
+        self._positions.clear()
+        self.epoch += 1
+
     @property
     def bracketed_until_ns(self) -> int | None:
         """Newest time that both attitude and position cover, None without either."""
@@ -152,9 +160,7 @@ class PoseHistory:
             return True
         if newest - stamp_ns <= self._limit_ns:
             return False
-        self._attitudes.clear()
-        self._positions.clear()
-        self.epoch += 1
+        self.begin_anew()
         return True
 
     @staticmethod
@@ -169,8 +175,16 @@ class PoseHistory:
         last = self._positions.values[-1]
         elapsed_s = (stamp_ns - int(self._positions.stamp_ns[-1])) * 1e-9
         expected = last[:3] + (last[3:6] + velocity) * (elapsed_s / 2)
-        allowed = JUMP_M + 0.5 * ACCELERATION_MS2 * elapsed_s**2
-        return bool(np.linalg.norm(position - expected) > allowed)
+        return bool(np.linalg.norm(position - expected) > motion_m(elapsed_s, self._limit_ns * 1e-9))
+
+
+def motion_m(elapsed_s: float, timeout_s: float) -> float:
+    """Return how far from where the mean velocity leads a vehicle can be by its own motion, after so long.
+
+    Beyond `timeout_s` it is a gap, in which no such manoeuvre as between two samples goes on throughout.
+    """
+    aside_ms2 = ACCELERATION_MS2 / 2 if elapsed_s <= timeout_s else GAP_ACCELERATION_MS2 / 4
+    return float(JUMP_M + aside_ms2 * elapsed_s**2)
 
 
 def _bounded_s(nanoseconds: int) -> float:

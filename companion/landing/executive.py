@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.fusion.pose_history import motion_m
 from companion.landing.aim import Aim, same_place
 from companion.landing.choice import choose, look_at, soonest
 from companion.landing.custody import Custody
@@ -460,7 +461,10 @@ class Executive:
         return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _follow_jumps(self, s: Situation) -> None:
-        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move."""
+        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move.
+
+        After a reboot or a gap only what is more than motion is a jump: it may have braked meanwhile.
+        """
         last = self._last
         if s.position_enu_m is None:
             return
@@ -468,8 +472,10 @@ class Executive:
         if last is None or last.epoch == s.epoch or self.phase not in FLYING:
             return
         speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
-        way_m = speed_ms * ((s.now_ns - last.now_ns) * 1e-9)
-        jump_m = s.position_enu_m - _known(last.position_enu_m) - way_m
+        elapsed_s = (s.now_ns - last.now_ns) * 1e-9
+        jump_m = s.position_enu_m - _known(last.position_enu_m) - speed_ms * elapsed_s
+        if np.linalg.norm(jump_m) <= motion_m(elapsed_s, self._p.pose_timeout_s):
+            jump_m = np.zeros(3)
         self._route.move(jump_m)
         self._refused = [point + jump_m for point in self._refused]
         self._aim.move(jump_m)

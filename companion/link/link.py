@@ -64,6 +64,8 @@ class Link:
         Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
     on_position
         Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
+    on_reboot
+        Event when the autopilot's clock began anew.
     on_text
         Event (text, severity) of what the pilot is shown.
     on_frame, on_sent, on_time_asked
@@ -96,6 +98,7 @@ class Link:
         self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
         self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
         self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
+        self.on_reboot: Event[[]] = self._inbox.rebooted
         self.on_text: Event[[str, int]] = Event()
         self.on_frame: Event[[Any, int]] = Event()
         self.on_sent: Event[[bytes]] = Event()

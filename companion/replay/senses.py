@@ -53,6 +53,7 @@ class Senses:
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
+        self._inbox.rebooted.subscribe(self.history.begin_anew)
 
     @property
     def vehicle(self) -> VehicleState:

@@ -59,6 +59,7 @@ class TelemetryFeed:
         inbox = Inbox(Codec(rerun.parameters.component_id), CommandServer())
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
+        inbox.rebooted.subscribe(rerun.history.begin_anew)
         hear = _Ear(inbox, rerun)
         heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
         return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))

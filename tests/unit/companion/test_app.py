@@ -211,6 +211,16 @@ async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
         assert "the position estimate jumped: mapping anew" in caplog.text
 
 
+async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+        begun: list[str] = []
+        monkeypatch.setattr(seat.companion.worker, "restart", lambda: begun.append("map"))
+        seat.companion._on_scan(scan(1))
+        seat.companion.link.on_reboot.emit()
+        seat.companion._on_scan(scan(2))
+        assert begun == ["map"]
+
+
 async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         offered: list[Scan] = []

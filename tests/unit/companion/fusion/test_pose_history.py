@@ -150,6 +150,57 @@ def test_hard_manoeuvres_are_no_jumps() -> None:
     assert flight.history(P, step_ns=200 * MS).jumps == 0
 
 
+def seen_again(gap_s: float, position_enu_m: np.ndarray, velocity_enu_ms: np.ndarray) -> PoseHistory:
+    """Return a history of 15 m/s eastwards, and one position after a gap."""
+    history = PoseHistory(P, HOME)
+    fast = np.array([15.0, 0.0, 0.0])
+    samples = [(i * 0.02, i * 0.02 * fast, fast) for i in range(-25, 1)]
+    samples.append((gap_s, position_enu_m, velocity_enu_ms))
+    for t_s, place, (east, north, up) in samples:
+        lat, lon, alt = HOME.lla(place + np.array([0.0, 0.0, 20.0]))
+        stamp = round((t_s + 1) * 1e9)
+        history.add_attitude(stamp, UPRIGHT, STILL)
+        history.add_position(stamp, float(lat), float(lon), float(alt), (north, east, -up))
+    return history
+
+
+@pytest.mark.parametrize("gap_s", [0.1, 0.4, 0.6, 0.8, 1.0, 1.5])
+@pytest.mark.parametrize("way", [(5.0, 0, 0), (0, -5.0, 0), (-3.0, 4.0, 0), (0, 0, 5.0)])
+def test_a_jump_of_five_metres_is_found_after_a_gap(gap_s: float, way: tuple[float, ...]) -> None:
+    fast = np.array([15.0, 0.0, 0.0])
+    assert seen_again(gap_s, fast * gap_s + way, fast).jumps == 1
+
+
+@pytest.mark.parametrize("gap_s", [0.6, 0.8, 1.5, 3.0, 8.0, 20.0])
+@pytest.mark.parametrize("begins_at", [0.0, 0.25, 0.5, 0.75])
+@pytest.mark.parametrize("acceleration", [(-4.0, 0.0, 0.0), (0.0, 4.0, 1.0), (-2.5, -2.5, -1.5)])
+def test_a_flight_at_15_ms_that_brakes_or_turns_in_a_gap_with_gusts_has_not_jumped(
+    gap_s: float, begins_at: float, acceleration: tuple[float, ...]
+) -> None:
+    t = np.linspace(0.0, gap_s, 4001)[:, None]
+    gusts = np.hstack([np.sin(2 * t), np.sin(1.3 * t + 1), 0.3 * np.sin(3 * t)])
+    turning = (t >= begins_at * gap_s) & (t < begins_at * gap_s + 15 / 4)  # then it stands, or flies on
+    rates = np.array(acceleration) * turning + gusts
+    velocity = np.array([15.0, 0, 0]) + np.cumsum(rates, axis=0) * (gap_s / 4000)
+    place = np.sum(velocity, axis=0) * (gap_s / 4001)
+    assert seen_again(gap_s, place, velocity[-1]).jumps == 0
+
+
+def test_begun_anew_it_has_another_epoch_and_no_pose_until_both_samples_came() -> None:
+    flight = Flight()
+    history = flight.history(P)
+    epoch, frame = history.epoch, history.frame
+    history.begin_anew()
+    assert history.epoch == epoch + 1
+    assert history.frame is frame
+    assert history.latest(2003 * MS) is None
+    flight.report_attitude(history, 2020 * MS)
+    flight.report_position(history, 2020 * MS)
+    pose = history.latest(2020 * MS)
+    assert pose is not None
+    assert pose.epoch == epoch + 1
+
+
 def test_the_history_keeps_the_newest_samples_when_it_is_full() -> None:
     flight = Flight(acceleration_enu_ms2=STILL, rates_frd=(0.0, 0.0, 0.5))
     history = flight.history(P, until_ns=60_000 * MS)

@@ -146,6 +146,28 @@ def test_a_jump_below_commit_height_does_not_move_the_target_away_from_the_vehic
     assert flight.executive.tally.aborts == 0
 
 
+def test_a_reboot_without_a_jump_leaves_the_place_it_flies_to() -> None:
+    """It braked while nothing was heard: that it is not where its speed would have led is no jump."""
+    flight = Flight([zone(1, 80, 0)]).fly_to(Phase.APPROACH).run(4)
+    flight.blind = True
+    flight.run(2)
+    flight.jump(0, 0, 0)
+    flight.blind = False
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[:2] == pytest.approx([80, 0], abs=0.2)
+
+
+def test_a_jump_found_after_a_gap_moves_the_place_it_flies_to() -> None:
+    flight = Flight([zone(1, 80, 0)]).fly_to(Phase.APPROACH).run(4)
+    flight.blind = True
+    flight.run(1)
+    flight.jump(0, 9, 0)
+    flight.blind = False
+    flight.fly_to(Phase.LANDED)
+    assert flight.position[0] == pytest.approx(80, abs=4)
+    assert flight.position[1] == pytest.approx(0, abs=0.2)
+
+
 # ---- link ----------------------------------------------------------------------------------------
 
 

@@ -78,6 +78,26 @@ def test_ranges_beside_a_lidar_with_packets_of_its_own_are_none_of_it() -> None:
     assert not found
 
 
+def test_after_a_reboot_of_the_autopilot_poses_are_of_another_epoch() -> None:
+    """Where its estimate begins anew nobody knows, even if its stamps go on."""
+    senses = Senses(HEADER, Parameters(), lambda _returns: None)
+    senses.take(heard(HEARTBEAT, SECOND))
+    epochs = []
+    for boot_ms, at_ms in ((60_000, 1000), (60_020, 1020), (100, 3000), (120, 3020), (140, 3040)):
+        at_ns = at_ms * 1_000_000
+        place = mavlink.MAVLink_global_position_int_message(
+            boot_ms, 470_000_000, 80_000_000, 4000, 0, 0, 0, 0, 0
+        )
+        attitude = mavlink.MAVLink_attitude_quaternion_message(boot_ms, 1, 0, 0, 0, 0, 0, 0)
+        senses.take(heard(attitude, at_ns))
+        senses.take(heard(place, at_ns))
+        pose = senses.history.latest(at_ns)
+        epochs.append(None if pose is None else pose.epoch)
+    assert epochs[:2] == [0, 0]
+    assert epochs[-1] == 1
+    assert senses.history.jumps == 0
+
+
 @pytest.mark.parametrize(
     "order",
     [
