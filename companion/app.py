@@ -149,7 +149,7 @@ class Companion:
         self._was_lost = False
         self._blocked = False
         self._flown = False
-        self._epoch = self.history.epoch
+        self._epoch = self._map_epoch = self.history.epoch
         self._foxglove_port = foxglove_port
         self.live: LiveView | None = None
         self.page = None if front is None else _page(self, front)
@@ -230,17 +230,24 @@ class Companion:
     def _on_scan(self, scan: Scan) -> None:
         if self.history.epoch != self._epoch:
             self._epoch = self.history.epoch
-            log.warning("the position estimate jumped: mapping anew")
-            self.worker.restart()
-            self.streams.forget()
-            self.report = self._last_report_ns = None
-            return
+            self._map_anew()
+            return  # it may still be of the frame before
         self._last_scan_ns = now_ns()
         for eye in (self.recordings.recorder, self.live):
             if eye is not None and (pose := self.history.latest(self._last_scan_ns)) is not None:
                 eye.pose(pose, scan.frame)
         self.obstacles.add(scan)
         self._offer(scan)
+
+    def _map_anew(self) -> None:
+        """Begin a new map if the position estimate jumped."""
+        if self.history.epoch == self._map_epoch:
+            return
+        self._map_epoch = self.history.epoch
+        log.warning("the position estimate jumped: mapping anew")
+        self.worker.restart()
+        self.streams.forget()
+        self.report = self._last_report_ns = None
 
     def _on_radar_scan(self, scan: Scan) -> None:
         """Map what the radar sees; its points come late and in blocks, so they are no obstacles at hand."""
@@ -349,6 +356,7 @@ class Companion:
             await asyncio.sleep(next_s - loop.time())
 
     def _tick(self) -> None:
+        self._map_anew()  # before the executive selects the point again, where it lies now
         situation = self.situation()
         orders = self.executive.step(situation)
         for severity, text in orders.texts:

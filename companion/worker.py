@@ -101,8 +101,9 @@ class PipelineWorker:
         self._wake.set()
 
     def restart(self) -> None:
-        """Forget the map: the position estimate was moved, and what was mapped lies elsewhere now."""
+        """Forget the map and the selection: the position estimate was moved, and both lie elsewhere now."""
         self._forget = True
+        self._select = []
         self._waiting = None
         self._numbers = []
         self._windower = Windower(self._parameters.window_s)

@@ -461,27 +461,33 @@ class Executive:
         return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _follow_jumps(self, s: Situation) -> None:
-        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move.
-
-        After a reboot or a gap only what is more than motion is a jump: it may have braked meanwhile.
-        """
+        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move."""
         last = self._last
         if s.position_enu_m is None:
             return
         self._last = s
-        if last is None or last.epoch == s.epoch or self.phase not in FLYING:
+        if last is None or last.epoch == s.epoch:
             return
+        if self.phase in FLYING:
+            self._move(last, s)
+        if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
+            self._pending_select = self.tally.chosen_enu_m = self._aim.enu_m
+        elif self._asked is not None or self._pending_select is not None:  # the map is gone, and it with it
+            self._asked = self._pending_select = None
+            if self.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
+                self._say(Severity.WARNING, "selection lost: select again")
+
+    def _move(self, last: Situation, s: Situation) -> None:
+        """Move what is remembered by the jump, if it is more than motion: it may have braked in a gap."""
         speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
         elapsed_s = (s.now_ns - last.now_ns) * 1e-9
-        jump_m = s.position_enu_m - _known(last.position_enu_m) - speed_ms * elapsed_s
+        jump_m = _known(s.position_enu_m) - _known(last.position_enu_m) - speed_ms * elapsed_s
+        self._say(Severity.WARNING, "position jumped")
         if np.linalg.norm(jump_m) <= motion_m(elapsed_s, self._p.pose_timeout_s):
-            jump_m = np.zeros(3)
+            return
         self._route.move(jump_m)
         self._refused = [point + jump_m for point in self._refused]
         self._aim.move(jump_m)
-        if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
-            self._pending_select = self.tally.chosen_enu_m = self._aim.enu_m
-        self._say(Severity.WARNING, "position jumped")
 
     def _call(self, trouble: str, s: Situation) -> None:
         """Call the pilot about a vehicle that does not do as told, again and again; go on asking it."""

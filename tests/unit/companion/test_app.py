@@ -211,6 +211,25 @@ async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
         assert "the position estimate jumped: mapping anew" in caplog.text
 
 
+async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else the map's end would take the point that the executive has just moved with the estimate."""
+    async with cockpit(monkeypatch) as seat:
+        companion, point, done, offered = seat.companion, np.array([1.0, 2.0, 0.0]), [], []
+        monkeypatch.setattr(companion.worker, "restart", lambda: done.append("map"))
+        monkeypatch.setattr(companion.worker, "select", lambda _point: done.append("point"))
+        monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        companion.link.ready = True
+        seat.orders = Orders(select_enu_m=point)
+        companion.history.epoch += 1
+        await seat.tick("GUIDED")
+        companion._on_scan(scan(1))  # it may still be of the frame before
+        assert (done, offered) == (["map", "point"], [])
+        companion._on_scan(scan(2))
+        assert (done, len(offered)) == (["map", "point"], 1)
+
+
 async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         begun: list[str] = []

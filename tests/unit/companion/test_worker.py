@@ -204,3 +204,14 @@ async def test_it_hangs_once_a_window_takes_longer_than_the_limit(monkeypatch: p
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     worker.close()
+
+
+async def test_a_point_selected_before_the_map_was_forgotten_is_forgotten_with_it() -> None:
+    reports: list[Report] = []
+    worker = worker_to(reports)
+    worker.select(np.array([1.0, 1.0, 0.0]))
+    worker.restart()
+    for second in (0, 0.5, 1.0):
+        worker.offer(scan(second))
+    await drive(worker, lambda: bool(reports))
+    assert reports[0].selected is None

@@ -168,6 +168,32 @@ def test_a_jump_found_after_a_gap_moves_the_place_it_flies_to() -> None:
     assert flight.position[1] == pytest.approx(0, abs=0.2)
 
 
+@pytest.mark.parametrize("aborted", [False, True])
+def test_a_selection_lost_with_the_map_is_said_to_be_lost_and_another_can_be_made(aborted: bool) -> None:
+    flight = Flight([zone(1, 20, 0), zone(2, -10, 0)], auto=aborted)
+    if aborted:
+        flight.fly_to(Phase.DESCEND)
+        flight.executive.abort(flight.situation())
+        flight.run(10)
+    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    flight.run(2)
+    flight.jump(5.0, 0, 0)
+    flight.run(5)
+    assert flight.texts[-1] == "SLZ: selection lost: select again"
+    assert flight.texts.count("SLZ: selection lost: select again") == 1
+    assert flight.executive.land_at_selected(flight.situation()).reason == "nothing selected"
+    assert flight.executive.watch_zone(flight.situation(), 1).accepted
+    flight.run(2)
+    assert flight.executive.land_at_selected(flight.situation()).accepted
+    flight.fly_to(Phase.APPROACH)
+
+
+def test_a_jump_without_a_selection_loses_none() -> None:
+    flight = Flight([zone(1, 20, 0)], auto=False).run(1)
+    flight.jump(5.0, 0, 0)
+    assert flight.run(1).texts == []
+
+
 # ---- link ----------------------------------------------------------------------------------------
 
 
