@@ -96,6 +96,11 @@ class CommandCall:
         """When `poll` has something to do; None before the first poll."""
         return self._deadline_ns
 
+    @property
+    def unanswered(self) -> bool:
+        """Whether it has no result, or gave way before the autopilot's."""
+        return self.result is None or self.result.outcome == "superseded"
+
     def poll(self, now_ns: int) -> int | None:
         """Return the number of the try (from 0) to send now, None if there is nothing to send."""
         if self.result is not None or (self._deadline_ns is not None and now_ns < self._deadline_ns):

@@ -14,6 +14,9 @@ from companion.link.command import Command, CommandCall, CommandResult
 class Commander:
     """One command of a kind at a time: acknowledgements carry only the command's number.
 
+    One that ended before its answer came, superseded or cancelled, still owes it: for as long as that may
+    take, the first answer is taken for it, not for the next command of its number.
+
     Parameters
     ----------
     send
@@ -23,6 +26,7 @@ class Commander:
     def __init__(self, send: Callable[[Command, int], bool]) -> None:
         self._send = send
         self._calls: dict[int, tuple[CommandCall, asyncio.Event]] = {}
+        self._owed_until_ns: dict[int, int] = {}
         self._locks: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     async def run(
@@ -39,9 +43,13 @@ class Commander:
                 return await self._finish(call, wake)
             finally:
                 del self._calls[command.command]
+                if call.unanswered and call.deadline_ns is not None:
+                    self._owed_until_ns[command.command] = call.deadline_ns
 
     def acknowledge(self, message: Any, at_ns: int) -> None:
         """Take a COMMAND_ACK addressed to us."""
+        if at_ns < self._owed_until_ns.pop(message.command, 0):
+            return
         if running := self._calls.get(message.command):
             running[0].acknowledge(message, at_ns)
             running[1].set()

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import now_ns
-from companion.link.command import Command, CommandCall
+from companion.link.command import Command, CommandCall, CommandResult
 from companion.link.commander import Commander
+from tests.integration.link_bench import virtually
 from tests.unit.companion.link.messages import acknowledgement
 
 S = 1_000_000_000
 LAND = mavlink.MAV_CMD_NAV_LAND
+SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
+GUIDED_MODE, LAND_MODE = 4.0, 9.0
 IN_PROGRESS = mavlink.MAV_RESULT_IN_PROGRESS
 
 
@@ -116,3 +121,70 @@ async def test_an_answer_to_a_command_that_nobody_sent_is_passed_over() -> None:
     commander = Commander(send)
     result = await commander.run(Command(LAND), timeout_s=60.0, tries=3)
     assert (result.outcome, sent) == ("denied", [0])
+
+
+class Line:
+    """Commands sent over a line, one after the other superseding or cancelling the one before."""
+
+    def __init__(self) -> None:
+        self.commander = Commander(self._send)
+        self.sent: list[float] = []
+        self.calls: list[asyncio.Task[CommandResult]] = []
+
+    def _send(self, command: Command, _attempt: int) -> bool:
+        self.sent.append(command.params[0])
+        return True
+
+    async def ask(self, mode: float) -> None:
+        run = self.commander.run(Command(SET_MODE, (mode,)), timeout_s=1.5, tries=3, supersede=True)
+        self.calls.append(asyncio.create_task(run))
+        await asyncio.sleep(0.1)
+
+    async def answer(self, result: int = 0) -> None:
+        self.commander.acknowledge(acknowledgement(SET_MODE, result), now_ns())
+        await asyncio.sleep(0.1)
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+def test_the_answer_to_the_command_before_is_not_that_to_the_new_one(cancelled: bool) -> None:
+    """GUIDED after LAND is the same command: the late answer to LAND must not end the request for GUIDED."""
+
+    async def script() -> None:
+        line = Line()
+        await line.ask(LAND_MODE)
+        if cancelled:
+            line.calls[0].cancel()
+            await asyncio.sleep(0)
+        await line.ask(GUIDED_MODE)
+        await line.answer()
+        assert not line.calls[1].done()
+        await asyncio.sleep(1.6)  # the request was lost
+        assert line.sent == [LAND_MODE, GUIDED_MODE, GUIDED_MODE]
+        await line.answer(2)
+        assert line.calls[1].result().outcome == "denied"
+
+    virtually(script)
+
+
+def test_an_answer_that_never_came_is_waited_for_no_longer_than_it_may_take() -> None:
+    async def script() -> None:
+        line = Line()
+        await line.ask(LAND_MODE)
+        await asyncio.sleep(1.2)
+        await line.ask(GUIDED_MODE)
+        await asyncio.sleep(0.2)
+        await line.answer()
+        assert line.calls[1].result().ok
+
+    virtually(script)
+
+
+def test_a_command_answered_in_time_owes_the_next_one_nothing() -> None:
+    async def script() -> None:
+        line = Line()
+        for mode in (LAND_MODE, GUIDED_MODE):
+            await line.ask(mode)
+            await line.answer()
+        assert [call.result().ok for call in line.calls] == [True, True]
+
+    virtually(script)
