@@ -30,6 +30,7 @@ QUIET_NS = 5_000_000_000
 LOOK_NS = 60_000_000_000
 LONGEST_PAUSE_NS = 80_000_000_000
 METRES_PER_E7 = 0.0111319
+HALF_ROUND_E7 = 1_800_000_000
 # The autopilot may give back a coordinate rounded otherwise.
 SAME_E7 = 2
 TRANSFERS = frozenset(
@@ -81,7 +82,9 @@ def _points(
 
 def apart_m(point: RallyPoint, lat_e7: int, lon_e7: int) -> float:
     """Return the distance over ground, good to a percent over kilometres."""
-    east = (point.lon_e7 - lon_e7) * METRES_PER_E7 * math.cos(math.radians(lat_e7 * 1e-7))
+    # The shorter way round, across the date line too.
+    turn_e7 = (point.lon_e7 - lon_e7 + HALF_ROUND_E7) % (2 * HALF_ROUND_E7) - HALF_ROUND_E7
+    east = turn_e7 * METRES_PER_E7 * math.cos(math.radians(lat_e7 * 1e-7))
     return math.hypot((point.lat_e7 - lat_e7) * METRES_PER_E7, east)
 
 

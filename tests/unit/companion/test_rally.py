@@ -238,6 +238,13 @@ def test_a_point_stands_whole_metres_above_home_and_at_least_the_height_above_it
     assert apart_m(found, 470_000_000, 80_000_000) == pytest.approx(30.0, rel=0.01)
 
 
+def test_across_the_date_line_points_are_as_near_as_elsewhere() -> None:
+    east, west = RallyPoint(0, 1_799_999_999, 20), RallyPoint(0, -1_799_999_999, 20)
+    assert apart_m(east, west.lat_e7, west.lon_e7) == pytest.approx(0.0223, rel=0.01)
+    assert apart_m(west, east.lat_e7, east.lon_e7) == pytest.approx(0.0223, rel=0.01)
+    assert not moved((east,), (west,))
+
+
 def test_only_certain_zones_with_a_place_in_reach_count_five_at_most_in_their_order() -> None:
     zones = [zone(10, certainty=0.5), zone(20, up=np.nan), zone(310), *(zone(30.0 + n) for n in range(7))]
     found = chosen(*zones)
