@@ -105,6 +105,4 @@ def _windows(extent: Box) -> Iterator[Box]:
 def _first(candidate: Candidate, least: int) -> int:
     """Return the first cell at which a safe square of a candidate ends, as `label.TileLabels` counts them."""
     rows, cols = np.nonzero(squares(candidate.component) >= least)
-    if not len(rows):  # its squares are of one or two cells, and lie in what hangs on a corner
-        rows, cols = np.nonzero(candidate.component)
     return ((int(rows[0]) + candidate.box.row0) << 32) + int(cols[0]) + candidate.box.col0
