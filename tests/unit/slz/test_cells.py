@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from params import Parameters
-from slz.evidence import EvidenceTerrain
+from slz.evidence import BLOCK, EvidenceTerrain, _regions
 from slz.grid import Box, Grid
 from slz.kernels.room import first_choice
 from slz.maps import UNKNOWN
@@ -49,3 +49,31 @@ def test_of_places_that_slope_alike_the_nearest_to_the_sensor_is_taken(
     assert first_choice(cells, slope, *place, *sensor) == chosen
     slope[29, 29] = 1.0
     assert first_choice(cells, slope, *place, *sensor) == 3
+
+
+def test_of_places_as_near_the_first_is_taken() -> None:
+    slope = np.full((60, 60), 2.0, np.float32)
+    cells = np.array([[20, 10], [20, 30], [10, 20], [30, 20]])
+    assert first_choice(cells, slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
+    assert first_choice(cells[1:], slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        Box(0, 2 * BLOCK + 10, 5, 40),
+        Box(5, 40, 0, 2 * BLOCK + 10),
+        Box(-BLOCK - 7, BLOCK, -3, BLOCK),
+        Box(3, BLOCK + 3, -BLOCK - 1, 1),
+    ],
+)
+def test_what_is_drawn_at_a_time_covers_every_box_once_and_is_never_too_long(box: Box) -> None:
+    small = Box(box.row0 + 3, box.row0 + 9, box.col0 + 1, box.col0 + 4)
+    beside = Box(box.row1, box.row1 + 5, box.col0, box.col0 + 2)
+    regions = list(_regions([small, box, Box(0, 0, 0, 0), beside]))
+    assert max(max(region.shape) for region in regions) <= BLOCK
+    drawn, around = np.zeros((4 * BLOCK, 4 * BLOCK), int), Box(-BLOCK - 10, 3 * BLOCK, -BLOCK - 10, 3 * BLOCK)
+    for region in regions:
+        drawn[region.relative_to(around).slices] += 1
+    assert drawn.max() == 1
+    assert all(drawn[part.relative_to(around).slices].all() for part in (small, box, beside))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,8 @@ from numpy.typing import NDArray
 
 import params
 from slz import UNSAFE, Pipeline, Report, Zone
+from slz.grid import Box
+from slz.repeat import ZoneTracker
 from tests.unit.slz.hand_made import fly, returns, state_at, window
 
 Floats = NDArray[np.float64]
@@ -414,3 +419,21 @@ def test_the_random_flights_hold_every_case() -> None:
             lost += len({z.id for z in before} - set(ids(report)))
             before = report.zones
     assert min(kept, changed, lost, fresh) >= 10
+
+
+def test_a_name_that_two_zones_claim_alike_goes_to_the_first() -> None:
+    """Their common ground with the old zone is as large; which comes first is where they were found."""
+    numbers = itertools.count(1)
+    tracker = ZoneTracker(numbers)
+
+    def candidate(col: int, width: int) -> Any:
+        box = Box(0, 4, col, col + width)
+        cells = np.ones(box.shape, np.uint8)
+        return SimpleNamespace(box=box, component=cells, cells=cells, content=cells)
+
+    def named(one: Any, number: int) -> Any:
+        return SimpleNamespace(**vars(one), id=number)
+
+    (old,) = tracker.update([candidate(0, 12)], named)
+    first, second = tracker.update([candidate(0, 5), candidate(7, 5)], named)
+    assert (first.id, second.id) == (old.id, 2)
