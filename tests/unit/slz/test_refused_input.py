@@ -116,7 +116,7 @@ def test_a_flash_frame_of_another_form_is_refused(samples: Any, counter: Any, to
 @pytest.mark.parametrize("shape", [(4, 1, 1, 9), (4, 1, 3, 9), (1, 1, 2, 9), (4, 1, 2, 7), (4, 2, 9)])
 def test_radar_lines_are_of_two_antennas_and_of_lines_and_bins_enough(shape: tuple[int, ...]) -> None:
     samples = np.zeros(shape, np.complex64)
-    with pytest.raises(ValueError, match="radar lines"):
-        RadarLines(samples, 80.0, 0.25, np.zeros((shape[0], 3)), 0.0, np.zeros(shape[0]))
+    with pytest.raises(ValueError, match="samples must|too few"):
+        RadarLines(samples, 80.0, 0.25, np.full((shape[0], 3), 75.0), 0.0, np.zeros(shape[0]))
     sound = np.zeros((4, 1, 2, 9), np.complex64)
-    assert RadarLines(sound, 80.0, 0.25, np.zeros((4, 3)), 0.0, np.zeros(4)).samples is sound
+    assert RadarLines(sound, 80.0, 0.25, np.full((4, 3), 75.0), 0.0, np.zeros(4)).samples is sound
