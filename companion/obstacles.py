@@ -17,6 +17,7 @@ Stamps = NDArray[np.int64]
 BELOW_M = 1.0
 FEWEST = 5
 CAPACITY = 1 << 16
+THIN = 7  # one return of so many is kept: prime to the number of lasers, or some of them would never be
 
 
 class ObstacleMemory:
@@ -31,9 +32,9 @@ class ObstacleMemory:
         Stamp of the newest return, None before the first.
     """
 
-    def __init__(self, keep_s: float = 2.0, thin: int = 8) -> None:
+    def __init__(self, keep_s: float = 2.0, thin: int = THIN) -> None:
         self._keep_ns = round(keep_s * 1e9)
-        self._thin = thin
+        self._thin, self._skip = thin, 0
         self._points = np.zeros((CAPACITY, 3))
         self._stamps = np.full(CAPACITY, np.iinfo(np.int64).min // 2)
         self._next = 0
@@ -44,7 +45,9 @@ class ObstacleMemory:
         """Remember a scan."""
         if not len(scan):
             return
-        points, stamps = scan.points_enu_m[:: self._thin], scan.stamp_ns[:: self._thin]
+        some = slice(self._skip, None, self._thin)
+        self._skip = (self._skip - len(scan)) % self._thin
+        points, stamps = scan.points_enu_m[some], scan.stamp_ns[some]
         while len(points):
             room = CAPACITY - self._next
             self._points[self._next : self._next + len(points)] = points[:room]

@@ -28,6 +28,7 @@ STRIP = 64  # rows resampled at a time
 KNOT = 32  # cells between places whose coordinates are worked out; those between lie on straight lines
 AROUND = ((0.0, 0.0), (-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4))  # of a cell: all must be safe
 FILES = ("safe", "dsm", "slope")
+NOWHERE = -1e9  # a row or column of no survey
 Floats = NDArray[np.float64]
 
 
@@ -120,24 +121,39 @@ def _resample(
     slope: NDArray[np.float32],
 ) -> None:
     """Take the state of places in a strip, safe only where all around is, and their heights and slopes."""
+    known = np.isfinite(x) & np.isfinite(y)  # a projection does not reach all around the earth
+    if not known.any():
+        return
+    x, y = np.where(known, x, np.nan), np.where(known, y, np.nan)
     inverse = ~safe.transform
     col, row = inverse.a * x + inverse.c, inverse.e * y + inverse.f
-    step_col = abs(float(col[0, -1] - col[0, 0])) / max(1, x.shape[1] - 1)
-    step_row = abs(float(row[-1, 0] - row[0, 0])) / max(1, x.shape[0] - 1)
-    first = max(0, math.floor(row.min() - step_row)), max(0, math.floor(col.min() - step_col))
-    stop = min(safe.height, math.ceil(row.max() + step_row)), min(safe.width, math.ceil(col.max() + step_col))
+    up_row, right_row, up_col, right_col = (_step(at, axis) for at in (row, col) for axis in (0, 1))
+    step_row, step_col = abs(up_row) + abs(right_row), abs(up_col) + abs(right_col)
+    first = max(0, math.floor(np.nanmin(row) - step_row)), max(0, math.floor(np.nanmin(col) - step_col))
+    stop = (
+        min(safe.height, math.ceil(np.nanmax(row) + step_row)),
+        min(safe.width, math.ceil(np.nanmax(col) + step_col)),
+    )
+    row, col = np.where(known, row, NOWHERE), np.where(known, col, NOWHERE)
     if not (first[0] < stop[0] and first[1] < stop[1]):
         return
     window = Window(first[1], first[0], stop[1] - first[1], stop[0] - first[0])
     states = safe.read(1, window=window)
     worst = np.zeros(x.shape, np.uint8)  # 0 safe, 1 unknown, 2 unsafe
     for up, right in AROUND:
-        found = _at(states, row + up * step_row - first[0], col + right * step_col - first[1], int(UNKNOWN))
+        there = row + up * up_row + right * right_row, col + up * up_col + right * right_col
+        found = _at(states, there[0] - first[0], there[1] - first[1], int(UNKNOWN))
         worst = np.maximum(worst, np.select([found == SAFE, found == UNSAFE], [0, 2], 1).astype(np.uint8))
     state[:] = np.array([SAFE, UNKNOWN, UNSAFE], np.uint8)[worst]
     for source, out in ((dsm, height), (steep, slope)):
         out[:] = _at(source.read(1, window=window), row - first[0], col - first[1], math.nan)
     state[(state == SAFE) & np.isnan(height)] = UNKNOWN  # nothing to compare a return with
+
+
+def _step(at: Floats, axis: int) -> float:
+    """Return by how much a row or column of the survey changes from one place of a strip to the next."""
+    steps = np.diff(at, axis=axis)
+    return float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
 
 
 def _at(values: NDArray[Any], row: Floats, col: Floats, empty: float) -> NDArray[Any]:

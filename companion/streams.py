@@ -184,7 +184,10 @@ class Streams:
         """Tell the height over the ground below, while it is known."""
         pose = self._pose_of_fresh_scans()
         height = self.height_m = None if pose is None else self._height_m(pose, now_ns())
-        self._send("DISTANCE_SENSOR", None if height is None else downward_distance(height, self._boot_ms()))
+        message = None
+        if pose is not None and height is not None:
+            message = downward_distance(height, self._boot_ms(), float(pose.rotation_enu_from_frd[2, 2] * -1))
+        self._send("DISTANCE_SENSOR", message)
 
     def send_status(self) -> None:
         """Tell ground stations how the landing stands."""

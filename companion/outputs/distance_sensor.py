@@ -12,10 +12,19 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 LONGEST_M = 120.0
+LEAST_DOWN = 0.707
 
 
-def downward_distance(height_m: float, boot_ms: int) -> Any | None:
-    """Return the message for a height above ground (m), None if that is unknown or out of range."""
+def downward_distance(height_m: float, boot_ms: int, down: float = 1.0) -> Any | None:
+    """Return the message for a height above ground (m), None if that is unknown or out of range.
+
+    Parameters
+    ----------
+    down
+        Cosine of the vehicle's tilt. A rangefinder measures along the vehicle's own axis, and both autopilots
+        multiply by this to have the height; ArduPilot by no less than `LEAST_DOWN`, and PX4 takes none then.
+    """
+    height_m = height_m / max(LEAST_DOWN, down)
     if not math.isfinite(height_m) or not 0.0 <= height_m <= LONGEST_M:
         return None
     return mavlink.MAVLink_distance_sensor_message(

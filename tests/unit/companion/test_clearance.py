@@ -115,3 +115,16 @@ def test_a_scan_without_a_return_is_no_news_of_what_is_around() -> None:
     seen.add(scan(np.empty((0, 3)), 5 * S))
     assert seen.newest_ns == S
     assert math.isnan(ObstacleMemory().ground_below_m(ABOVE, S))
+
+
+@pytest.mark.parametrize("lasers", [4, 16, 32, 96, 128])
+@pytest.mark.parametrize("length", [96, 1000, 4001])
+def test_every_laser_of_a_sensor_is_remembered(lasers: int, length: int) -> None:
+    """They fire in turn: one return in eight would be of the same laser for ever."""
+    seen = ObstacleMemory(keep_s=10.0)
+    for first in range(0, 12_000, length):
+        turn = (np.arange(first, first + length) % lasers).astype(float)
+        seen.add(scan(np.column_stack([turn, np.zeros((length, 2))]), S))
+    remembered = seen._points[seen._stamps == S, 0]
+    counts = np.bincount(remembered.astype(int), minlength=lasers)
+    assert counts.min() >= 0.8 * counts.mean()

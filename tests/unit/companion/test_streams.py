@@ -63,6 +63,7 @@ class Flight:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, autopilot: Autopilot = "ardupilot") -> None:
         self.now_ns = 50 * S
+        self.quat_wxyz = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
         monkeypatch.setattr(streams, "now_ns", lambda: self.now_ns)
         self.link = FakeLink(autopilot)
         self.history = PoseHistory(Parameters(), FRAME)
@@ -73,8 +74,7 @@ class Flight:
     def moves(self, after_ns: int, up_m: float = 10.0) -> None:
         """Let time pass, and the autopilot tell where it is now."""
         self.now_ns += after_ns
-        half = math.sqrt(0.5)
-        self.history.add_attitude(self.now_ns, (half, 0.0, 0.0, half), (0.0, 0.0, 0.0))
+        self.history.add_attitude(self.now_ns, self.quat_wxyz, (0.0, 0.0, 0.0))
         lat, lon, alt = (float(v) for v in FRAME.lla([0.0, 0.0, up_m]))
         self.history.add_position(self.now_ns, lat, lon, alt, (0.0, 0.0, 0.0))
 
@@ -183,6 +183,21 @@ def test_the_height_is_told_without_a_target_and_a_car_below_counts_at_once(flig
     flight.streams.send_height()
     told = flight.link.of("DISTANCE_SENSOR")
     assert [(m.orientation, m.current_distance) for m in told] == [(25, 1000), (25, 850)]
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 10.0, 30.0])
+def test_the_height_is_told_as_a_rangefinder_on_the_vehicle_measures_it(
+    flight: Flight, tilt_deg: float
+) -> None:
+    """The autopilots multiply what they hear by the cosine of the tilt."""
+    half = math.radians(tilt_deg) / 2
+    flight.quat_wxyz = (math.cos(half), math.sin(half), 0.0, 0.0)
+    flight.moves(S, 10.0)
+    flight.sees_ground()
+    flight.streams.send_height()
+    (message,) = flight.link.of("DISTANCE_SENSOR")
+    told_m = message.current_distance / 100 * math.cos(math.radians(tilt_deg))
+    assert told_m == pytest.approx(flight.streams.height_m, abs=0.01)
 
 
 def test_an_unknown_height_is_not_told(flight: Flight) -> None:
