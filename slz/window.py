@@ -63,6 +63,7 @@ class Windower:
         self.window_s = window_s
         self._scans: list[Scan] = []
         self._late: list[Scan] = []
+        self._first_ns = 0  # of the scan that opened the window
         self._last: Window | None = None
 
     def add(self, scan: Scan) -> Window | None:
@@ -75,14 +76,14 @@ class Windower:
         elif window is None and self._is_late(scan):
             self._late.append(scan)
         else:
-            self._scans, self._late = [scan, *(late for late in self._late if late.frame == scan.frame)], []
+            self._scans = [*(late for late in self._late if late.frame == scan.frame), scan]
+            self._first_ns, self._late = int(scan.stamp_ns[0]), []
         return window
 
     def _must_close(self, scan: Scan) -> bool:
-        first = self._scans[0]
-        elapsed = int(scan.stamp_ns[0]) - int(first.stamp_ns[0])
+        elapsed = int(scan.stamp_ns[0]) - self._first_ns
         over = elapsed >= round(self.window_s * 1e9) or sum(map(len, self._scans)) >= MOST_POINTS
-        return over or elapsed < -LATE_NS or scan.frame != first.frame
+        return over or elapsed < -LATE_NS or scan.frame != self._scans[-1].frame
 
     def _is_late(self, scan: Scan) -> bool:
         """Tell whether a scan began within the last window, as if it had missed it."""
