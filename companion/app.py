@@ -121,8 +121,9 @@ class Companion:
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=self._wall_offset_ns
         )
         self.recordings = Recordings(
-            self.link, self.lidar.stream, self.worker, self.settings, self._wall_offset_ns, state
-        )
+            self.link, self.lidar.stream, self.worker, self.settings, self._wall_offset_ns, state,
+            lambda: self.assembler.scans,
+        )  # fmt: skip
         self.radar = None
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)

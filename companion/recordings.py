@@ -6,7 +6,7 @@ import asyncio
 import itertools
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,8 @@ class Recordings:
         Of the first sensor; a second one's data are not recorded.
     state
         Where those begun in flight are kept; None for nowhere.
+    scans
+        How many scans there were before now: windows name theirs by this count.
 
     Attributes
     ----------
@@ -48,9 +50,10 @@ class Recordings:
         settings: Settings,
         wall_offset_ns: WallOffset,
         state: StateDir | None,
+        scans: Callable[[], int] = lambda: 0,
     ) -> None:
         self._link, self._stream, self._worker, self._settings = link, stream, worker, settings
-        self._wall_offset_ns = wall_offset_ns
+        self._wall_offset_ns, self._scans = wall_offset_ns, scans
         self._folder = None if state is None else state.folder / "recordings"
         self._unsubscribe: Sequence[Unsubscribe] = ()
         self.recorder: Recorder | None = None
@@ -64,7 +67,8 @@ class Recordings:
             It cannot be made.
         """
         stream, settings = self._stream, self._settings
-        recorder = Recorder(path, stream.kind, settings.running, self._wall_offset_ns(), stream.setup)
+        begun = self._wall_offset_ns(), stream.setup, self._scans()
+        recorder = Recorder(path, stream.kind, settings.running, *begun)
         self._unsubscribe = (
             self._link.on_frame.subscribe(recorder.frame_in),
             self._link.on_sent.subscribe(recorder.frame_out),

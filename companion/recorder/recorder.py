@@ -50,7 +50,13 @@ class Recorder:
     """
 
     def __init__(
-        self, path: Path, lidar: str, parameters: Parameters, wall_offset_ns: int, setup: str = ""
+        self,
+        path: Path,
+        lidar: str,
+        parameters: Parameters,
+        wall_offset_ns: int,
+        setup: str = "",
+        scans: int = 0,
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
@@ -62,6 +68,7 @@ class Recorder:
             "lidar_setup": setup,
             "parameters": json.dumps(values),
             "clock_offset_ns": str(wall_offset_ns),
+            "scans": str(scans),
         }
         self._writer = McapWriter(path, scene.channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)

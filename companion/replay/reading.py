@@ -22,13 +22,15 @@ from params import ParameterError, Parameters
 class Header:
     """What a recording says of itself: kind of sensor, parameters, time of day less the companion's clock.
 
-    lidar_setup: the sensor's own description, where its packets alone do not tell.
+    lidar_setup: the sensor's own description, where its packets alone do not tell. scans: how many there
+    were before the recording was begun.
     """
 
     lidar: str
     values: dict[str, Any]
     clock_offset_ns: int
     lidar_setup: str = ""
+    scans: int = 0
 
     def parameters(self, settings: Iterable[str] = ()) -> Parameters:
         """Return the flight's parameters, some replaced by `name=value`.
@@ -115,7 +117,8 @@ class Recording:
             version = int(metadata["version"])
             values = json.loads(metadata["parameters"])
             setup = metadata.get("lidar_setup", "")
-            header = Header(metadata["lidar"], values, int(metadata["clock_offset_ns"]), setup)
+            scans = int(metadata.get("scans", "0"))
+            header = Header(metadata["lidar"], values, int(metadata["clock_offset_ns"]), setup, scans)
             params.build(values)
         except ParameterError as error:
             raise UsageError(f"{self._path}: {error}") from None

@@ -68,6 +68,7 @@ class Replay:
         self._assembler = ScanAssembler(parameters, self._senses.history, self._on_scan)
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
+        self._before = header.scans
         self._document = b""
         self.report: Report | None = None
         self.outcome = Outcome()
@@ -111,7 +112,7 @@ class Replay:
         self._assembler.add(returns)
 
     def _on_scan(self, scan: Scan) -> None:
-        self._scans.append((self._assembler.scans, scan))
+        self._scans.append((self._before + self._assembler.scans, scan))
 
     def _window(self, event: WindowEvent, mapping: bool) -> Report | None:
         if event.anew:

@@ -14,9 +14,10 @@ import pytest
 
 from companion.errors import UsageError
 from companion.recorder import journal
+from companion.recorder.recorder import Recorder
 from companion.replay import command
 from companion.replay.flown import Beside
-from companion.replay.reading import Raw
+from companion.replay.reading import Raw, Recording
 from companion.replay.replay import Replay
 from slz import Pipeline
 from tests.unit.companion.replay import flights
@@ -149,6 +150,19 @@ def test_a_window_whose_scans_were_lost_is_counted_and_its_report_not_compared()
     assert (outcome.without_scans, outcome.windows, outcome.same, outcome.other) == (1, 0, 0, 0)
     assert replay.take(window(0, 1, 10)) is not None
     assert outcome.windows == 1
+
+
+async def test_a_recording_begun_in_flight_goes_on_from_the_scans_before_it(tmp_path: Path) -> None:
+    """Windows name their scans by the flight's count, which the recording tells."""
+    replay = Replay(replace(HEADER, scans=4000), PARAMETERS)
+    for message in flight():
+        if message.topic not in (journal.EVENT, journal.REPORT):
+            replay.take(message)
+    assert replay.take(window(0, 1, 10)) is None
+    assert replay.take(window(0, 4001, 4010)) is not None
+    recorder = Recorder(tmp_path / "a.mcap", "livox", PARAMETERS, 0, "", 4000)
+    recorder.close()
+    assert Recording(tmp_path / "a.mcap").header.scans == 4000
 
 
 def test_a_map_that_was_begun_anew_in_flight_is_begun_anew() -> None:
