@@ -69,6 +69,7 @@ class ScanAssembler:
             "stale": self.stale,
             "out_of_range": self._georeferencer.out_of_range,
             "without_pose": self._georeferencer.without_pose,
+            "pitched": self._georeferencer.pitched,
             "vehicle": self._screen.vehicle,
             "dust": self._screen.dust,
         }

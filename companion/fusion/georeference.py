@@ -22,8 +22,8 @@ class Georeferencer:
 
     Attributes
     ----------
-    out_of_range, without_pose
-        Returns dropped so far.
+    out_of_range, without_pose, pitched
+        Returns dropped so far; the last because the sensor was pitched more than they bear.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -32,11 +32,15 @@ class Georeferencer:
         self._most_m = parameters.lidar_max_m
         self.out_of_range = 0
         self.without_pose = 0
+        self.pitched = 0
 
     def georeference(self, returns: Returns, history: PoseHistory) -> Scan | None:
         """Return the scan in the history's map frame, None if no return could be placed."""
         if history.frame is None:
             self.without_pose += len(returns)
+            return None
+        if self._is_pitched(returns, history):
+            self.pitched += len(returns)
             return None
         points = np.empty((len(returns), 3))
         stamps = np.empty(len(returns), dtype=np.int64)
@@ -64,3 +68,11 @@ class Georeferencer:
         for array in (points, stamps, sensor):
             array.setflags(write=False)
         return Scan(points_enu_m=points, stamp_ns=stamps, sensor_enu_m=sensor, frame=history.frame)
+
+    def _is_pitched(self, returns: Returns, history: PoseHistory) -> bool:
+        """Tell whether the sensor's x axis was further from level than the returns bear, or may have been."""
+        if returns.most_pitch_rad == np.inf:
+            return False
+        rotation = history.interpolate(np.unique(returns.stamp_ns)).rotation_enu_from_frd
+        ahead = rotation @ self._mount.rotation_frd_from_sensor[:, 0]
+        return not (np.abs(ahead[:, 2]) <= np.sin(returns.most_pitch_rad)).all()  # nor without a pose

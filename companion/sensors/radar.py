@@ -3,7 +3,8 @@ samples.
 
 Lines are gathered into blocks of one range gate, and a block is unwrapped as a whole. Its points are given in
 the sensor frame: forward, left, up of the antennas, the radar looking right. So the vehicle's own pose places
-them, line by line, as it places a LiDAR's returns.
+them, line by line, as it places a LiDAR's returns. When pitched, the ground in the beam's plane is further
+than the altitude told, and no datagram tells the pitch: each block says how much of it its points bear.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ MOST_BLOCK_NS = 3_000_000_000
 LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # of a sample: what lies beyond overflows when it is squared
 MOST_SIGMA_M = 0.10
 """Points less certain are left out: the map takes all of a sensor's points for equally good."""
+MOST_TURN = 0.25
+"""Of a whole turn's height, by which pitch may change the distance to the ground; half makes all wrong."""
 
 
 @dataclass(slots=True)
@@ -142,7 +145,11 @@ def _points(block: list[_Line], counters: RadarCounters) -> list[RawReturns]:
     xyz = np.column_stack([np.zeros(len(way)), -way * np.sin(look), -way * np.cos(look)]).astype(np.float32)
     stamps = np.array([one.stamp_ns for one in block], np.int64)[line]
     none, one = np.zeros(len(way), np.uint8), np.ones(len(way), np.uint8)
-    return [RawReturns(xyz, stamps, np.full(len(way), 128, np.uint8), none, one, one)]
+    further = MOST_TURN * float(np.median(found.turn_m[good])) / float(altitude.max())
+    most_pitch = float(np.arccos(1 / (1 + further)))
+    return [
+        RawReturns(xyz, stamps, np.full(len(way), 128, np.uint8), none, one, one, most_pitch_rad=most_pitch)
+    ]
 
 
 def _line(packet: bytes) -> _Line | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import MISSING, dataclass, field, fields, replace
+from math import inf
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +24,22 @@ class RawReturns:
     ring: NDArray[np.uint8]
     echo: NDArray[np.uint8]
     echoes: NDArray[np.uint8]
+    most_pitch_rad: float = field(default=inf, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
     def later(self, offset_ns: int) -> Returns:
         """Return the same on a clock that is ahead of the sensor's by `offset_ns`."""
+        stamps = self.stamp_ns + offset_ns
         return Returns(
-            self.xyz_m, self.stamp_ns + offset_ns, self.intensity, self.ring, self.echo, self.echoes
+            self.xyz_m,
+            stamps,
+            self.intensity,
+            self.ring,
+            self.echo,
+            self.echoes,
+            most_pitch_rad=self.most_pitch_rad,
         )
 
 
@@ -41,7 +50,8 @@ class Returns:
     xyz_sensor_m : (n, 3) float32, forward, left, up of the sensor. stamp_ns : (n,) int64, companion clock.
     intensity : (n,) uint8. ring : (n,) uint8, laser line, from the lowest up where lines lie one above the
     other. echo : (n,) uint8, number of the return along its ray, 1 is the first. echoes : (n,) uint8, how
-    many the ray gave. The arrays must be contiguous, and become read-only.
+    many the ray gave. The arrays must be contiguous, and become read-only. most_pitch_rad : all of the batch
+    hold only while the sensor's x axis is no more than so far from level.
     """
 
     xyz_sensor_m: NDArray[np.float32]
@@ -50,6 +60,7 @@ class Returns:
     ring: NDArray[np.uint8]
     echo: NDArray[np.uint8]
     echoes: NDArray[np.uint8]
+    most_pitch_rad: float = field(default=inf, kw_only=True)
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
@@ -80,10 +91,14 @@ class Returns:
 
     def part(self, which: slice | NDArray[np.bool_]) -> Returns:
         """Return some of the returns, in their order."""
-        return Returns(*(np.ascontiguousarray(getattr(self, f.name)[which]) for f in fields(Returns)))
+        arrays = [np.ascontiguousarray(getattr(self, name)[which]) for name in _arrays(self)]
+        return Returns(*arrays, most_pitch_rad=self.most_pitch_rad)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
+
+
+R = TypeVar("R", RawReturns, Returns)
 
 
 def nothing() -> RawReturns:
@@ -96,13 +111,20 @@ def join_raw(parts: Sequence[RawReturns]) -> RawReturns:
     """Return all points of `parts`, at least one, in their order."""
     if len(parts) == 1:
         return parts[0]
-    return RawReturns(
-        *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(RawReturns))
-    )
+    return _joined(parts)
 
 
 def join(parts: Sequence[Returns]) -> Returns:
     """Return all returns of `parts`, at least one, in their order."""
     if len(parts) == 1:
         return parts[0]
-    return Returns(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Returns)))
+    return _joined(parts)
+
+
+def _joined(parts: Sequence[R]) -> R:
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _arrays(parts[0])}
+    return replace(parts[0], **columns, most_pitch_rad=min(part.most_pitch_rad for part in parts))
+
+
+def _arrays(returns: RawReturns | Returns) -> list[str]:
+    return [f.name for f in fields(returns) if f.default is MISSING]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
@@ -115,6 +117,24 @@ def test_no_return_is_placed_in_a_gap_of_either_stream(lacking: str) -> None:
     scan = georeferencer.georeference(returns_of(np.full((5, 3), 4.0), stamps), history)
     assert (scan.stamp_ns // MS).tolist() == [990, 1601]
     assert georeferencer.without_pose == 3
+
+
+@pytest.mark.parametrize(
+    ("times_ms", "most_pitch_deg", "placed"),
+    [([20, 500, 980], 20.0, 3), ([20, 500, 980], 5.0, 0), ([20, 500, 1500], 20.0, 0)],  # the last in a gap
+)
+def test_returns_that_bear_little_pitch_are_placed_together_or_not_at_all(
+    times_ms: list[int], most_pitch_deg: float, placed: int
+) -> None:
+    p = Parameters(lidar_pitch_deg=0)
+    flight, history = Flight(first_ned=(0, np.radians(10), 0), rates_frd=(0, 0, 0)), PoseHistory(p, HOME)
+    for stamp in range(0, 1000 * MS, 20 * MS):
+        flight.report_attitude(history, stamp)
+        flight.report_position(history, stamp)
+    some = returns_of(np.full((3, 3), 4.0), np.array(times_ms) * MS)
+    georeferencer = Georeferencer(p)
+    scan = georeferencer.georeference(replace(some, most_pitch_rad=np.radians(most_pitch_deg)), history)
+    assert (0 if scan is None else len(scan.stamp_ns), georeferencer.pitched) == (placed, 3 - placed)
 
 
 def test_no_return_is_placed_across_a_jump_of_the_estimate() -> None:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
+from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.sensors import flash, radar
-from companion.sensors.beside import open_beside
+from companion.sensors.beside import open_beside, radar_parameters
 from companion.sensors.driver import decoder_for
 from companion.sensors.flash import FlashDecoder
 from companion.sensors.lookalike import lookalike
@@ -25,7 +26,7 @@ from sitl.mount import Mount
 from sitl.primitives import Box, Cylinder, Ground, Kind
 from sitl.radar.sensor import BODY, RadarSensor
 from sitl.world import World
-from slz import SAFE, UNSAFE, LocalFrame, Pipeline, Window
+from slz import SAFE, UNSAFE, LocalFrame, Pipeline, Scan, Window
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -87,6 +88,32 @@ def test_radar_points_lie_on_the_ground_whatever_the_attitude() -> None:
     assert abs(np.median(error)) < 0.02
     assert np.median(np.abs(error)) / 0.6745 < 0.05
     assert np.mean(np.abs(error) > 0.3) < 0.01
+
+
+@pytest.mark.parametrize("height_m", [25.0, 60.0])
+@pytest.mark.parametrize("pitch_deg", [-20.0, -16.0, -5.0, 0.0, 8.0, 16.0, 20.0])
+def test_a_pitched_radar_gives_true_heights_or_none(height_m: float, pitch_deg: float) -> None:
+    """Within the plane of its beam the ground is further away than the altitude that it tells."""
+    nose_up = Rotation.from_euler("ZYX", [0, pitch_deg, 0], degrees=True).as_quat()[[3, 0, 1, 2]]
+    frame, scans = LocalFrame(47.0, 8.0, 400.0), list[Scan]()
+    history = PoseHistory(Parameters(), frame)
+    for stamp in range(0, 2 * SECOND, SECOND // 50):
+        history.add_attitude(stamp, nose_up, (0, 0, 0))
+        history.add_position(stamp, 47.0, 8.0, 400.0 + height_m, (0, 0, 0))
+
+    def hovering(stamps: I64) -> tuple[F64, F64]:
+        return np.tile([0.0, 0.0, height_m], (len(stamps), 1)), np.tile(nose_up, (len(stamps), 1))
+
+    flat = World(Ground(-150.0, -150.0, 4.0, np.zeros((76, 76)), np.full((75, 75), Kind.GRASS, np.uint8)), ())
+    sensor = RadarSensor(np.random.default_rng(1))
+    raw = decoded(RadarDecoder(), sensor.step(0, SECOND, hovering, flat))
+    assembler = ScanAssembler(radar_parameters(Parameters()), history, scans.append)
+    assembler.add(raw.later(-sensor.clock.offset_ns))
+    assert bool(scans) == (abs(pitch_deg) < 9)
+    assert assembler.statistics()["pitched"] == (0 if scans else len(raw)) <= len(raw)
+    assert len(raw) > 100
+    for scan in scans:
+        assert np.mean(np.abs(scan.points_enu_m[:, 2]) > 0.3) < 0.02
 
 
 def test_over_a_crate_radar_points_rise_or_are_missing() -> None:

@@ -56,6 +56,13 @@ def test_a_part_keeps_the_order_of_every_column() -> None:
     assert batch(4).part(slice(1, None, 2)).intensity.tolist() == [2, 4]
 
 
+def test_joined_returns_bear_the_least_pitch_of_any_and_so_does_a_part_of_them() -> None:
+    steady = RawReturns(*columns(2).values(), most_pitch_rad=0.2).later(0)
+    joined = join([batch(2), steady, batch(1)])
+    assert joined.most_pitch_rad == joined.part(slice(0, 1)).most_pitch_rad == 0.2
+    assert batch(2).most_pitch_rad == np.inf
+
+
 def test_plain_returns_are_one_of_one() -> None:
     plain = Returns.plain(np.ones((2, 3), np.float32), np.zeros(2, np.int64))
     assert plain.intensity.tolist() == [0, 0]
