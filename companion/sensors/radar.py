@@ -27,6 +27,7 @@ VERSION = 1
 HEADER = struct.Struct("<4sBBHIQdfffffffff")
 BLOCK = 8
 MOST_NS = 2**62
+CLIPPED = 32767  # of the converter: what it gives for all that is stronger
 MOST_BLOCK_NS = 3_000_000_000
 LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # of a sample: what lies beyond overflows when it is squared
 MOST_SIGMA_M = 0.10
@@ -58,6 +59,7 @@ class _Line:
     altitude_m: float
     roll_rad: float
     samples: NDArray[np.complex64] = field(repr=False)
+    clipped: NDArray[np.bool_] = field(repr=False)
 
     def follows(self, other: _Line) -> bool:
         """Tell whether two lines belong to one block."""
@@ -134,7 +136,9 @@ def _points(block: list[_Line], counters: RadarCounters) -> list[RawReturns]:
         roll,
     )
     radar = block[0].radar
-    found = heights(interferogram(lines, radar), lines, radar)
+    image = interferogram(lines, radar)
+    image.coherence[np.stack([line.clipped for line in block])] = 0.0  # its phase is not that of the echo
+    found = heights(image, lines, radar)
     good = found.sigma_m < MOST_SIGMA_M
     counters.returns += int(good.sum())
     counters.no_return += lines.samples.shape[0] * lines.samples.shape[3] - int(good.sum())
@@ -170,4 +174,5 @@ def _line(packet: bytes) -> _Line | None:
         return None
     parts = np.frombuffer(packet, "<i2", offset=HEADER.size).reshape(looks, 2, bins, 2).astype(np.float32)
     samples = (unit * (parts[..., 0] + 1j * parts[..., 1])).astype(np.complex64)
-    return _Line(radar, number, stamp, first, step, altitude, roll, samples)
+    clipped = np.asarray((np.abs(parts) >= CLIPPED).any(axis=(0, 1, 3)))
+    return _Line(radar, number, stamp, first, step, altitude, roll, samples, clipped)

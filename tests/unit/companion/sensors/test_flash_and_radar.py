@@ -175,6 +175,37 @@ def test_a_block_of_noise_gives_nothing_and_breaks_nothing() -> None:
     assert len(raw) < 0.02 * decoder.counters.no_return
 
 
+@pytest.mark.parametrize("full", [32767, -32767, -32768])
+def test_a_saturated_converter_gives_no_point(full: int) -> None:
+    """All its samples are alike, and so perfectly coherent."""
+    packets = RadarSensor(np.random.default_rng(1)).step(0, SECOND, swaying, world())
+    body = radar.HEADER.size
+    saturated = [p[:body] + np.full((len(p) - body) // 2, full, "<i2").tobytes() for p in packets]
+    decoder = RadarDecoder()
+    assert len(decoded(decoder, saturated)) == 0
+    assert (decoder.counters.blocks, decoder.counters.returns) == (1, 0)
+    assert decoder.counters.no_return > 0
+
+
+def test_bins_in_which_samples_are_clipped_give_no_point() -> None:
+    packets = RadarSensor(np.random.default_rng(1)).step(0, SECOND, swaying, world())
+    whole = decoded(RadarDecoder(), packets)
+    clipped = []
+    for packet in packets:
+        looks, bins = radar.HEADER.unpack_from(packet)[2:4]
+        parts = np.frombuffer(packet, "<i2", offset=radar.HEADER.size).reshape(looks, 2, bins, 2).copy()
+        parts[:, :, 100:120] = 32767
+        clipped.append(packet[: radar.HEADER.size] + parts.tobytes())
+    first, step = radar.HEADER.unpack_from(packets[0])[11:13]
+
+    def among(raw: RawReturns) -> int:
+        bins = np.rint((np.linalg.norm(raw.xyz_m, axis=1) - first) / step)
+        return int(((bins >= 100) & (bins < 120)).sum())
+
+    assert among(whole) > 50
+    assert among(decoded(RadarDecoder(), clipped)) == 0
+
+
 @pytest.mark.parametrize("kind", ["flash", "radar"])
 def test_what_is_no_packet_is_counted_and_a_foreign_one_is_named(kind: str) -> None:
     sensor = {"flash": FlashSensor, "radar": RadarSensor}[kind](np.random.default_rng(1))
