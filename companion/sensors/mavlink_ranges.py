@@ -1,11 +1,13 @@
 """Ranges that come over MAVLink, from sensors that the autopilot reads, as returns of a LiDAR.
 
 DISTANCE_SENSOR gives one range in one of the directions that the autopilot names; OBSTACLE_DISTANCE up to 72
-around the vehicle, in its own level plane. Few as they are, they show what one beam can: height and walls.
+around the vehicle, in its own plane or a level one. Few as they are, they show what one beam can: height and
+walls.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -15,6 +17,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.fusion.mount import Mount
 from companion.link.autopilot_clock import AutopilotClock
+from companion.link.vehicle import Quaternion, unit_quaternion
+from companion.outputs.axes import heading_rad, rotation_enu_from_frd
 from companion.sensors.returns import Returns
 from companion.sensors.stream import OnReturns
 from params import Parameters
@@ -24,7 +28,10 @@ Floats = NDArray[np.float64]
 UNKNOWN = 65535
 AROUND = 8  # orientations 0 to 7 turn clockwise in steps of 45 degrees
 UP, DOWN = mavlink.MAV_SENSOR_ROTATION_PITCH_90, mavlink.MAV_SENSOR_ROTATION_PITCH_270
-BODY_FRAMES = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD)
+NORTH_FRAMES = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_LOCAL_NED)
+LEVEL_FRAMES = (*NORTH_FRAMES, mavlink.MAV_FRAME_LOCAL_FRD)
+ATTITUDES = 64
+NEAR_MS = 50  # of an attitude to the ranges that are turned by it
 MESSAGES = ("DISTANCE_SENSOR", "OBSTACLE_DISTANCE")
 
 
@@ -37,6 +44,7 @@ class RangeCounters:
     no_return: int = 0
     malformed: int = 0
     without_time: int = 0
+    without_attitude: int = 0
 
 
 class MavlinkRanges:
@@ -56,12 +64,17 @@ class MavlinkRanges:
         self._mount = Mount(parameters)
         self._clock = clock
         self._on_returns = on_returns
+        self._attitudes: deque[tuple[int, Quaternion]] = deque(maxlen=ATTITUDES)
         self.counters = RangeCounters()
         self.last_arrival_ns: int | None = None
 
     def take(self, message: Any, now_ns: int) -> None:
         """Take a message of the autopilot; what is no range message is passed over."""
         kind = message.get_type()
+        if kind == "ATTITUDE_QUATERNION":
+            attitude = unit_quaternion(message.q1, message.q2, message.q3, message.q4)
+            if attitude is not None:
+                self._attitudes.append((message.time_boot_ms, attitude))
         if kind not in MESSAGES:
             return
         self.counters.packets += 1
@@ -73,6 +86,12 @@ class MavlinkRanges:
             self.counters.no_return += 1
             return
         boot_ms = message.time_boot_ms if kind == "DISTANCE_SENSOR" else message.time_usec // 1000
+        if kind == "OBSTACLE_DISTANCE" and message.frame in LEVEL_FRAMES:
+            attitude = self._attitude_at(boot_ms)
+            if attitude is None:
+                self.counters.without_attitude += 1
+                return
+            points = _from_level(points, attitude, message.frame in NORTH_FRAMES)
         stamp_ns = self._clock.stamp_ns(boot_ms, now_ns)
         if stamp_ns is None:
             self.counters.without_time += 1
@@ -87,6 +106,12 @@ class MavlinkRanges:
     def statistics(self) -> dict[str, int | float | None]:
         """Return the counters."""
         return asdict(self.counters) | {"last_arrival_ns": self.last_arrival_ns}
+
+    def _attitude_at(self, boot_ms: int) -> Quaternion | None:
+        """Return the attitude nearest to an autopilot's time, None without one near it."""
+        near = [(abs(at_ms - boot_ms), attitude) for at_ms, attitude in self._attitudes]
+        away_ms, attitude = min(near, default=(NEAR_MS + 1, None))
+        return attitude if away_ms <= NEAR_MS else None
 
 
 def _beam(message: Any) -> Floats | None:
@@ -108,12 +133,22 @@ def _direction(message: Any) -> Floats | None:
 
 
 def _ring(message: Any) -> Floats | None:
-    """Return the points (n, 3), body forward-right-down; None in a frame that is not the vehicle's."""
+    """Return the points (n, 3) in the axes of the message's frame, down the third; None in one unknown."""
     step_deg = message.increment_f or float(message.increment)
-    if message.frame not in BODY_FRAMES or not np.isfinite(step_deg) or step_deg == 0:
+    known = message.frame in (mavlink.MAV_FRAME_BODY_FRD, *LEVEL_FRAMES)
+    if not known or not np.isfinite(step_deg) or step_deg == 0:
         return None
     cm = np.array(message.distances, np.float64)
     seen = (cm > message.min_distance) & (cm < message.max_distance) & (cm != UNKNOWN)
     turn = np.radians(message.angle_offset + step_deg * np.arange(len(cm)))[seen]
     distance_m = cm[seen] / 100
     return np.column_stack([distance_m * np.cos(turn), distance_m * np.sin(turn), np.zeros(len(turn))])
+
+
+def _from_level(points: Floats, attitude: Quaternion, from_north: bool) -> Floats:
+    """Return level points, ahead by the vehicle's heading or north, as body forward-right-down."""
+    rotation = rotation_enu_from_frd(attitude)
+    heading = 0.0 if from_north else heading_rad(rotation)
+    sine, cosine = np.sin(heading), np.cos(heading)
+    enu_from_level = np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, -1.0]])
+    return np.asarray(points @ enu_from_level.T @ rotation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy.spatial.transform import Rotation
 
 from companion.fusion.mount import Mount
 from companion.link.autopilot_clock import AutopilotClock
@@ -42,6 +43,14 @@ def ring(distances: list[int], **fields: object) -> mavlink.MAVLink_obstacle_dis
     )  # fmt: skip
 
 
+def attitude(
+    yaw_deg: float, pitch_deg: float, roll_deg: float, boot_ms: int = 1000
+) -> mavlink.MAVLink_attitude_quaternion_message:
+    turned = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
+    x, y, z, w = turned.as_quat()
+    return mavlink.MAVLink_attitude_quaternion_message(boot_ms, w, x, y, z, 0, 0, 0)
+
+
 @pytest.mark.parametrize(
     ("orientation", "frd"),
     [(25, (0, 0, 8)), (24, (0, 0, -8)), (0, (8, 0, 0)), (2, (0, 8, 0)), (6, (0, -8, 0))],
@@ -63,7 +72,7 @@ def test_a_range_at_its_limits_is_no_return(cm: int) -> None:
 
 @pytest.mark.parametrize(
     "message",
-    [beam(800, 99), ring([500], frame=1), ring([500], increment=0), ring([500], increment_f=float("nan"))],
+    [beam(800, 99), ring([500], frame=3), ring([500], increment=0), ring([500], increment_f=float("nan"))],
 )
 def test_directions_that_nobody_can_know_are_counted(message: object) -> None:
     bench = Bench()
@@ -76,6 +85,42 @@ def test_sectors_lie_clockwise_from_the_offset() -> None:
     bench = Bench()
     bench.ranges.take(ring([65535, 1000, 1000], increment_f=45.0, angle_offset=45.0), NOW)
     np.testing.assert_allclose(bench.body(), [[0, 10, 0], [-7.0711, 7.0711, 0]], atol=1e-3)
+
+
+BODY, LOCAL, GLOBAL, NED = 12, 20, 0, 1
+C, S = 10 * np.cos(np.radians(25)), 10 * np.sin(np.radians(25))
+
+
+@pytest.mark.parametrize(
+    ("frame", "vehicle", "frd"),
+    [
+        (BODY, (90, 0, 25), (0, 10, 0)),
+        (LOCAL, (0, 0, 25), (0, C, -S)),  # level and to the right of a vehicle whose right side is low
+        (LOCAL, (130, 0, 25), (0, C, -S)),
+        (LOCAL, (130, 25, 0), (0, 10, 0)),
+        (GLOBAL, (0, 0, 0), (0, 10, 0)),  # in the east
+        (GLOBAL, (90, 0, 0), (10, 0, 0)),
+        (NED, (180, 0, 25), (0, -C, S)),
+        (GLOBAL, (90, 25, 0), (C, 0, S)),  # nose up
+    ],
+)
+def test_a_sector_lies_where_its_frame_says(
+    frame: int, vehicle: tuple[float, float, float], frd: tuple[float, float, float]
+) -> None:
+    bench = Bench()
+    for boot_ms, angles in ((900, (45, 30, 30)), (1010, vehicle), (1100, (45, 30, 30))):
+        bench.ranges.take(attitude(*angles, boot_ms), NOW)
+    bench.ranges.take(ring([1000], angle_offset=90.0, frame=frame), NOW)
+    np.testing.assert_allclose(bench.body(), [frd], atol=1e-4)
+
+
+@pytest.mark.parametrize("frame", [LOCAL, GLOBAL, NED])
+def test_level_sectors_without_an_attitude_of_their_time_are_counted_and_not_placed(frame: int) -> None:
+    bench = Bench()
+    bench.ranges.take(attitude(0, 0, 0, 900), NOW)
+    bench.ranges.take(ring([1000], frame=frame), NOW)
+    assert not bench.batches
+    assert (bench.ranges.counters.without_attitude, bench.ranges.counters.malformed) == (1, 0)
 
 
 def test_other_messages_are_passed_over() -> None:
