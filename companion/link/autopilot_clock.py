@@ -38,6 +38,12 @@ class LeastDelay:
         self._current_ns = offset if self._current_ns is None else min(self._current_ns, offset)
         return self._current_ns if self._previous_ns is None else min(self._current_ns, self._previous_ns)
 
+    @property
+    def offset_ns(self) -> int | None:
+        """Offset to add to the autopilot's time, None before the first arrival."""
+        known = [offset for offset in (self._current_ns, self._previous_ns) if offset is not None]
+        return min(known, default=None)
+
     def autopilot_ns(self, now_ns: int) -> int | None:
         """Return what the autopilot's clock shows about now, None before the first arrival."""
         return None if self._current_ns is None else now_ns - self._current_ns
@@ -73,7 +79,10 @@ class AutopilotClock:
         return "arrival" if self._heard else "none"
 
     def stamp_ns(self, boot_ms: int, now_ns: int) -> int | None:
-        """Return our time of a message stamped `boot_ms` that arrived now; None if that cannot be."""
+        """Return our time of a pose stamped `boot_ms` that arrived now; None if that cannot be.
+
+        The clock learns from it, and starts over after many that cannot be.
+        """
         self._heard = True
         if (
             self.timesync.resets != self._resets
@@ -93,6 +102,21 @@ class AutopilotClock:
         if self._doubts >= DOUBTS:  # the autopilot's clock is no longer the one we synchronised with
             self.reset()
         return None
+
+    def look_up_ns(self, boot_ms: int, now_ns: int) -> int | None:
+        """Return our time of any other message; the clock learns nothing from it, nor doubts itself for it.
+
+        None before it knows of any pose, or if the time cannot be.
+        """
+        autopilot_ns = self._whole_ns(boot_ms, now_ns)
+        offset = self._arrivals.offset_ns if self.timesync.resets == self._resets else None
+        if self.timesync.synced:
+            stamp = self.timesync.to_local_ns(autopilot_ns)
+        elif offset is not None:
+            stamp = autopilot_ns + offset
+        else:
+            return None
+        return min(stamp, now_ns) if now_ns - PAST_NS <= stamp <= now_ns + FUTURE_NS else None
 
     def _whole_ns(self, boot_ms: int, now_ns: int) -> int:
         """Return a boot time in the turn of its 32 bits that is nearest to the autopilot's clock now."""

@@ -92,7 +92,7 @@ class MavlinkRanges:
                 self.counters.without_attitude += 1
                 return
             points = _from_level(points, attitude, message.frame in NORTH_FRAMES)
-        stamp_ns = self._clock.stamp_ns(boot_ms, now_ns)
+        stamp_ns = self._clock.look_up_ns(boot_ms, now_ns)
         if stamp_ns is None:
             self.counters.without_time += 1
             return

@@ -206,6 +206,19 @@ def test_stamps_from_the_future_are_refused_and_many_of_them_start_the_clock_ove
     assert (clock.implausible, clock.source) == (20, "arrival")
 
 
+def test_a_look_up_neither_teaches_the_clock_nor_starts_it_over() -> None:
+    clock = AutopilotClock()
+    assert clock.look_up_ns(1000, 10 * S) is None
+    clock.stamp_ns(1000, 10 * S)
+    assert clock.look_up_ns(900, 10 * S) == 10 * S - 100 * MS
+    now = exchange(clock.timesync, 10 * S, 5, lambda t: t - 9 * S)
+    boot_ms, unix_ms = (now - 9 * S) // MS, 1_790_000_000_000
+    assert clock.look_up_ns(boot_ms, now + 30 * MS) == pytest.approx(now, abs=100)
+    delays = len(clock.delays_ns)
+    assert [clock.look_up_ns(unix_ms + n, now + n * MS) for n in range(50)] == [None] * 50
+    assert (clock.source, clock.implausible, len(clock.delays_ns)) == ("timesync", 0, delays)
+
+
 def test_what_was_long_under_way_is_seen_in_the_delays_once_clocks_are_synchronised() -> None:
     clock = AutopilotClock()
     clock.stamp_ns(1000, 10 * S)

@@ -20,7 +20,9 @@ class Bench:
     def __init__(self) -> None:
         self.batches: list[Returns] = []
         self.parameters = Parameters()
-        self.ranges = MavlinkRanges(self.parameters, AutopilotClock(), self.batches.append)
+        self.clock = AutopilotClock()
+        self.clock.stamp_ns(1000, NOW)  # of a pose
+        self.ranges = MavlinkRanges(self.parameters, self.clock, self.batches.append)
 
     def body(self) -> np.ndarray:
         """Return what came, placed on the vehicle by the mount."""
@@ -143,3 +145,24 @@ def test_a_range_whose_stamp_cannot_be_is_counted_and_not_placed() -> None:
     assert len(bench.batches) == 1
     assert bench.ranges.statistics()["without_time"] == 1
     assert bench.ranges.last_arrival_ns == NOW
+
+
+def test_a_range_before_any_pose_is_not_placed() -> None:
+    batches: list[Returns] = []
+    ranges = MavlinkRanges(Parameters(), AutopilotClock(), batches.append)
+    ranges.take(beam(800, 25), NOW)
+    assert not batches
+    assert ranges.counters.without_time == 1
+
+
+def test_ranges_stamped_by_another_clock_do_not_touch_the_autopilots() -> None:
+    bench = Bench()
+    unix = ring([1000])
+    unix.time_usec = 1_790_000_000_000_000
+    for number in range(25):
+        bench.ranges.take(unix, NOW + number * 100_000_000)
+    assert not bench.batches
+    assert bench.ranges.counters.without_time == 25
+    assert (bench.clock.source, bench.clock.implausible) == ("arrival", 0)
+    bench.ranges.take(beam(800, 25), NOW + 5_000_000)
+    assert bench.batches[0].stamp_ns.tolist() == [NOW]

@@ -147,6 +147,7 @@ def test_ranges_of_the_autopilot_stand_in_for_a_lidar() -> None:
     async def scenario() -> None:
         running = asyncio.ensure_future(lidar.run())
         await asyncio.sleep(0)
+        link.clock.stamp_ns(1000, 5 * 10**9)  # of a pose
         link._subscribers["*", True].emit(beam(800, 25), 5 * 10**9)
         link._subscribers["*", False].emit(beam(800, 25), 5 * 10**9)
         running.cancel()
