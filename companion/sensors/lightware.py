@@ -61,11 +61,20 @@ class LightwareDecoder:
     counters: LightwareCounters = field(default_factory=LightwareCounters)
     _bytes: bytearray = field(default_factory=bytearray)
 
-    def feed(self, data: bytes) -> NDArray[np.float32]:
-        """Return the points (n, 3) that these bytes complete, m, forward, left, up of the sensor."""
+    def feed(self, data: bytes) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Return the points (n, 3) that these bytes complete, m, forward, left, up of the sensor.
+
+        With each its number (n,) among the readings that they complete, for some have no return.
+        """
         self._bytes += data
-        points = [point for payload in self._payloads() if (point := self._point(payload)) is not None]
-        return np.array(points, np.float32).reshape(-1, 3)
+        before = self.counters.packets
+        found = [
+            (point, self.counters.packets - before - 1)
+            for payload in self._payloads()
+            if (point := self._point(payload)) is not None
+        ]
+        points = np.array([point for point, _ in found], np.float32).reshape(-1, 3)
+        return points, np.array([number for _, number in found], np.int64)
 
     def _payloads(self) -> Iterator[bytes]:
         waiting = self._bytes

@@ -73,12 +73,14 @@ class LightwareStream:
         stamps: list[NDArray[np.int64]] = []
         for arrival_ns, data in kept:
             before = self._decoder.counters.packets
-            found = self._decoder.feed(data)
-            self._follow(self._decoder.counters.packets - before, arrival_ns)
-            if len(found):
-                points.append(found)
-                stamps.append(self._dated(len(found), arrival_ns - self._delay_ns))
-        if points:
+            found, numbers = self._decoder.feed(data)
+            readings = self._decoder.counters.packets - before
+            if not readings:
+                continue
+            self._follow(readings, arrival_ns)
+            points.append(found)
+            stamps.append(self._dated(readings, arrival_ns - self._delay_ns)[numbers])
+        if any(map(len, points)):
             self._on_returns(Returns.plain(np.concatenate(points), np.concatenate(stamps)))
 
     def statistics(self) -> dict[str, int | float | None]:
@@ -97,8 +99,6 @@ class LightwareStream:
 
     def _follow(self, readings: int, arrival_ns: int) -> None:
         """Keep the rate of readings over the last whole second."""
-        if not readings:
-            return
         self.last_arrival_ns = arrival_ns
         if self._begun_ns is None:
             self._begun_ns = arrival_ns

@@ -47,7 +47,7 @@ def test_a_scanner_on_a_pseudo_terminal_answers_and_streams_the_ground_below() -
         os.write(line, request)
     for k in range(1, 50):
         port.scan(k * 20 * MS, (k + 1) * 20 * MS, hovering_low, WORLD)
-        points.append(decoder.feed(os.read(line, 65536)))
+        points.append(decoder.feed(os.read(line, 65536))[0])
     os.close(line)
     port.close()
     ahead_m = np.concatenate(points)[:, 0]
