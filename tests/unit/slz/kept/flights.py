@@ -61,7 +61,9 @@ def surveyed() -> Surveyed:
     return Surveyed(grid, state, height_m.astype(np.float32), np.full((80, 80), 1.1, np.float32))
 
 
-def flight(mode: str, *own: str, seconds: int = 3, up_m: float = 18.0, prior: bool = False) -> Iterator[Any]:
+def flight(
+    mode: str, *own: str, seconds: int = 3, up_m: float = 18.0, prior: bool = False, n: int = 2600
+) -> Iterator[Any]:
     """Yield what the pipeline tells in a flight to the south-west, over which the zone moves."""
     fixed = ["zone_m=20", "cell_m=0.5", "far_cell_m=2", "min_boundary_points=8", "min_square_m=1.5"]
     parameters = params.load("quadcopter", [f"mode={mode}", *fixed, "footprint_m=1.5", *own])
@@ -69,7 +71,7 @@ def flight(mode: str, *own: str, seconds: int = 3, up_m: float = 18.0, prior: bo
     rng = np.random.default_rng(11)
     for second in range(seconds):
         centre = np.array([-2.5, -3.5]) * second
-        points = scene(rng, centre, 7.5, 2600)
+        points = scene(rng, centre, 7.5, n)
         if second == 2:  # something arrives, and something flies by
             points = np.vstack(
                 [points, rng.uniform((-6, -14, 0), (-4.5, -12, 1.4), (300, 3)), [[-9, -9, 7.0]]]
@@ -144,6 +146,9 @@ KEPT: dict[str, Callable[[], Iterator[Any]]] = {
     "prior": lambda: flight("default", "adaptive=off", seconds=2, prior=True),
     "source": lambda: flight("source"),
     "source max": lambda: flight("source", "fusing=max", "certainty_rule=certain", "adaptive=off"),
+    "source fine": lambda: flight(
+        "source", "cell_m=0.25", "zone_m=24", "min_square_m=0.5", "adaptive=off", seconds=2, n=3600
+    ),
     "flash": flash,
     "radar": radar,
     **{f"outlines {seed}": lambda seed=seed: pieces.outlines(seed) for seed in (21, 26, 27)},  # type: ignore[misc]
