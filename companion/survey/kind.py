@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from companion.errors import UsageError
+from companion.survey.source import passing, unread
 
 Kind = Literal["las", "pcd", "ply", "text"]
 HEAD = 512  # bytes
@@ -29,6 +30,8 @@ def kind_of(path: Path) -> Kind:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file") from None
     except OSError as error:
+        if passing(error):
+            raise unread(path, error) from None
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     if not head:
         raise UsageError(f"{path}: it is empty")

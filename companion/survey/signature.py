@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from companion.errors import UsageError
+from companion.survey.source import passing, unread
 
 SHORTEST, SHORTEST_1_4 = 227, 375  # bytes of a LAS header (ASPRS LAS 1.4 R15, table 3)
 FORMAT_AT, COMPRESSED = 104, 0xC0  # of a point record's format, the two highest bits
@@ -29,6 +30,8 @@ def look(path: Path) -> None:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file") from None
     except OSError as error:
+        if passing(error):
+            raise unread(path, error) from None
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     if len(head) < SHORTEST:
         raise UsageError(f"{path}: it is truncated within its header: copy it again")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,11 +12,16 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.errors import UsageError
+from companion.errors import CompanionError, UsageError
 from companion.interrupt import Interrupted
 from companion.survey.reference import Reference
 
 CHUNK = 1_000_000  # points
+# What the system says of a name, or of an offset that a corrupt header tells: it says so again next time.
+LASTING = frozenset(
+    {errno.ENOENT, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EINVAL, errno.EOVERFLOW}
+)
+LAZ_UNREAD = "IoError: Failed to use read"  # what lazrs makes of any error of the file it reads from
 Clock = Literal["week", "standard"]  # of GPS: since the week's beginning, or since 1980 less 1e9 s
 
 
@@ -80,12 +86,26 @@ def reason_of(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:160]
 
 
+def passing(error: BaseException) -> bool:
+    """Tell whether an error says nothing of the file: the disk, the network or memory failed."""
+    if isinstance(error, OSError):
+        return error.errno is not None and error.errno not in LASTING
+    return isinstance(error, MemoryError) or LAZ_UNREAD in str(error)
+
+
+def unread(path: Path, error: BaseException) -> CompanionError:
+    """Return the end of a survey for a file that may be good: no UsageError, for which it is left out."""
+    return CompanionError(f"{path}: reading it failed ({reason_of(error)}): run again to go on")
+
+
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
     """Turn whatever decoders raise, Rust's panics included, into one line."""
     try:
         yield
-    except (UsageError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):
+    except (CompanionError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
+        if passing(error):
+            raise unread(path, error) from None
         raise corrupt(path, reason_of(error)) from None
