@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,9 +27,10 @@ from slz import Box
 from slz.kernels.gather import BLOCK
 
 PIECE = 4_000_000  # points sorted at a time
-VERSION = 1  # of the files in a work folder
+VERSION = 2  # of the files in a work folder
 TILE_CELLS = 1024
-MANIFEST = "manifest.json"
+DRAWN = ("tiles", "zones", "drawings")  # folders of what is made from the sorted points
+MANIFEST, USED = "manifest.json", "used.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +73,19 @@ def opened(files: Sequence[Path], crs: str | None) -> tuple[list[Source], list[S
     return sources, skipped
 
 
-def pieces(sources: Sequence[Source], crs: str | None, folder: Path) -> list[Piece]:
-    """Cut LAS and LAZ files into pieces; other files, and those with an index (COPC), are one piece."""
+def pieces(files: Sequence[Path], sources: Sequence[Source], crs: str | None, folder: Path) -> list[Piece]:
+    """Cut LAS and LAZ files into pieces; other files, and those with an index (COPC), are one piece.
+
+    Their names come from their files' places among all files, whichever of these can be opened this time.
+    """
+    place = {path: k for k, path in enumerate(files)}
     out: list[Piece] = []
     for source in sources:
         step = PIECE if isinstance(source, LasSource) and source.seekable else source.n_points
         for first in range(0, source.n_points, step):
-            number = len(out)
             stop = min(first + step, source.n_points)
-            out.append(Piece(number, source.path, crs, first, stop, folder / f"{number}.sorted"))
+            name = f"{place[source.path]}-{first}.sorted"
+            out.append(Piece(len(out), source.path, crs, first, stop, folder / name))
     return out
 
 
@@ -131,11 +137,28 @@ def claim(folder: Path, wanted: dict[str, Any]) -> bool:
                 " again to finish it, remove the folder, or name another by --out"
             )
         return True
-    for part in ("sorted", "tiles", "zones"):
-        (folder / part).mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     with packed.whole(path) as unfinished:
         unfinished.path.write_text(json.dumps(wanted), "utf-8")
     return False
+
+
+def begin(folder: Path, used: Sequence[Path]) -> None:
+    """Note which sorted files the maps are drawn from; maps drawn from others are removed.
+
+    A file that an earlier run could not read may be read now: what was drawn without it is wrong.
+    """
+    path = folder / USED
+    wanted = json.dumps([str(one.relative_to(folder)) for one in used])
+    if path.exists() and path.read_text("utf-8") == wanted:
+        return
+    path.unlink(missing_ok=True)  # first: a removal that is cut short is begun anew
+    for part in DRAWN:
+        if (folder / part).exists():
+            shutil.rmtree(folder / part)
+        (folder / part).mkdir()
+    with packed.whole(path) as unfinished:
+        unfinished.path.write_text(wanted, "utf-8")
 
 
 def tiles(layout: Layout, sources: Sequence[Path], margin: int) -> list[Tile]:

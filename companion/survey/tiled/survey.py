@@ -105,6 +105,7 @@ class Survey:
         plan.claim(self._work, plan.manifest(self._files, self._crs, p, guess, self._side))
         sorted_, census, metric, broken = self._sorted(sources, guess)
         skipped += broken
+        plan.begin(self._work, sorted_)
         layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
         density, p = self._fitted(layout, sorted_)
         drawn = self._drawn(layout, sorted_, census, metric, p)
@@ -162,7 +163,8 @@ class Survey:
             lattice = replace(lattice, x_m=metric.x_m, y_m=metric.y_m)
             for path in paths:
                 path.unlink(missing_ok=True)
-            paths, census, broken = self._sort(sources, lattice, "sorted-again")
+            again = f"sorted-{lattice.x_m!r}-{lattice.y_m!r}"  # other files in use have another middle
+            paths, census, broken = self._sort(sources, lattice, again)
         box, cell_m = census.box, lattice.cell_m
         origin = (
             box.col0 * cell_m / lattice.x_m,
@@ -175,7 +177,7 @@ class Survey:
         self, sources: Sequence[Source], lattice: Lattice, folder: str
     ) -> tuple[list[Path], Census, list[plan.Skipped]]:
         (self._work / folder).mkdir(exist_ok=True)
-        pieces = plan.pieces(sources, self._crs, self._work / folder)
+        pieces = plan.pieces(self._files, sources, self._crs, self._work / folder)
         done = sum(piece.sorted.exists() for piece in pieces)
         outcomes = self._each("sorting", sort_piece, pieces, done, lattice, self._bin_m)
         reasons = {piece.path: outcome.broken for piece, outcome in outcomes if outcome.broken}
@@ -217,7 +219,6 @@ class Survey:
     def _drawings(self, layout: Layout, metric: Metric) -> tuple[Drawings, Iterator[Any]]:
         """Begin with the files of the maps."""
         folder = self._work / "drawings"
-        folder.mkdir(exist_ok=True)
         layers = [(folder / f"{layer.name}.tif", layer) for layer in raster.layers(metric, source_mode=False)]
         picture = folder / "ground.png"
         store = Store(layout)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +16,8 @@ from distributed import CancelledError, KilledWorker
 
 from companion import cli, survey
 from companion.errors import CompanionError, UsageError
+from companion.survey.las import Columns, LasSource
+from companion.survey.source import translated
 from companion.survey.tiled.engine import Distributed, engine
 from companion.survey.tiled.progress import Progress
 from tests.unit.companion.survey import packing
@@ -105,6 +109,73 @@ def test_work_of_another_survey_is_not_mixed_in(tmp_path: Path) -> None:
     os.utime(path, ns=(1, 1))
     with pytest.raises(UsageError, match="with other files"):
         surveyed([path], tmp_path / "work")
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, name: str, error: Exception) -> None:
+    """Have the points of one file end in an error."""
+    whole = LasSource.columns
+
+    def columns(self: LasSource, first: int, stop: int) -> Iterator[Columns]:
+        with translated(self.path):
+            if self.path.name == name:
+                raise error
+        yield from whole(self, first, stop)
+
+    monkeypatch.setattr(LasSource, "columns", columns)
+
+
+def ground_and_tower(folder: Path, crs: str = UTM) -> list[Path]:
+    """Write a field, and a tower on it to a file of its own."""
+    tower = np.random.default_rng(5).uniform((40, 15, 101), (44, 19, 103), (3000, 3))
+    return [
+        write(folder / "ground.laz", placed(field(), crs), crs),
+        write(folder / "tower.laz", placed(tower, crs), crs),
+    ]
+
+
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), MemoryError()])
+def test_a_file_that_the_disk_does_not_give_ends_the_survey_which_is_taken_up_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    paths = ground_and_tower(tmp_path)
+    with monkeypatch.context() as patch:
+        failing(patch, "tower.laz", error)
+        with pytest.raises(CompanionError, match=r"tower\.laz: reading it failed.*: run again") as caught:
+            surveyed(paths, tmp_path / "work")
+    assert not isinstance(caught.value, UsageError)
+    found = surveyed(paths, tmp_path / "work")
+    assert found.skipped == []
+    assert answer(found) == answer(surveyed(paths, tmp_path / "fresh"))
+
+
+@pytest.mark.parametrize("crs", [UTM, "EPSG:4326"])
+def test_what_was_drawn_without_a_file_is_drawn_again_when_the_file_can_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, crs: str
+) -> None:
+    paths = ground_and_tower(tmp_path, crs)
+    with monkeypatch.context() as patch:
+        failing(patch, "tower.laz", ValueError("a bit flipped on the way"))
+        without = surveyed(paths, tmp_path / "work")
+    assert [one.path.name for one in without.skipped] == ["tower.laz"]
+    found, fresh = (surveyed(paths, tmp_path / name) for name in ("work", "fresh"))
+    assert found.n_safe < without.n_safe
+    assert answer(found) == answer(fresh)
+    pictures = [[*one.drawings.rasters, one.drawings.ground] for one in (found, fresh)]
+    assert [path.read_bytes() for path in pictures[0]] == [path.read_bytes() for path in pictures[1]]
+
+
+def test_a_file_that_could_not_be_opened_before_takes_no_other_s_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = ground_and_tower(tmp_path)[::-1]
+    before = shutil.copy(paths[0], tmp_path / "copy")
+    state = paths[0].stat()
+    paths[0].write_bytes(bytes(state.st_size))
+    os.utime(paths[0], ns=(state.st_atime_ns, state.st_mtime_ns))
+    assert len(surveyed(paths, tmp_path / "work").skipped) == 1
+    shutil.copy2(before, paths[0])
+    os.utime(paths[0], ns=(state.st_atime_ns, state.st_mtime_ns))
+    assert answer(surveyed(paths, tmp_path / "work")) == answer(surveyed(paths, tmp_path / "fresh"))
 
 
 def test_degrees_are_sorted_again_with_the_length_they_have(tmp_path: Path) -> None:
