@@ -20,7 +20,9 @@ from companion.survey.signature import look
 from companion.survey.source import CHUNK, Chunk, Clock, translated
 
 # ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
-LOW_NOISE, HIGH_NOISE, WATER = 7, 18, 9
+LOW_NOISE, HIGH_NOISE = 7, 18
+# 40 to 45 are those of the Topo-Bathy domain profile: the bed, the surface, what lies under it, no bottom.
+WATER = (9, *range(40, 46))
 COPC = "copc"
 # Of LAZ 1.4 (point formats 6 to 10) only these layers are decompressed for a map; older formats have none.
 LAYERS = (
@@ -191,7 +193,7 @@ def _kept(piece: Any, axes: tuple[NDArray[np.float64], ...], dropped: dict[str, 
     for reason, bad in (
         ("withheld", np.asarray(piece.withheld) != 0),
         ("noise", (kind == LOW_NOISE) | (kind == HIGH_NOISE)),
-        ("water", kind == WATER),
+        ("water", np.isin(kind, WATER)),
         ("not_finite", ~np.logical_and.reduce([np.isfinite(values) for values in axes])),
     ):
         dropped[reason] = int(np.count_nonzero(keep & bad))

@@ -11,7 +11,7 @@ import pytest
 
 from companion.errors import UsageError
 from companion.survey.cloud import open_source, read
-from companion.survey.las import LasSource, pieces
+from companion.survey.las import LasSource, open_las, pieces
 from companion.survey.reference import from_option
 from tests.unit.companion.survey import packing
 from tests.unit.companion.survey.clouds import field, placed, write
@@ -46,6 +46,19 @@ def test_noise_water_and_withheld_points_are_dropped_and_counted(tmp_path: Path)
     cloud = read([write(tmp_path / "a.las", POINTS, classification=kinds, withheld=withheld)])
     assert cloud.dropped == {"withheld": 2, "noise": 5, "water": 4, "not_finite": 0}
     np.testing.assert_allclose(cloud.points, POINTS[9:-2], atol=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("kind", "water"), [(39, 0), (40, 4), (41, 4), (42, 4), (43, 4), (44, 4), (45, 4), (46, 0)]
+)
+def test_what_lies_in_or_under_water_is_dropped_as_water(tmp_path: Path, kind: int, water: int) -> None:
+    """Topo-Bathy LiDAR has classes of its own; none of them is ground on which anything can land."""
+    kinds = np.full(len(POINTS), 2)
+    kinds[5:9] = kind
+    path = write(tmp_path / "a.las", POINTS, classification=kinds)
+    assert read([path]).dropped["water"] == water
+    (columns,) = open_las(path, None).columns(0, len(POINTS))
+    assert columns.dropped["water"] == water
 
 
 def test_several_files_make_one_cloud(tmp_path: Path) -> None:
