@@ -13,19 +13,21 @@ from companion.survey.findings import Maps
 from slz import SAFE, UNKNOWN, Box, Grid
 
 MOST_PIXELS = 1200  # on a side
-STRIP = 1024  # rows read at a time
+STRIP, WIDE = 1024, 4096  # rows and columns read at a time
 SAFE_TINT, UNSAFE_TINT = (0.85, 0.91, 0.83), (0.93, 0.87, 0.80)
 
 
 def thinned(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
     """Return every `step`-th row and column of a layer, row 0 the southernmost."""
     rows, cols = maps.grid.rows, maps.grid.cols
-    strip = STRIP // step * step or step
-    parts = [
-        maps.read(name, Box(first, min(first + strip, rows), 0, cols))[::step, ::step]
-        for first in range(0, rows, strip)
-    ]
-    return np.concatenate(parts)
+    strip, wide = (most // step * step or step for most in (STRIP, WIDE))
+    bands = []
+    for row in range(0, rows, strip):
+        boxes = [Box(row, min(row + strip, rows), col, min(col + wide, cols)) for col in range(0, cols, wide)]
+        # A copy each: a view would keep all cells that were read.
+        parts = [maps.read(name, box)[::step, ::step].copy() for box in boxes]
+        bands.append(np.concatenate(parts, axis=1))
+    return np.concatenate(bands)
 
 
 def step_of(grid: Grid) -> int:

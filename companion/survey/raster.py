@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from companion.survey.reference import unit_name
 from slz import UNKNOWN, Box
 
 TILE = 256  # cells
-STRIP = 1024  # rows read at a time
+STRIP, WIDE = 1024, 4096  # rows and columns read at a time: whole tiles
 CACHE_MB = 128  # of GDAL
 
 
@@ -61,7 +61,7 @@ def layers(metric: Metric, source_mode: bool) -> tuple[Layer, ...]:
 def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
     """Write a map, north up, with overviews where it is larger than a tile; those of the state invent none.
 
-    It is read and written strip by strip, so memory does not grow with the map.
+    It is read and written window by window, so memory does not grow with the map.
 
     Raises
     ------
@@ -89,12 +89,11 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
                 sparse_ok=True,
                 **({"tiled": True, "blockxsize": TILE, "blockysize": TILE} if tiled else {}),
             ) as file:
-                for first in range(0, rows, STRIP):
-                    stop = min(first + STRIP, rows)
-                    strip = values(Box(rows - stop, rows - first, 0, cols))
-                    file.write(
-                        np.ascontiguousarray(strip[::-1]), 1, window=Window(0, first, cols, stop - first)
-                    )
+                for window in _windows(rows, cols):
+                    found = values(window)
+                    if _known(layer, found):  # else it stays sparse
+                        place = Window(window.col0, rows - window.row1, *found.shape[::-1])
+                        file.write(np.ascontiguousarray(found[::-1]), 1, window=place)
                 file.set_band_description(1, layer.meaning)
                 if layer.unit:
                     file.set_band_unit(1, layer.unit)
@@ -113,6 +112,18 @@ def transform(maps: Maps, metric: Metric) -> Affine:
     grid = maps.grid
     ((west, north),) = metric.crs_xy(np.array([[grid.west_m, grid.north_m]]))
     return Affine(grid.cell_m / metric.x_m, 0, west, 0, -grid.cell_m / metric.y_m, north)
+
+
+def _windows(rows: int, cols: int) -> Iterator[Box]:
+    """Return the boxes in which a map is written, from the north-west on."""
+    for stop in range(rows, 0, -STRIP):
+        for col in range(0, cols, WIDE):
+            yield Box(max(0, stop - STRIP), stop, col, min(col + WIDE, cols))
+
+
+def _known(layer: Layer, values: NDArray[Any]) -> bool:
+    """Tell whether anything is known of a window."""
+    return not (np.isnan(values) if layer.is_float else values == UNKNOWN).all()
 
 
 def _values(layer: Layer, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
