@@ -17,6 +17,7 @@ from slz import LocalFrame
 
 EXACT = 0.002  # a CRS whose unit is this near to its length on the ground keeps its own unit
 UNEVEN = 0.01  # most that the length of a unit may change across a cloud
+HALF_WAY_M = 2.0e7  # round the Earth
 Floats = NDArray[np.float64]
 
 
@@ -65,8 +66,15 @@ def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Met
     Raises
     ------
     UsageError
-        The corners are not on the Earth, or the cloud is so large that its units differ in length.
+        The corners are not on the Earth, or the cloud is so large that its units differ in length, as it
+        seems to be where coordinates begin anew at 180 degrees.
     """
+    half_way = 180.0 if reference.unit_m is None else HALF_WAY_M / reference.unit_m
+    if high[0] > low[0] + half_way:
+        raise UsageError(
+            f"the cloud reaches from {low[0]:.7g} to {high[0]:.7g} in {reference.name}, as clouds across the"
+            " 180th meridian do: map either side on its own, or reproject both to UTM"
+        )
     try:
         to_wgs84 = Transformer.from_crs(reference.horizontal, "EPSG:4326", always_xy=True)
     except ProjError:  # of another celestial body

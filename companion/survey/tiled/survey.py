@@ -33,6 +33,7 @@ from companion.survey.tiled.store import Layout, Store
 from companion.survey.tiled.zone_file import Found, load
 from companion.survey.tiled.zones import batches, describe_zones
 from params import Parameters
+from slz import Box
 from slz.drawing import reach_of
 from slz.search import side_in_cells
 
@@ -40,6 +41,8 @@ SORTED_BYTES, DRAWN_BYTES = 6.5, 26.0  # on disk for a point, and for a cell wit
 LEAST_SHARES = {
     "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
 }  # fmt: skip
+MOST_CELLS = 4 * 10**12  # 0.06 bytes on disk for each of which nothing is known: 240 GB
+MOST_LINES = 2**31 - 1  # rows or columns of a raster of GDAL
 MOST_ZONES = 10**9
 MOST_HELD = 40_000_000  # cells of a survey whose zones keep theirs in memory, for pictures
 T = TypeVar("T")
@@ -105,6 +108,7 @@ class Survey:
         plan.claim(self._work, plan.manifest(self._files, self._crs, p, guess, self._side))
         sorted_, census, metric, broken = self._sorted(sources, guess)
         skipped += broken
+        _check_cells(census.box, p.cell_m)
         plan.begin(self._work, sorted_)
         layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
         density, p = self._fitted(layout, sorted_)
@@ -246,6 +250,18 @@ class Survey:
                 f"{self._work}: {free / 1e9:.1f} GB are free, the points alone take {need / 1e9:.1f} GB:"
                 " choose another disk by --out, or map fewer files at a time"
             )
+
+
+def _check_cells(box: Box, cell_m: float) -> None:
+    """Refuse a survey whose maps would have too many cells, before any is drawn."""
+    rows, cols = box.shape
+    excess = max(rows * cols / MOST_CELLS, (max(rows, cols) / MOST_LINES) ** 2)
+    if excess > 1:
+        fits = math.ceil(cell_m * math.sqrt(excess) * 1.01 * 100) / 100
+        raise UsageError(
+            f"{cols * cell_m / 1e3:.0f} km x {rows * cell_m / 1e3:.0f} km are too many cells of {cell_m:g} m:"
+            f" --cell-m {fits:g} would do, or map fewer files at a time"
+        )
 
 
 def _write_raster(asked: tuple[Path, raster.Layer], maps: Store, metric: Metric) -> None:

@@ -80,3 +80,18 @@ def test_a_crs_of_another_celestial_body_is_refused() -> None:
     low = np.zeros(3)
     with pytest.raises(UsageError, match=r"Moon.*not tied to the Earth.*--crs"):
         about(from_option("IAU_2015:30100"), low, low + 1e-4, 0.5)
+
+
+@pytest.mark.parametrize(("crs", "turn"), [("EPSG:4326", 360.0), ("EPSG:3857", 40_075_016.686)])
+def test_a_cloud_across_the_180th_meridian_is_refused_in_one_line(crs: str, turn: float) -> None:
+    low, high = np.array([-turn / 2, 0.1, 0]), np.array([turn / 2 * 0.999999, 0.2, 9])
+    with pytest.raises(UsageError, match="across the 180th meridian do: map either side on its own") as said:
+        about(from_option(crs), low, high, 0.5)
+    assert "\n" not in str(said.value)
+
+
+def test_a_crs_that_goes_on_beyond_the_180th_meridian_is_used_there() -> None:
+    around_it = about(
+        from_option("EPSG:3031"), np.array([-50.0, -2e6, 0]), np.array([50.0, -1.9999e6, 9]), 0.5
+    )
+    assert abs(around_it.frame.lon_deg) == pytest.approx(180, abs=1e-3)

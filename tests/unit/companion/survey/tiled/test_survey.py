@@ -226,6 +226,27 @@ def test_a_disk_without_room_for_the_points_is_told_before_they_are_read(
     assert list((tmp_path / "work").iterdir()) == []
 
 
+def test_a_cloud_in_degrees_across_the_180th_meridian_is_refused_before_it_is_drawn(tmp_path: Path) -> None:
+    east = np.random.default_rng(2).uniform((-180, 10, 100), (-179.9997, 10.0004, 100.1), (5000, 3))
+    sides = [
+        write(tmp_path / f"{k}.laz", points, "EPSG:4326")
+        for k, points in enumerate((east, east * (-1, 1, 1)))
+    ]
+    with pytest.raises(UsageError, match=r"reaches from -180 to 180 in EPSG:4326, as clouds across"):
+        surveyed(sides, tmp_path / "work")
+
+
+@pytest.mark.parametrize(("limit", "most"), [("MOST_CELLS", 1000), ("MOST_LINES", 50)])
+def test_maps_of_too_many_cells_are_refused_before_they_are_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, most: int
+) -> None:
+    monkeypatch.setattr(f"companion.survey.tiled.survey.{limit}", most)
+    path = write(tmp_path / "a.laz", FIELD)
+    with pytest.raises(UsageError, match=r"are too many cells of 0\.5 m: --cell-m [0-9.]+ would do"):
+        surveyed([path], tmp_path / "work")
+    assert not (tmp_path / "work" / "tiles").exists()
+
+
 def test_zones_of_a_survey_too_large_for_pictures_are_held_without_their_cells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
