@@ -91,7 +91,15 @@ def _of_las(out: Path, source: LasSource, maps: Maps, metric: Metric) -> None:
     header = _header(NEWER.get(old.point_format.id, old.point_format.id), old.scales, old.offsets, metric)
     header.global_encoding.gps_time_type = old.global_encoding.gps_time_type
     extra = [d for d in old.point_format.extra_dimensions if d.name != SOURCE_CLASS]
-    header.add_extra_dims([laspy.ExtraBytesParams(d.name, d.dtype, d.description) for d in extra])
+    # laspy tells the value for no data in the record, but not in the dimension.
+    records = [one for vlr in old.vlrs.get("ExtraBytesVlr") for one in vlr.extra_bytes_structs]
+    no_data = {one.format_name(): one.no_data for one in records}
+    header.add_extra_dims(
+        [
+            laspy.ExtraBytesParams(d.name, d.dtype, d.description, d.offsets, d.scales, no_data.get(d.name))
+            for d in extra
+        ]
+    )
     header.vlrs.extend(vlr for vlr in old.vlrs if vlr.record_id not in MADE)
     with laspy.open(out, "w", header=header) as writer:
         for piece in pieces(source.path, source.n_points):
@@ -101,9 +109,11 @@ def _of_las(out: Path, source: LasSource, maps: Maps, metric: Metric) -> None:
 def _copied(piece: Any, header: Any, found: NDArray[np.uint8]) -> Any:
     """Return points of laspy with all their dimensions and other classes."""
     new = laspy.ScaleAwarePointRecord.zeros(len(piece), header=header)
-    ours = set(new.point_format.dimension_names)
+    ours, extra = set(new.point_format.dimension_names), set(new.point_format.extra_dimension_names)
     for name in piece.point_format.dimension_names:
-        if name in ours:
+        if name in extra:  # as it is stored: its scale is the same, and a way there and back rounds
+            new.array[name] = piece.array[name]
+        elif name in ours:
             new[name] = piece[name]
         else:  # scan_angle_rank, the only one that is called otherwise now
             new["scan_angle"] = np.round(np.asarray(piece[name], np.float64) / SCAN_ANGLE).astype(np.int16)

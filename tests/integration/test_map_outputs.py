@@ -56,6 +56,32 @@ def check_classes(out: Path, name: str, points: np.ndarray) -> laspy.LasData:
     return las
 
 
+def test_classified_points_keep_scaled_dimensions(tmp_path: Path) -> None:
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = np.full(3, 1e-3), np.floor(POINTS.min(axis=0))
+    header.add_crs(CRS(UTM))
+    scale, offset, no_data = np.array([0.01]), np.array([-5.0]), np.array([-32768])
+    header.add_extra_dims(
+        [
+            laspy.ExtraBytesParams("Reflectance", np.int16, "dB", offset, scale, no_data),
+            laspy.ExtraBytesParams("Normal", "3i2", "", np.zeros(3), np.full(3, 1e-4)),
+        ]
+    )
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = POINTS.T
+    raw = np.random.default_rng(4).integers(-32768, 32768, (len(POINTS), 4))
+    las.points.array["Reflectance"], las.points.array["Normal"] = raw[:, 0], raw[:, 1:]
+    las.write(tmp_path / "a.laz")
+    mapped([tmp_path / "a.laz"], tmp_path / "out")
+    new = laspy.read(tmp_path / "out" / "classified.laz")
+    np.testing.assert_array_equal(new.points.array["Reflectance"], raw[:, 0])
+    np.testing.assert_array_equal(new.points.array["Normal"], raw[:, 1:])
+    np.testing.assert_allclose(new["Reflectance"], raw[:, 0] * 0.01 - 5)
+    records = new.header.vlrs.get("ExtraBytesVlr")[0].extra_bytes_structs
+    (kept,) = [one for one in records if one.format_name() == "Reflectance"]
+    assert (kept.scale[0], kept.offset[0], kept.no_data[0]) == (0.01, -5, -32768)
+
+
 def test_the_kml_holds_what_the_geojson_holds(tmp_path: Path) -> None:
     summary = mapped([write(tmp_path / "field.laz", POINTS)], tmp_path / "out")
     space = {"k": NAMESPACE}
