@@ -41,7 +41,7 @@ SORTED_BYTES, DRAWN_BYTES = 6.5, 26.0  # on disk for a point, and for a cell wit
 LEAST_SHARES = {
     "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
 }  # fmt: skip
-MOST_CELLS = 4 * 10**12  # 0.06 bytes on disk for each of which nothing is known: 240 GB
+MOST_CELLS = 4 * 10**12  # 0.08 bytes on disk for each of which nothing is known: 320 GB
 MOST_LINES = 2**31 - 1  # rows or columns of a raster of GDAL
 MOST_ZONES = 10**9
 MOST_HELD = 40_000_000  # cells of a survey whose zones keep theirs in memory, for pictures
