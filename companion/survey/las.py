@@ -22,7 +22,8 @@ from companion.survey.source import CHUNK, Chunk, Clock, translated
 # ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
 LOW_NOISE, HIGH_NOISE = 7, 18
 # 40 to 45 are those of the Topo-Bathy domain profile: the bed, the surface, what lies under it, no bottom.
-WATER = (9, *range(40, 46))
+# 44, an object of a sea chart, may stand above the water: it stays, as evidence.
+WATER = (9, 40, 41, 42, 43, 45)
 COPC = "copc"
 # Of LAZ 1.4 (point formats 6 to 10) only these layers are decompressed for a map; older formats have none.
 LAYERS = (
