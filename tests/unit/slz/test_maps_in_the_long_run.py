@@ -74,8 +74,12 @@ def test_the_window_keeps_its_size_through_all_changes_of_level(zone_m: float) -
     first = far.terrain.grid
     for step in range(60):
         far.take(np.empty((0, 3)), np.array([1.7 * step, -0.9 * step, 30.0]), float(step))
+        before = far.terrain.grid
         far.at_level((0, 2, 1, 3)[step % 4])
         grid = far.terrain.grid
+        coarse_m = max(before.cell_m, grid.cell_m)
+        assert abs(grid.west_m + grid.east_m - before.west_m - before.east_m) <= 2 * coarse_m
+        assert abs(grid.south_m + grid.north_m - before.south_m - before.north_m) <= 2 * coarse_m
         assert zone_m <= grid.rows * grid.cell_m + 1e-6 <= zone_m + 2 * grid.cell_m
         assert grid.rows == grid.cols
     far.at_level(0)
