@@ -51,6 +51,7 @@ def heard(message: Any, at_ns: int, system: int = 1) -> Raw:
 
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3)
+LEVEL = mavlink.MAVLink_attitude_quaternion_message(1000, 1, 0, 0, 0, 0, 0, 0)
 BELOW = mavlink.MAVLink_distance_sensor_message(1000, 20, 5000, 800, 0, 1, 25, 0)
 
 
@@ -61,6 +62,7 @@ def test_ranges_that_came_over_mavlink_are_returns_again() -> None:
     senses.take(heard(BELOW, SECOND))  # before anybody knows whose it is
     assert not found
     senses.take(heard(HEARTBEAT, 2 * SECOND))
+    senses.take(heard(LEVEL, 3 * SECOND))  # from poses it is known what time it is
     senses.take(heard(BELOW, 3 * SECOND))
     senses.take(heard(BELOW, 4 * SECOND, system=2))  # another vehicle's
     senses.take(Raw(journal.LIDAR, 5 * SECOND, journal.pack_batch([(0, b"a packet of no sensor")])))
