@@ -186,7 +186,7 @@ class Streams:
         height = self.height_m = None if pose is None else self._height_m(pose, now_ns())
         message = None
         if pose is not None and height is not None:
-            message = downward_distance(height, self._boot_ms(), float(pose.rotation_enu_from_frd[2, 2] * -1))
+            message = downward_distance(height, self._boot_ms(), -float(pose.rotation_enu_from_frd[2, 2]))
         self._send("DISTANCE_SENSOR", message)
 
     def send_status(self) -> None:

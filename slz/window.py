@@ -92,7 +92,8 @@ class Windower:
         return -LATE_NS <= int(scan.stamp_ns[0]) - self._last.end_ns < 0
 
     def flush(self) -> Window | None:
-        """Hand on what was gathered, complete or not."""
+        """Hand on what was gathered, complete or not; what came late for a window before is gone with it."""
+        self._late = []
         if not self._scans:
             return None
         window = join(self._scans)

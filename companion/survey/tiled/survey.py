@@ -37,7 +37,7 @@ from slz import Box
 from slz.drawing import reach_of
 from slz.search import side_in_cells
 
-SORTED_BYTES, DRAWN_BYTES = 6.5, 26.0  # on disk for a point, and for a cell with its share of the rasters
+SORTED_BYTES = 6.5  # on disk for a point
 LEAST_SHARES = {
     "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
 }  # fmt: skip
