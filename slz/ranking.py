@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from params import Parameters
 from slz.zone import Zone
@@ -48,7 +48,7 @@ class Ranking:
             else:
                 known_pair = self._placed.get((above.id, zone.id))
                 if not (known_pair and known_pair[0] is above and known_pair[1] is zone):
-                    known_pair = above, zone, replace(zone, why=_why(zone, above, self._parameters))
+                    known_pair = above, zone, zone.placed(_why(zone, above, self._parameters))
                 placed[above.id, zone.id] = known_pair
                 ranked.append(known_pair[2])
             above = zone

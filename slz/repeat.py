@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,22 @@ Describe = Callable[[Candidate, int], Zone]
 MOST_GONE = 256
 
 
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """What lies inside a zone's contour, as bits, and the row and column of the first."""
+
+    bits: NDArray[np.uint64]
+    row0: int
+    col0: int
+
+    @classmethod
+    def of(cls, part: Part) -> _Content:
+        return cls(part.content, part.box.row0, 64 * part.words.start)
+
+    def moved(self, down: int, right: int) -> _Content:
+        return replace(self, row0=self.row0 + down, col0=self.col0 + right)
+
+
 class RepeatFilter:
     """The source's rule: a zone found again is ignored, a morphed one replaces the old and keeps its ID.
 
@@ -33,6 +49,7 @@ class RepeatFilter:
         self._parameters = parameters
         self._numbers = numbers
         self._zones: list[Zone] = []
+        self._contents: list[_Content] = []
         self._since: list[int] = []  # count of changes at which each zone came
         self._ignored: dict[Part, tuple[int, int]] = {}  # by which zone, and the count then
         self._changes = 0
@@ -52,9 +69,11 @@ class RepeatFilter:
             self._changes += 1
             if action == "replace":
                 self._zones[position] = describe(part, self._zones[position].id)
+                self._contents[position] = _Content.of(part)
                 self._since[position] = self._changes
             else:
                 self._zones.append(describe(part, next(self._numbers)))
+                self._contents.append(_Content.of(part))
                 self._since.append(self._changes)
         self._ignored = ignored
         return list(self._zones)
@@ -78,7 +97,8 @@ class RepeatFilter:
             if not (large or _within(box, other)):
                 continue  # it can neither be the same nor replace it
             allowed = n - math.ceil(p.repeat_ratio * n) if large else 0
-            inside = inside_count(part.boundary_cells, old.cells, other.row0, other.col0, allowed)
+            held = self._contents[position]
+            inside = inside_count(part.boundary_cells, held.bits, held.row0, held.col0, allowed)
             if inside == n:
                 return "ignore", position
             if large and inside / n > p.repeat_ratio:
@@ -87,6 +107,7 @@ class RepeatFilter:
 
     def moved(self, old: Grid, new: Grid) -> None:
         """Follow the map to a new zone; zones that lie outside it stay in effect."""
+        self._contents = [content.moved(*old.shift_to(new)) for content in self._contents]
         self._zones = [regridded(zone, old, new) for zone in self._zones]
         self._ignored = {}
         self.changed = True

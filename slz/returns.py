@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
 from slz.kernels.fuse import STEP
-from slz.kernels.stream import DROPPED, OUTSIDE, interval, scatter, scatter_by_bands, stream
+from slz.kernels.interval import interval
+from slz.kernels.stream import DROPPED, OUTSIDE, stream
+from slz.kernels.sums import scatter
 
 Points = NDArray[np.float64]
 FINEST_BITS = 36  # of a metre, to which heights are rounded at best
-CACHED = 400_000  # cells, of whose sums those that points hit one after the other stay in the cache
 SUM_BITS = 51  # of a sum of heights, at most
 
 
@@ -26,7 +27,7 @@ class Returns:
     def __init__(self) -> None:
         self._cells = np.empty(0, np.uint32)
         self._heights = np.empty(0, np.float32)
-        self._sums, self._sorted = np.zeros(0, np.uint64), np.empty(0, np.uint64)
+        self._sums = np.empty(0, np.uint64)
         self.points = np.empty(0)
         self.low_m = self.high_m = self._level = 0.0
         self.n = self.n_outside = 0
@@ -86,23 +87,16 @@ class Returns:
         return (float(points[where, 0]), float(points[where, 1])) if away[where] else None
 
     def sums(self) -> tuple[NDArray[np.uint64], float, int, int]:
-        """Return the sums over the box (see `stream.scatter`), their unit (m), count bits, points.
-
-        Whoever takes the sums leaves zeros.
-        """
-        rows, width = self.box.shape[0], self.width
-        if rows * width > len(self._sums):
-            self._sums = np.zeros(rows * width + rows * width // 4, np.uint64)
+        """Return the sums over the box (see `sums.scatter`), their unit (m), count bits, points."""
+        n_cells = self.box.shape[0] * self.width
+        if n_cells > len(self._sums):
+            self._sums = np.empty(n_cells + n_cells // 4, np.uint64)
+        sums = self._sums[:n_cells]
+        sums[:] = 0  # just before they are added to: so they are in the cache
         count_bits = max(12, self.n.bit_length())
         span_m = max(self.high_m - self.low_m, 1e-3)
         most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)
         scale = 2.0 ** min(FINEST_BITS, math.floor(most))
         given = self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, scale, count_bits
-        row0, col0 = self.box.row0, self.box.col0
-        if rows * width <= CACHED or span_m * scale >= 2**31:
-            used = scatter(*given, row0, col0, width, self._sums)
-        else:
-            if self.n > len(self._sorted):
-                self._sorted = np.empty(self.n + self.n // 4, np.uint64)
-            used = scatter_by_bands(*given, row0, rows, col0, width, self._sorted, self._sums)
-        return self._sums, 1.0 / scale, count_bits, used
+        used = scatter(*given, self.box.row0, self.box.col0, self.width, sums)
+        return sums, 1.0 / scale, count_bits, used

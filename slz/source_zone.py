@@ -11,10 +11,11 @@ from params import Parameters
 from slz.kernels.bits import unpacked
 from slz.kernels.content import part_of
 from slz.kernels.fuse import SUM_UNIT
-from slz.kernels.measure import corners, measure
+from slz.kernels.measure import corners, heights_at, measure
 from slz.kernels.room import first_choice, room
 from slz.landing_point import horizon_towards
-from slz.source_obstacles import SourceObstacles
+from slz.lazy import Later
+from slz.source_obstacles import source_obstacles
 from slz.source_search import Part, SourceSearch
 from slz.source_terrain import SourceTerrain
 from slz.zone import LandingPoint, Zone
@@ -34,27 +35,30 @@ def describe_source(
     box, grid, words = part.box, terrain.grid, part.words
     first_row, first_col = part.boundary_cells[0].tolist()
     own = part_of(part.content, terrain.safe_bits, box.row0, words.start, first_row, first_col)
-    n_safe, n_unknown, n_own, slopes, roughs = measure(
-        part.content, own, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
+    n_safe, n_unknown, slopes, roughs = measure(
+        part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
         terrain.blocks, terrain.slopes, terrain.roughs,
     )  # fmt: skip
     here = slice(box.row0, box.row1), words
     holes = part.content & terrain.known_bits[here] & ~terrain.safe_bits[here]
+    heights, blocks = heights_at(part.boundary_cells, terrain.heights), terrain.height_copies.of(box)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
     return Zone(
         id=zone_id,
         box=box,
-        cells=unpacked(part.content, box.col0 & 63, box.col1 - box.col0),
+        cells=Later(lambda: unpacked(part.content, box.col0 & 63, box.col1 - box.col0)),
         area_m2=float(part.n_cells) * grid.cell_m**2,
         certainty=n_certain / part.n_cells,  # Eq. 16 or 17
         n_safe=n_safe,
         n_unsafe=part.n_cells - n_safe - n_unknown,
         n_uncertain=n_unknown,
-        slope_deg=slopes / (float(SUM_UNIT) * n_own),
-        roughness=roughs / (float(SUM_UNIT) * n_own),
+        slope_deg=slopes / (float(SUM_UNIT) * n_safe),
+        roughness=roughs / (float(SUM_UNIT) * n_safe),
         boundary_cells=part.boundary_cells,
-        corners_enu_m=corners(part.boundary_cells, terrain.heights, grid.west_m, grid.south_m, grid.cell_m),
-        obstacles=SourceObstacles(holes, own, terrain.height_copies.of(box), box, grid),
+        corners_enu_m=Later(
+            lambda: corners(part.boundary_cells, heights, grid.west_m, grid.south_m, grid.cell_m)
+        ),
+        obstacles=Later(lambda: source_obstacles(holes, own, blocks, box, grid)),
         best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),
     )
 

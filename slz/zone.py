@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
+from slz.lazy import Lazy
 from slz.surroundings import Obstacle
 
 
@@ -32,7 +33,7 @@ class LandingPoint:
     distance_m: float = math.nan
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Zone:
     """One safe landing zone (SLZ paper §3.3-3.4).
 
@@ -41,12 +42,12 @@ class Zone:
     in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside the
     contour: safe, unsafe (measured), uncertain (no elevation). certainty: in source mode Eq. 16 or 17, else
     the mean probability of the cells inside the contour, 0 where unknown. roughness: mean over the measured
-    cells. why: what places it behind the zone before it in the ranking.
+    cells. why: what places it behind the zone before it in the ranking. Cells, corners and obstacles may be
+    worked out when they are first read, from what was known when the zone was described.
     """
 
     id: int
     box: Box
-    cells: NDArray[np.uint8]
     area_m2: float
     certainty: float
     n_safe: int
@@ -55,10 +56,17 @@ class Zone:
     slope_deg: float
     roughness: float
     boundary_cells: NDArray[np.int32]
-    corners_enu_m: NDArray[np.float64]
-    obstacles: Sequence[Obstacle]
     best: LandingPoint
+    cells: Lazy[NDArray[np.uint8]] = Lazy()
+    corners_enu_m: Lazy[NDArray[np.float64]] = Lazy()
+    obstacles: Lazy[tuple[Obstacle, ...]] = Lazy()
     why: str = ""
+
+    def placed(self, why: str) -> Zone:
+        """Return the zone with what places it behind another; what was not read yet stays so."""
+        zone = copy(self)
+        vars(zone)["why"] = why
+        return zone
 
     def holds(self, row: int, col: int) -> bool:
         """Tell whether a cell of the grid belongs to the zone."""

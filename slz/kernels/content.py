@@ -11,6 +11,8 @@ from slz.kernels.bits import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, s
 from slz.kernels.jit import kernel
 from slz.kernels.tour import EAST, WEST
 
+WEST_BIT, EAST_BIT = np.uint64(WEST.bit_length() - 1), np.uint64(EAST.bit_length() - 1)
+
 
 @kernel("int64(int32[:, ::1], uint8[::1], int64, int64, int64, uint64[:, ::1])")
 def fill(
@@ -23,10 +25,10 @@ def fill(
     rows, words = content.shape
     for i in range(n):
         r, c = path[i, 0] - row0, path[i, 1] - 64 * word0
-        if edges[i] & WEST:
-            content[r, c >> 6] ^= ONE << np.uint64(c & 63)
-        if edges[i] & EAST and (c + 1) >> 6 < words:
-            content[r, (c + 1) >> 6] ^= ONE << np.uint64((c + 1) & 63)
+        west, east = (edges[i] >> WEST_BIT) & ONE, (edges[i] >> EAST_BIT) & ONE
+        content[r, c >> 6] ^= west << np.uint64(c & 63)
+        if (c + 1) >> 6 < words:
+            content[r, (c + 1) >> 6] ^= east << np.uint64((c + 1) & 63)
     count = np.uint64(0)
     for r in range(rows):
         inside = NONE
@@ -47,76 +49,88 @@ def _down(room: np.uint64, set_: np.uint64) -> np.uint64:
     return set_
 
 
-@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64)")
-def _spread(room: Bits, part: Bits, r: int, other: int) -> bool:
-    """Spread a part into row r from itself and from another row beside it; tell whether it grew there."""
+@kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64)")
+def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
+    """Spread a part into row r from itself and from words of a row beside it.
+
+    Return the first and the last word in which it grew there; the first is greater where it did not.
+    """
     words = room.shape[1]
-    carry, changed = NONE, False
-    for w in range(words):
+    low, high, carry, w = words, -1, NONE, max(0, first - 1)
+    while w < words and (w <= last + 1 or carry != NONE):
         free, old = room[r, w], part[r, w]
-        if free == old:
-            carry = old >> LAST
-            continue
-        near = part[other, w]
-        wide = near | (near << ONE) | (near >> ONE)
-        if w > 0:
-            wide |= part[other, w - 1] >> LAST
-        if w < words - 1:
-            wide |= part[other, w + 1] << LAST
-        new = (old | (wide & free)) | (carry & free)
-        if new != NONE:
-            new |= (free ^ (free + new)) & free  # runs through to the end of each stretch of room
-        carry = new >> LAST
+        new = old
+        if free != old:
+            near = part[other, w]
+            wide = near | (near << ONE) | (near >> ONE) | carry
+            if w > 0:
+                wide |= part[other, w - 1] >> LAST
+            if w < words - 1:
+                wide |= part[other, w + 1] << LAST
+            new = old | (wide & free)
         if new != old:
-            part[r, w], changed = new, True
-    if not changed:
-        return False
-    carry = NONE
-    for w in range(words - 1, -1, -1):
-        free, old = room[r, w], part[r, w]
-        if free == old:
-            carry = (old & ONE) << LAST
-            continue
-        new = old | (carry & free)
-        if new != NONE:
-            new = _down(free, new)
-        carry = (new & ONE) << LAST
-        part[r, w] = new
-    return True
+            new |= (free ^ (free + new)) & free  # through to the end of each stretch of room
+            if free & ~new & (new >> ONE) != NONE:
+                new = _down(free, new)
+            part[r, w] = new
+            low, high = min(low, w), w
+            v = w
+            while part[r, v] & ONE != NONE and v > 0 and (room[r, v - 1] & ~part[r, v - 1]) >> LAST != NONE:
+                v -= 1
+                part[r, v] = _down(room[r, v], part[r, v] | (ONE << LAST))
+                low = min(low, v)
+        carry = new >> LAST
+        w += 1
+    return low, high
+
+
+@kernel("void(int64[:, ::1], int64, int64, int64)")
+def _note(pending: NDArray[np.int64], r: int, low: int, high: int) -> None:
+    """Have the words of a row beside looked at by row r."""
+    pending[r, 0], pending[r, 1] = min(pending[r, 0], low), max(pending[r, 1], high)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def component(room: Bits, row: int, col: int) -> Bits:
     """Return the 8-connected component of a set cell.
 
-    Rows are gone through up and down, and only those beside one in which the part grew since.
+    Rows are gone through up and down, and only those beside one in which the part grew since, and there where
+    it did.
     """
-    rows = room.shape[0]
+    rows, words = room.shape
     part = np.zeros(room.shape, np.uint64)
     part[row, col >> 6] = ONE << np.uint64(col & 63)
-    from_south, from_north = np.zeros(rows + 2, np.bool_), np.zeros(rows + 2, np.bool_)  # with a margin
-    _spread(room, part, row, row)
-    from_south[row + 2] = from_north[row] = True
+    from_south, from_north = np.empty((rows + 2, 2), np.int64), np.empty((rows + 2, 2), np.int64)  # a margin
+    from_south[:, 0] = from_north[:, 0] = words
+    from_south[:, 1] = from_north[:, 1] = -1
+    _spread(room, part, row, row, 0, words)
+    from_south[row + 2] = from_north[row] = 0, words - 1
     low, high, moved = row, row, True
     while moved:
         moved = False
         for r in range(max(1, low), rows):
-            if not from_south[r + 1]:
+            first, last = from_south[r + 1]
+            if last < 0:
                 if r > high:
                     break
                 continue
-            from_south[r + 1] = False
-            if _spread(room, part, r, r - 1):
-                from_south[r + 2] = from_north[r] = True
+            from_south[r + 1] = words, -1
+            first, last = _spread(room, part, r, r - 1, first, last)
+            if last >= 0:
+                _note(from_south, r + 2, first, last)
+                _note(from_north, r, first, last)
                 high, moved = max(high, r), True
         for r in range(min(rows - 2, high), -1, -1):
-            if not from_north[r + 1]:
+            first, last = from_north[r + 1]
+            if last < 0:
                 if r < low:
                     break
                 continue
-            from_north[r + 1] = False
-            if _spread(room, part, r, r + 1):
-                from_south[r + 2] = from_north[r] = True
+            from_north[r + 1] = words, -1
+            first, last = _spread(room, part, r, r + 1, first, last)
+            if last >= 0:
+                _note(from_south, r + 2, first, last)
+                _note(from_north, r, first, last)
                 low, moved = min(low, r), True
     return part
 

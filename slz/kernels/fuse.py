@@ -68,7 +68,7 @@ def _mean_heights(
     real_totals: NDArray[np.float64],
     height: Row,
 ) -> None:
-    """Take sums (see `stream.scatter`) and leave zeros; the mean heights, NaN where nothing was hit (Eq. 5).
+    """Turn sums (see `sums.scatter`) into mean heights, NaN where nothing was hit (Eq. 5).
 
     The pairs of scratch are the same memory: a number with the exponent of 2**52 before it is that number
     plus 2**52, which the compiler does four at a time, unlike converting it.
@@ -77,7 +77,6 @@ def _mean_heights(
     for i in range(np.uint64(len(sums))):
         counts[i] = (sums[i] & mask) | TWO_52_BITS
         totals[i] = (sums[i] >> bits) | TWO_52_BITS
-        sums[i] = U0
     for i in range(np.uint64(len(sums))):
         n, total = real_counts[i] - TWO_52, real_totals[i] - TWO_52
         height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN
@@ -225,8 +224,8 @@ def fuse(
     Parameters
     ----------
     sums
-        (rows * width,) as `stream.scatter` leaves them; zeros are left. The width is a multiple of STEP; the
-        box may reach beyond the map's last column by less than that.
+        (rows * width,) as `sums.scatter` leaves them. The width is a multiple of STEP; the box may reach
+        beyond the map's last column by less than that.
     cols
         Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
     height, slope, rough

@@ -1,4 +1,4 @@
-"""What the maps say of a contour's content and of the component in it, counted by words."""
+"""What the maps say of a contour's content, counted by words."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from slz.kernels.jit import kernel
 Map = NDArray[np.float32]
 
 
-@kernel("UniTuple(int64, 5)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
-        " int32[:, :, ::1], float32[:, ::1], float32[:, ::1])")  # fmt: skip
+@kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
+        " float32[:, ::1], float32[:, ::1])")  # fmt: skip
 def measure(
     content: Bits,
-    part: Bits,
     safe: Bits,
     known: Bits,
     row0: int,
@@ -24,12 +23,12 @@ def measure(
     blocks: NDArray[np.int32],
     slope: Map,
     rough: Map,
-) -> tuple[int, int, int, int, int]:
-    """Return a content's safe and unknown cells, the cells of its part, their slope and roughness.
+) -> tuple[int, int, int, int]:
+    """Return a content's safe and unknown cells, and the slope and roughness of the safe ones.
 
     The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words.
     """
-    n_safe = n_unknown = n_part = np.uint64(0)
+    n_safe = n_unknown = np.uint64(0)
     slopes = roughs = 0
     for i in range(content.shape[0]):
         r = row0 + i
@@ -37,14 +36,11 @@ def measure(
             inside, w = content[i, j], word0 + j
             if inside == NONE:
                 continue
-            n_safe += popcount(inside & safe[r, w])
+            own = inside & safe[r, w]
+            n_safe += popcount(own)
             n_unknown += popcount(inside & ~known[r, w])
-            own = part[i, j]
-            n_part += popcount(own)
-            if own == NONE:
-                continue
-            rest, sign = safe[r, w] & ~own, -1
-            if popcount(rest) > popcount(own):  # few of the word's are in the part: they, not the others
+            rest, sign = safe[r, w] & ~inside, -1
+            if popcount(rest) > popcount(own):  # few of the word's are inside: they, not the others
                 rest, sign = own, 1
             else:
                 slopes += blocks[r, w, 0]
@@ -54,12 +50,21 @@ def measure(
                 slopes += sign * signed(slope[r, c] * SUM_UNIT + HALF)
                 roughs += sign * signed(rough[r, c] * SUM_UNIT + HALF)
                 rest &= rest - ONE
-    return signed(n_safe), signed(n_unknown), signed(n_part), slopes, roughs
+    return signed(n_safe), signed(n_unknown), slopes, roughs
 
 
-@kernel("float64[:, ::1](int32[:, ::1], float32[:, ::1], float64, float64, float64)")
+@kernel("float32[::1](int32[:, ::1], float32[:, ::1])")
+def heights_at(boundary: NDArray[np.int32], height: Map) -> NDArray[np.float32]:
+    """Return the height of every boundary cell."""
+    out = np.empty(len(boundary), np.float32)
+    for i in range(len(boundary)):
+        out[i] = height[boundary[i, 0], boundary[i, 1]]
+    return out
+
+
+@kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")
 def corners(
-    boundary: NDArray[np.int32], height: Map, west: float, south: float, cell: float
+    boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
 ) -> NDArray[np.float64]:
     """Return (m, 3) east, north, height of the boundary cells that `without_collinear` keeps."""
     n, m = len(boundary), 0
@@ -74,21 +79,20 @@ def corners(
         m += not flat or turns or n == 1
     out = np.empty((m, 3))
     for k in range(m):
-        r, c = boundary[kept[k], 0], boundary[kept[k], 1]
-        out[k, 0], out[k, 1], out[k, 2] = west + (c + 0.5) * cell, south + (r + 0.5) * cell, height[r, c]
+        i = kept[k]
+        out[k, 0], out[k, 1] = west + (boundary[i, 1] + 0.5) * cell, south + (boundary[i, 0] + 0.5) * cell
+        out[k, 2] = height[i]
     return out
 
 
-@kernel("int64(int32[:, :], uint8[:, :], int64, int64, int64)")
-def inside_count(
-    boundary: NDArray[np.int32], cells: NDArray[np.uint8], row0: int, col0: int, most_outside: int
-) -> int:
-    """Return how many boundary cells are set in an array from (row0, col0) on; -1 if too many are not."""
-    rows, cols = cells.shape
+@kernel("int64(int32[:, ::1], uint64[:, ::1], int64, int64, int64)")
+def inside_count(boundary: NDArray[np.int32], content: Bits, row0: int, col0: int, most_outside: int) -> int:
+    """Return how many boundary cells are set in bits from (row0, col0) on; -1 if too many are not."""
+    rows, cols = content.shape[0], 64 * content.shape[1]
     outside = 0
     for i in range(len(boundary)):
         r, c = boundary[i, 0] - row0, boundary[i, 1] - col0
-        if r < 0 or c < 0 or r >= rows or c >= cols or not cells[r, c]:
+        if r < 0 or c < 0 or r >= rows or c >= cols or not content[r, c >> 6] >> np.uint64(c & 63) & ONE:
             outside += 1
             if outside > most_outside:
                 return -1

@@ -25,9 +25,9 @@ def _longer(
     return doubled(path), new_edges
 
 
-@kernel("void(int32[:, ::1], uint8[::1], int64, int64)")
-def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> None:
-    """Let a tour begin at its first cell, with the step that a tour begun there takes first."""
+@kernel("int64(int32[:, ::1], uint8[::1], int64, int64)")
+def _beginning(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> int:
+    """Return where a tour passes its first cell with the step that a tour begun there takes first."""
     row, col = path[first, 0], path[first, 1]
     start, best = first, 9
     for i in range(first, n):
@@ -35,12 +35,7 @@ def _turn(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int)
             direction = signed(edges[i]) & 15
             if 4 <= direction < best:  # nothing lies before the first cell: it looks from east on
                 start, best = i, direction
-    if start > 0:
-        cells, entries = path[:n].copy(), edges[:n].copy()
-        put_rows(path, 0, cells[start:])
-        put_rows(path, n - start, cells[:start])
-        put(edges, 0, entries[start:])
-        put(edges, n - start, entries[:start])
+    return start
 
 
 @kernel(
@@ -110,7 +105,7 @@ def find(
                     for j in range(w1 - w0):
                         taken[r0 + i, w0 + j] |= content[i, j]
                 if n >= least:
-                    _turn(path, edges, n, first)
+                    start = _beginning(path, edges, n, first)
                     if count == len(table):
                         table = doubled(table)
                     entry = table[count]
@@ -122,7 +117,9 @@ def find(
                         more = np.empty((2 * (n_boundary + n), 2), np.int32)
                         put_rows(more, 0, boundary[:n_boundary])
                         boundary = more
-                    put_rows(boundary, n_boundary, path[:n])
+                    flat = boundary.ravel()
+                    put(flat, 2 * n_boundary, path[start:n].ravel())
+                    put(flat, 2 * (n_boundary + n - start), path[:start].ravel())
                     n_boundary += n
                     if n_words + content.size > len(words):
                         more_words = np.empty(2 * (n_words + content.size), np.uint64)

@@ -1,10 +1,12 @@
-"""From a window's points to its cells by the sources' rules, in two phases (SLZ paper §3.2.1-3.2.2).
+"""From a window's points to its cells by the sources' rules (SLZ paper §3.2.1-3.2.2).
 
-The first phase streams through the points once and leaves 8 bytes of each: its cell and its height. The
-second takes those, still in the cache, to the histogram of heights and to the cells.
+The points are gone through once, and 8 bytes of each are left: its cell and its height. Those go to the
+histogram of heights (`interval`) and to the sums of the cells (`sums`).
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +18,9 @@ Points = NDArray[np.float64]
 DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
 MOST_CELLS = 65_535  # along one side of a map: a cell's row and column are 16 bits each
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
-CHUNK = 1024
-FEW = 256  # points, of which seldom one lies near a bin's edge
-BAND_BITS = 5  # 32 rows
-BAND = 1 << BAND_BITS
-HIGH, LOW32 = np.uint64(32), np.uint64(0xFFFFFFFF)
+CHUNK = 512
 HALF, LOW16, NOTHING = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
+LARGEST, LEAST, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of four bytes' numbers
 ONE, TWO, THREE, SIX, NINE, TWELVE = (np.uint64(k) for k in (1, 2, 3, 6, 9, 12))
 EDGE = 1e-7  # of a cell, below which a product may round to the other side of an edge than the quotient
 
@@ -80,15 +79,22 @@ def _exactly(
             cells[i] = np.uint32((int(row) << 16) | int(col)) if inside else OUTSIDE
 
 
-@kernel("UniTuple(uint32, 5)(uint32[::1])")
-def _hit(cells: NDArray[np.uint32]) -> tuple[np.uint32, np.uint32, np.uint32, np.uint32, np.uint32]:
-    """Return the least and greatest row and column, and the greatest of all."""
+@kernel("Tuple((uint32, uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
+def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
+    """Return the least and greatest row and column, the greatest of all, the least and greatest height.
+
+    Heights are given and returned as the bits of theirs, the negative ones' turned round: so they are whole
+    numbers in the same order, of which the compiler takes many at a time.
+    """
     row0, row1, col0, col1, most = LOW16, NOTHING, LOW16, NOTHING, NOTHING
-    for i in range(len(cells)):
+    low, high = LARGEST, LEAST
+    for i in range(np.uint64(len(cells))):
         row, col = cells[i] >> HALF, cells[i] & LOW16
         row0, row1, col0, col1 = min(row0, row), max(row1, row), min(col0, col), max(col1, col)
         most = max(most, cells[i])
-    return row0, row1, col0, col1, most
+        height = heights[i] ^ ((heights[i] >> SIGN) & LARGEST)
+        low, high = min(low, height), max(high, height)
+    return row0, row1, col0, col1, most, low, high
 
 
 @kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
@@ -149,6 +155,7 @@ def stream(
             level = points[3 * i + 2]
             break
     low, high, dropped, outside = np.inf, -np.inf, 0, 0
+    bits, least, greatest = heights.view(np.int32), LARGEST, LEAST
     row0, row1, col0, col1 = LOW16, NOTHING, LOW16, NOTHING
     for start in range(0, n, CHUNK):
         stop = min(n, start + CHUNK)
@@ -158,10 +165,12 @@ def stream(
             mine, heights[start:stop],
         ):  # fmt: skip
             _exactly(some, west, south, cell, rows, cols, mine)
-        r0, r1, c0, c1, most = _hit(mine)
+        r0, r1, c0, c1, most, lower, upper = _ends(mine, bits[start:stop])
         if most < OUTSIDE:
             row0, row1, col0, col1 = min(row0, r0), max(row1, r1), min(col0, c0), max(col1, c1)
-            low, high = _heights(some, low, high)
+            if lower <= least or upper >= greatest:  # of four bytes: the highest of all eight is among these
+                least, greatest = min(least, lower), max(greatest, upper)
+                low, high = _heights(some, low, high)
             continue
         for i in range(stop - start):
             at = mine[i]
@@ -175,189 +184,3 @@ def stream(
             row0, row1 = min(row0, at >> HALF), max(row1, at >> HALF)
             col0, col1 = min(col0, at & LOW16), max(col1, at & LOW16)
     return np.array([level, low, high, n - dropped, outside, row0, row1 + 1, col0, col1 + 1], np.float64)
-
-
-@kernel("boolean(uint32[::1], float32[::1], float64, float64, int64, uint16[::1])")
-def _bins(
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
-    shift: float,
-    scale: float,
-    bins: int,
-    out: NDArray[np.uint16],
-) -> bool:
-    """Leave the bins of a chunk's heights, one more for those dropped; tell whether one may be wrong.
-
-    That is so of a height so near a bin's edge that rounding to four bytes may have moved it over. Without a
-    branch, so that the compiler takes four at a time.
-    """
-    near, last, odd = 0.5 - bins * 2.0**-22, np.int32(bins - 1), 0
-    for i in range(np.uint64(len(cells))):
-        at = (float(heights[i]) + shift) * scale
-        b = np.int32(at)
-        odd |= signed(abs(at - b - 0.5) > near)
-        b = last if b > last else b
-        out[i] = np.uint16(bins) if cells[i] == DROPPED else np.uint16(b)
-    return odd != 0
-
-
-@kernel(
-    "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
-    " int64, int64, float64)"
-)
-def interval(
-    points: Points,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
-    level: float,
-    low: float,
-    high: float,
-    n: int,
-    bins: int,
-    threshold: float,
-) -> tuple[float, float]:
-    """Return the accepted heights of n points not dropped (SLZ paper §3.2.1, SLZ thesis §3.3.1.1).
-
-    The sources give two numbers, 300 bins and a threshold of 0.9, without saying how the accepted interval is
-    formed. Here an end bin is sparse when it holds less than (1 - threshold) of the mean bin population.
-    Sparse end bins are trimmed, the emptier end first, while at least `threshold` of all points stay.
-
-    A height that lies so near a bin's edge that rounding to four bytes may move it over is looked up.
-    """
-    if not high > low:
-        return low, high
-    count = np.zeros((4, bins + 1), np.int32)  # four, so that equal bins one after the other need not wait
-    scale, shift = bins / (high - low), level - low
-    mine, four = np.empty(FEW, np.uint16), np.uint64(3)
-    for start in range(0, len(cells), FEW):
-        some = slice(start, min(len(cells), start + FEW))
-        if _bins(cells[some], heights[some], shift, scale, bins, mine):
-            for i in range(some.start, some.stop):
-                if cells[i] != DROPPED:
-                    mine[i - start] = min(bins - 1, int((points[3 * i + 2] - low) * scale))
-        for i in range(np.uint64(some.stop - some.start)):
-            count[i & four, mine[i]] += 1
-    sparse, first, last, left = (1 - threshold) * n / bins, 0, bins - 1, n
-    while first < last:
-        lower, upper = count[:, first].sum(), count[:, last].sum()
-        fewer = min(lower, upper)
-        if fewer >= sparse or left - fewer < threshold * n:
-            break
-        left -= fewer
-        if lower <= upper:
-            first += 1
-        else:
-            last -= 1
-    return low + first / scale, low + (last + 1) / scale
-
-
-@kernel(
-    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
-    " float64, int64, int64, int64, int64, uint64[::1])"
-)
-def scatter(
-    points: Points,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
-    level: float,
-    low: float,
-    high: float,
-    scale: float,
-    count_bits: int,
-    row0: int,
-    col0: int,
-    width: int,
-    sums: NDArray[np.uint64],
-) -> int:
-    """Add up the heights between low and high of every cell of a box; return how many there are.
-
-    A sum holds the number of points in its lowest `count_bits` bits and above them their heights over `low`
-    in units of 1 / `scale` m: whole numbers, so that the order of the points does not matter.
-    """
-    shift, used, bits = level - low, 0, np.uint64(count_bits)
-    top = high - low
-    near = (abs(low - level) + abs(high - level)) * 2.0**-22
-    for i in range(len(cells)):
-        at = cells[i]
-        if at == DROPPED:
-            continue
-        over = float(heights[i]) + shift
-        if over < near or over > top - near:
-            z = points[3 * i + 2]
-            if z < low or z > high:
-                continue
-            over = z - low
-        used += 1
-        if at != OUTSIDE:
-            k = (int(at >> HALF) - row0) * width + int(at & LOW16) - col0
-            sums[k] += (np.uint64(int(over * scale + 0.5)) << bits) | np.uint64(1)
-    return used
-
-
-@kernel("int64[::1](uint32[::1], int64, int64)")
-def _band_starts(cells: NDArray[np.uint32], row0: int, rows: int) -> NDArray[np.int64]:
-    """Return where each band's points begin when they are sorted by bands."""
-    bands = (rows + BAND - 1) // BAND
-    count = np.zeros((4, bands), np.int64)
-    for i in range(len(cells)):
-        if cells[i] < OUTSIDE:
-            count[i & 3, (signed(cells[i] >> HALF) - row0) >> BAND_BITS] += 1
-    starts = np.zeros(bands + 1, np.int64)
-    for b in range(bands):
-        starts[b + 1] = starts[b] + count[0, b] + count[1, b] + count[2, b] + count[3, b]
-    return starts
-
-
-@kernel(
-    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
-    " float64, int64, int64, int64, int64, int64, uint64[::1], uint64[::1])"
-)
-def scatter_by_bands(
-    points: Points,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
-    level: float,
-    low: float,
-    high: float,
-    scale: float,
-    count_bits: int,
-    row0: int,
-    rows: int,
-    col0: int,
-    width: int,
-    sorted_: NDArray[np.uint64],
-    sums: NDArray[np.uint64],
-) -> int:
-    """Do what `scatter` does, for a box larger than the cache: first the points are sorted by bands of rows.
-
-    Parameters
-    ----------
-    sorted_
-        (n,) scratch: a point's place in the sums and its height, 32 bits each.
-    """
-    at = _band_starts(cells, row0, rows)
-    shift, used, bits = level - low, 0, np.uint64(count_bits)
-    top = high - low
-    near = (abs(low - level) + abs(high - level)) * 2.0**-22
-    ends = at[:-1].copy()
-    for i in range(len(cells)):
-        cell = cells[i]
-        if cell == DROPPED:
-            continue
-        over = float(heights[i]) + shift
-        if over < near or over > top - near:
-            z = points[3 * i + 2]
-            if z < low or z > high:
-                continue
-            over = z - low
-        used += 1
-        if cell != OUTSIDE:
-            row = signed(cell >> HALF) - row0
-            k = row * width + signed(cell & LOW16) - col0
-            band = row >> BAND_BITS
-            sorted_[ends[band]] = (np.uint64(k) << HIGH) | np.uint64(signed(over * scale + 0.5))
-            ends[band] += 1
-    for band in range(len(ends)):
-        for i in range(at[band], ends[band]):
-            sums[signed(sorted_[i] >> HIGH)] += ((sorted_[i] & LOW32) << bits) | np.uint64(1)
-    return used

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -355,10 +356,7 @@ def patchy(seed: int, grid: Grid) -> Zone:
     boundary = (np.argwhere(cells) + np.array([row0, col0])).astype(np.int32)
     box = Box(int(row0), int(row0 + rows), int(col0), int(col0 + cols))
     zone = bare_zone(7, 0.0, 0.0)
-    return type(zone)(
-        **{f: getattr(zone, f) for f in zone.__slots__}
-        | {"box": box, "cells": cells, "boundary_cells": boundary}
-    )
+    return replace(zone, box=box, cells=cells, boundary_cells=boundary)
 
 
 @settings(max_examples=80, deadline=None)

@@ -188,8 +188,16 @@ def test_a_long_strip_is_drawn_in_parts_as_it_would_be_as_a_whole() -> None:
         assert not (state == UNSAFE).any()
 
 
-def test_boundary_cells_just_outside_an_array_are_not_in_it() -> None:
-    cells = np.ones((4, 5), np.uint8)
-    for row, col in ((9, 22), (10, 19), (14, 22), (10, 25)):
-        assert inside_count(np.array([[row, col]], np.int32), cells, 10, 20, 5) == 0
-    assert inside_count(np.array([[10, 20], [13, 24]], np.int32), cells, 10, 20, 5) == 2
+def test_boundary_cells_just_outside_a_content_are_not_in_it() -> None:
+    content = np.full((4, 1), ~np.uint64(0))
+    for row, col in ((9, 22), (10, 19), (14, 22), (10, 20 + 64)):
+        assert inside_count(np.array([[row, col]], np.int32), content, 10, 20, 5) == 0
+    assert inside_count(np.array([[10, 20], [13, 20 + 63]], np.int32), content, 10, 20, 5) == 2
+
+
+def test_too_many_boundary_cells_outside_a_content_are_not_counted_on() -> None:
+    content = np.zeros((1, 2), np.uint64)
+    content[0, 1] = 1 << 3  # column 67 only
+    boundary = np.array([[0, 67], [0, 66], [0, 68]], np.int32)
+    assert inside_count(boundary, content, 0, 0, 2) == 1
+    assert inside_count(boundary, content, 0, 0, 1) == -1

@@ -25,7 +25,7 @@ def zone(cells: Cells, row0: int = 7, col0: int = 4) -> Zone:
     box = Box(row0, row0 + cells.shape[0], col0, col0 + cells.shape[1])
     best = LandingPoint(np.array([-6.0, -14.0, 0.0]), 1.0, 2.0, 0.0, 1.0)
     area_m2, boundary, corners = float(cells.sum()) / 4, np.zeros((0, 2), np.int32), np.zeros((0, 3))
-    return Zone(1, box, cells, area_m2, 1.0, 1, 0, 0, 0.0, 0.0, boundary, corners, (), best)
+    return Zone(1, box, area_m2, 1.0, 1, 0, 0, 0.0, 0.0, boundary, best, cells, corners, ())
 
 
 @settings(deadline=None)

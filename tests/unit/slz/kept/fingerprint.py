@@ -37,7 +37,7 @@ def fingerprint(thing: Any, name: str = "") -> dict[str, list[float]]:
 
 def _derived(thing: Any) -> list[tuple[str, float]]:
     """Return the properties of a dataclass that are numbers."""
-    names = [name for name in dir(type(thing)) if isinstance(getattr(type(thing), name), property)]
+    names = [name for name in dir(type(thing)) if isinstance(getattr(type(thing), name, None), property)]
     values = [(name, getattr(thing, name)) for name in names if name not in TIMES]
     return [(name, value) for name, value in values if isinstance(value, bool | int | float)]
 

@@ -1,4 +1,4 @@
-"""Sums of heights by bands of rows: those of the plain scatter and of whole numbers, whatever the order."""
+"""Sums of heights by cells are those by hand, whatever the order of the points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.stream import DROPPED, OUTSIDE, scatter, scatter_by_bands
+from slz.kernels.stream import DROPPED, OUTSIDE
+from slz.kernels.sums import scatter
 
 COUNT_BITS, SCALE, LEVEL, LOW, HIGH = 8, 1024.0, 50.0, 48.0, 53.0
 ROW0, ROWS, COL0, COLS = 3, 70, 5, 9
@@ -34,18 +35,21 @@ def by_hand(points: NDArray[np.float64], cells: NDArray[np.uint32]) -> tuple[int
     return used, np.array(sums, np.uint64)
 
 
+@pytest.mark.parametrize("n", [30, 64, 300, 1000])
 @pytest.mark.parametrize("seed", range(4))
-def test_sums_and_counts_are_those_by_hand_with_bands_and_without(seed: int) -> None:
-    points, cells, heights = window(seed)
-    flat = points.ravel()
-    flat.flags.writeable = False
+def test_sums_and_counts_are_those_by_hand_in_any_order(seed: int, n: int) -> None:
+    points, cells, heights = window(seed, n)
     used, expected = by_hand(points, cells)
-    sums, banded = np.zeros(ROWS * COLS, np.uint64), np.zeros(ROWS * COLS, np.uint64)
-    common = (flat, cells, heights, LEVEL, LOW, HIGH, SCALE, COUNT_BITS)
-    assert scatter(*common, ROW0, COL0, COLS, sums) == used
-    scratch = np.empty(len(points), np.uint64)
-    assert scatter_by_bands(*common, ROW0, ROWS, COL0, COLS, scratch, banded) == used
-    np.testing.assert_array_equal(sums, banded)
-    np.testing.assert_array_equal(sums & np.uint64(255), expected & np.uint64(255))
-    heights_of = (sums >> np.uint64(8)).astype(np.int64) - (expected >> np.uint64(8)).astype(np.int64)
+    mixed = np.random.default_rng(seed).permutation(n)
+    found = []
+    for order in (np.arange(n), np.argsort(cells, kind="stable"), mixed):
+        flat, sums = points[order].ravel(), np.zeros(ROWS * COLS, np.uint64)
+        flat.flags.writeable = False
+        limits = LEVEL, LOW, HIGH, SCALE, COUNT_BITS, ROW0, COL0, COLS
+        assert scatter(flat, cells[order], heights[order], *limits, sums) == used
+        found.append(sums)
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
+    np.testing.assert_array_equal(found[0] & np.uint64(255), expected & np.uint64(255))
+    heights_of = (found[0] >> np.uint64(8)).astype(np.int64) - (expected >> np.uint64(8)).astype(np.int64)
     assert abs(heights_of).max() <= 1  # of 1 / 1024 m: at the ends the height is taken in full precision

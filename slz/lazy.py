@@ -1,0 +1,40 @@
+"""Fields of a dataclass that are worked out when they are first read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Later(Generic[T]):
+    """A value to be worked out once, when it is first asked for; what it needs is let go then."""
+
+    __slots__ = ("_make", "_value")
+
+    def __init__(self, make: Callable[[], T]) -> None:
+        self._make: Callable[[], T] | None = make
+
+    def value(self) -> T:
+        make = self._make
+        if make is not None:  # two threads may both work it out: the same
+            self._value = make()
+            self._make = None
+        return self._value
+
+
+class Lazy(Generic[T]):
+    """A field of a dataclass without slots, given as its value, or as `Later` for the first reading."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, holder: Any, owner: type | None = None) -> T:
+        if holder is None:
+            raise AttributeError(self._name)  # a field without a default
+        held: T | Later[T] = vars(holder)[self._name]
+        return held.value() if isinstance(held, Later) else held
+
+    def __set__(self, holder: Any, value: T | Later[T]) -> None:
+        vars(holder)[self._name] = value
