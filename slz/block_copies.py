@@ -17,12 +17,12 @@ class BlockCopies:
     Parameters
     ----------
     values
-        (rows, cols) the map; the columns are whole blocks.
+        (blocks, rows, SIDE) the map, cell (r, c) at [c // SIDE, r, c % SIDE].
     """
 
     def __init__(self, values: NDArray[np.float32]) -> None:
         self._values = values
-        shape = -(-values.shape[0] // SIDE), values.shape[1] // SIDE
+        shape = -(-values.shape[1] // SIDE), len(values)
         self._blocks: Blocks = np.full(shape, None, object)
         self._copied = np.zeros(shape, bool)
 
@@ -35,10 +35,8 @@ class BlockCopies:
         """Return the blocks that hold a box as it is now."""
         rows, cols = _blocks_of(box)
         for down, right in np.argwhere(~self._copied[rows, cols]).tolist():
-            row, col = (rows.start + down) * SIDE, (cols.start + right) * SIDE
-            self._blocks[rows.start + down, cols.start + right] = self._values[
-                row : row + SIDE, col : col + SIDE
-            ].copy()
+            row, col = rows.start + down, cols.start + right
+            self._blocks[row, col] = self._values[col, SIDE * row : SIDE * (row + 1)].copy()
         self._copied[rows, cols] = True
         return self._blocks[rows, cols].copy()
 

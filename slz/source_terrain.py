@@ -25,13 +25,16 @@ from slz.untouched import untouched
 
 NOWHERE = np.full(3, np.nan)
 NOTHING = Box(0, 0, 0, 0)
+Map = NDArray[np.float32]
 
 
 class SourceTerrain:
     """Total DSM, slope, roughness and binary map of one zone, filled with the worst case.
 
-    The maps are flat and begin as zeros that take no memory; a block of 64 cells is filled with the worst
-    case when the first window reaches it, so that time and memory follow the ground seen.
+    The maps begin as zeros that take no memory; a word of 64 cells is filled with the worst case when the
+    first window reaches it, so that time and memory follow the ground seen.
+
+    heights, slopes, roughs: (words, rows, 64), cell (r, c) at [c >> 6, r, c & 63], see `slz.kernels.fuse`.
 
     safe_bits, known_bits: (rows, words) bit maps of the safe cells and of those with an elevation. blocks:
     (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
@@ -48,7 +51,7 @@ class SourceTerrain:
         self._worst, self._limit = np.float32(parameters.max_slope_deg), np.float32(parameters.safe_slope_deg)
         words = (grid.cols + 63) // 64 + 1
         self.heights, self.slopes, self.roughs = (
-            untouched((grid.rows, 64 * words), np.float32) for _ in "hsr"
+            untouched((words, grid.rows, 64), np.float32) for _ in "hsr"
         )
         self.height_copies = BlockCopies(self.heights)
         self.begun = untouched((grid.rows, words), np.uint8)
@@ -103,10 +106,8 @@ class SourceTerrain:
             return new
         p = self._parameters
         for name, empty in (("heights", np.nan), ("slopes", p.max_slope_deg), ("roughs", p.max_slope_deg)):
-            part = np.where(self._begun_cells(mine), getattr(self, name)[mine.slices], np.float32(empty))
-            wide = slice(theirs.col0 // 64 * 64, -(-theirs.col1 // 64) * 64)
-            getattr(new, name)[theirs.row0 : theirs.row1, wide] = empty
-            getattr(new, name)[theirs.slices] = part
+            part = np.where(self._begun_cells(mine), _read(getattr(self, name), mine), np.float32(empty))
+            _write(getattr(new, name), theirs, part, np.float32(empty))
         words = slice(theirs.col0 // 64, -(-theirs.col1 // 64))
         new.begun[theirs.row0 : theirs.row1, words] = 1
         refresh(
@@ -139,7 +140,7 @@ class SourceTerrain:
         if values is None:
             return np.full(box.shape, np.nan, np.float32)
         known = self._cells(self.known_bits, box) == 1
-        return np.where(known, values[box.slices], np.float32(np.nan))
+        return np.where(known, _read(values, box), np.float32(np.nan))
 
     def touch_all(self) -> None:
         """Count every tile seen as touched."""
@@ -173,9 +174,9 @@ class SourceTerrain:
         """The binary map, 1 where safe."""
         return self.safe(self.grid.everything)
 
-    def _whole(self, values: NDArray[np.float32], empty: float) -> NDArray[np.float32]:
+    def _whole(self, values: Map, empty: float) -> NDArray[np.float32]:
         everything = self.grid.everything
-        return np.where(self._begun_cells(everything), values[everything.slices], np.float32(empty))
+        return np.where(self._begun_cells(everything), _read(values, everything), np.float32(empty))
 
     def _begun_cells(self, box: Box) -> NDArray[np.bool_]:
         cols = np.arange(box.col0, box.col1) // 64
@@ -188,3 +189,23 @@ class SourceTerrain:
         first, stop = box.col0 // 64, -(-box.col1 // 64)
         words = np.ascontiguousarray(bits[box.row0 : box.row1, first:stop])
         return np.ascontiguousarray(unpacked(words, box.col0 - 64 * first, box.col1 - box.col0))
+
+
+def _words(box: Box) -> slice:
+    return slice(box.col0 >> 6, ((box.col1 - 1) >> 6) + 1)
+
+
+def _read(values: Map, box: Box) -> NDArray[np.float32]:
+    """Return (rows, cols) a copy of a box of a map."""
+    if box.empty:
+        return np.zeros(box.shape, np.float32)
+    cells = values[_words(box), box.row0 : box.row1].transpose(1, 0, 2).reshape(box.shape[0], -1)
+    return cells[:, box.col0 & 63 :][:, : box.shape[1]]
+
+
+def _write(values: Map, box: Box, part: NDArray[np.float32], empty: np.float32) -> None:
+    """Put (rows, cols) into a box of a map; the rest of its words becomes empty."""
+    words = _words(box)
+    wide = np.full((box.shape[0], 64 * (words.stop - words.start)), empty)
+    wide[:, box.col0 & 63 :][:, : box.shape[1]] = part
+    values[words, box.row0 : box.row1] = wide.reshape(box.shape[0], -1, 64).transpose(1, 0, 2)

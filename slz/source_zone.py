@@ -83,12 +83,12 @@ def _best_point(
     down, right, distance2 = found[at].tolist()
     row, col = row0 + down, col0 + right
     east, north = grid.centre(row, col)
-    enu_m = np.array([east, north, terrain.heights[row, col]], np.float64)
+    enu_m = np.array([east, north, terrain.heights[col >> 6, row, col & 63]], np.float64)
     return LandingPoint(
         enu_m=enu_m,
         clearance_m=(math.sqrt(distance2) - 0.5) * grid.cell_m,
         square_side_m=side * grid.cell_m,
-        slope_deg=float(terrain.slopes[row, col]),
+        slope_deg=float(terrain.slopes[col >> 6, row, col & 63]),
         certainty=1.0,
         horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=math.hypot(east - sensor_enu_m[0], north - sensor_enu_m[1]),

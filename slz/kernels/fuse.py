@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import ALL, GATHER, NONE, TOP, Bits
+from slz.kernels.ahead import LINE, prefetch
+from slz.kernels.bits import ALL, GATHER, NONE, ONE, TOP, Bits
 from slz.kernels.jit import kernel
 
 Row = NDArray[np.float32]
@@ -96,58 +97,69 @@ def _slopes(south: Row, here: Row, north: Row, k: np.float32, out: Row) -> None:
 
 
 @kernel(
-    "void(float32[::1], float32[::1], float32[::1], float32, float32, boolean, float32[::1], float32[::1],"
-    " float32[::1], uint8[::1], uint8[::1])"
+    "void(float32[::1], float32[::1], float32[::1], int64, float32, float32, boolean, int64, int64, int64,"
+    " int64, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[::1], uint8[::1])"
 )
 def _join(
     height: Row,
     slope: Row,
     rough: Row,
+    at: int,
     worst: np.float32,
     safe_slope: np.float32,
     greatest: bool,
-    total_height: Row,
-    total_slope: Row,
-    total_rough: Row,
+    word: int,
+    row: int,
+    first: int,
+    stop: int,
+    total_height: Map,
+    total_slope: Map,
+    total_rough: Map,
     safe: NDArray[np.uint8],
     known: NDArray[np.uint8],
 ) -> None:
-    """Join a row of a window with that of the total maps, by mean or maximum (§3.2.3)."""
-    for i in range(np.uint64(len(slope))):
-        h, s, r = height[i], slope[i], rough[i]
-        old_h, old_s, old_r = total_height[i], total_slope[i], total_rough[i]
+    """Join cells of a row of a window, from one on, with those of a word of the total maps (§3.2.3).
+
+    By mean or maximum. Indices that cannot be negative, so that the compiler takes eight at a time.
+    """
+    w, r, from_, to, most = np.uint64(word), np.uint64(row), np.uint64(at), np.uint64(first), np.uint64(stop)
+    for i in range(most - to):
+        h, s, q, c = height[from_ + i], slope[from_ + i], rough[from_ + i], to + i
+        old_h, old_s, old_r = total_height[w, r, c], total_slope[w, r, c], total_rough[w, r, c]
         write, fresh = s < worst, old_s >= worst
         joint_s = (s if s > old_s else old_s) if greatest else HALF * (old_s + s)
         joint_h = (h if h > old_h else old_h) if greatest else HALF * (old_h + h)
-        joint_r = (r if r > old_r else old_r) if greatest else HALF * (old_r + r)
+        joint_r = (q if q > old_r else old_r) if greatest else HALF * (old_r + q)
         new_s = (s if fresh else joint_s) if write else old_s
         new_h = (h if fresh else joint_h) if write else old_h
-        first = fresh | (old_r == worst)
-        new_r = (r if first else joint_r) if write & (r == r) else old_r
-        total_slope[i], total_height[i], total_rough[i] = new_s, new_h, new_r
-        safe[i] = np.uint8(new_s < safe_slope)
-        known[i] = np.uint8(new_h == new_h)
+        new_r = (q if fresh | (old_r == worst) else joint_r) if write & (q == q) else old_r
+        total_slope[w, r, c], total_height[w, r, c], total_rough[w, r, c] = new_s, new_h, new_r
+        safe[c] = np.uint8(new_s < safe_slope)
+        known[c] = np.uint8(new_h == new_h)
 
 
-@kernel("uint64(uint64[::1], uint64)")
-def _word(eights: NDArray[np.uint64], k: np.uint64) -> np.uint64:
-    """Return the k-th 64 of a row of bytes of 0 and 1 as bits."""
+@kernel("uint64(uint64[::1])")
+def _word(eights: NDArray[np.uint64]) -> np.uint64:
+    """Return 64 bytes of 0 and 1 as bits."""
     word = NONE
     for b in range(np.uint64(8)):
-        word |= ((eights[k * np.uint64(8) + b] * GATHER) >> TOP) << (b * np.uint64(8))
+        word |= ((eights[b] * GATHER) >> TOP) << (b * np.uint64(8))
     return word
 
 
-@kernel("int32(float32[::1], float32[::1], float32)")
-def _safe_sum(slope: Row, values: Row, safe_slope: np.float32) -> np.int32:
+@kernel("int32(float32[:, :, ::1], float32[:, :, ::1], int64, int64, float32)")
+def _safe_sum(slope: Map, values: Map, word: int, row: int, safe_slope: np.float32) -> np.int32:
     """Return the sum of the values of the safe ones of 64 cells, in units of 1 / SUM_UNIT."""
-    total = np.int32(0)
+    total, w, r = np.int32(0), np.uint64(word), np.uint64(row)
     for i in range(np.uint64(64)):
-        total += np.int32(values[i] * SUM_UNIT + HALF) if slope[i] < safe_slope else np.int32(0)
+        safe = slope[w, r, i] < safe_slope
+        total += np.int32(values[w, r, i] * SUM_UNIT + HALF) if safe else np.int32(0)
     return total
 
 
-@kernel("void(float32[:, ::1], float32[:, ::1], uint64, float32, int64, int64, int64, int32[:, :, ::1])")
+@kernel(
+    "void(float32[:, :, ::1], float32[:, :, ::1], uint64, float32, int64, int64, int64, int32[:, :, ::1])"
+)
 def _add_up(
     slope: Map,
     rough: Map,
@@ -162,39 +174,17 @@ def _add_up(
     blocks[row, word, 0], blocks[row, word, 1] = 0, 0
     if safe == NONE:
         return
-    mine = slope[row, 64 * word : 64 * word + 64]
-    blocks[row, word, 0] = _safe_sum(mine, mine, safe_slope)
-    blocks[row, word, 1] = _safe_sum(mine, rough[row, 64 * word : 64 * word + 64], safe_slope)
+    blocks[row, word, 0] = _safe_sum(slope, slope, word, row, safe_slope)
+    blocks[row, word, 1] = _safe_sum(slope, rough, word, row, safe_slope)
     for c in (0, cols - 1):  # not safe, however level
-        if c >> 6 == word and slope[row, c] < safe_slope:
-            blocks[row, word, 0] -= np.int32(slope[row, c] * SUM_UNIT + HALF)
-            blocks[row, word, 1] -= np.int32(rough[row, c] * SUM_UNIT + HALF)
-
-
-@kernel(
-    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1], int64, int64, int64, float32)"
-)
-def _begin(
-    height: Map,
-    slope: Map,
-    rough: Map,
-    begun: NDArray[np.uint8],
-    row: int,
-    first: int,
-    last: int,
-    worst: np.float32,
-) -> None:
-    """Fill blocks of 64 cells that nothing was written to yet with the worst case."""
-    for k in range(first, last + 1):
-        if not begun[row, k]:
-            begun[row, k] = 1
-            for c in range(64 * k, 64 * k + 64):
-                height[row, c], slope[row, c], rough[row, c] = NAN, worst, worst
+        if c >> 6 == word and slope[word, row, c & 63] < safe_slope:
+            blocks[row, word, 0] -= np.int32(slope[word, row, c & 63] * SUM_UNIT + HALF)
+            blocks[row, word, 1] -= np.int32(rough[word, row, c & 63] * SUM_UNIT + HALF)
 
 
 @kernel(
     "UniTuple(int64, 4)(uint64[::1], int64, int64, int64, int64, int64, float64, float64, int64, float64,"
-    " float32, float32, boolean, float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1],"
+    " float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[:, ::1],"
     " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
 )
 def fuse(
@@ -229,7 +219,10 @@ def fuse(
     cols
         Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
     height, slope, rough
-        Total maps: NaN and the worst case where nothing was written, but only in blocks that are `begun`.
+        (words, rows, 64) total maps, cell (r, c) at [c >> 6, r, c & 63]: so what lies together on the ground
+        does so in memory. NaN and the worst case where nothing was written, in words that are `begun`.
+    begun
+        (rows, words) 1 where something was written to a word.
     safe, known
         Bit maps: slope below `safe_slope` but on the map's margin (§3.2.4), and any height.
     blocks
@@ -241,15 +234,14 @@ def fuse(
     """
     k = np.float32(1.0 / (2.0 * cell))
     first, at = col0 >> 6, col0 & 63
-    words = (at + width + 63) >> 6
     heights, slopes = np.full((3, width + 2), NAN), np.full((3, width + 2), NAN)  # a margin at either end
-    roughs = np.full(width, NAN)
-    safe_bytes, known_bytes = np.zeros(64 * words, np.uint8), np.zeros(64 * words, np.uint8)
+    roughs = np.full(width + 2, NAN)
+    safe_bytes, known_bytes = np.zeros(64, np.uint8), np.zeros(64, np.uint8)
     safe_eights, known_eights = safe_bytes.view(np.uint64), known_bytes.view(np.uint64)
     counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
     real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
     bits, ends = np.uint64(count_bits), np.zeros((4, 2), np.int64)
-    dirty0, dirty1, least, most = height.shape[0], 0, safe.shape[1], -1
+    dirty0, dirty1, least, most = safe.shape[0], 0, safe.shape[1], -1
     for i in range(rows + 2):
         new = i % 3
         ends[i & 3] = 0
@@ -284,33 +276,34 @@ def fuse(
         a, b = ends[j & 3]
         _slopes(
             slopes[(j - 1) % 3, a : b + 2], slopes[j % 3, a : b + 2], slopes[(j + 1) % 3, a : b + 2], k,
-            roughs[a:b],
+            roughs[a + 1 : b + 1],
         )  # fmt: skip
         r = row0 + j
-        w0, w1 = (at + a) >> 6, (at + b - 1) >> 6
-        _begin(height, slope, rough, begun, r, first + w0, first + w1, worst)
-        here = slice(col0 + a, col0 + b)
-        _join(
-            heights[j % 3, a + 1 : b + 1], slopes[j % 3, a + 1 : b + 1], roughs[a:b],
-            worst, safe_slope, greatest, height[r, here], slope[r, here], rough[r, here],
-            safe_bytes[at + a : at + b], known_bytes[at + a : at + b],
-        )  # fmt: skip
-        if r == 0 or r == height.shape[0] - 1:
-            safe_bytes[:] = 0
-        if col0 + a == 0:
-            safe_bytes[0] = 0
-        if col0 + a < cols <= col0 + b:
-            safe_bytes[at + cols - 1 - col0] = 0
-        for w in range(w0, w1 + 1):
-            mask = ALL
-            if w == w0:
-                mask = ALL << np.uint64((at + a) & 63)
-            if w == w1:
-                mask &= ALL >> np.uint64(63 - ((at + b - 1) & 63))
-            c = first + w
-            old = safe[r, c]
-            word = (old & ~mask) | (_word(safe_eights, np.uint64(w)) & mask)
-            known[r, c] = (known[r, c] & ~mask) | (_word(known_eights, np.uint64(w)) & mask)
+        mid_heights, mid_slopes = heights[j % 3], slopes[j % 3]
+        for c in range(first + ((at + a) >> 6), first + ((at + b - 1) >> 6) + 1):
+            for next_ in range(0, 64, LINE):
+                prefetch(height, c, r + 1, next_)
+                prefetch(slope, c, r + 1, next_)
+                prefetch(rough, c, r + 1, next_)
+            before = 64 * (c - first) - at  # columns of the box before this word
+            left, right = max(0, a - before), min(64, b - before)
+            if not begun[r, c]:
+                begun[r, c] = 1
+                height[c, r], slope[c, r], rough[c, r] = NAN, worst, worst
+            _join(
+                mid_heights, mid_slopes, roughs, before + left + 1, worst, safe_slope, greatest, c, r, left,
+                right, height, slope, rough, safe_bytes, known_bytes,
+            )  # fmt: skip
+            mask = (ALL << np.uint64(left)) & (ALL >> np.uint64(64 - right))
+            old, safe_mask = safe[r, c], mask
+            if r == 0 or r == safe.shape[0] - 1:
+                safe_mask = NONE
+            if c == 0:
+                safe_mask &= ~ONE
+            if c == (cols - 1) >> 6:
+                safe_mask &= ~(ONE << np.uint64((cols - 1) & 63))
+            word = (old & ~mask) | (_word(safe_eights) & safe_mask)
+            known[r, c] = (known[r, c] & ~mask) | (_word(known_eights) & mask)
             if word != old:
                 safe[r, c] = word
                 dirty0, dirty1, least, most = min(dirty0, r), r + 1, min(least, c), max(most, c)
@@ -321,8 +314,8 @@ def fuse(
 
 
 @kernel(
-    "void(int64, int64, int64, int64, int64, float32, float32[:, ::1], float32[:, ::1], float32[:, ::1],"
-    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
+    "void(int64, int64, int64, int64, int64, float32, float32[:, :, ::1], float32[:, :, ::1],"
+    " float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
 )
 def refresh(
     row0: int,
@@ -340,13 +333,13 @@ def refresh(
 ) -> None:
     """Make the bit maps and sums of a box of words from maps that were copied (see `fuse`)."""
     for r in range(row0, row1):
-        inner = 0 < r < height.shape[0] - 1
+        inner = 0 < r < safe.shape[0] - 1
         for w in range(word0, word1):
             safe[r, w], known[r, w] = NONE, NONE
             for c in range(64 * w, min(cols, 64 * w + 64)):
                 mark = np.uint64(1) << np.uint64(c & 63)
-                if inner and 0 < c < cols - 1 and slope[r, c] < safe_slope:
+                if inner and 0 < c < cols - 1 and slope[w, r, c & 63] < safe_slope:
                     safe[r, w] |= mark
-                if height[r, c] == height[r, c]:
+                if height[w, r, c & 63] == height[w, r, c & 63]:
                     known[r, w] |= mark
             _add_up(slope, rough, safe[r, w], safe_slope, r, w, cols, blocks)

@@ -13,7 +13,7 @@ Map = NDArray[np.float32]
 
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
-        " float32[:, ::1], float32[:, ::1])")  # fmt: skip
+        " float32[:, :, ::1], float32[:, :, ::1])")  # fmt: skip
 def measure(
     content: Bits,
     safe: Bits,
@@ -46,19 +46,20 @@ def measure(
                 slopes += blocks[r, w, 0]
                 roughs += blocks[r, w, 1]
             while rest != NONE:
-                c = 64 * w + signed(lowest(rest))
-                slopes += sign * signed(slope[r, c] * SUM_UNIT + HALF)
-                roughs += sign * signed(rough[r, c] * SUM_UNIT + HALF)
+                c = signed(lowest(rest))
+                slopes += sign * signed(slope[w, r, c] * SUM_UNIT + HALF)
+                roughs += sign * signed(rough[w, r, c] * SUM_UNIT + HALF)
                 rest &= rest - ONE
     return signed(n_safe), signed(n_unknown), slopes, roughs
 
 
-@kernel("float32[::1](int32[:, ::1], float32[:, ::1])")
+@kernel("float32[::1](int32[:, ::1], float32[:, :, ::1])")
 def heights_at(boundary: NDArray[np.int32], height: Map) -> NDArray[np.float32]:
     """Return the height of every boundary cell."""
     out = np.empty(len(boundary), np.float32)
     for i in range(len(boundary)):
-        out[i] = height[boundary[i, 0], boundary[i, 1]]
+        r, c = boundary[i, 0], boundary[i, 1]
+        out[i] = height[c >> 6, r, c & 63]
     return out
 
 

@@ -253,7 +253,7 @@ def farthest(part: Bits, side: int) -> NDArray[np.int64]:
     return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, side)
 
 
-@kernel("int64(int64[:, ::1], float32[:, ::1], int64, int64, float64, float64, float64, float64, float64)")
+@kernel("int64(int64[:, ::1], float32[:, :, ::1], int64, int64, float64, float64, float64, float64, float64)")
 def first_choice(
     cells: NDArray[np.int64],
     slope: NDArray[np.float32],
@@ -269,7 +269,7 @@ def first_choice(
     best, least, nearest = 0, np.inf, np.inf
     for i in range(len(cells)):
         r, c = row0 + cells[i, 0], col0 + cells[i, 1]
-        steep = np.rint(slope[r, c] * np.float32(10.0))
+        steep = np.rint(slope[c >> 6, r, c & 63] * np.float32(10.0))
         if steep > least:
             continue
         east, north = west + (c + 0.5) * cell - sensor_east, south + (r + 0.5) * cell - sensor_north

@@ -11,12 +11,14 @@ from slz.grid import Box
 def test_a_copy_is_of_the_moment_it_was_made() -> None:
     rng = np.random.default_rng(0)
     values = rng.random((3 * SIDE + 10, 4 * SIDE)).astype(np.float32)
-    copies, taken = BlockCopies(values), []
+    by_blocks = np.ascontiguousarray(values.reshape(-1, 4, SIDE).transpose(1, 0, 2))
+    copies, taken = BlockCopies(by_blocks), []
     for _ in range(60):
         row0, col0 = int(rng.integers(0, 190)), int(rng.integers(0, 240))
         box = Box(row0, int(rng.integers(row0 + 1, 203)), col0, int(rng.integers(col0 + 1, 257)))
         if rng.random() < 0.5:
             values[box.slices] += 1
+            by_blocks[:] = values.reshape(-1, 4, SIDE).transpose(1, 0, 2)
             copies.change(box)
         else:
             wide = slice(box.col0 // SIDE * SIDE, -(-box.col1 // SIDE) * SIDE)
@@ -27,7 +29,7 @@ def test_a_copy_is_of_the_moment_it_was_made() -> None:
 
 
 def test_what_did_not_change_is_shared() -> None:
-    copies = BlockCopies(np.zeros((2 * SIDE, 2 * SIDE), np.float32))
+    copies = BlockCopies(np.zeros((2, 2 * SIDE, SIDE), np.float32))
     everything = Box(0, 2 * SIDE, 0, 2 * SIDE)
     before = copies.of(everything)
     copies.change(Box(0, 1, SIDE, SIDE + 1))

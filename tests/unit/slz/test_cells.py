@@ -42,17 +42,17 @@ def test_of_places_that_slope_alike_the_nearest_to_the_sensor_is_taken(
     sensor: tuple[float, float], chosen: int
 ) -> None:
     cells = np.array([[5, 5], [5, 50], [50, 5], [9, 9]])
-    slope = np.full((80, 80), 2.0, np.float32)
+    slope = np.full((2, 80, 64), 2.0, np.float32)
     place = 20, 20, -10.0, -10.0, 0.5  # the cells count from there
     assert first_choice(cells[:3], slope, *place, *sensor) == chosen
-    slope[29, 29] = 2.06  # a tenth of a degree steeper
+    slope[0, 29, 29] = 2.06  # a tenth of a degree steeper
     assert first_choice(cells, slope, *place, *sensor) == chosen
-    slope[29, 29] = 1.0
+    slope[0, 29, 29] = 1.0
     assert first_choice(cells, slope, *place, *sensor) == 3
 
 
 def test_of_places_as_near_the_first_is_taken() -> None:
-    slope = np.full((60, 60), 2.0, np.float32)
+    slope = np.full((1, 60, 64), 2.0, np.float32)
     cells = np.array([[20, 10], [20, 30], [10, 20], [30, 20]])
     assert first_choice(cells, slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
     assert first_choice(cells[1:], slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
