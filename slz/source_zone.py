@@ -35,12 +35,11 @@ def describe_source(
     box, grid, words = part.box, terrain.grid, part.words
     first_row, first_col = part.boundary_cells[0].tolist()
     own = part_of(part.content, terrain.safe_bits, box.row0, words.start, first_row, first_col)
+    holes = np.empty_like(part.content)
     n_safe, n_unknown, slopes, roughs = measure(
         part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
-        terrain.blocks, terrain.slopes, terrain.roughs,
+        terrain.blocks, terrain.slopes, terrain.roughs, holes,
     )  # fmt: skip
-    here = slice(box.row0, box.row1), words
-    holes = part.content & terrain.known_bits[here] & ~terrain.safe_bits[here]
     heights, blocks = heights_at(part.boundary_cells, terrain.heights), terrain.height_copies.of(box)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
     return Zone(

@@ -84,53 +84,47 @@ def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -
     return low, high
 
 
-@kernel("void(int64[:, ::1], int64, int64, int64)")
-def _note(pending: NDArray[np.int64], r: int, low: int, high: int) -> None:
-    """Have the words of a row beside looked at by row r."""
-    pending[r, 0], pending[r, 1] = min(pending[r, 0], low), max(pending[r, 1], high)
-
-
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def component(room: Bits, row: int, col: int) -> Bits:
     """Return the 8-connected component of a set cell.
 
     Rows are gone through up and down, and only those beside one in which the part grew since, and there where
-    it did.
+    it did: by its first and last word, for the row south of it and the one north, with a margin.
     """
     rows, words = room.shape
     part = np.zeros(room.shape, np.uint64)
     part[row, col >> 6] = ONE << np.uint64(col & 63)
-    from_south, from_north = np.empty((rows + 2, 2), np.int64), np.empty((rows + 2, 2), np.int64)  # a margin
-    from_south[:, 0] = from_north[:, 0] = words
-    from_south[:, 1] = from_north[:, 1] = -1
+    south0, south1 = np.full(rows + 2, words), np.full(rows + 2, -1)
+    north0, north1 = np.full(rows + 2, words), np.full(rows + 2, -1)
     _spread(room, part, row, row, 0, words)
-    from_south[row + 2] = from_north[row] = 0, words - 1
+    south0[row + 2], south1[row + 2] = 0, words - 1
+    north0[row], north1[row] = 0, words - 1
     low, high, moved = row, row, True
     while moved:
         moved = False
         for r in range(max(1, low), rows):
-            first, last = from_south[r + 1]
+            first, last = south0[r + 1], south1[r + 1]
             if last < 0:
                 if r > high:
                     break
                 continue
-            from_south[r + 1] = words, -1
+            south0[r + 1], south1[r + 1] = words, -1
             first, last = _spread(room, part, r, r - 1, first, last)
             if last >= 0:
-                _note(from_south, r + 2, first, last)
-                _note(from_north, r, first, last)
+                south0[r + 2], south1[r + 2] = min(south0[r + 2], first), max(south1[r + 2], last)
+                north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
                 high, moved = max(high, r), True
         for r in range(min(rows - 2, high), -1, -1):
-            first, last = from_north[r + 1]
+            first, last = north0[r + 1], north1[r + 1]
             if last < 0:
                 if r < low:
                     break
                 continue
-            from_north[r + 1] = words, -1
+            north0[r + 1], north1[r + 1] = words, -1
             first, last = _spread(room, part, r, r + 1, first, last)
             if last >= 0:
-                _note(from_south, r + 2, first, last)
-                _note(from_north, r, first, last)
+                south0[r + 2], south1[r + 2] = min(south0[r + 2], first), max(south1[r + 2], last)
+                north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
                 low, moved = min(low, r), True
     return part
 

@@ -13,7 +13,7 @@ Map = NDArray[np.float32]
 
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
-        " float32[:, :, ::1], float32[:, :, ::1])")  # fmt: skip
+        " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1])")  # fmt: skip
 def measure(
     content: Bits,
     safe: Bits,
@@ -23,10 +23,12 @@ def measure(
     blocks: NDArray[np.int32],
     slope: Map,
     rough: Map,
+    holes: Bits,
 ) -> tuple[int, int, int, int]:
     """Return a content's safe and unknown cells, and the slope and roughness of the safe ones.
 
-    The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words.
+    The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words. Holes
+    receive the cells of the content that are known and not safe.
     """
     n_safe = n_unknown = np.uint64(0)
     slopes = roughs = 0
@@ -35,8 +37,10 @@ def measure(
         for j in range(content.shape[1]):
             inside, w = content[i, j], word0 + j
             if inside == NONE:
+                holes[i, j] = NONE
                 continue
             own = inside & safe[r, w]
+            holes[i, j] = inside & known[r, w] & ~own
             n_safe += popcount(own)
             n_unknown += popcount(inside & ~known[r, w])
             rest, sign = safe[r, w] & ~inside, -1

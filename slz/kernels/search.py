@@ -38,6 +38,30 @@ def _beginning(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first:
     return start
 
 
+@kernel("void(uint64[:, ::1], uint64[:, ::1], int64, int64)")
+def _take(taken: Bits, content: Bits, row0: int, word0: int) -> None:
+    for i in range(content.shape[0]):
+        for j in range(content.shape[1]):
+            taken[row0 + i, word0 + j] |= content[i, j]
+
+
+@kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int64)")
+def _open(
+    seeds: Bits, taken: Bits, row: int, word: int, row1: int, word0: int, word1: int
+) -> tuple[int, int]:
+    """Return the first word from one on with a seed that is not taken, by rows; row1 where there is none.
+
+    By itself, because a loop in which arrays are made counts references at every step.
+    """
+    while row < row1:
+        while word < word1:
+            if seeds[row, word] & ~taken[row, word] != NONE:
+                return row, word
+            word += 1
+        row, word = row + 1, word0
+    return row1, word0
+
+
 @kernel(
     "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1],"
     " uint64[:, ::1], int64, int64, int64, int64, int64, int64)"
@@ -77,55 +101,49 @@ def find(
     table, count = np.empty((16, FIELDS), np.int64), 0
     boundary, n_boundary = np.empty((4096, 2), np.int32), 0
     words, n_words = np.empty(4096, np.uint64), 0
-    for row in range(row0, row1):
-        for w in range(word0, word1):
-            open_ = seeds[row, w] & ~taken[row, w]
-            while open_ != NONE:
-                r, c = row, 64 * w + signed(lowest(open_))
-                while (
-                    True
-                ):  # west to an edge; a hole's is followed to its first cell, which lies farther south
-                    n, area = tour(safe, r, westmost(safe, r, c), path, edges)
-                    if n > len(path):
-                        path, edges = _longer(path, edges, 0)
-                        continue
-                    r0, r1, c0, c1, first = extent(path, n)
-                    if area > 0:
-                        break
-                    r, c = signed(path[first, 0]), signed(path[first, 1])
-                w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1
-                content = np.zeros((r1 - r0, w1 - w0), np.uint64)
-                n_cells = fill(path, edges, n, r0, w0, content)
-                if n < least:
-                    room = content & safe[r0:r1, w0:w1]
-                    content = component(room, path[first, 0] - r0, path[first, 1] - 64 * w0)
-                spread[0], spread[1] = min(spread[0], r0), max(spread[1], r1)
-                spread[2], spread[3] = min(spread[2], w0), max(spread[3], w1)
-                for i in range(r1 - r0):
-                    for j in range(w1 - w0):
-                        taken[r0 + i, w0 + j] |= content[i, j]
-                if n >= least:
-                    start = _beginning(path, edges, n, first)
-                    if count == len(table):
-                        table = doubled(table)
-                    entry = table[count]
-                    entry[ROW0], entry[ROW1], entry[COL0], entry[COL1] = r0, r1, c0, c1
-                    entry[N_CELLS], entry[N_BOUNDARY] = n_cells, n
-                    entry[BOUNDARY_AT], entry[CONTENT_AT] = n_boundary, n_words
-                    count += 1
-                    if n_boundary + n > len(boundary):
-                        more = np.empty((2 * (n_boundary + n), 2), np.int32)
-                        put_rows(more, 0, boundary[:n_boundary])
-                        boundary = more
-                    flat = boundary.ravel()
-                    put(flat, 2 * n_boundary, path[start:n].ravel())
-                    put(flat, 2 * (n_boundary + n - start), path[:start].ravel())
-                    n_boundary += n
-                    if n_words + content.size > len(words):
-                        more_words = np.empty(2 * (n_words + content.size), np.uint64)
-                        put(more_words, 0, words[:n_words])
-                        words = more_words
-                    put(words, n_words, content.ravel())
-                    n_words += content.size
-                open_ = seeds[row, w] & ~taken[row, w]
+    row, w = _open(seeds, taken, row0, word0, row1, word0, word1)
+    while row < row1:
+        r, c = row, 64 * w + signed(lowest(seeds[row, w] & ~taken[row, w]))
+        while True:  # west to an edge; a hole's is followed to its first cell, which lies farther south
+            n, area = tour(safe, r, westmost(safe, r, c), path, edges)
+            if n > len(path):
+                path, edges = _longer(path, edges, 0)
+                continue
+            r0, r1, c0, c1, first = extent(path, n)
+            if area > 0:
+                break
+            r, c = signed(path[first, 0]), signed(path[first, 1])
+        w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1
+        content = np.zeros((r1 - r0, w1 - w0), np.uint64)
+        n_cells = fill(path, edges, n, r0, w0, content)
+        if n < least:
+            room = content & safe[r0:r1, w0:w1]
+            content = component(room, path[first, 0] - r0, path[first, 1] - 64 * w0)
+        spread[0], spread[1] = min(spread[0], r0), max(spread[1], r1)
+        spread[2], spread[3] = min(spread[2], w0), max(spread[3], w1)
+        _take(taken, content, r0, w0)
+        if n >= least:
+            start = _beginning(path, edges, n, first)
+            if count == len(table):
+                table = doubled(table)
+            entry = table[count]
+            entry[ROW0], entry[ROW1], entry[COL0], entry[COL1] = r0, r1, c0, c1
+            entry[N_CELLS], entry[N_BOUNDARY] = n_cells, n
+            entry[BOUNDARY_AT], entry[CONTENT_AT] = n_boundary, n_words
+            count += 1
+            if n_boundary + n > len(boundary):
+                more = np.empty((2 * (n_boundary + n), 2), np.int32)
+                put_rows(more, 0, boundary[:n_boundary])
+                boundary = more
+            flat = boundary.ravel()
+            put(flat, 2 * n_boundary, path[start:n].ravel())
+            put(flat, 2 * (n_boundary + n - start), path[:start].ravel())
+            n_boundary += n
+            if n_words + content.size > len(words):
+                more_words = np.empty(2 * (n_words + content.size), np.uint64)
+                put(more_words, 0, words[:n_words])
+                words = more_words
+            put(words, n_words, content.ravel())
+            n_words += content.size
+        row, w = _open(seeds, taken, row, w, row1, word0, word1)
     return table[:count].copy(), boundary[:n_boundary].copy(), words[:n_words].copy(), spread

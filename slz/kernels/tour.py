@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import Bits, bit, signed
+from slz.kernels.bits import LAST, NONE, Bits, bit, leading, signed
 from slz.kernels.contour import COL_STEP, ROW_STEP
 from slz.kernels.jit import kernel
 
@@ -119,6 +119,11 @@ def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
 @kernel("int64(uint64[:, ::1], int64, int64)")
 def westmost(safe: Bits, row: int, col: int) -> int:
     """Return the westernmost cell of the run of set cells that a cell belongs to."""
-    while bit(safe, row, col - 1):
-        col -= 1
-    return col
+    while True:
+        k, bits = col >> 6, np.uint64(col & 63)
+        open_ = ~safe[row, k] << (LAST - bits)
+        if open_ != NONE:
+            return col - signed(leading(open_)) + 1
+        col = 64 * k - 1
+        if k == 0 or not bit(safe, row, col):
+            return col + 1
