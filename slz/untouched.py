@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-LEAST = 1 << 20  # bytes, below which an ordinary array will do
+LEAST = 1 << 16  # bytes, below which an ordinary array will do: larger ones it would fill at once
 
 
 def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:

@@ -117,7 +117,7 @@ def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
-def westmost(safe: Bits, row: int, col: int) -> int:
+def westmost(safe: Bits, row: int, col: int) -> Any:
     """Return the westernmost cell of the run of set cells that a cell belongs to."""
     while True:
         k, bits = col >> 6, np.uint64(col & 63)
