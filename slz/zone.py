@@ -41,9 +41,10 @@ class Zone:
     inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and columns
     in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside the
     contour: safe, unsafe (measured), uncertain (no elevation). certainty: in source mode Eq. 16 or 17, else
-    the mean probability of the cells inside the contour, 0 where unknown. roughness: mean over the measured
-    cells. why: what places it behind the zone before it in the ranking. Cells, corners and obstacles may be
-    worked out when they are first read, from what was known when the zone was described.
+    the mean probability of the cells inside the contour, 0 where unknown. slope_deg, roughness: means over
+    the measured ones of its safe cells, in source mode over all safe cells inside the contour. why: what
+    places it behind the zone before it in the ranking. Cells, corners and obstacles may be worked out when
+    they are first read, from what was known when the zone was described.
     """
 
     id: int

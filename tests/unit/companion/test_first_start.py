@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -170,3 +171,9 @@ def test_the_first_start_says_why_it_takes_long(
     cli._compile_at_first()
     assert len(asked) == first
     assert ("first start: compiling the kernels" in capfd.readouterr().err) == first
+
+
+def test_every_source_looked_at_has_a_kernel_that_is_compiled_when_it_is_imported() -> None:
+    """Of one without, nothing is ever kept: every start would be called the first."""
+    for path in first_start._sources():
+        assert re.search(r'@kernel\(\s*f?"', path.read_text()), path
