@@ -1,7 +1,7 @@
 """One pass over the rows that a window hit: mean heights, slope, roughness, fusing, binary map.
 
-Three rows of heights and slopes roll along, so that nothing as large as the window is ever stored but its
-sums (SLZ paper Eq. 5-9, §3.2.3-3.2.4).
+The rows of a strip of heights and slopes roll along, so that nothing as large as the window is ever stored
+but its sums (SLZ paper Eq. 5-9, §3.2.3-3.2.4).
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.ahead import LINE, prefetch
 from slz.kernels.bits import ALL, GATHER, NONE, ONE, TOP, Bits
 from slz.kernels.jit import kernel
 
 Row = NDArray[np.float32]
+Rows = NDArray[np.float32]
 Map = NDArray[np.float32]
 
 NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float32(0.5)
@@ -26,6 +26,8 @@ A3, A5, A7, A9 = (
 SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
 U0 = np.uint64(0)
 STEP = 32  # cells that the compiler may take at a time
+STRIP = 16  # rows of 64 cells of a map, a page of memory
+RING = 20  # rows kept: those of a strip, and one to the south and two to the north
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
@@ -97,13 +99,15 @@ def _slopes(south: Row, here: Row, north: Row, k: np.float32, out: Row) -> None:
 
 
 @kernel(
-    "void(float32[::1], float32[::1], float32[::1], int64, float32, float32, boolean, int64, int64, int64,"
-    " int64, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[::1], uint8[::1])"
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], int64, int64, float32, float32, boolean, int64,"
+    " int64, int64, int64, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[::1],"
+    " uint8[::1])"
 )
 def _join(
-    height: Row,
-    slope: Row,
-    rough: Row,
+    height: Rows,
+    slope: Rows,
+    rough: Rows,
+    line: int,
     at: int,
     worst: np.float32,
     safe_slope: np.float32,
@@ -122,9 +126,10 @@ def _join(
 
     By mean or maximum. Indices that cannot be negative, so that the compiler takes eight at a time.
     """
-    w, r, from_, to, most = np.uint64(word), np.uint64(row), np.uint64(at), np.uint64(first), np.uint64(stop)
+    w, r, n, from_ = np.uint64(word), np.uint64(row), np.uint64(line), np.uint64(at)
+    to, most = np.uint64(first), np.uint64(stop)
     for i in range(most - to):
-        h, s, q, c = height[from_ + i], slope[from_ + i], rough[from_ + i], to + i
+        h, s, q, c = height[n, from_ + i], slope[n, from_ + i], rough[n, from_ + i], to + i
         old_h, old_s, old_r = total_height[w, r, c], total_slope[w, r, c], total_rough[w, r, c]
         write, fresh = s < worst, old_s >= worst
         joint_s = (s if s > old_s else old_s) if greatest else HALF * (old_s + s)
@@ -183,6 +188,78 @@ def _add_up(
 
 
 @kernel(
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], int64[:, ::1], int64, int64, int64, int64,"
+    " int64, float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1],"
+    " uint8[:, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1], uint8[::1], uint8[::1],"
+    " uint64[::1], uint64[::1], int64[::1])"
+)
+def _join_strip(
+    heights: Rows,
+    slopes: Rows,
+    roughs: Rows,
+    ends: NDArray[np.int64],
+    start: int,
+    stop: int,
+    row0: int,
+    col0: int,
+    cols: int,
+    worst: np.float32,
+    safe_slope: np.float32,
+    greatest: bool,
+    height: Map,
+    slope: Map,
+    rough: Map,
+    begun: NDArray[np.uint8],
+    safe: Bits,
+    known: Bits,
+    blocks: NDArray[np.int32],
+    safe_bytes: NDArray[np.uint8],
+    known_bytes: NDArray[np.uint8],
+    safe_eights: NDArray[np.uint64],
+    known_eights: NDArray[np.uint64],
+    changed: NDArray[np.int64],
+) -> None:
+    """Join rows start to stop of a window with the total maps, word by word: so each page is met once.
+
+    What changed of the safe map is noted: first and last row, first and last word.
+    """
+    west, east = heights.shape[1], 0
+    for j in range(start, stop):
+        if ends[j % RING, 1] > 0:
+            west, east = min(west, ends[j % RING, 0]), max(east, ends[j % RING, 1])
+    for c in range((col0 + west) >> 6, ((col0 + east - 1) >> 6) + 1):
+        before = 64 * c - col0  # columns of the box before this word
+        for j in range(start, stop):
+            r, line = row0 + j, j % RING
+            left, right = max(0, ends[line, 0] - before), min(64, ends[line, 1] - before)
+            if left >= right:
+                continue
+            if not begun[r, c]:
+                begun[r, c] = 1
+                for i in range(64):
+                    height[c, r, i], slope[c, r, i], rough[c, r, i] = NAN, worst, worst
+            _join(
+                heights, slopes, roughs, line, before + left + 1, worst, safe_slope, greatest, c, r, left,
+                right, height, slope, rough, safe_bytes, known_bytes,
+            )  # fmt: skip
+            mask = (ALL << np.uint64(left)) & (ALL >> np.uint64(64 - right))
+            old, safe_mask = safe[r, c], mask
+            if r == 0 or r == safe.shape[0] - 1:
+                safe_mask = NONE
+            if c == 0:
+                safe_mask &= ~ONE
+            if c == (cols - 1) >> 6:
+                safe_mask &= ~(ONE << np.uint64((cols - 1) & 63))
+            word = (old & ~mask) | (_word(safe_eights) & safe_mask)
+            known[r, c] = (known[r, c] & ~mask) | (_word(known_eights) & mask)
+            if word != old:
+                safe[r, c] = word
+                changed[0], changed[1] = min(changed[0], r), max(changed[1], r)
+                changed[2], changed[3] = min(changed[2], c), max(changed[3], c)
+            _add_up(slope, rough, word, safe_slope, r, c, cols, blocks)
+
+
+@kernel(
     "UniTuple(int64, 4)(uint64[::1], int64, int64, int64, int64, int64, float64, float64, int64, float64,"
     " float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[:, ::1],"
     " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
@@ -233,22 +310,22 @@ def fuse(
     row0, row1, col0, col1 of the cells whose safety changed, columns by whole words; row1 0 where none did.
     """
     k = np.float32(1.0 / (2.0 * cell))
-    first, at = col0 >> 6, col0 & 63
-    heights, slopes = np.full((3, width + 2), NAN), np.full((3, width + 2), NAN)  # a margin at either end
-    roughs = np.full(width + 2, NAN)
+    heights, slopes, roughs = (  # a margin at either end
+        np.full((RING, width + 2), NAN), np.full((RING, width + 2), NAN), np.full((RING, width + 2), NAN),
+    )  # fmt: skip
     safe_bytes, known_bytes = np.zeros(64, np.uint8), np.zeros(64, np.uint8)
     safe_eights, known_eights = safe_bytes.view(np.uint64), known_bytes.view(np.uint64)
     counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
     real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
-    bits, ends = np.uint64(count_bits), np.zeros((4, 2), np.int64)
-    dirty0, dirty1, least, most = safe.shape[0], 0, safe.shape[1], -1
+    bits, ends, start = np.uint64(count_bits), np.zeros((RING, 2), np.int64), 1
+    changed = np.array([safe.shape[0], -1, safe.shape[1], -1])
     for i in range(rows + 2):
-        new = i % 3
-        ends[i & 3] = 0
+        new = i % RING
+        ends[new, 0] = ends[new, 1] = 0
         if i < rows:
             row = sums[i * width : (i + 1) * width]
             a, b = _span(row)
-            ends[i & 3, 0], ends[i & 3, 1] = a, b
+            ends[new, 0], ends[new, 1] = a, b
             heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
             _mean_heights(
                 row[a:b],
@@ -263,54 +340,32 @@ def fuse(
             )
         j = i - 1
         if j >= 0:
-            a, b = ends[j & 3]
-            slopes[j % 3] = NAN
+            a, b = ends[j % RING]
+            slopes[j % RING] = NAN
             if 0 < j < rows - 1 and b > a:
                 _slopes(
-                    heights[(j - 1) % 3, a : b + 2], heights[j % 3, a : b + 2], heights[new, a : b + 2], k,
-                    slopes[j % 3, a + 1 : b + 1],
+                    heights[(j - 1) % RING, a : b + 2], heights[j % RING, a : b + 2],
+                    heights[new, a : b + 2], k, slopes[j % RING, a + 1 : b + 1],
                 )  # fmt: skip
         j = i - 2
-        if j < 1 or j >= rows - 1 or ends[j & 3, 1] == 0:
+        if j < 1 or j >= rows - 1:
             continue
-        a, b = ends[j & 3]
-        _slopes(
-            slopes[(j - 1) % 3, a : b + 2], slopes[j % 3, a : b + 2], slopes[(j + 1) % 3, a : b + 2], k,
-            roughs[a + 1 : b + 1],
-        )  # fmt: skip
-        r = row0 + j
-        mid_heights, mid_slopes = heights[j % 3], slopes[j % 3]
-        for c in range(first + ((at + a) >> 6), first + ((at + b - 1) >> 6) + 1):
-            for next_ in range(0, 64, LINE):
-                prefetch(height, c, r + 1, next_)
-                prefetch(slope, c, r + 1, next_)
-                prefetch(rough, c, r + 1, next_)
-            before = 64 * (c - first) - at  # columns of the box before this word
-            left, right = max(0, a - before), min(64, b - before)
-            if not begun[r, c]:
-                begun[r, c] = 1
-                height[c, r], slope[c, r], rough[c, r] = NAN, worst, worst
-            _join(
-                mid_heights, mid_slopes, roughs, before + left + 1, worst, safe_slope, greatest, c, r, left,
-                right, height, slope, rough, safe_bytes, known_bytes,
+        a, b = ends[j % RING]
+        if b > a:
+            _slopes(
+                slopes[(j - 1) % RING, a : b + 2], slopes[j % RING, a : b + 2],
+                slopes[(j + 1) % RING, a : b + 2], k, roughs[j % RING, a + 1 : b + 1],
             )  # fmt: skip
-            mask = (ALL << np.uint64(left)) & (ALL >> np.uint64(64 - right))
-            old, safe_mask = safe[r, c], mask
-            if r == 0 or r == safe.shape[0] - 1:
-                safe_mask = NONE
-            if c == 0:
-                safe_mask &= ~ONE
-            if c == (cols - 1) >> 6:
-                safe_mask &= ~(ONE << np.uint64((cols - 1) & 63))
-            word = (old & ~mask) | (_word(safe_eights) & safe_mask)
-            known[r, c] = (known[r, c] & ~mask) | (_word(known_eights) & mask)
-            if word != old:
-                safe[r, c] = word
-                dirty0, dirty1, least, most = min(dirty0, r), r + 1, min(least, c), max(most, c)
-            _add_up(slope, rough, word, safe_slope, r, c, cols, blocks)
-    if dirty1 == 0:
+        if j == rows - 2 or (row0 + j) % STRIP == STRIP - 1:
+            _join_strip(
+                heights, slopes, roughs, ends, start, j + 1, row0, col0, cols, worst, safe_slope, greatest,
+                height, slope, rough, begun, safe, known, blocks, safe_bytes, known_bytes, safe_eights,
+                known_eights, changed,
+            )  # fmt: skip
+            start = j + 1
+    if changed[1] < 0:
         return 0, 0, 0, 0
-    return dirty0, dirty1, 64 * least, 64 * (most + 1)
+    return changed[0], changed[1] + 1, 64 * changed[2], 64 * (changed[3] + 1)
 
 
 @kernel(
