@@ -108,7 +108,7 @@ class SourceTerrain:
         for name, empty in (("heights", np.nan), ("slopes", p.max_slope_deg), ("roughs", p.max_slope_deg)):
             part = np.where(self._begun_cells(mine), _read(getattr(self, name), mine), np.float32(empty))
             _write(getattr(new, name), theirs, part, np.float32(empty))
-        words = slice(theirs.col0 // 64, -(-theirs.col1 // 64))
+        words = _words(theirs)
         new.begun[theirs.row0 : theirs.row1, words] = 1
         refresh(
             theirs.row0, theirs.row1, words.start, words.stop, grid.cols, self._limit,
@@ -186,12 +186,12 @@ class SourceTerrain:
     def _cells(bits: NDArray[np.uint64], box: Box) -> NDArray[np.uint8]:
         if box.empty:
             return np.zeros(box.shape, np.uint8)
-        first, stop = box.col0 // 64, -(-box.col1 // 64)
-        words = np.ascontiguousarray(bits[box.row0 : box.row1, first:stop])
-        return np.ascontiguousarray(unpacked(words, box.col0 - 64 * first, box.col1 - box.col0))
+        words = np.ascontiguousarray(bits[box.row0 : box.row1, _words(box)])
+        return np.ascontiguousarray(unpacked(words, box.col0 & 63, box.col1 - box.col0))
 
 
 def _words(box: Box) -> slice:
+    """Return the words of a row that hold a box that is not empty."""
     return slice(box.col0 >> 6, ((box.col1 - 1) >> 6) + 1)
 
 
