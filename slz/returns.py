@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
-from slz.kernels.fuse import STEP
+from slz.kernels.fuse import WORD
 from slz.kernels.interval import interval
 from slz.kernels.stream import DROPPED, OUTSIDE, stream
 from slz.kernels.sums import scatter
@@ -49,9 +49,10 @@ class Returns:
         self.box = Box(row0, row1, col0, col1)
 
     @property
-    def width(self) -> int:
-        """Columns of the sums: those of the box, and more to whole steps."""
-        return -(-self.box.shape[1] // STEP) * STEP
+    def whole(self) -> Box:
+        """The box by whole words of the map, which may reach beyond its last column."""
+        box = self.box
+        return Box(box.row0, box.row1, box.col0 // WORD * WORD, -(-box.col1 // WORD) * WORD)
 
     @property
     def cells(self) -> NDArray[np.uint32]:
@@ -87,8 +88,9 @@ class Returns:
         return (float(points[where, 0]), float(points[where, 1])) if away[where] else None
 
     def sums(self) -> tuple[NDArray[np.uint64], float, int, int]:
-        """Return the sums over the box (see `sums.scatter`), their unit (m), count bits, points."""
-        n_cells = self.box.shape[0] * self.width
+        """Return the sums over the whole words (see `scatter`), their unit (m), count bits, points."""
+        row0, col0, (rows, width) = self.whole.row0, self.whole.col0, self.whole.shape
+        n_cells = rows * width
         if n_cells > len(self._sums):
             self._sums = np.empty(n_cells + n_cells // 4, np.uint64)
         sums = self._sums[:n_cells]
@@ -98,5 +100,5 @@ class Returns:
         most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)
         scale = 2.0 ** min(FINEST_BITS, math.floor(most))
         given = self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, scale, count_bits
-        used = scatter(*given, self.box.row0, self.box.col0, self.width, sums)
+        used = scatter(*given, row0, col0, width, sums)
         return sums, 1.0 / scale, count_bits, used

@@ -16,7 +16,7 @@ from params import Parameters
 from slz.block_copies import BlockCopies
 from slz.grid import Box, Grid, overlap
 from slz.kernels.bits import unpacked
-from slz.kernels.fuse import fuse, refresh
+from slz.kernels.fuse import WORD, fuse, refresh
 from slz.kernels.stream import MOST_CELLS
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.returns import Returns
@@ -78,19 +78,19 @@ class SourceTerrain:
 
     def take(self, returns: Returns) -> int:
         """Fuse the returns of a window that were placed in this grid; return how many there are."""
-        p, grid, box = self._parameters, self.grid, returns.box
+        p, grid, box = self._parameters, self.grid, returns.whole
         if returns.n == returns.n_outside:
             return len(returns.kept())
         sums, unit_m, count_bits, used = returns.sums()
         changed = fuse(
-            sums, box.row0, box.col0, box.shape[0], returns.width, grid.cols, returns.low_m, unit_m,
+            sums, box.row0, box.col0 // WORD, *box.shape, grid.cols, returns.low_m, unit_m,
             count_bits, grid.cell_m, self._worst, self._limit, p.fusing == "max",
             self.heights, self.slopes, self.roughs, self.begun, self.safe_bits, self.known_bits, self.blocks,
         )  # fmt: skip
-        self.height_copies.change(Box(box.row0, box.row1, box.col0, box.col0 + returns.width))
-        self.seen = self.seen.union(box)
+        self.height_copies.change(box)
+        self.seen = self.seen.union(returns.box)
         self.changed = self.changed.union(Box(*changed))
-        self.touched.update(keys_over(box))
+        self.touched.update(keys_over(returns.box))
         return used
 
     def settle(self) -> Box:
@@ -112,7 +112,7 @@ class SourceTerrain:
         new.begun[theirs.row0 : theirs.row1, words] = 1
         refresh(
             theirs.row0, theirs.row1, words.start, words.stop, grid.cols, self._limit,
-            new.heights, new.slopes, new.roughs, new.safe_bits, new.known_bits, new.blocks,
+            new.heights, new.slopes, new.safe_bits, new.known_bits, new.blocks,
         )  # fmt: skip
         new.seen = new.changed = theirs
         new.touched.update(keys_over(theirs))

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.bits import unpacked
 from slz.kernels.content import part_of
-from slz.kernels.fuse import SUM_UNIT
-from slz.kernels.measure import corners, heights_at, measure
+from slz.kernels.measure import SUM_UNIT, corners, heights_at, measure
 from slz.kernels.room import first_choice, room
 from slz.landing_point import horizon_towards
 from slz.lazy import Later
@@ -38,7 +37,7 @@ def describe_source(
     holes = np.empty_like(part.content)
     n_safe, n_unknown, slopes, roughs = measure(
         part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
-        terrain.blocks, terrain.slopes, terrain.roughs, holes,
+        terrain.blocks, terrain.slopes, terrain.roughs, np.float32(parameters.safe_slope_deg), holes,
     )  # fmt: skip
     heights, blocks = heights_at(part.boundary_cells, terrain.heights), terrain.height_copies.of(box)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown

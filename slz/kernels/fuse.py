@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import ALL, GATHER, NONE, ONE, TOP, Bits
+from slz.kernels.bits import LAST, NONE, ONE, Bits
 from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, Floats, below, both, every, load, root, store, where
 
 Row = NDArray[np.float32]
 Rows = NDArray[np.float32]
@@ -23,37 +24,37 @@ QUARTER, RIGHT = np.float32(np.pi / 4), np.float32(np.pi / 2)
 A3, A5, A7, A9 = (
     np.float32(a) for a in (-3.33329491539e-1, 1.99777106478e-1, -1.38776856032e-1, 8.05374449538e-2)
 )
-SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
-U0 = np.uint64(0)
-STEP = 32  # cells that the compiler may take at a time
+INFINITE = np.float32(np.inf)
+WORD = 64  # cells of a word of the maps
+SOME = np.uint64((1 << LANES) - 1)
+OLD = -1  # of `blocks`: to be added up anew
 STRIP = 16  # rows of 64 cells of a map, a page of memory
 RING = 20  # rows kept: those of a strip, and one to the south and two to the north
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
-@kernel("float32(float32)")
-def atan(x: np.float32) -> np.float32:
-    """Return the arc tangent of a number >= 0, to 2e-7 of it (Cephes' polynomial); NaN of NaN."""
-    large, middle = x > TAN_3, x > TAN_1
-    above = -F1 if large else (x - F1 if middle else x)
-    below = x if large else (x + F1 if middle else F1)
-    base = RIGHT if large else (QUARTER if middle else F0)
-    r = above / below
+@kernel()
+def arctangent(x: Floats) -> Floats:
+    """Return the arc tangents of numbers >= 0, to 2e-7 of them (Cephes' polynomial); NaN of NaN."""
+    one = every(F1)
+    large, middle = every(TAN_3) < x, every(TAN_1) < x
+    r = where(large, every(-F1), where(middle, x - one, x)) / where(large, x, where(middle, x + one, one))
     z = r * r
-    return base + ((((A9 * z + A7) * z + A5) * z + A3) * z * r + r)
+    start = where(large, every(RIGHT), where(middle, every(QUARTER), every(F0)))
+    return start + ((((every(A9) * z + every(A7)) * z + every(A5)) * z + every(A3)) * z * r + r)
 
 
 @kernel("UniTuple(int64, 2)(uint64[::1])")
 def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
-    """Return from where to where a row was hit, by whole STEPs of cells; 0, 0 where it was not."""
+    """Return from where to where a row was hit, by whole words; 0, 0 where it was not."""
     first, stop = 0, len(sums)
-    while first < stop and sums[first] == U0:
+    while first < stop and sums[first] == NONE:
         first += 1
     if first == stop:
         return 0, 0
-    while sums[stop - 1] == U0:
+    while sums[stop - 1] == NONE:
         stop -= 1
-    return first // STEP * STEP, (stop + STEP - 1) // STEP * STEP
+    return first // WORD * WORD, -(-stop // WORD) * WORD
 
 
 @kernel(
@@ -85,123 +86,125 @@ def _mean_heights(
         height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN
 
 
-@kernel("void(float32[::1], float32[::1], float32[::1], float32, float32[::1])")
-def _slopes(south: Row, here: Row, north: Row, k: np.float32, out: Row) -> None:
-    """Return the slope of a row from its neighbours (Eq. 6-9), NaN where one is NaN.
+@kernel("void(uint64[:, ::1], int64, int64, int64, uint64[:, ::1])")
+def _surrounded(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
+    """Leave the cells of a row that are set as their four neighbours are, in words but the outermost."""
+    for w in range(1, held.shape[1] - 1):
+        row = held[here, w]
+        east, west = (row >> ONE) | (held[here, w + 1] << LAST), (row << ONE) | (held[here, w - 1] >> LAST)
+        out[here, w] = row & east & west & held[south, w] & held[north, w]
 
-    The rows of a step have a cell more at either end than `out`.
+
+@kernel("void(float32[::1], int64, int64, int64, int64, uint64[:, ::1], int64, float32, float32[::1])")
+def _slopes(
+    values: Row,
+    south: int,
+    here: int,
+    north: int,
+    cells: int,
+    wanted: Bits,
+    line: int,
+    k: np.float32,
+    out: Row,
+) -> None:
+    """Leave the slopes of a row from its neighbours (Eq. 6-9), NaN where one is NaN.
+
+    Lanes without a cell that is wanted, all of whose neighbours have a value, are passed over.
+
+    Parameters
+    ----------
+    south, here, north
+        Where rows of so many cells begin; they have a cell more at either end.
     """
-    west, east, mid, below, above = here[:-2], here[2:], here[1:-1], south[1:-1], north[1:-1]
-    for i in range(np.uint64(len(out))):
-        dx, dy = (east[i] - west[i]) * k, (above[i] - below[i]) * k
-        angle = atan(np.sqrt(dx * dx + dy * dy)) * DEGREES
-        out[i] = angle if mid[i] == mid[i] else NAN
+    scale, degrees, nothing = every(k), every(DEGREES), every(NAN)
+    for i in range(0, cells, LANES):
+        at = here + i
+        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & SOME == NONE:
+            store(out, at, nothing)
+            continue
+        mid = load(values, at)
+        dx = (load(values, at + 1) - load(values, at - 1)) * scale
+        dy = (load(values, north + i) - load(values, south + i)) * scale
+        angle = arctangent(root(dx * dx + dy * dy)) * degrees
+        store(out, at, where(mid == mid, angle, nothing))
 
 
 @kernel(
-    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], int64, int64, float32, float32, boolean, int64,"
-    " int64, int64, int64, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[::1],"
-    " uint8[::1])"
+    "void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], float32[::1], int64)"
 )
 def _join(
-    height: Rows,
-    slope: Rows,
-    rough: Rows,
-    line: int,
+    height: Row,
+    slope: Row,
     at: int,
+    sloped: np.uint64,
     worst: np.float32,
-    safe_slope: np.float32,
     greatest: bool,
-    word: int,
-    row: int,
-    first: int,
-    stop: int,
-    total_height: Map,
-    total_slope: Map,
-    total_rough: Map,
-    safe: NDArray[np.uint8],
-    known: NDArray[np.uint8],
+    total_height: Row,
+    total_slope: Row,
+    to: int,
 ) -> None:
-    """Join cells of a row of a window, from one on, with those of a word of the total maps (§3.2.3).
-
-    By mean or maximum. Indices that cannot be negative, so that the compiler takes eight at a time.
-    """
-    w, r, n, from_ = np.uint64(word), np.uint64(row), np.uint64(line), np.uint64(at)
-    to, most = np.uint64(first), np.uint64(stop)
-    for i in range(most - to):
-        h, s, q, c = height[n, from_ + i], slope[n, from_ + i], rough[n, from_ + i], to + i
-        old_h, old_s, old_r = total_height[w, r, c], total_slope[w, r, c], total_rough[w, r, c]
-        write, fresh = s < worst, old_s >= worst
-        joint_s = (s if s > old_s else old_s) if greatest else HALF * (old_s + s)
-        joint_h = (h if h > old_h else old_h) if greatest else HALF * (old_h + h)
-        joint_r = (q if q > old_r else old_r) if greatest else HALF * (old_r + q)
-        new_s = (s if fresh else joint_s) if write else old_s
-        new_h = (h if fresh else joint_h) if write else old_h
-        new_r = (q if fresh | (old_r == worst) else joint_r) if write & (q == q) else old_r
-        total_slope[w, r, c], total_height[w, r, c], total_rough[w, r, c] = new_s, new_h, new_r
-        safe[c] = np.uint8(new_s < safe_slope)
-        known[c] = np.uint8(new_h == new_h)
+    """Join a word of a row of a window with the total maps (§3.2.3), by mean or maximum."""
+    half, most = every(HALF), every(worst)
+    for i in range(0, WORD, LANES):
+        if (sloped >> np.uint64(i)) & SOME == NONE:
+            continue
+        h, s = load(height, at + i), load(slope, at + i)
+        old_h, old_s = load(total_height, to + i), load(total_slope, to + i)
+        if greatest:
+            joint_h, joint_s = where(old_h < h, h, old_h), where(old_s < s, s, old_s)
+        else:
+            joint_h, joint_s = half * (old_h + h), half * (old_s + s)
+        write, held = s < most, old_s < most
+        store(total_slope, to + i, where(write, where(held, joint_s, s), old_s))
+        store(total_height, to + i, where(write, where(held, joint_h, h), old_h))
 
 
-@kernel("uint64(uint64[::1])")
-def _word(eights: NDArray[np.uint64]) -> np.uint64:
-    """Return 64 bytes of 0 and 1 as bits."""
-    word = NONE
-    for b in range(np.uint64(8)):
-        word |= ((eights[b] * GATHER) >> TOP) << (b * np.uint64(8))
-    return word
+@kernel("void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], int64)")
+def _join_rough(
+    rough: Row,
+    slope: Row,
+    at: int,
+    roughened: np.uint64,
+    worst: np.float32,
+    greatest: bool,
+    total_rough: Row,
+    to: int,
+) -> None:
+    """Join the roughness of a word, of which there is less than of slopes; none is the worst case."""
+    half, most = every(HALF), every(worst)
+    for i in range(0, WORD, LANES):
+        if (roughened >> np.uint64(i)) & SOME == NONE:
+            continue
+        q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
+        joint = where(old < q, q, old) if greatest else half * (old + q)
+        new = where(old == most, q, joint)
+        store(total_rough, to + i, where(both(s < most, q == q), new, old))
 
 
-@kernel("int32(float32[:, :, ::1], float32[:, :, ::1], int64, int64, float32)")
-def _safe_sum(slope: Map, values: Map, word: int, row: int, safe_slope: np.float32) -> np.int32:
-    """Return the sum of the values of the safe ones of 64 cells, in units of 1 / SUM_UNIT."""
-    total, w, r = np.int32(0), np.uint64(word), np.uint64(row)
-    for i in range(np.uint64(64)):
-        safe = slope[w, r, i] < safe_slope
-        total += np.int32(values[w, r, i] * SUM_UNIT + HALF) if safe else np.int32(0)
-    return total
+@kernel("uint64(int64, int64, int64, int64)")
+def _inner(rows: int, cols: int, row: int, word: int) -> np.uint64:
+    """Return the cells of a word that are not on the map's margin, which is never safe (§3.2.4)."""
+    if row == 0 or row == rows - 1:
+        return NONE
+    mask = ~ONE if word == 0 else ~NONE
+    return mask & ~(ONE << np.uint64((cols - 1) & 63)) if word == (cols - 1) >> 6 else mask
 
 
 @kernel(
-    "void(float32[:, :, ::1], float32[:, :, ::1], uint64, float32, int64, int64, int64, int32[:, :, ::1])"
-)
-def _add_up(
-    slope: Map,
-    rough: Map,
-    safe: np.uint64,
-    safe_slope: np.float32,
-    row: int,
-    word: int,
-    cols: int,
-    blocks: NDArray[np.int32],
-) -> None:
-    """Bring the sums of a word's safe cells up to date."""
-    blocks[row, word, 0], blocks[row, word, 1] = 0, 0
-    if safe == NONE:
-        return
-    blocks[row, word, 0] = _safe_sum(slope, slope, word, row, safe_slope)
-    blocks[row, word, 1] = _safe_sum(slope, rough, word, row, safe_slope)
-    for c in (0, cols - 1):  # not safe, however level
-        if c >> 6 == word and slope[word, row, c & 63] < safe_slope:
-            blocks[row, word, 0] -= np.int32(slope[word, row, c & 63] * SUM_UNIT + HALF)
-            blocks[row, word, 1] -= np.int32(rough[word, row, c & 63] * SUM_UNIT + HALF)
-
-
-@kernel(
-    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], int64[:, ::1], int64, int64, int64, int64,"
-    " int64, float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1],"
-    " uint8[:, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1], uint8[::1], uint8[::1],"
-    " uint64[::1], uint64[::1], int64[::1])"
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
+    " int64, int64, int64, float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1],"
+    " float32[:, :, ::1], uint8[:, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1], int64[::1])"
 )
 def _join_strip(
     heights: Rows,
     slopes: Rows,
     roughs: Rows,
-    ends: NDArray[np.int64],
+    sloped: Bits,
+    roughened: Bits,
     start: int,
     stop: int,
     row0: int,
-    col0: int,
+    word0: int,
     cols: int,
     worst: np.float32,
     safe_slope: np.float32,
@@ -213,50 +216,38 @@ def _join_strip(
     safe: Bits,
     known: Bits,
     blocks: NDArray[np.int32],
-    safe_bytes: NDArray[np.uint8],
-    known_bytes: NDArray[np.uint8],
-    safe_eights: NDArray[np.uint64],
-    known_eights: NDArray[np.uint64],
     changed: NDArray[np.int64],
 ) -> None:
     """Join rows start to stop of a window with the total maps, word by word: so each page is met once.
 
     What changed of the safe map is noted: first and last row, first and last word.
     """
-    west, east = heights.shape[1], 0
-    for j in range(start, stop):
-        if ends[j % RING, 1] > 0:
-            west, east = min(west, ends[j % RING, 0]), max(east, ends[j % RING, 1])
-    for c in range((col0 + west) >> 6, ((col0 + east - 1) >> 6) + 1):
-        before = 64 * c - col0  # columns of the box before this word
+    rows, cells = height.shape[1], heights.shape[1]
+    window_h, window_s, window_r = heights.ravel(), slopes.ravel(), roughs.ravel()
+    total_h, total_s, total_r = height.ravel(), slope.ravel(), rough.ravel()
+    for w in range(sloped.shape[1] - 2):
+        c = word0 + w
         for j in range(start, stop):
             r, line = row0 + j, j % RING
-            left, right = max(0, ends[line, 0] - before), min(64, ends[line, 1] - before)
-            if left >= right:
+            some, more = sloped[line, w + 1], roughened[line, w + 1]
+            if some == NONE:
                 continue
+            at, to = line * cells + WORD * w + 1, (c * rows + r) * WORD
             if not begun[r, c]:
                 begun[r, c] = 1
-                for i in range(64):
-                    height[c, r, i], slope[c, r, i], rough[c, r, i] = NAN, worst, worst
-            _join(
-                heights, slopes, roughs, line, before + left + 1, worst, safe_slope, greatest, c, r, left,
-                right, height, slope, rough, safe_bytes, known_bytes,
-            )  # fmt: skip
-            mask = (ALL << np.uint64(left)) & (ALL >> np.uint64(64 - right))
-            old, safe_mask = safe[r, c], mask
-            if r == 0 or r == safe.shape[0] - 1:
-                safe_mask = NONE
-            if c == 0:
-                safe_mask &= ~ONE
-            if c == (cols - 1) >> 6:
-                safe_mask &= ~(ONE << np.uint64((cols - 1) & 63))
-            word = (old & ~mask) | (_word(safe_eights) & safe_mask)
-            known[r, c] = (known[r, c] & ~mask) | (_word(known_eights) & mask)
-            if word != old:
+                total_h[to : to + WORD] = NAN
+                total_s[to : to + WORD] = worst
+                total_r[to : to + WORD] = worst
+            _join(window_h, window_s, at, some, worst, greatest, total_h, total_s, to)
+            if more != NONE:
+                _join_rough(window_r, window_s, at, more, worst, greatest, total_r, to)
+            known[r, c] |= below(window_s, at, worst)
+            word = below(total_s, to, safe_slope) & _inner(rows, cols, r, c)
+            blocks[r, c, 0] = OLD
+            if word != safe[r, c]:
                 safe[r, c] = word
                 changed[0], changed[1] = min(changed[0], r), max(changed[1], r)
                 changed[2], changed[3] = min(changed[2], c), max(changed[3], c)
-            _add_up(slope, rough, word, safe_slope, r, c, cols, blocks)
 
 
 @kernel(
@@ -267,7 +258,7 @@ def _join_strip(
 def fuse(
     sums: NDArray[np.uint64],
     row0: int,
-    col0: int,
+    word0: int,
     rows: int,
     width: int,
     cols: int,
@@ -286,13 +277,12 @@ def fuse(
     known: Bits,
     blocks: NDArray[np.int32],
 ) -> tuple[int, int, int, int]:
-    """Fuse the sums of a window, rows x width cells from (row0, col0) on, with the total maps.
+    """Fuse the sums of a window, rows x width cells from (row0, 64 word0) on, with the total maps.
 
     Parameters
     ----------
     sums
-        (rows * width,) as `sums.scatter` leaves them. The width is a multiple of STEP; the box may reach
-        beyond the map's last column by less than that.
+        (rows * width,) as `sums.scatter` leaves them; the width is of whole words.
     cols
         Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
     height, slope, rough
@@ -303,29 +293,33 @@ def fuse(
     safe, known
         Bit maps: slope below `safe_slope` but on the map's margin (§3.2.4), and any height.
     blocks
-        (rows, words, 2) sums of slope and roughness of the safe cells of each word, see SUM_UNIT.
+        (rows, words, 2) sums of slope and roughness of the safe cells of each word, see `measure`; those of
+        words that were written to become OLD.
 
     Returns
     -------
     row0, row1, col0, col1 of the cells whose safety changed, columns by whole words; row1 0 where none did.
     """
     k = np.float32(1.0 / (2.0 * cell))
-    heights, slopes, roughs = (  # a margin at either end
-        np.full((RING, width + 2), NAN), np.full((RING, width + 2), NAN), np.full((RING, width + 2), NAN),
+    words, line = width // WORD, width + 2  # a margin at either end
+    heights, slopes, roughs = (
+        np.full((RING, line), NAN),
+        np.full((RING, line), NAN),
+        np.full((RING, line), NAN),
+    )
+    hit, sloped, roughened = (
+        np.zeros((RING, words + 2), np.uint64), np.zeros((RING, words + 2), np.uint64),
+        np.zeros((RING, words + 2), np.uint64),
     )  # fmt: skip
-    safe_bytes, known_bytes = np.zeros(64, np.uint8), np.zeros(64, np.uint8)
-    safe_eights, known_eights = safe_bytes.view(np.uint64), known_bytes.view(np.uint64)
+    flat, flat_slopes, flat_roughs = heights.ravel(), slopes.ravel(), roughs.ravel()
     counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
     real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
-    bits, ends, start = np.uint64(count_bits), np.zeros((RING, 2), np.int64), 1
-    changed = np.array([safe.shape[0], -1, safe.shape[1], -1])
+    bits, start, changed = np.uint64(count_bits), 1, np.array([safe.shape[0], -1, safe.shape[1], -1])
     for i in range(rows + 2):
-        new = i % RING
-        ends[new, 0] = ends[new, 1] = 0
+        new, south, here, north = i % RING, (i - 2) % RING, (i - 1) % RING, i % RING
         if i < rows:
             row = sums[i * width : (i + 1) * width]
             a, b = _span(row)
-            ends[new, 0], ends[new, 1] = a, b
             heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
             _mean_heights(
                 row[a:b],
@@ -338,29 +332,35 @@ def fuse(
                 real_totals,
                 heights[new, a + 1 : b + 1],
             )
-        j = i - 1
-        if j >= 0:
-            a, b = ends[j % RING]
-            slopes[j % RING] = NAN
-            if 0 < j < rows - 1 and b > a:
-                _slopes(
-                    heights[(j - 1) % RING, a : b + 2], heights[j % RING, a : b + 2],
-                    heights[new, a : b + 2], k, slopes[j % RING, a + 1 : b + 1],
-                )  # fmt: skip
+            for w in range(words):
+                hit[new, w + 1] = below(flat, new * line + WORD * w + 1, INFINITE)
+        if 0 < i - 1 < rows - 1:
+            _surrounded(hit, south, here, north, sloped)
+            _slopes(
+                flat, south * line + 1, here * line + 1, north * line + 1, width, sloped, here, k, flat_slopes
+            )
+        else:
+            sloped[here, :] = NONE
         j = i - 2
         if j < 1 or j >= rows - 1:
             continue
-        a, b = ends[j % RING]
-        if b > a:
-            _slopes(
-                slopes[(j - 1) % RING, a : b + 2], slopes[j % RING, a : b + 2],
-                slopes[(j + 1) % RING, a : b + 2], k, roughs[j % RING, a + 1 : b + 1],
-            )  # fmt: skip
+        south, here, north = (j - 1) % RING, j % RING, (j + 1) % RING
+        _surrounded(sloped, south, here, north, roughened)
+        _slopes(
+            flat_slopes,
+            south * line + 1,
+            here * line + 1,
+            north * line + 1,
+            width,
+            roughened,
+            here,
+            k,
+            flat_roughs,
+        )
         if j == rows - 2 or (row0 + j) % STRIP == STRIP - 1:
             _join_strip(
-                heights, slopes, roughs, ends, start, j + 1, row0, col0, cols, worst, safe_slope, greatest,
-                height, slope, rough, begun, safe, known, blocks, safe_bytes, known_bytes, safe_eights,
-                known_eights, changed,
+                heights, slopes, roughs, sloped, roughened, start, j + 1, row0, word0, cols, worst,
+                safe_slope, greatest, height, slope, rough, begun, safe, known, blocks, changed,
             )  # fmt: skip
             start = j + 1
     if changed[1] < 0:
@@ -370,7 +370,7 @@ def fuse(
 
 @kernel(
     "void(int64, int64, int64, int64, int64, float32, float32[:, :, ::1], float32[:, :, ::1],"
-    " float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
+    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
 )
 def refresh(
     row0: int,
@@ -381,20 +381,15 @@ def refresh(
     safe_slope: np.float32,
     height: Map,
     slope: Map,
-    rough: Map,
     safe: Bits,
     known: Bits,
     blocks: NDArray[np.int32],
 ) -> None:
-    """Make the bit maps and sums of a box of words from maps that were copied (see `fuse`)."""
-    for r in range(row0, row1):
-        inner = 0 < r < safe.shape[0] - 1
-        for w in range(word0, word1):
-            safe[r, w], known[r, w] = NONE, NONE
-            for c in range(64 * w, min(cols, 64 * w + 64)):
-                mark = np.uint64(1) << np.uint64(c & 63)
-                if inner and 0 < c < cols - 1 and slope[w, r, c & 63] < safe_slope:
-                    safe[r, w] |= mark
-                if height[w, r, c & 63] == height[w, r, c & 63]:
-                    known[r, w] |= mark
-            _add_up(slope, rough, safe[r, w], safe_slope, r, w, cols, blocks)
+    """Make the bit maps of a box of words from maps that were copied (see `fuse`)."""
+    flat_slope, flat_height, rows = slope.ravel(), height.ravel(), slope.shape[1]
+    for w in range(word0, word1):
+        for r in range(row0, row1):
+            at = (w * rows + r) * WORD
+            safe[r, w] = below(flat_slope, at, safe_slope) & _inner(rows, cols, r, w)
+            known[r, w] = below(flat_height, at, INFINITE)
+            blocks[r, w, 0] = OLD

@@ -20,10 +20,12 @@ def test_the_mean_height_of_each_cell_hit_is_that_of_its_returns(half_m: float, 
     points[0], points[1] = (70.0, 0.0, 1.0), (math.nan, 0.0, 1.0)  # outside, and no point
     returns = Returns()
     returns.read(points, np.full(3, np.nan), math.inf, grid)
-    box, width = returns.box, returns.width
+    box = returns.whole
+    assert box.col0 % 64 == box.col1 % 64 == 0
+    assert box.union(returns.box) == box
     returns.sums()  # what was added up before is forgotten
     sums, unit_m, count_bits, used = returns.sums()
-    sums = sums[: box.shape[0] * width].reshape(box.shape[0], width)
+    sums = sums.reshape(box.shape)
     count = (sums & np.uint64((1 << count_bits) - 1)).astype(int)
     height_m = returns.low_m * count + (sums >> np.uint64(count_bits)) * unit_m
 

@@ -1,0 +1,132 @@
+"""Sixteen numbers at a time, for kernels in which the compiler does not see by itself that it may.
+
+In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, < and the functions below work by
+each. Uncompiled they are NumPy arrays, which do the same.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from inspect import signature
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic, models, overload, register_model
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+LANES = 16
+FLOAT, FLAG, INT32 = ir.FloatType(), ir.IntType(1), ir.IntType(32)
+Floats = Any  # 16 numbers of four bytes, or flags of as many
+
+
+class Lanes(types.Type):
+    """Numba's type of 16 numbers or flags."""
+
+    def __init__(self, element: Any) -> None:
+        self.vector = ir.VectorType(element, LANES)
+        super().__init__(f"lanes({element})")
+
+
+@register_model(Lanes)
+class _Held(models.PrimitiveModel):
+    def __init__(self, manager: Any, lanes: Lanes) -> None:
+        super().__init__(manager, lanes, lanes.vector)  # type: ignore[no-untyped-call]
+
+
+FLOATS, FLAGS = Lanes(FLOAT), Lanes(FLAG)
+
+
+def _code(result: Any, build: Callable[..., Any]) -> Any:
+    """Return a function of kernels whose code is built from the values of its arguments."""
+
+    def typed(*given: Any) -> Any:  # pragma: no cover - the compiler's
+        def code(context: Any, builder: Any, typing: Any, values: Any) -> Any:
+            arrays = [
+                context.make_array(kind)(context, builder, value).data
+                if isinstance(kind, types.Array)
+                else value
+                for kind, value in zip(typing.args, values, strict=True)
+            ]
+            return build(builder, *arrays)
+
+        return result(*given), code
+
+    by_number = {
+        1: lambda _, a: typed(a),
+        2: lambda _, a, b: typed(a, b),
+        3: lambda _, a, b, c: typed(a, b, c),
+    }
+    return intrinsic(by_number[len(signature(build).parameters) - 1])
+
+
+def _place(builder: Any, data: Any, at: Any) -> Any:
+    return builder.bitcast(builder.gep(data, [at]), FLOATS.vector.as_pointer())
+
+
+def _all(builder: Any, value: Any) -> Any:
+    one = builder.insert_element(ir.Constant(FLOATS.vector, ir.Undefined), value, INT32(0))
+    return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(INT32, LANES), None))
+
+
+def _root(builder: Any, value: Any) -> Any:
+    function = ir.FunctionType(FLOATS.vector, [FLOATS.vector])
+    name = f"llvm.sqrt.v{LANES}f32"
+    return builder.call(builder.module.declare_intrinsic(name, (), function), [value])
+
+
+if vars(config)["DISABLE_JIT"]:
+
+    def load(values: Any, at: int) -> Floats:
+        return values[at : at + LANES].copy()
+
+    def store(values: Any, at: int, lanes: Floats) -> None:
+        values[at : at + LANES] = lanes
+
+    def every(value: Any) -> Floats:
+        return value
+
+    def flags_of(flags: Floats) -> np.uint64:
+        return np.uint64(sum(1 << i for i in np.flatnonzero(flags).tolist()))
+
+    where, root, both = np.where, np.sqrt, np.logical_and
+else:
+    load = _code(FLOATS, lambda b, data, at: b.load(_place(b, data, at), align=4))
+    store = _code(
+        types.void, lambda b, data, at, lanes: b.store(lanes, _place(b, data, at), align=4) and None
+    )
+    every = _code(FLOATS, _all)
+    where = _code(FLOATS, lambda b, flags, then, other: b.select(flags, then, other))
+    root = _code(FLOATS, _root)
+    both = _code(FLAGS, lambda b, flags, others: b.and_(flags, others))
+    flags_of = _code(
+        types.uint64, lambda b, flags: b.zext(b.bitcast(flags, ir.IntType(LANES)), ir.IntType(64))
+    )
+
+    def _operator(function: Any, result: Lanes, build: Callable[..., Any]) -> None:
+        code = _code(result, build)
+
+        def given(a, b):  # type: ignore[no-untyped-def]
+            return (lambda a, b: code(a, b)) if isinstance(a, Lanes) else None
+
+        overload(function)(given)
+
+    _operator(operator.add, FLOATS, lambda b, x, y: b.fadd(x, y))
+    _operator(operator.sub, FLOATS, lambda b, x, y: b.fsub(x, y))
+    _operator(operator.mul, FLOATS, lambda b, x, y: b.fmul(x, y))
+    _operator(operator.truediv, FLOATS, lambda b, x, y: b.fdiv(x, y))
+    _operator(operator.lt, FLAGS, lambda b, x, y: b.fcmp_ordered("<", x, y))
+    _operator(operator.eq, FLAGS, lambda b, x, y: b.fcmp_ordered("==", x, y))
+
+
+@kernel("uint64(float32[::1], int64, float32)")
+def below(values: NDArray[np.float32], at: int, limit: np.float32) -> np.uint64:
+    """Return the bits of those of 64 values, from one on, that are below a limit; NaN is not."""
+    word, most = np.uint64(0), every(limit)
+    for i in range(0, 64, LANES):
+        word |= flags_of(load(values, at + i) < most) << np.uint64(i)
+    return word
