@@ -16,6 +16,7 @@ from slz.kernels.sums import scatter
 Points = NDArray[np.float64]
 FINEST_BITS = 36  # of a metre, to which heights are rounded at best
 SUM_BITS = 51  # of a sum of heights, at most
+FAR_OFF_M = 100.0  # from the heights accepted, for the level of all: 4 bytes hold 0.004 mm there
 
 
 class Returns:
@@ -29,6 +30,7 @@ class Returns:
         self._heights = np.empty(0, np.float32)
         self._sums = np.empty(0, np.uint64)
         self.points = np.empty(0)
+        self._given: tuple[Points, float, Grid] | None = None
         self.low_m = self.high_m = self._level = 0.0
         self.n = self.n_outside = 0
         self.box = Box(0, 0, 0, 0)
@@ -39,14 +41,19 @@ class Returns:
         if n > len(self._cells):
             self._cells, self._heights = np.empty(n + n // 4, np.uint32), np.empty(n + n // 4, np.float32)
         self.points = np.ascontiguousarray(points_enu_m).reshape(-1)
-        found = stream(
-            self.points, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, sensor_enu_m, range_m,
-            self._cells[:n], self._heights[:n],
-        ).tolist()  # fmt: skip
+        found = self._place(sensor_enu_m, range_m, grid, math.nan)
+        self._given = sensor_enu_m, range_m, grid
         self._level, self.low_m, self.high_m = found[:3]
         self.n, self.n_outside = int(found[3]), int(found[4])
         row0, row1, col0, col1 = (int(edge) for edge in found[5:])
         self.box = Box(row0, row1, col0, col1)
+
+    def _place(self, sensor_enu_m: Points, range_m: float, grid: Grid, level_m: float) -> list[float]:
+        found: list[float] = stream(
+            self.points, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, sensor_enu_m, range_m,
+            level_m, self.cells, self.heights,
+        ).tolist()  # fmt: skip
+        return found
 
     @property
     def whole(self) -> Box:
@@ -63,12 +70,16 @@ class Returns:
         return self._heights[: len(self.points) // 3]
 
     def keep_heights(self, bins: int, threshold: float) -> None:
-        """Accept the heights of the sources' histogram only, see `slz.kernels.stream`."""
-        if self.n:
-            self.low_m, self.high_m = interval(
-                self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, self.n, bins,
-                threshold,
-            )  # fmt: skip
+        """Accept the heights of the sources' histogram only, see `slz.kernels.interval`."""
+        if not self.n or self._given is None:
+            return
+        self.low_m, self.high_m = interval(
+            self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, self.n, bins,
+            threshold,
+        )  # fmt: skip
+        if not self.low_m - FAR_OFF_M <= self._level <= self.high_m + FAR_OFF_M:  # of a point not accepted
+            self._level = self.low_m
+            self._place(*self._given, self._level)
 
     def kept(self, every: int = 1) -> Points:
         """Return (m, 3) the points accepted, of every so many."""

@@ -115,9 +115,21 @@ def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
     return min(min(a0, a1), min(a2, a3)), max(max(b0, b1), max(b2, b3))
 
 
+@kernel("float64(Array(float64, 1, 'C', True), float64, float64, float64)")
+def _first_height(points: Points, sensor_east: float, sensor_north: float, range2: float) -> float:
+    """Return the height of the first point that is not dropped; 0 where there is none."""
+    for i in range(len(points) // 3):
+        x, y, z = points[3 * i], points[3 * i + 1], points[3 * i + 2]
+        dx, dy = x - sensor_east, y - sensor_north
+        far = dx * dx + dy * dy > range2
+        if x - x == 0.0 and y - y == 0.0 and abs(z) < MOST_HEIGHT_M and not far:
+            return float(z)
+    return 0.0
+
+
 @kernel(
     "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:],"
-    " float64, uint32[::1], float32[::1])"
+    " float64, float64, uint32[::1], float32[::1])"
 )
 def stream(
     points: Points,
@@ -128,20 +140,23 @@ def stream(
     cols: int,
     sensor: Points,
     range_m: float,
+    level: float,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
 ) -> Points:
-    """Place points in a grid; leave their cells and heights above the first.
+    """Place points in a grid; leave their cells and heights above a level.
 
     Parameters
     ----------
     points
         (3 n,) x, y, z one after the other. Those not finite, too high to be ground or beyond `range_m` of the
         sensor over ground (never where its place is NaN) are dropped.
+    level
+        NaN takes the height of the first point not dropped. The farther from it, the coarser a height.
     cells
         (n,) receives row << 16 | column, OUTSIDE or DROPPED.
     heights
-        (n,) receives heights above the level that is returned.
+        (n,) receives heights above the level.
 
     Returns
     -------
@@ -149,11 +164,8 @@ def stream(
     of the cells hit.
     """
     n = len(points) // 3
-    level = 0.0
-    for i in range(n):
-        if abs(points[3 * i + 2]) < MOST_HEIGHT_M:
-            level = points[3 * i + 2]
-            break
+    if level != level:  # NaN
+        level = _first_height(points, sensor[0], sensor[1], range_m * range_m)
     low, high, dropped, outside = np.inf, -np.inf, 0, 0
     bits, least, greatest = heights.view(np.int32), LARGEST, LEAST
     row0, row1, col0, col1 = LOW16, NOTHING, LOW16, NOTHING

@@ -36,3 +36,38 @@ def test_the_mean_height_of_each_cell_hit_is_that_of_its_returns(half_m: float, 
     assert used == n - 1
     np.testing.assert_array_equal(count, own_count)
     np.testing.assert_allclose(height_m, own_m, rtol=0, atol=1e-5)
+
+
+def flat(first: list[list[float]]) -> tuple[Returns, np.ndarray[tuple[int, ...], np.dtype[np.uint64]], float]:
+    """Return what becomes of some returns, and then of many from ground that slopes."""
+    rng = np.random.default_rng(3)
+    xy = rng.uniform(-20.0, 20.0, (60_000, 2))
+    ground = np.column_stack([xy, 0.16 * xy[:, 0]])
+    returns = Returns()
+    points = np.vstack([np.array(first).reshape(-1, 3), ground])
+    returns.read(points, np.array([0.0, 0.0, 30.0]), 100.0, Grid(-20.0, -20.0, 0.1, 400, 400))
+    returns.keep_heights(300, 0.9)
+    sums, unit_m, _, _ = returns.sums()
+    return returns, sums.copy(), unit_m
+
+
+@pytest.mark.parametrize(
+    "first", [[math.nan, 0.0, 99_999.0], [5000.0, 0.0, 99_999.0], [0.0, math.inf, -500.0]]
+)
+def test_a_first_return_that_is_dropped_changes_no_bit_however_high(first: list[float]) -> None:
+    """Heights are rounded to four bytes over a level: that of 100 km would leave them steps of 8 mm."""
+    (one, sums, _), (other, others, _) = flat([]), flat([first])
+    assert (one.low_m, one.high_m, one.n) == (other.low_m, other.high_m, other.n)
+    np.testing.assert_array_equal(sums, others)
+
+
+@pytest.mark.parametrize("up_m", [99_999.0, -3000.0])
+def test_a_first_return_far_from_the_heights_accepted_makes_no_others_coarse(up_m: float) -> None:
+    returns, sums, unit_m = flat([[1.0, 1.0, up_m]])
+    assert up_m < returns.low_m or returns.high_m < up_m
+    used = returns.kept()
+    box, bits = returns.box, np.uint64(max(12, returns.n.bit_length()))
+    at = np.floor((used[:, :2] + 20.0) / 0.1).astype(int) - (box.col0, box.row0)
+    own_m = np.zeros((box.shape[0], returns.width))
+    np.add.at(own_m, (at[:, 1], at[:, 0]), used[:, 2] - returns.low_m)
+    np.testing.assert_allclose((sums >> bits).reshape(own_m.shape) * unit_m, own_m, rtol=0, atol=1e-4)
