@@ -16,6 +16,7 @@ from slz.kernels.sums import scatter
 Points = NDArray[np.float64]
 FINEST_BITS = 36  # of a metre, to which heights are rounded at best
 SUM_BITS = 51  # of a sum of heights, at most
+LARGE, FEW = 1 << 22, 64  # cells of sums, and of these for each point, beyond which most stay untouched
 FAR_OFF_M = 100.0  # from the heights accepted, for the level of all: 4 bytes hold 0.004 mm there
 
 
@@ -102,10 +103,13 @@ class Returns:
         """Return the sums over the whole words (see `scatter`), their unit (m), count bits, points."""
         row0, col0, (rows, width) = self.whole.row0, self.whole.col0, self.whole.shape
         n_cells = rows * width
-        if n_cells > len(self._sums):
-            self._sums = np.empty(n_cells + n_cells // 4, np.uint64)
-        sums = self._sums[:n_cells]
-        sums[:] = 0  # just before they are added to: so they are in the cache
+        if n_cells > max(LARGE, FEW * self.n):  # some lie far apart: the pages between take no memory
+            sums = np.zeros(n_cells, np.uint64)
+        else:
+            if n_cells > len(self._sums):
+                self._sums = np.empty(n_cells + n_cells // 4, np.uint64)
+            sums = self._sums[:n_cells]
+            sums[:] = 0  # just before they are added to: so they are in the cache
         count_bits = max(12, self.n.bit_length())
         span_m = max(self.high_m - self.low_m, 1e-3)
         most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)

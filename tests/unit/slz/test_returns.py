@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import resource
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,3 +73,26 @@ def test_a_first_return_far_from_the_heights_accepted_makes_no_others_coarse(up_
     own_m = np.zeros((box.shape[0], returns.width))
     np.add.at(own_m, (at[:, 1], at[:, 0]), used[:, 2] - returns.low_m)
     np.testing.assert_allclose((sums >> bits).reshape(own_m.shape) * unit_m, own_m, rtol=0, atol=1e-4)
+
+
+def test_two_returns_far_apart_take_no_memory_for_the_ground_between() -> None:
+    """Of a box of 400 MB of sums."""
+    rng = np.random.default_rng(5)
+    grid = Grid(-1500.0, -1500.0, 0.2, 15_000, 15_000)
+    points = np.column_stack([rng.uniform(-30.0, 30.0, (20_000, 2)), rng.normal(0.0, 0.01, 20_000)])
+    points[:2, :2] = (-700.0, -700.0), (700.0, 700.0)
+    returns = Returns()
+    returns.read(points, np.full(3, np.nan), math.inf, grid)
+    before = resident_mb()
+    sums, _, count_bits, used = returns.sums()
+    assert sums.nbytes > 380e6
+    assert used == 20_000
+    assert resident_mb() - before < 60
+    hit = sums[(sums != 0).nonzero()]
+    assert int((hit & np.uint64((1 << count_bits) - 1)).sum()) == 20_000
+    del sums
+    assert resident_mb() - before < 60
+
+
+def resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
