@@ -77,6 +77,14 @@ class SourceSearch:
         changed = self._terrain.settle()
         if changed.empty:
             return self._found
+        try:
+            return self._updated(changed)
+        except BaseException:  # the next search looks at what this one did not get to
+            self._terrain.changed = changed
+            self._taken = untouched(self._taken.shape, np.uint64)
+            raise
+
+    def _updated(self, changed: Box) -> tuple[Part, ...]:
         edges = erode(
             self._terrain.safe_bits, self.squares, self.side,
             changed.row0, changed.row1, changed.col0, changed.col1,

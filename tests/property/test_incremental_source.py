@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,8 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import params
-from slz import LocalFrame, Pipeline, Report, Window
+from slz import LocalFrame, Pipeline, Report, Window, source_search
 from slz.grid import Grid
+from slz.kernels.search import find
 from slz.source_search import SourceSearch
 from slz.source_terrain import SourceTerrain
 from tests.oracle.source_rules import Repeats, distances, interval, largest_square, zones_of
@@ -120,6 +123,31 @@ def test_what_is_kept_up_is_bit_for_bit_what_is_made_anew(seed: int, windows: in
             np.testing.assert_array_equal(a.boundary_cells, b.boundary_cells)
             np.testing.assert_array_equal(a.content, b.content)
             assert a.n_cells == b.n_cells
+
+
+def test_a_search_that_failed_is_made_up_for_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the zones of the windows after it would be those of the windows before it, and called valid."""
+    rng = np.random.default_rng(5)
+    terrain = SourceTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS)
+    search = SourceSearch(terrain, SIDE, LEAST)
+    for _ in range(6):
+        terrain.add(scan(rng))
+        with monkeypatch.context() as patch:
+            patch.setattr(source_search, "find", full)
+            with pytest.raises(MemoryError):
+                search.update()
+        mine = search.update()
+        assert search.update() is mine
+        terrain.changed = terrain.grid.everything
+        theirs = SourceSearch(terrain, SIDE, LEAST).update()
+        assert [part.box for part in mine] == [part.box for part in theirs]
+        for a, b in zip(mine, theirs, strict=True):
+            np.testing.assert_array_equal(a.content, b.content)
+
+
+def full(*given: Any) -> None:
+    find(*given)
+    raise MemoryError
 
 
 def test_the_scans_make_and_change_zones() -> None:
