@@ -23,6 +23,14 @@ class Later(Generic[T]):
             self._make = None
         return self._value
 
+    def __reduce__(self) -> tuple[Callable[[T], T], tuple[T]]:
+        """Let it be sent elsewhere as its value: what it needs cannot be."""
+        return _itself, (self.value(),)
+
+
+def _itself(value: T) -> T:
+    return value
+
 
 class Lazy(Generic[T]):
     """A field of a dataclass without slots, given as its value, or as `Later` for the first reading."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+from copy import deepcopy
 from dataclasses import FrozenInstanceError, dataclass, replace
 
 import pytest
@@ -38,3 +40,9 @@ def test_a_lazy_field_has_no_default_and_cannot_be_set() -> None:
     holder = Holder("a", 7)
     with pytest.raises(FrozenInstanceError):
         holder.value = 8  # type: ignore[misc]
+
+
+def test_a_holder_is_sent_elsewhere_with_its_value() -> None:
+    """As reports were, of which nothing was left to be worked out."""
+    assert pickle.loads(pickle.dumps(Holder("a", Later(lambda: 5)))) == Holder("a", 5)
+    assert deepcopy(Holder("a", Later(lambda: 5))) == Holder("a", 5)
