@@ -196,7 +196,7 @@ def _words(box: Box) -> slice:
 
 
 def _read(values: Map, box: Box) -> NDArray[np.float32]:
-    """Return (rows, cols) a copy of a box of a map."""
+    """Return (rows, cols) a box of a map: a copy, but a view where it lies in one word of each row."""
     if box.empty:
         return np.zeros(box.shape, np.float32)
     cells = values[_words(box), box.row0 : box.row1].transpose(1, 0, 2).reshape(box.shape[0], -1)

@@ -16,7 +16,7 @@ RING = [(0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1)]  #
 
 
 def histogram_interval(height_m: Floats, bins: int, threshold: float) -> tuple[float, float]:
-    """Heights accepted by the source's rule as `slz/kernels/stream.py` tells it: sparse ends are trimmed."""
+    """Heights accepted by the rule that `slz/kernels/interval.py` tells: sparse ends are trimmed."""
     low, high = float(height_m.min()), float(height_m.max())
     if not high > low:
         return low, high
