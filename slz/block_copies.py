@@ -48,6 +48,17 @@ def joined(blocks: Blocks, box: Box) -> NDArray[np.float32]:
     return np.concatenate(rows)[box.row0 - first : box.row1 - first]
 
 
+def heights_at(blocks: Blocks, box: Box, cells: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return what the blocks that hold a box say of (n, 2) cells, by rows and columns of the map."""
+    rows, cols = cells.T
+    which = (rows // SIDE - box.row0 // SIDE) * blocks.shape[1] + cols // SIDE - box.col0 // SIDE
+    order = np.argsort(which, kind="stable")
+    out = np.empty(len(cells), np.float32)
+    for part in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
+        out[part] = blocks.flat[which[part[0]]][rows[part] % SIDE, cols[part] % SIDE]
+    return out
+
+
 def _blocks_of(box: Box) -> tuple[slice, slice]:
     return (
         slice(box.row0 // SIDE, (box.row1 - 1) // SIDE + 1),

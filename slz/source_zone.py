@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.block_copies import heights_at
 from slz.kernels.bits import unpacked
-from slz.kernels.content import part_of
-from slz.kernels.measure import SUM_UNIT, corners, heights_at, measure
+from slz.kernels.content import component
+from slz.kernels.measure import SUM_UNIT, corners, measure
 from slz.kernels.room import first_choice, room
 from slz.landing_point import horizon_towards
 from slz.lazy import Later
@@ -33,13 +34,14 @@ def describe_source(
     """Work out everything that is reported of a zone: what lies inside its contour, as in the paper."""
     box, grid, words = part.box, terrain.grid, part.words
     first_row, first_col = part.boundary_cells[0].tolist()
-    own = part_of(part.content, terrain.safe_bits, box.row0, words.start, first_row, first_col)
-    holes = np.empty_like(part.content)
+    safe, holes = np.empty_like(part.content), np.empty_like(part.content)
     n_safe, n_unknown, slopes, roughs = measure(
         part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
-        terrain.blocks, terrain.slopes, terrain.roughs, np.float32(parameters.safe_slope_deg), holes,
+        terrain.blocks, terrain.slopes, terrain.roughs, np.float32(parameters.safe_slope_deg),
+        safe, holes,
     )  # fmt: skip
-    heights, blocks = heights_at(part.boundary_cells, terrain.heights), terrain.height_copies.of(box)
+    own = component(safe, first_row - box.row0, first_col - 64 * words.start)
+    blocks = terrain.height_copies.of(box)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
     return Zone(
         id=zone_id,
@@ -54,7 +56,13 @@ def describe_source(
         roughness=roughs / (float(SUM_UNIT) * n_safe),
         boundary_cells=part.boundary_cells,
         corners_enu_m=Later(
-            lambda: corners(part.boundary_cells, heights, grid.west_m, grid.south_m, grid.cell_m)
+            lambda: corners(
+                part.boundary_cells,
+                heights_at(blocks, box, part.boundary_cells),
+                grid.west_m,
+                grid.south_m,
+                grid.cell_m,
+            )
         ),
         obstacles=Later(lambda: source_obstacles(holes, own, blocks, box, grid)),
         best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),

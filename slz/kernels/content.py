@@ -127,13 +127,3 @@ def component(room: Bits, row: int, col: int) -> Bits:
                 north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
                 low, moved = min(low, r), True
     return part
-
-
-@kernel("uint64[:, ::1](uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64)")
-def part_of(content: Bits, safe: Bits, row0: int, word0: int, row: int, col: int) -> Bits:
-    """Return the component of a safe cell, by the map's row and column, that lies in a content."""
-    room = np.empty_like(content)
-    for i in range(content.shape[0]):
-        for j in range(content.shape[1]):
-            room[i, j] = content[i, j] & safe[row0 + i, word0 + j]
-    return component(room, row - row0, col - 64 * word0)

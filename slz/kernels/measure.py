@@ -30,7 +30,7 @@ def _safe_sum(slope: Row, values: Row, at: int, safe: np.uint64, safe_slope: np.
 
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
-        " float32[:, :, ::1], float32[:, :, ::1], float32, uint64[:, ::1])")  # fmt: skip
+        " float32[:, :, ::1], float32[:, :, ::1], float32, uint64[:, ::1], uint64[:, ::1])")  # fmt: skip
 def measure(
     content: Bits,
     safe: Bits,
@@ -41,13 +41,14 @@ def measure(
     slope: Map,
     rough: Map,
     safe_slope: np.float32,
+    safe_inside: Bits,
     holes: Bits,
 ) -> tuple[int, int, int, int]:
     """Return a content's safe and unknown cells, and the slope and roughness of the safe ones.
 
     The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words, and is
-    brought up to date where it is OLD (see `fuse`). Holes receive the cells of the content that are known
-    and not safe.
+    brought up to date where it is OLD (see `fuse`). `safe_inside` receives the content's safe cells, holes
+    those that are known and not safe.
     """
     n_safe = n_unknown = np.uint64(0)
     slopes = roughs = 0
@@ -57,9 +58,10 @@ def measure(
         for j in range(content.shape[1]):
             inside, w = content[i, j], word0 + j
             if inside == NONE:
-                holes[i, j] = NONE
+                safe_inside[i, j] = holes[i, j] = NONE
                 continue
             own = inside & safe[r, w]
+            safe_inside[i, j] = own
             holes[i, j] = inside & known[r, w] & ~own
             n_safe += popcount(own)
             n_unknown += popcount(inside & ~known[r, w])
@@ -80,16 +82,6 @@ def measure(
                 roughs += sign * signed(rough_of[at] * SUM_UNIT + HALF)
                 rest &= rest - ONE
     return signed(n_safe), signed(n_unknown), slopes, roughs
-
-
-@kernel("float32[::1](int32[:, ::1], float32[:, :, ::1])")
-def heights_at(boundary: NDArray[np.int32], height: Map) -> NDArray[np.float32]:
-    """Return the height of every boundary cell."""
-    out = np.empty(len(boundary), np.float32)
-    for i in range(len(boundary)):
-        r, c = boundary[i, 0], boundary[i, 1]
-        out[i] = height[c >> 6, r, c & 63]
-    return out
 
 
 @kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.block_copies import SIDE, BlockCopies, joined
+from slz.block_copies import SIDE, BlockCopies, heights_at, joined
 from slz.grid import Box
 
 
@@ -26,6 +26,11 @@ def test_a_copy_is_of_the_moment_it_was_made() -> None:
     assert len(taken) > 20
     for blocks, box, then in taken:
         np.testing.assert_array_equal(joined(blocks, box), then)
+        shape = box.shape
+        cells = np.column_stack([rng.integers(0, n, 50) for n in shape]).astype(np.int32)
+        own = then[:, box.col0 % SIDE :][cells[:, 0], cells[:, 1]]
+        corner = np.array([box.row0, box.col0], np.int32)
+        np.testing.assert_array_equal(heights_at(blocks, box, cells + corner), own)
 
 
 def test_what_did_not_change_is_shared() -> None:

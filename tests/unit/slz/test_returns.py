@@ -68,9 +68,9 @@ def test_a_first_return_far_from_the_heights_accepted_makes_no_others_coarse(up_
     returns, sums, unit_m = flat([[1.0, 1.0, up_m]])
     assert up_m < returns.low_m or returns.high_m < up_m
     used = returns.kept()
-    box, bits = returns.box, np.uint64(max(12, returns.n.bit_length()))
+    box, bits = returns.whole, np.uint64(max(12, returns.n.bit_length()))
     at = np.floor((used[:, :2] + 20.0) / 0.1).astype(int) - (box.col0, box.row0)
-    own_m = np.zeros((box.shape[0], returns.width))
+    own_m = np.zeros(box.shape)
     np.add.at(own_m, (at[:, 1], at[:, 0]), used[:, 2] - returns.low_m)
     np.testing.assert_allclose((sums >> bits).reshape(own_m.shape) * unit_m, own_m, rtol=0, atol=1e-4)
 
