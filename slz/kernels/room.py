@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import ALL, NONE, ONE, Bits, leading, lowest, signed, word_at
+from slz.kernels.bits import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
 from slz.kernels.jit import kernel
 from slz.kernels.rows import doubled
 
@@ -104,6 +104,27 @@ def largest_square(corners: Bits, side: int) -> int:
     return _largest(corners, side)[0]
 
 
+@kernel("int64(uint64[:, ::1], int64, int64, int64)")
+def _open_beside(part: Bits, r: int, col: int, most2: int) -> int:
+    """Return how far along a row the nearest open cell is; anything whose square is not less than `most2`."""
+    first, bits, words = col >> 6, np.uint64(col & 63), part.shape[1]
+    if first < 0 or first >= words:
+        return 0
+    best = int(np.ceil(np.sqrt(float(most2))))
+    open_, dx, w = ~part[r, first] >> bits, 0, first
+    while open_ == NONE and dx < best:
+        w += 1
+        dx = 64 * w - col
+        open_ = ~part[r, w] if w < words else ONE
+    best = min(best, dx + signed(lowest(open_)))
+    open_, dx, w = ~part[r, first] << (LAST - bits), 0, first
+    while open_ == NONE and dx < best:
+        dx = col + 1 - 64 * w
+        w -= 1
+        open_ = ~part[r, w] if w >= 0 else ONE << LAST
+    return min(best, dx + signed(leading(open_)))
+
+
 @kernel("int64(uint64[:, ::1], int64, int64, int64, int64)")
 def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
     """Return the squared distance from a cell to the nearest outside; any less than `least2` if it is."""
@@ -116,22 +137,11 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
                 dx = signed(min(lowest(open_ >> MIDDLE), leading(open_ << NEAR_BITS)))
                 best = min(best, dy * dy + dx * dx)
                 continue
-            dx = 0
-            while dy * dy + dx * dx < best:
-                open_ = ~word_at(part, r, col + dx)
-                if open_ != NONE:
-                    dx += signed(lowest(open_))
-                    best = min(best, dy * dy + dx * dx)
-                    break
-                dx += 64
-            dx = 0
-            while dy * dy + dx * dx < best:
-                open_ = ~word_at(part, r, col - dx - 63)
-                if open_ != NONE:
-                    dx += signed(leading(open_))
-                    best = min(best, dy * dy + dx * dx)
-                    break
-                dx += 64
+            if r < 0 or r >= len(part):
+                best = dy * dy
+                continue
+            dx = _open_beside(part, r, col, best - dy * dy)
+            best = min(best, dy * dy + dx * dx)
         dy += 1
     return best
 
