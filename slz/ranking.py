@@ -5,20 +5,11 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from params import Parameters
 from slz.zone import Zone
 
-Entry = tuple[tuple[float, ...], Zone]
-
-
-@dataclass(frozen=True, slots=True)
-class Criterion:
-    """One thing that decides between two zones: its steps, the greater the better, and its text."""
-
-    step: float
-    text: str
+Entry = tuple[tuple[float, ...], Zone]  # the steps and whose they are
 
 
 class Ranking:
@@ -38,20 +29,22 @@ class Ranking:
         entries = {}
         for zone in zones:
             known = self._entries.get(zone.id)
-            entries[zone.id] = known if known and known[1] is zone else (_steps(zone, self._parameters), zone)
-        order = sorted(entries.values(), key=_place)[: self._parameters.max_zones]
+            entries[zone.id] = known if known and known[1] is zone else (steps(zone, self._parameters), zone)
+        order = sorted(entries.values(), key=_place, reverse=True)[: self._parameters.max_zones]
         ranked, placed = [], {}
-        above: Zone | None = None
-        for _, zone in order:
+        above: Entry | None = None
+        for entry in order:
+            mine, zone = entry
             if above is None:
                 ranked.append(zone)
             else:
-                known_pair = self._placed.get((above.id, zone.id))
-                if not (known_pair and known_pair[0] is above and known_pair[1] is zone):
-                    known_pair = above, zone, zone.placed(_why(zone, above, self._parameters))
-                placed[above.id, zone.id] = known_pair
+                theirs, other = above
+                known_pair = self._placed.get((other.id, zone.id))
+                if not (known_pair and known_pair[0] is other and known_pair[1] is zone):
+                    known_pair = other, zone, zone.placed(_why(zone, mine, other, theirs))
+                placed[other.id, zone.id] = known_pair
                 ranked.append(known_pair[2])
-            above = zone
+            above = entry
         self._listed, self._entries, self._ranked, self._placed = zones, entries, tuple(ranked), placed
         return self._ranked
 
@@ -67,19 +60,14 @@ def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
 
 
 def _place(entry: Entry) -> tuple[tuple[float, ...], int]:
-    return entry[0], entry[1].id
+    return entry[0], -entry[1].id
 
 
-def _steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
-    """Return what a zone is sorted by, the least first."""
-    return tuple(-criterion.step for criterion in criteria(zone, parameters))
-
-
-def _why(zone: Zone, above: Zone, parameters: Parameters) -> str:
+def _why(zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, ...]) -> str:
     """Return what places a zone behind another."""
-    for mine, theirs in zip(criteria(zone, parameters), criteria(above, parameters), strict=True):
-        if mine.step != theirs.step:
-            return f"{mine.text}, zone {above.id} {theirs.text.split(' ', 1)[1]}"
+    for place, (own, other) in enumerate(zip(mine, theirs, strict=True)):
+        if own != other:
+            return f"{told(zone)[place]}, zone {above.id} {told(above)[place].split(' ', 1)[1]}"
     return "found later"
 
 
@@ -88,23 +76,33 @@ def enough_m(parameters: Parameters) -> float:
     return max(parameters.min_square_m, 4 * parameters.footprint_m)
 
 
-def criteria(zone: Zone, parameters: Parameters) -> tuple[Criterion, ...]:
-    """Return what decides on a zone, the most important first."""
+def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
+    """Return what decides on a zone, the most important first; the greater the better."""
     best, enough = zone.best, enough_m(parameters)
-    placed = all(map(math.isfinite, best.enu_m))
-    certain = placed and best.certainty >= parameters.min_certainty
-    unseen = math.isnan(best.horizon_deg)
-    horizon_deg = 90.0 if unseen else max(0.0, best.horizon_deg)
+    placed = all(map(math.isfinite, best.enu_m.tolist()))
+    horizon_deg = 90.0 if math.isnan(best.horizon_deg) else max(0.0, best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
-        Criterion(float(certain), f"certainty {best.certainty:.2f}{'' if placed else ' without height'}"),
-        Criterion(
-            math.floor(min(best.clearance_m, enough) / (enough / 8)), f"clearance {best.clearance_m:.1f} m"
-        ),
-        Criterion(math.floor(best.certainty * 20), f"certainty {best.certainty:.2f}"),
-        Criterion(-math.floor(best.slope_deg), f"slope {best.slope_deg:.1f} deg"),
-        Criterion(
-            -math.floor(horizon_deg / 5), "approach unseen" if unseen else f"approach {horizon_deg:.1f} deg"
-        ),
-        Criterion(-math.floor(distance_m / 10), f"distance {distance_m:.0f} m"),
+        float(placed and best.certainty >= parameters.min_certainty),
+        math.floor(min(best.clearance_m, enough) / (enough / 8)),
+        math.floor(best.certainty * 20),
+        -math.floor(best.slope_deg),
+        -math.floor(horizon_deg / 5),
+        -math.floor(distance_m / 10),
+    )
+
+
+def told(zone: Zone) -> tuple[str, ...]:
+    """Return in words what each step is made from."""
+    best = zone.best
+    placed = all(map(math.isfinite, best.enu_m.tolist()))
+    unseen = math.isnan(best.horizon_deg)
+    distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
+    return (
+        f"certainty {best.certainty:.2f}{'' if placed else ' without height'}",
+        f"clearance {best.clearance_m:.1f} m",
+        f"certainty {best.certainty:.2f}",
+        f"slope {best.slope_deg:.1f} deg",
+        "approach unseen" if unseen else f"approach {max(0.0, best.horizon_deg):.1f} deg",
+        f"distance {distance_m:.0f} m",
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,8 +64,8 @@ class Zone:
 
     def placed(self, why: str) -> Zone:
         """Return the zone with what places it behind another; what was not read yet stays so."""
-        zone = copy(self)
-        vars(zone)["why"] = why
+        zone = object.__new__(Zone)
+        vars(zone).update(vars(self), why=why)
         return zone
 
     def holds(self, row: int, col: int) -> bool:

@@ -122,7 +122,7 @@ def _open_beside(part: Bits, r: int, col: int, most2: int) -> int:
         dx = col + 1 - 64 * w
         w -= 1
         open_ = ~part[r, w] if w >= 0 else ONE << LAST
-    return min(best, dx + signed(leading(open_)))
+    return int(min(best, dx + signed(leading(open_))))
 
 
 @kernel("int64(uint64[:, ::1], int64, int64, int64, int64)")

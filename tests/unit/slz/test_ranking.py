@@ -15,7 +15,7 @@ from scipy import ndimage
 
 import params
 from slz import Pipeline, Report, Zone
-from slz.ranking import criteria, enough_m, rank
+from slz.ranking import enough_m, rank, steps, told
 from tests.unit.companion.landing.flight import zone as bare_zone
 from tests.unit.slz.hand_made import NOWHERE, returns, window
 
@@ -174,16 +174,16 @@ def test_the_reason_is_the_first_criterion_that_differs(kind: list[dict[str, flo
     ranked = rank([zone(i + 1, **best) for i, best in enumerate(kind)], P)
     assert ranked[0].why == ""
     for above, below in pairwise(ranked):
-        steps = [
-            (a.step, b.step, b.text)
-            for a, b in zip(criteria(above, P), criteria(below, P), strict=True)
-            if a.step != b.step
+        differing = [
+            (a, b, text)
+            for a, b, text in zip(steps(above, P), steps(below, P), told(below), strict=True)
+            if a != b
         ]
-        if not steps:
+        if not differing:
             assert below.why == "found later"
             assert above.id < below.id
             continue
-        better, worse, text = steps[0]
+        better, worse, text = differing[0]
         assert better > worse
         assert below.why.startswith(f"{text}, zone {above.id} ")
 
