@@ -12,6 +12,7 @@ from slz.kernels.contour import COL_STEP, ROW_STEP
 from slz.kernels.jit import kernel
 
 NOWHERE, DIRECTION, WEST, EAST = 8, 15, 16, 32  # bits of an entry; the two highest are the next start
+WEST_BIT, EAST_BIT, ROW_BITS, COL_BITS = 4, 5, 8, 10
 SEVEN = np.uint64(7)
 
 
@@ -49,7 +50,10 @@ def _table() -> NDArray[np.uint8]:
     return table
 
 
-TABLE = _table()
+TABLE = _table().astype(np.int32)
+for _direction in range(8):  # above the entry the step to the next cell, so that it need not be looked up
+    _own = (TABLE & DIRECTION) == _direction
+    TABLE[_own] |= int(ROW_STEP[_direction] + 1) << ROW_BITS | int(COL_STEP[_direction] + 1) << COL_BITS
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
@@ -99,8 +103,10 @@ def tour(
             return n + 1, 0
         path[n, 0], path[n, 1], edges[n] = r, c, entry
         n += 1
-        area += (c + 1 if entry & EAST else 0) - (c if entry & WEST else 0)
-        r, c, index = r + ROW_STEP[direction], c + COL_STEP[direction], entry >> 6
+        area += ((c + 1) & -(entry >> EAST_BIT & 1)) - (c & -(entry >> WEST_BIT & 1))
+        r += (entry >> ROW_BITS & 3) - 1
+        c += (entry >> COL_BITS & 3) - 1
+        index = entry >> 6 & 3
 
 
 @kernel("UniTuple(int64, 5)(int32[:, ::1], int64)")
