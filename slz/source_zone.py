@@ -37,8 +37,7 @@ def describe_source(
     safe, holes = np.empty_like(part.content), np.empty_like(part.content)
     n_safe, n_unknown, slopes, roughs = measure(
         part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
-        terrain.blocks, terrain.slopes, terrain.roughs, np.float32(parameters.safe_slope_deg),
-        safe, holes,
+        terrain.blocks, terrain.slopes, terrain.roughs, safe, holes,
     )  # fmt: skip
     own = component(safe, first_row - box.row0, first_col - 64 * words.start)
     blocks = terrain.height_copies.of(box)

@@ -5,32 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, ONE, Bits, lowest, popcount, signed
+from slz.kernels.bits import NONE, ONE, Bits, popcount, signed
 from slz.kernels.fuse import HALF, OLD
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import below
 
 Map = NDArray[np.float32]
 Row = NDArray[np.float32]
 SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
 
 
-@kernel("int32(float32[::1], float32[::1], int64, uint64, float32)")
-def _safe_sum(slope: Row, values: Row, at: int, safe: np.uint64, safe_slope: np.float32) -> np.int32:
-    """Return the sum of the values of the safe ones of 64 cells, in units of 1 / SUM_UNIT."""
+@kernel("int32(float32[::1], int64, uint64)")
+def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
+    """Return the sum of those of 64 values, from one on, that are set, in units of 1 / SUM_UNIT."""
     total, first = np.int32(0), np.uint64(at)
     for i in range(np.uint64(64)):
-        flat = slope[first + i] < safe_slope
-        total += np.int32(values[first + i] * SUM_UNIT + HALF) if flat else np.int32(0)
-    odd = below(slope, at, safe_slope) & ~safe  # on the map's margin none is safe
-    while odd != NONE:
-        total -= np.int32(values[first + lowest(odd)] * SUM_UNIT + HALF)
-        odd &= odd - ONE
+        value = np.int32(values[first + i] * SUM_UNIT + HALF)
+        total += value if (cells >> i) & ONE else np.int32(0)
     return total
 
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
-        " float32[:, :, ::1], float32[:, :, ::1], float32, uint64[:, ::1], uint64[:, ::1])")  # fmt: skip
+        " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1])")  # fmt: skip
 def measure(
     content: Bits,
     safe: Bits,
@@ -40,7 +35,6 @@ def measure(
     blocks: NDArray[np.int32],
     slope: Map,
     rough: Map,
-    safe_slope: np.float32,
     safe_inside: Bits,
     holes: Bits,
 ) -> tuple[int, int, int, int]:
@@ -67,20 +61,18 @@ def measure(
             n_unknown += popcount(inside & ~known[r, w])
             if own == NONE:
                 continue
-            rest, sign, first = safe[r, w] & ~inside, -1, 64 * (w * rows + r)
-            if popcount(rest) > popcount(own):  # few of the word's are inside: they, not the others
-                rest, sign = own, 1
-            else:
-                if blocks[r, w, 0] == OLD:
-                    blocks[r, w, 0] = _safe_sum(slope_of, slope_of, first, safe[r, w], safe_slope)
-                    blocks[r, w, 1] = _safe_sum(slope_of, rough_of, first, safe[r, w], safe_slope)
-                slopes += blocks[r, w, 0]
-                roughs += blocks[r, w, 1]
-            while rest != NONE:
-                at = first + signed(lowest(rest))
-                slopes += sign * signed(slope_of[at] * SUM_UNIT + HALF)
-                roughs += sign * signed(rough_of[at] * SUM_UNIT + HALF)
-                rest &= rest - ONE
+            first = 64 * (w * rows + r)
+            if own != safe[r, w]:
+                slopes += _sum_of(slope_of, first, own)
+                roughs += _sum_of(rough_of, first, own)
+                continue
+            if blocks[r, w, 0] == OLD:
+                blocks[r, w, 0], blocks[r, w, 1] = (
+                    _sum_of(slope_of, first, own),
+                    _sum_of(rough_of, first, own),
+                )
+            slopes += blocks[r, w, 0]
+            roughs += blocks[r, w, 1]
     return signed(n_safe), signed(n_unknown), slopes, roughs
 
 

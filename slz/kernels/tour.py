@@ -52,7 +52,7 @@ def _table() -> NDArray[np.uint8]:
 
 TABLE = _table().astype(np.int32)
 for _direction in range(8):  # above the entry the step to the next cell, so that it need not be looked up
-    _own = (TABLE & DIRECTION) == _direction
+    _own = np.equal(TABLE & DIRECTION, _direction)
     TABLE[_own] |= int(ROW_STEP[_direction] + 1) << ROW_BITS | int(COL_STEP[_direction] + 1) << COL_BITS
 
 
