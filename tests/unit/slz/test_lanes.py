@@ -1,0 +1,54 @@
+"""Sixteen numbers at a time are what NumPy makes of them, wherever they lie and whatever they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, below, both, every, flags_of, load, root, store, where
+
+Floats = NDArray[np.float32]
+ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-40, 3e38, -1.5], np.float32)
+
+
+@kernel("void(float32[::1], float32[::1], int64, float32[:, ::1], uint64[::1])")
+def all_of_them(a: Floats, b: Floats, at: int, out: Floats, bits: NDArray[np.uint64]) -> None:
+    flat = out.ravel()
+    x, y = load(a, at), load(b, at)
+    store(flat, 0, x + y)
+    store(flat, LANES, x - y)
+    store(flat, 2 * LANES, x * y)
+    store(flat, 3 * LANES, x / y)
+    store(flat, 4 * LANES, root(x))
+    store(flat, 5 * LANES, where(x < y, x, every(np.float32(7.0)) + y))
+    bits[0], bits[1], bits[2] = flags_of(x < y), flags_of(x == y), flags_of(both(x == x, y < x))
+
+
+def bits_of(flags: NDArray[np.bool_]) -> int:
+    return sum(1 << i for i in np.flatnonzero(flags).tolist())
+
+
+@pytest.mark.parametrize("at", [0, 1, 7, 33])
+def test_lanes_are_what_numpy_makes_of_them(at: int) -> None:
+    rng = np.random.default_rng(at)
+    a, b = (rng.normal(0.0, 3.0, 64).astype(np.float32) for _ in "ab")
+    a[at : at + 16 : 2], b[at + 1 : at + 16 : 5] = ODD, ODD[:3]
+    b[at + 4] = a[at + 4] = 2.0
+    out, bits = np.empty((6, LANES), np.float32), np.empty(3, np.uint64)
+    all_of_them(a, b, at, out, bits)
+    x, y = a[at : at + LANES], b[at : at + LANES]
+    with np.errstate(all="ignore"):
+        plain = [x + y, x - y, x * y, x / y, np.sqrt(x), np.where(x < y, x, np.float32(7.0) + y)]
+    np.testing.assert_array_equal(out, np.array(plain, np.float32))
+    assert bits.tolist() == [bits_of(x < y), bits_of(x == y), bits_of((x == x) & (y < x))]
+
+
+@pytest.mark.parametrize("at", [0, 5, 64, 135])
+def test_bits_of_what_is_below_a_limit_leave_out_what_is_no_number(at: int) -> None:
+    values = np.random.default_rng(3).random(200).astype(np.float32)
+    values[::7] = np.nan
+    values[1::13] = 0.5
+    limit = np.float32(0.5)
+    assert int(below(values, at, limit)) == bits_of(values[at : at + 64] < limit)
