@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, every, load, store, where
 from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
 FEW = 20  # returns of 3 x 3 cells up to which each stands for itself
@@ -324,30 +325,12 @@ def _solve(
 
 
 @kernel(
-    "void(float32[::1], float32[::1], float32[::1], float32[::1], float32[::1], float32, float32[::1],"
-    " float32[::1])"
-)
-def _widen(
-    lower: Row, upper: Row, level: Row, tilt: Row, east: Row, x: np.float32, low: Row, high: Row
-) -> None:
-    """Take one cell of each footprint into its range, without a branch, so that the compiler takes several.
-
-    The level goes off first: of two heights near each other the difference is exact in four bytes.
-    """
-    for c in range(np.uint64(len(level))):
-        rise = tilt[c] + east[c] * x
-        under, over = (lower[c] - level[c]) - rise, (upper[c] - level[c]) - rise
-        low[c] = under if under < low[c] else low[c]  # NaN is not
-        high[c] = over if over > high[c] else high[c]
-
-
-@kernel(
-    "void(float32[:, ::1], float32[:, ::1], float64[:, ::1], int64, int64, int64, int64, float64, float64,"
+    "void(float32[::1], float32[::1], float64[:, ::1], int64, int64, int64, int64, float64, float64,"
     " float32[:, ::1], float32[:, :, ::1])"
 )
 def _reliefs(
-    lower: NDArray[np.float32],
-    upper: NDArray[np.float32],
+    lower: Row,
+    upper: Row,
     fit: NDArray[np.float64],
     row: int,
     first: int,
@@ -360,30 +343,48 @@ def _reliefs(
 ) -> None:
     """Leave the peak-to-peak of a row's footprints about their planes, and that of their inner cells.
 
-    The footprints are those about the columns from `first` to `stop`; those whose gradient is NaN stay.
-    `room` is scratch, (7, columns) at least.
+    Sixteen footprints at a time, of each one cell after the other. The level goes off first: of two heights
+    near each other the difference is exact in four bytes.
+
+    Parameters
+    ----------
+    lower, upper
+        Of the cells, row after row, and LANES more.
+    first, stop
+        The columns about which the footprints are; those whose gradient is NaN stay.
+    room
+        Scratch, (2 k + 7, columns + LANES).
     """
-    n = stop - first
-    level, east, tilt = room[0, :n], room[1, :n], room[2, :n]
-    low, high, inner_low, inner_high = room[3, :n], room[4, :n], room[5, :n], room[6, :n]
+    n, cols, wide = stop - first, fit.shape[1], room.shape[1]
+    flat, tilts = room.ravel(), 6 + k
     for c in range(n):
-        level[c], east[c] = fit[LEVEL, first + c] + reference, fit[EAST, first + c]
-        low[c] = inner_low[c] = np.inf
-        high[c] = inner_high[c] = -np.inf
+        room[0, c], room[1, c] = fit[LEVEL, first + c] + reference, fit[EAST, first + c]
     for i in range(-k, k + 1):
         for c in range(n):
-            tilt[c] = fit[NORTH, first + c] * (i * cell_m)
-        for d in range(-k, k + 1):
-            under, over = lower[row + i, first + d : stop + d], upper[row + i, first + d : stop + d]
-            x = np.float32(d * cell_m)
-            if abs(i) < k and abs(d) < k:
-                _widen(under, over, level, tilt, east, x, inner_low, inner_high)
-            else:
-                _widen(under, over, level, tilt, east, x, low, high)
+            room[tilts + i, c] = fit[NORTH, first + c] * (i * cell_m)
+    for c in range(0, n, LANES):
+        level, east = load(flat, c), load(flat, wide + c)
+        low, high = every(np.float32(np.inf)), every(np.float32(-np.inf))
+        inner_low, inner_high = low, high
+        for i in range(-k, k + 1):
+            at, tilt = (row + i) * cols + first + c, load(flat, (tilts + i) * wide + c)
+            for d in range(-k, k + 1):
+                rise = tilt + east * every(np.float32(d * cell_m))
+                under, over = (load(lower, at + d) - level) - rise, (load(upper, at + d) - level) - rise
+                if abs(i) < k and abs(d) < k:
+                    inner_low = where(under < inner_low, under, inner_low)  # NaN is not
+                    inner_high = where(inner_high < over, over, inner_high)
+                else:
+                    low, high = where(under < low, under, low), where(high < over, over, high)
+        store(flat, 2 * wide + c, low)
+        store(flat, 3 * wide + c, high)
+        store(flat, 4 * wide + c, inner_low)
+        store(flat, 5 * wide + c, inner_high)
+    low_of, high_of, inner_low_of, inner_high_of = room[2], room[3], room[4], room[5]
     for c in range(n):
         if not np.isnan(fit[GRADIENT, first + c]):
-            whole = max(high[c], inner_high[c]) - min(low[c], inner_low[c])
-            inner = inner_high[c] - inner_low[c]
+            whole = max(high_of[c], inner_high_of[c]) - min(low_of[c], inner_low_of[c])
+            inner = inner_high_of[c] - inner_low_of[c]
             out[2, row, first + c], out[5, row, first + c] = max(F0, whole), max(F0, inner)
 
 
@@ -419,8 +420,11 @@ def planes(
         return out
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
-    lower, upper = cells[BOTTOM] + cells[EXCESS], cells[TOP] - cells[EXCESS]
-    sums, fit, room = np.zeros((13, cols)), np.empty((7, cols)), np.empty((7, cols), np.float32)
+    lower, upper = np.zeros(rows * cols + LANES, np.float32), np.zeros(rows * cols + LANES, np.float32)
+    lower[: rows * cols] = (cells[BOTTOM] + cells[EXCESS]).ravel()
+    upper[: rows * cols] = (cells[TOP] - cells[EXCESS]).ravel()
+    sums, fit = np.zeros((13, cols)), np.empty((7, cols))
+    room = np.zeros((2 * k + 7, cols + LANES), np.float32)
     for r in range(rows):
         _add_row(cells, covered, r, r * cell_m, 1.0, reference, column)
         if r > 2 * k:

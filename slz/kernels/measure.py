@@ -63,8 +63,8 @@ def measure(
                 continue
             first = 64 * (w * rows + r)
             if own != safe[r, w]:
-                slopes += _sum_of(slope_of, first, own)
-                roughs += _sum_of(rough_of, first, own)
+                slopes += int(_sum_of(slope_of, first, own))
+                roughs += int(_sum_of(rough_of, first, own))
                 continue
             if blocks[r, w, 0] == OLD:
                 blocks[r, w, 0], blocks[r, w, 1] = (
