@@ -31,6 +31,7 @@ HOME_PATIENCE_S = 2.0
 # Poses farther apart than this are not interpolated between; more scan than this is not caught up with.
 GAP_NS = 300_000_000
 FLAT_M = 0.3
+BEHIND_S = 0.1  # a program that has not read for so long finds messages that waited
 
 
 class AttachedLidar:
@@ -87,6 +88,8 @@ class AttachedLidar:
         self._next_beat_s = 0.0
         self._next_ask_s = 0.0
         self._slow_said = False
+        self._read_s: float | None = None
+        self._behind = False
 
     @property
     def ready(self) -> bool:
@@ -99,6 +102,8 @@ class AttachedLidar:
         `now_s` is any clock of real seconds. Return whether anything arrived.
         """
         arrived = False
+        self._behind = self._behind or (self._read_s is not None and now_s - self._read_s > BEHIND_S)
+        self._read_s = now_s
         for peer, data in self.wire.poll():
             if peer is not self._peer:
                 self._peer = peer
@@ -110,6 +115,7 @@ class AttachedLidar:
                 if pose is not None:
                     self._heard_s = now_s
                     self._add(pose, now_s)
+        self._behind = self._behind and arrived  # until nothing waits any more
         self._scan()
         self._watch(now_s)
         self._ask(now_s)
@@ -129,7 +135,7 @@ class AttachedLidar:
         arrival_ns = round(now_s * 1e9)
         if not self._time.running:
             self._time.begin(pose.boot_ns, arrival_ns, self._last_ns + 1)
-        at_ns = self._time.at(pose.boot_ns, arrival_ns)
+        at_ns = self._time.at(pose.boot_ns, None if self._behind else arrival_ns)
         if self._track.stamps:
             step_ns = at_ns - self._track.stamps[-1]
             if step_ns < -GAP_NS:  # the autopilot rebooted; the sensor did not

@@ -36,11 +36,16 @@ class SensorTime:
         self._boot_ns, self._arrival_ns = boot_ns, at_ns - arrival_ns
         self._offset_ns, self._rate = float(at_ns - boot_ns), 0.0
 
-    def at(self, boot_ns: int, arrival_ns: int) -> int:
-        """Return the sensor's time of a time since boot that was told at a real time."""
+    def at(self, boot_ns: int, arrival_ns: int | None) -> int:
+        """Return the sensor's time of a time since boot that was told at a real time.
+
+        None stands for a message that waited to be read, nobody knows how long: it tells nothing of the rate.
+        """
         step_s = max(0, boot_ns - (self._boot_ns or 0)) / SECOND_NS
         self._boot_ns = max(boot_ns, self._boot_ns or 0)
         self._offset_ns += self._rate * step_s
+        if arrival_ns is None:
+            return boot_ns + round(self._offset_ns)
         error_ns = arrival_ns + self._arrival_ns - boot_ns - self._offset_ns
         if abs(error_ns) > PAUSE_NS:
             self._arrival_ns -= round(error_ns)

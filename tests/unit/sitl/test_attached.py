@@ -223,6 +223,28 @@ def test_scans_of_a_gap_are_left_out(bench: Bench) -> None:
     assert bench.packets()
 
 
+def test_a_program_that_was_stopped_finds_the_sensor_s_clock_where_it_was(bench: Bench) -> None:
+    """What waited meanwhile was not sent late: a clock pulled by it runs wrong for half a minute."""
+    bench.tell(bench.sender.heartbeat(), bench.sender.home())
+
+    def behind_ms() -> float:
+        stamps, _ = points(bench.packets())
+        return (bench.now_s * 1e9 - (int(stamps[-1]) - bench.attached.lidar.sensor.clock.offset_ns)) * 1e-6
+
+    for _ in range(100):
+        bench.pose(up=10.0)
+    before = behind_ms()
+    advance, bench.attached.advance = bench.attached.advance, lambda now_s: False
+    for _ in range(200):
+        bench.pose(up=10.0)
+    bench.attached.advance = advance
+    bench.tell()
+    bench.tell()
+    for _ in range(300):
+        bench.pose(up=10.0)
+    assert abs(behind_ms() - before) < 3.0
+
+
 def test_silence_is_said_once_and_so_is_its_end(bench: Bench) -> None:
     bench.tell(bench.sender.heartbeat(), bench.sender.home())
     bench.pose(up=0.0)

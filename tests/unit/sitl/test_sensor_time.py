@@ -41,3 +41,13 @@ def test_it_stands_still_with_the_simulator() -> None:
     assert time.at(STEP_NS, STEP_NS) == STEP_NS
     assert time.at(2 * STEP_NS, 9 * S) == 2 * STEP_NS
     assert time.at(3 * STEP_NS, 9 * S + STEP_NS) == 3 * STEP_NS
+
+
+def test_a_message_that_waited_to_be_read_does_not_move_the_stamps() -> None:
+    time = SensorTime()
+    time.begin(0, 0, 0)
+    for i in range(1000):
+        time.at(i * STEP_NS, i * STEP_NS)
+    for i in range(1000, 1200):
+        assert time.at(i * STEP_NS, None) == i * STEP_NS
+    assert time.at(1200 * STEP_NS, 1200 * STEP_NS) == 1200 * STEP_NS
