@@ -1,17 +1,19 @@
 """Times `slz bench` and the C++ baseline in turn, pinned to one core, and compares times and zones.
 
 python -m tests.bench.compare --baseline baseline.cpp --generator gen.py --work DIR [--configs abcde]
-    [--scans disk,line] [--mode source|default] [--rounds 3] [--core 1] [--windows 60]
+    [--scans disk,line] [--mode source|default] [--rounds 3] [--core 1] [--windows 60] [--cpu]
+    [--opencv opencv_pipeline.py --opencv-python PYTHON]
 
-The baseline and the generator of workloads are given by path; nothing of them is part of this repository.
-Ratios are of medians of windows; each round runs the baseline, `slz bench`, and the
-baseline over what was touched.
+The baselines and the generator of workloads are given by path; nothing of them is part of this repository.
+Ratios are of medians of windows; each round runs the baseline, `slz bench`, the
+baseline over what was touched, and the pipeline made with OpenCV on one thread, by the wall's clock.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -29,6 +31,7 @@ CONFIGS = {  # cell m, zone m, square m, what the generator is told
 }
 LEAST_BOUNDARY = 200
 AREA_TOLERANCE = 1e-3
+OPENCV_WINDOWS = 15
 # The baseline's clock is that of the wall; this one counts only the time that its thread had the core.
 CPU_CLOCK = """
 #include <chrono>
@@ -104,6 +107,28 @@ def ours(points: Path, config: str, core: int, mode: str, windows: int, cpu: boo
     return Run(ms["median"], ms["p99"], ms["max"], said["zones"], said["rss_mb"])
 
 
+def opencv(args: argparse.Namespace, points: Path, config: str) -> float:
+    """Return the median window (ms) of the pipeline made with OpenCV; NaN where none is given."""
+    if args.opencv is None:
+        return math.nan
+    cell, zone, square, _ = CONFIGS[config]
+    numbers = [str(v) for v in (cell, zone, square, LEAST_BOUNDARY)]
+    own = ["--quiet", "--maxwin", str(min(args.windows, OPENCV_WINDOWS))]
+    command = [
+        "taskset",
+        "-c",
+        str(args.core),
+        args.opencv_python,
+        str(args.opencv),
+        str(points),
+        *numbers,
+        *own,
+    ]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    summary = json.loads(next(line for line in said.splitlines() if "median_ms" in line))
+    return float(summary.get("summary", summary)["median_ms"])
+
+
 def same_zones(mine: list[dict[str, Any]], theirs: list[dict[str, Any]]) -> bool:
     """Tell whether two lists hold as many zones, of the same areas within the tolerance."""
     return len(mine) == len(theirs) and all(
@@ -113,12 +138,13 @@ def same_zones(mine: list[dict[str, Any]], theirs: list[dict[str, Any]]) -> bool
 
 
 def compare(config: str, scan: str, program: Path, points: Path, args: argparse.Namespace) -> bool:
-    rounds = []
+    rounds, by_opencv = [], []
     for _ in range(args.rounds):
         plain = baseline(program, points, config, args.core, "--maxwin", str(args.windows))
         mine = ours(points, config, args.core, args.mode, args.windows, args.cpu)
         touched = baseline(program, points, config, args.core, "--touched", "--maxwin", str(args.windows))
         rounds.append((plain, touched, mine))
+        by_opencv.append(opencv(args, points, config))
     ratio, ratio_touched = (statistics.median(r[k].median / r[2].median for r in rounds) for k in (0, 1))
     plain, touched, mine = sorted(rounds, key=lambda r: r[2].median)[len(rounds) // 2]
     same = args.mode != "source" or all(same_zones(r[2].zones, r[0].zones) for r in rounds)
@@ -127,7 +153,7 @@ def compare(config: str, scan: str, program: Path, points: Path, args: argparse.
         f"{mine.p99:.2f} ({mine.p99 / mine.median:.1f}x) | "
         f"{mine.most:.2f} ({mine.most / mine.median:.1f}x) | "
         f"{ratio:.1f} | {ratio_touched:.1f} | {len(mine.zones)} {'same' if same else 'DIFFERENT'} | "
-        f"{mine.rss_mb:.0f} |",
+        f"{mine.rss_mb:.0f} | {statistics.median(by_opencv):.0f} |",
         flush=True,
     )
     return same
@@ -145,11 +171,15 @@ def main() -> None:
     parser.add_argument("--core", type=int, default=1)
     parser.add_argument("--windows", type=int, default=60)
     parser.add_argument("--cpu", action="store_true", help="time of the thread instead of the wall's")
+    parser.add_argument("--opencv", type=Path, help="the pipeline made with OpenCV")
+    parser.add_argument("--opencv-python", default=sys.executable, help="a Python that has OpenCV")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
     program = compiled(args.baseline, args.work, args.cpu)
-    print("| config | C++ ms | touched ms | slz ms | p99 | max | x C++ | x touched | zones | MB |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print(
+        "| config | C++ ms | touched ms | slz ms | p99 | max | x C++ | x touched | zones | MB | OpenCV ms |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     good = True
     for config in args.configs:
         for scan in args.scans.split(","):
