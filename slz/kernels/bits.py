@@ -17,8 +17,6 @@ Bits = NDArray[np.uint64]
 NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 signed: Any = np.int64  # a word as a number that mixes with others
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
-GATHER = np.uint64(0x0102040810204080)  # brings the lowest bits of eight bytes into the highest byte
-TOP = np.uint64(56)
 EACH, DIAGONAL = np.uint64(0x0101010101010101), np.uint64(0x8040201008040201)
 BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
 

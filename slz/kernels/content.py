@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from slz.kernels.bits import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
 from slz.kernels.jit import kernel
-from slz.kernels.tour import EAST, WEST
+from slz.kernels.tour import EAST_BIT, WEST_BIT
 
-WEST_BIT, EAST_BIT = np.uint64(WEST.bit_length() - 1), np.uint64(EAST.bit_length() - 1)
+TO_WEST, TO_EAST = np.uint64(WEST_BIT), np.uint64(EAST_BIT)
 
 
 @kernel("int64(int32[:, ::1], uint8[::1], int64, int64, int64, uint64[:, ::1])")
@@ -25,7 +25,7 @@ def fill(
     rows, words = content.shape
     for i in range(n):
         r, c = path[i, 0] - row0, path[i, 1] - 64 * word0
-        west, east = (edges[i] >> WEST_BIT) & ONE, (edges[i] >> EAST_BIT) & ONE
+        west, east = (edges[i] >> TO_WEST) & ONE, (edges[i] >> TO_EAST) & ONE
         content[r, c >> 6] ^= west << np.uint64(c & 63)
         if (c + 1) >> 6 < words:
             content[r, (c + 1) >> 6] ^= east << np.uint64((c + 1) & 63)

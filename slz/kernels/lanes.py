@@ -1,6 +1,6 @@
 """Sixteen numbers at a time, for kernels in which the compiler does not see by itself that it may.
 
-In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, < and the functions below work by
+In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, <, == and the functions below work by
 each. Uncompiled they are NumPy arrays, which do the same.
 """
 

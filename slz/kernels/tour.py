@@ -11,23 +11,24 @@ from slz.kernels.bits import LAST, NONE, Bits, bit, leading, signed
 from slz.kernels.contour import COL_STEP, ROW_STEP
 from slz.kernels.jit import kernel
 
-NOWHERE, DIRECTION, WEST, EAST = 8, 15, 16, 32  # bits of an entry; the two highest are the next start
-WEST_BIT, EAST_BIT, ROW_BITS, COL_BITS = 4, 5, 8, 10
+NOWHERE, DIRECTION = 8, 15
+WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # where an entry's parts begin
 SEVEN = np.uint64(7)
 
 
-def _table() -> NDArray[np.uint8]:
+def _table() -> NDArray[np.int32]:
     """Return, by (where the search starts - 1) / 2 and by the 3 x 3 cells, where the tour goes on.
 
     Bit 3 (row + 1) + column + 1 of the cells is the neighbour at (row, column). An entry holds the direction,
     whether the edges to the west and to the east of the cell border on what is outside the tour, and where
-    the search starts in the next cell, (start - 1) / 2.
+    the search starts in the next cell, (start - 1) / 2, which are its last byte; above that how far the next
+    cell lies to the north and east, plus 1, so that it need not be looked up.
 
     A cell reached going north or north-east (start 1) has the outside to its west, one reached going south or
     south-west (start 5) to its east; so have those whose neighbour there was looked at and is not set. Every
     edge is met once on a tour.
     """
-    table = np.zeros((4, 512), np.uint8)
+    table = np.zeros((4, 512), np.int32)
     for index in range(4):
         for cells in range(512):
             start, seen = 2 * index + 1, []
@@ -40,20 +41,18 @@ def _table() -> NDArray[np.uint8]:
                 seen.append(e)
             entry = direction
             if 0 in seen or start == 1:
-                entry |= WEST
+                entry |= 1 << WEST_BIT
             if 4 in seen or start == 5:
-                entry |= EAST
+                entry |= 1 << EAST_BIT
             if direction < NOWHERE:
                 then = (direction + 6) & 7 if direction & 1 else (direction + 7) & 7
-                entry |= (then - 1) // 2 << 6
+                entry |= (then - 1) // 2 << START_BITS
+                entry |= int(ROW_STEP[direction] + 1) << ROW_BITS | int(COL_STEP[direction] + 1) << COL_BITS
             table[index, cells] = entry
     return table
 
 
-TABLE = _table().astype(np.int32)
-for _direction in range(8):  # above the entry the step to the next cell, so that it need not be looked up
-    _own = np.equal(TABLE & DIRECTION, _direction)
-    TABLE[_own] |= int(ROW_STEP[_direction] + 1) << ROW_BITS | int(COL_STEP[_direction] + 1) << COL_BITS
+TABLE = _table()
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
@@ -106,7 +105,7 @@ def tour(
         area += ((c + 1) & -(entry >> EAST_BIT & 1)) - (c & -(entry >> WEST_BIT & 1))
         r += (entry >> ROW_BITS & 3) - 1
         c += (entry >> COL_BITS & 3) - 1
-        index = entry >> 6 & 3
+        index = entry >> START_BITS & 3
 
 
 @kernel("UniTuple(int64, 5)(int32[:, ::1], int64)")
