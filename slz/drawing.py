@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.footprint import HEIGHT, WEIGHT, closed, dilated, highest_around, planes
+from slz.kernels.closing import closed, dilated, highest_around
+from slz.kernels.footprint import planes
+from slz.kernels.summary import HEIGHT, WEIGHT
 from slz.kernels.verdict import verdict
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 
@@ -51,7 +53,7 @@ def drawn(
     Parameters
     ----------
     cells
-        (6, rows, cols) of `slz.kernels.footprint.summarise`.
+        (6, rows, cols) of `slz.kernels.summary.summarise`.
 
     Returns
     -------

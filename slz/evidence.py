@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
 from slz.grid import Box, Grid
-from slz.kernels.footprint import summarise
 from slz.kernels.pyramid import coarser
 from slz.kernels.scatter import TILE
+from slz.kernels.summary import summarise
 from slz.kernels.verdict import SAFE as TOLD_SAFE
 from slz.tiles import SERIALS, Change, Key, Noise, TiledLayers, Tiles, box_of_tile, keys_over
 
@@ -130,9 +130,9 @@ class EvidenceTerrain:
             self._drawn_s.pop(key, None)
         for box in change.boxes:  # only a part of a tile, unless it is new
             self._drawn_s.setdefault((box.row0 // TILE, box.col0 // TILE), now_s)
-        self._draw_all([*change.boxes, *map(box_of_tile, change.evicted)], now_s)
+        self._draw_all([*change.boxes, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
-            self._draw_all([box_of_tile(key)], now_s)
+            self._draw_all([box_of_tile(key)])
         if change.evicted:
             for layers in (self._maps, self._verdict):
                 self.touched.update(layers.keep(lambda key: self.tiles.any_near(key, self.level)))
@@ -171,22 +171,24 @@ class EvidenceTerrain:
 
     # ---- maps out -------------------------------------------------------------------------------
 
-    def _draw_all(self, fine: Iterable[Box], now_s: float) -> None:
+    def _draw_all(self, fine: Iterable[Box]) -> None:
         """Draw anew all that evidence of these boxes of finest cells can change."""
         for box in _regions(_widened(box, self.level, self._margin) for box in fine):
-            self._draw(box, now_s)
+            self._draw(box)
 
-    def _cells(self, box: Box, now_s: float) -> NDArray[np.float32]:
-        evidence = self.tiles.read(_scaled(box, self.level))
+    def _cells(self, box: Box) -> NDArray[np.float32]:
         max_age_s = (1 - AGEING) * self._parameters.max_age_s  # none is drawn older than the whole
+        if self.level == 0:
+            return self.tiles.summary(box, max_age_s)
+        evidence = self.tiles.read(_scaled(box, self.level))
         for _ in range(self.level):
-            evidence = coarser(evidence, now_s, max_age_s)
-        return summarise(evidence, now_s, max_age_s)
+            evidence = coarser(evidence, self.tiles.latest_s, max_age_s)
+        return summarise(evidence, self.tiles.latest_s, max_age_s)
 
-    def _draw(self, box: Box, now_s: float) -> None:
+    def _draw(self, box: Box) -> None:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
-        cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m), now_s)
+        cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
         values, told = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
         self._maps.write(box, values)
         self._verdict.write(box, told)
@@ -209,7 +211,7 @@ class EvidenceTerrain:
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s = self.pinned, self._aged_s
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
-        new._draw_all(self.tiles.boxes, self.tiles.latest_s)
+        new._draw_all(self.tiles.boxes)
         new._drawn_s = dict.fromkeys(self._drawn_s, self.tiles.latest_s)
         return new
 

@@ -22,6 +22,7 @@ from slz.kernels.scatter import (
     gather_evidence,
     tiles_of,
 )
+from slz.kernels.summary import summarise_tiles
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
@@ -176,6 +177,12 @@ class Tiles:
         corner, shape = _tiles_over(box)
         copy_evidence(self._pool, self._table(corner, shape), *corner, box.row0, box.col0, out)
         return out
+
+    def summary(self, box: Box, max_age_s: float) -> NDArray[np.float32]:
+        """Return `slz.kernels.summary.summarise` of the cells of a box at the latest stamp."""
+        corner, shape = _tiles_over(box)
+        table, place = self._table(corner, shape), (*corner, box.row0, box.col0, *box.shape)
+        return summarise_tiles(self._pool, table, *place, self.latest_s, max_age_s)
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""

@@ -1,7 +1,7 @@
 """Sixteen numbers at a time, for kernels in which the compiler does not see by itself that it may.
 
 In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, <, == and the functions below work by
-each. Uncompiled they are NumPy arrays, which do the same.
+each; `columns` gives the columns of 16 x 16 values. Uncompiled they are NumPy arrays, which do the same.
 """
 
 from __future__ import annotations
@@ -73,6 +73,28 @@ def _all(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(INT32, LANES), None))
 
 
+def _columns(builder: Any, data: Any, at: Any) -> Any:
+    """Load 16 rows of 16 numbers, and change ever smaller squares of them across the diagonal."""
+    rows = [
+        builder.load(_place(builder, data, builder.add(at, ir.IntType(64)(LANES * i))), align=4)
+        for i in range(LANES)
+    ]
+    side = LANES // 2
+    while side:
+        lower = [i if not i & side else i - side + LANES for i in range(LANES)]
+        upper = [i + side if not i & side else i + LANES for i in range(LANES)]
+        masks = [ir.Constant(ir.VectorType(INT32, LANES), mask) for mask in (lower, upper)]
+        for i in range(LANES):
+            if not i & side:
+                pair = rows[i], rows[i + side]
+                rows[i], rows[i + side] = (builder.shuffle_vector(*pair, mask) for mask in masks)
+        side //= 2
+    out = ir.Constant(ir.ArrayType(FLOATS.vector, LANES), ir.Undefined)
+    for i, row in enumerate(rows):
+        out = builder.insert_value(out, row, i)
+    return out
+
+
 def _root(builder: Any, value: Any) -> Any:
     function = ir.FunctionType(FLOATS.vector, [FLOATS.vector])
     name = f"llvm.sqrt.v{LANES}f32"
@@ -87,18 +109,23 @@ if vars(config)["DISABLE_JIT"]:
     def store(values: Any, at: int, lanes: Floats) -> None:
         values[at : at + LANES] = lanes
 
+    def columns(values: Any, at: int) -> tuple[Floats, ...]:
+        return tuple(values[at : at + LANES * LANES].reshape(LANES, LANES).T.copy())
+
     def every(value: Any) -> Floats:
         return value
 
     def flags_of(flags: Floats) -> np.uint64:
         return np.uint64(sum(1 << i for i in np.flatnonzero(flags).tolist()))
 
-    where, root, both = np.where, np.sqrt, np.logical_and
+    where: Callable[..., Floats] = np.where
+    root, both = np.sqrt, np.logical_and
 else:
     load = _code(FLOATS, lambda b, data, at: b.load(_place(b, data, at), align=4))
     store = _code(
         types.void, lambda b, data, at, lanes: b.store(lanes, _place(b, data, at), align=4) and None
     )
+    columns = _code(types.UniTuple(FLOATS, LANES), _columns)  # type: ignore[no-untyped-call]
     every = _code(FLOATS, _all)
     where = _code(FLOATS, lambda b, flags, then, other: b.select(flags, then, other))
     root = _code(FLOATS, _root)

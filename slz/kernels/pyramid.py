@@ -9,7 +9,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.scatter import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
 
-@kernel("float32[:, :, :, :](float32[:, :, :, :], float32, float32)")
+@kernel("float32[:, :, :, ::1](float32[:, :, :, ::1], float32, float32)")
 def coarser(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
     """Join 2 x 2 cells, (2 r, 2 c) being the first of cell (r, c), both of their epochs, into one epoch.
 

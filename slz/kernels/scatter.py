@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, load, store
 
 # Fields of one cell's epoch, see `slz.evidence`.
 COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
-FIELDS = 8
+FIELDS = 8  # of one of two epochs: a cell fills the lanes
 TILE_BITS = 6
 TILE = 1 << TILE_BITS  # cells along the side of a tile
 OUTSIDE = np.int32(-(2**31))
@@ -176,7 +177,7 @@ def gather_evidence(
     return used
 
 
-@kernel("void(float32[:, :, :, :, :], int32[:, :], int64, int64, int64, int64, float32[:, :, :, :])")
+@kernel("void(float32[:, :, :, :, ::1], int32[:, :], int64, int64, int64, int64, float32[:, :, :, ::1])")
 def copy_evidence(
     pool: NDArray[np.float32],
     table: NDArray[np.int32],
@@ -187,15 +188,15 @@ def copy_evidence(
     out: NDArray[np.float32],
 ) -> None:
     """Copy the cells from (row0, col0) on into an array that holds zeros."""
-    for r in range(out.shape[0]):
+    rows, cols = out.shape[:2]
+    flat, into = pool.ravel(), out.ravel()
+    for r in range(rows):
         tr, i = ((row0 + r) >> TILE_BITS) - tile_row, (row0 + r) & (TILE - 1)
-        for c in range(out.shape[1]):
+        for c in range(cols):
             slot = table[tr, ((col0 + c) >> TILE_BITS) - tile_col]
-            if slot >= 0:
-                cell = pool[slot, i, (col0 + c) & (TILE - 1)]
-                if cell[0, COUNT] > 0:
-                    for f in range(FIELDS):
-                        out[r, c, 0, f], out[r, c, 1, f] = cell[0, f], cell[1, f]
+            first = ((slot * TILE + i) * TILE + ((col0 + c) & (TILE - 1))) * LANES
+            if slot >= 0 and flat[first + COUNT] > 0:
+                store(into, (r * cols + c) * LANES, load(flat, first))
 
 
 @kernel(

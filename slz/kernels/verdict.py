@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.certainty import certainty
-from slz.kernels.footprint import HEIGHT, TOP
 from slz.kernels.jit import kernel
+from slz.kernels.summary import HEIGHT, TOP
 
 SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 BLANK, SAFE, UNSAFE, UNKNOWN = range(4)  # blank where nothing was drawn
@@ -27,7 +27,7 @@ def verdict(
     Parameters
     ----------
     cells
-        (6, rows, cols) of `footprint.summarise`.
+        (6, rows, cols) of `summary.summarise`.
     fits
         (7, rows, cols) of `footprint.planes`.
     unseen

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.grid import Box
-from slz.kernels.footprint import closed, planes, summarise
+from slz.kernels.closing import closed
+from slz.kernels.footprint import planes
+from slz.kernels.summary import summarise
 from slz.tiles import Noise, Tiles
 
 Floats = NDArray[np.float64]

@@ -19,8 +19,8 @@ from companion.survey.tiled.lattice import UNIT_M, block_box, common, grown, wit
 from params import Parameters
 from slz import UNKNOWN, Box
 from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
-from slz.kernels.footprint import summarise
 from slz.kernels.gather import BLOCK, evidence_of
+from slz.kernels.summary import summarise
 
 KEPT = ("height_m", "top_m", "slope_deg", "roughness", "certainty")
 NEVER_S = 1e12
