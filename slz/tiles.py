@@ -18,14 +18,16 @@ from slz.kernels.scatter import (
     cells_of,
     contradicts,
     copy_evidence,
+    count_by_tile,
     differences,
     gather_evidence,
-    tiles_of,
+    sorted_by_tile,
 )
 from slz.kernels.summary import summarise_tiles
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
+LINE_BYTES = 64  # of the cache; just what a cell needs
 LEAP_S = 100_000.0
 FEWEST = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
@@ -63,7 +65,7 @@ class Tiles:
     def __init__(self, west_m: float, south_m: float, cell_m: float, budget_bytes: float) -> None:
         self.west_m, self.south_m, self.cell_m = west_m, south_m, cell_m
         capacity = max(FEWEST, int(budget_bytes // TILE_BYTES))
-        self._pool = np.zeros((capacity, TILE, TILE, 2, FIELDS), np.float32)  # pages unused are not backed
+        self._pool = _aligned((capacity, TILE, TILE, 2, FIELDS))
         self._slot: dict[Key, int] = {}
         self._last_s: dict[Key, float] = {}
         self._free = list(range(capacity))[::-1]
@@ -117,14 +119,16 @@ class Tiles:
         if not inside:
             return Change((), (), 0)
         corner, shape = _tiles_over(Box(*hit))
-        wanted = np.argwhere(tiles_of(at, *corner, *shape)) + np.array(corner)
+        count = count_by_tile(at, *corner, *shape)
+        wanted = np.argwhere(count) + np.array(corner)
         evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
-        table = self._table(corner, shape)
-        touched = np.zeros((*shape, 4), np.int64)
+        cells, samples = sorted_by_tile(
+            points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
+        )
+        table, touched = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
         used = gather_evidence(
-            points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner,
-            now_s, hold_s, max_age_s, self._pool, table, touched,
-        )  # fmt: skip
+            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, touched
+        )
         boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] < touched[..., 1]])
         return Change(boxes, evicted, inside - int(used))
 
@@ -228,6 +232,14 @@ class Tiles:
     def keys_over(self, box: Box) -> tuple[Key, ...]:
         """Return the keys of the tiles that a box of cells touches, held or not."""
         return keys_over(box)
+
+
+def _aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return zeros in whole lines of the cache; pages unused are not backed by memory."""
+    size = math.prod(shape)
+    whole = np.zeros(size + LINE_BYTES // 4, np.float32)
+    first = -whole.ctypes.data % LINE_BYTES // 4
+    return whole[first : first + size].reshape(shape)
 
 
 def keys_over(box: Box) -> tuple[Key, ...]:

@@ -2,6 +2,7 @@
 
 In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, <, == and the functions below work by
 each; `columns` gives the columns of 16 x 16 values. Uncompiled they are NumPy arrays, which do the same.
+`ask_for` has 16 values, if they are aligned, brought from memory while other work goes on.
 """
 
 from __future__ import annotations
@@ -95,6 +96,14 @@ def _columns(builder: Any, data: Any, at: Any) -> Any:
     return out
 
 
+def _ask(builder: Any, data: Any, at: Any) -> None:
+    place = builder.bitcast(builder.gep(data, [at]), ir.IntType(8).as_pointer())
+    function = ir.FunctionType(ir.VoidType(), [place.type, INT32, INT32, INT32])
+    to_write, soon, data_cache = INT32(1), INT32(3), INT32(1)
+    asked = builder.module.declare_intrinsic("llvm.prefetch", (place.type,), function)
+    builder.call(asked, [place, to_write, soon, data_cache])
+
+
 def _root(builder: Any, value: Any) -> Any:
     function = ir.FunctionType(FLOATS.vector, [FLOATS.vector])
     name = f"llvm.sqrt.v{LANES}f32"
@@ -112,6 +121,9 @@ if vars(config)["DISABLE_JIT"]:
     def columns(values: Any, at: int) -> tuple[Floats, ...]:
         return tuple(values[at : at + LANES * LANES].reshape(LANES, LANES).T.copy())
 
+    def ask_for(values: Any, at: int) -> None:
+        pass
+
     def every(value: Any) -> Floats:
         return value
 
@@ -126,6 +138,7 @@ else:
         types.void, lambda b, data, at, lanes: b.store(lanes, _place(b, data, at), align=4) and None
     )
     columns = _code(types.UniTuple(FLOATS, LANES), _columns)  # type: ignore[no-untyped-call]
+    ask_for = _code(types.void, _ask)
     every = _code(FLOATS, _all)
     where = _code(FLOATS, lambda b, flags, then, other: b.select(flags, then, other))
     root = _code(FLOATS, _root)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, load, store
+from slz.kernels.lanes import LANES, ask_for, load, store
 
 # Fields of one cell's epoch, see `slz.evidence`.
 COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
@@ -14,6 +14,7 @@ FIELDS = 8  # of one of two epochs: a cell fills the lanes
 TILE_BITS = 6
 TILE = 1 << TILE_BITS  # cells along the side of a tile
 OUTSIDE = np.int32(-(2**31))
+AHEAD = 24  # points, from whose cell on memory is asked for
 ONE, TWO = np.float32(1), np.float32(2)
 
 
@@ -87,21 +88,23 @@ def hit_tiles(
     return out
 
 
-@kernel("boolean[:, :](int32[:, ::1], int64, int64, int64, int64)")
-def tiles_of(at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int) -> NDArray[np.bool_]:
-    """Tell which tiles of a rectangle of rows x cols tiles, from (tile_row, tile_col) on, hold a cell."""
-    out = np.zeros((rows, cols), np.bool_)
+@kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
+def count_by_tile(
+    at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int
+) -> NDArray[np.int64]:
+    """Count the cells in each tile of a rectangle of rows x cols tiles, from (tile_row, tile_col) on."""
+    out = np.zeros((rows, cols), np.int64)
     for i in range(len(at)):
         if at[i, 0] != OUTSIDE:
-            out[(at[i, 0] >> TILE_BITS) - tile_row, (at[i, 1] >> TILE_BITS) - tile_col] = True
+            out[(at[i, 0] >> TILE_BITS) - tile_row, (at[i, 1] >> TILE_BITS) - tile_col] += 1
     return out
 
 
 @kernel(
-    "int64(float64[:, :], int32[:, ::1], float64[:], float64, float64, int64, int64,"
-    " float32, float32, float32, float32[:, :, :, :, :], int32[:, :], int64[:, :, :])"
+    "Tuple((int32[::1], float32[:, ::1]))"
+    "(float64[:, :], int32[:, ::1], float64[:], float64, float64, int64, int64, int64[:, ::1])"
 )
-def gather_evidence(
+def sorted_by_tile(
     points: NDArray[np.float64],
     at: NDArray[np.int32],
     sensor: NDArray[np.float64],
@@ -109,55 +112,71 @@ def gather_evidence(
     angle_noise_rad: float,
     tile_row: int,
     tile_col: int,
+    count: NDArray[np.int64],
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Return the points of one tile after the other, their order within it kept.
+
+    Random cells of all tiles would each wait for memory; those of one tile are near each other.
+
+    Parameters
+    ----------
+    at
+        Cells of the points, see `cells_of`; what is outside is left out.
+    count
+        Of the points in each tile, see `count_by_tile`.
+
+    Returns
+    -------
+    Cell within the tile, row by row; (n, 2) height and the variance of it that the sensor's noise explains:
+    of the range along the ray, of the angle across it.
+    """
+    place, n = np.empty_like(count), 0
+    for tr in range(count.shape[0]):
+        for tc in range(count.shape[1]):
+            place[tr, tc] = n
+            n += count[tr, tc]
+    cell, sample = np.empty(n, np.int32), np.empty((n, 2), np.float32)
+    for i in range(len(at)):
+        r, c = at[i, 0], at[i, 1]
+        if r == OUTSIDE:
+            continue
+        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
+        k = place[tr, tc]
+        place[tr, tc] = k + 1
+        dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], points[i, 2] - sensor[2]
+        across = dx * dx + dy * dy
+        noise = range_noise_m**2 * dz * dz / max(across + dz * dz, 1e-6) + angle_noise_rad**2 * across
+        cell[k] = (r & (TILE - 1)) << TILE_BITS | (c & (TILE - 1))
+        # NaN where the sensor's place is not known.
+        sample[k, 0], sample[k, 1] = points[i, 2], noise if noise == noise else range_noise_m**2
+    return cell, sample
+
+
+@kernel("UniTuple(int64, 4)(int32[::1], float32[:, ::1], float32, float32, float32, float32[:, :, ::1])")
+def _gather(
+    cells: NDArray[np.int32],
+    samples: NDArray[np.float32],
     now_s: float,
     hold_s: float,
     max_age_s: float,
-    pool: NDArray[np.float32],
-    table: NDArray[np.int32],
-    touched: NDArray[np.int64],
-) -> int:
-    """Add points to the per-cell statistics; return how many were used.
-
-    `at` are the points' cells, see `cells_of`; what is outside is passed over. `table` holds the slot in the
-    pool of each tile of a rectangle from (tile_row, tile_col) on, -1 where there is none. `touched` holds
-    zeros and receives row0, row1, col0, col1 (half open) of the cells hit of each tile.
-
-    A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
-    arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
-    until two epochs of newer observations have replaced it. What was not seen for `max_age_s` is forgotten
-    before anything is added. NOISE is the mean variance of the heights that
-    the sensor's noise explains: of the range along the ray, of the angle across it.
-    """
-    used = 0
-    for i in range(points.shape[0]):
-        if at[i, 0] == OUTSIDE:
-            continue
-        z, r, c = points[i, 2], int(at[i, 0]), int(at[i, 1])
-        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
-        slot = table[tr, tc]
-        if slot < 0:
-            continue
-        used += 1
-        box = touched[tr, tc]
-        if box[0] == box[1]:
-            box[0], box[1], box[2], box[3] = r, r + 1, c, c + 1
-        else:
-            box[0], box[1] = min(box[0], r), max(box[1], r + 1)
-            box[2], box[3] = min(box[2], c), max(box[3], c + 1)
-        dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], z - sensor[2]
-        across = dx * dx + dy * dy
-        noise = range_noise_m**2 * dz * dz / max(across + dz * dz, 1e-6) + angle_noise_rad**2 * across
-        # NaN where the sensor's place is not known.
-        variance = np.float32(noise if noise == noise else range_noise_m**2)
-        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
-        now = held[0]
-        if now_s - held[1, TIME] > max_age_s:
-            now[COUNT] = held[1, COUNT] = 0
+    tile: NDArray[np.float32],
+) -> tuple[int, int, int, int]:
+    """Add the points of a tile to its cells, see `gather_evidence`; return the box of those hit."""
+    r0, r1, c0, c1 = TILE, -1, TILE, -1
+    flat, last = tile.ravel(), len(cells) - 1
+    for i in range(len(cells)):
+        ask_for(flat, 2 * FIELDS * cells[min(i + AHEAD, last)])
+        r, c = cells[i] >> TILE_BITS, cells[i] & (TILE - 1)
+        r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
+        h, variance = samples[i, 0], samples[i, 1]
+        held = tile[cells[i]]
+        now, before = held[0], held[1]
+        if now_s - before[TIME] > max_age_s:
+            now[COUNT] = before[COUNT] = 0
         if now[COUNT] > 0 and now_s - now[TIME] > hold_s:
             for f in range(FIELDS):
-                held[1, f] = now[f]
+                before[f] = now[f]
             now[COUNT] = 0
-        h = np.float32(z)
         if now[COUNT] == 0:
             now[COUNT], now[MEAN], now[NOISE], now[TIME] = 1, h, variance, now_s
             now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
@@ -173,7 +192,50 @@ def gather_evidence(
             now[COUNT] = n
             now[MEAN] += (h - now[MEAN]) / n
             now[NOISE] += (variance - now[NOISE]) / n
-        held[1, TIME] = now_s
+        before[TIME] = now_s
+    return r0, r1 + 1, c0, c1 + 1
+
+
+@kernel(
+    "int64(int32[::1], float32[:, ::1], int64[:, ::1], int64, int64, float32, float32, float32,"
+    " float32[:, :, :, :, ::1], int32[:, ::1], int64[:, :, ::1])"
+)
+def gather_evidence(
+    cells: NDArray[np.int32],
+    samples: NDArray[np.float32],
+    count: NDArray[np.int64],
+    tile_row: int,
+    tile_col: int,
+    now_s: float,
+    hold_s: float,
+    max_age_s: float,
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+    touched: NDArray[np.int64],
+) -> int:
+    """Add points, sorted by tile, to the per-cell statistics; return how many were used.
+
+    `table` holds the slot in the pool of each tile that is counted, -1 where there is none. `touched` gets
+    row0, row1, col0, col1 (half open) of the cells hit of each tile that was.
+
+    A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
+    arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
+    until two epochs of newer observations have replaced it. What was not seen for `max_age_s` is forgotten
+    before anything is added. NOISE is the mean variance of the heights that the sensor's noise explains.
+    """
+    first = used = 0
+    for tr in range(count.shape[0]):
+        for tc in range(count.shape[1]):
+            n, slot = count[tr, tc], table[tr, tc]
+            if n > 0 and slot >= 0:
+                tile = pool[slot].reshape(TILE * TILE, 2, FIELDS)
+                cell, sample = cells[first : first + n], samples[first : first + n]
+                r0, r1, c0, c1 = _gather(cell, sample, now_s, hold_s, max_age_s, tile)
+                south, west = (tile_row + tr) * TILE, (tile_col + tc) * TILE
+                box = touched[tr, tc]
+                box[0], box[1], box[2], box[3] = south + r0, south + r1, west + c0, west + c1
+                used += n
+            first += n
     return used
 
 
