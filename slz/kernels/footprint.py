@@ -90,30 +90,33 @@ def _solve(
     enough = (2 * k + 1) ** 2 - 0.5
     for c in range(np.uint64(cols)):
         w = sums[W, c]
-        mx, my, mz = sums[WX, c] / w, sums[WY, c] / w, sums[WZ, c] / w
+        share = 1.0 / w
+        mx, my, mz = sums[WX, c] * share, sums[WY, c] * share, sums[WZ, c] * share
         sxx, sxy = sums[WXX, c] - w * mx * mx, sums[WXY, c] - w * mx * my
         syy, sxz = sums[WYY, c] - w * my * my, sums[WXZ, c] - w * mx * mz
         syz, szz = sums[WYZ, c] - w * my * mz, sums[WZZ, c] - w * mz * mz
         det = sxx * syy - sxy * sxy
-        a, b = (sxz * syy - syz * sxy) / det, (syz * sxx - sxz * sxy) / det
-        gradient = np.sqrt(a * a + b * b)
+        scale = 1.0 / det
+        a, b = (sxz * syy - syz * sxy) * scale, (syz * sxx - sxz * sxy) * scale
+        square = a * a + b * b
+        gradient = np.sqrt(square)
         left = szz - a * sxz - b * syz
         squares = left if left > 0.0 else 0.0
-        single = noise_m * np.sqrt(sums[S_SPREAD, c] / w)
+        single = noise_m * np.sqrt(sums[S_SPREAD, c] * share)
         spread = np.sqrt(squares / (w - 3))
         noise = spread if spread > single else single
         good = (sums[S_SEEN, c] >= enough) & (w >= 5.5) & (det >= 1e-9 * (sxx + syy) ** 2)
         fit[EAST, c], fit[NORTH, c] = a, b
         fit[LEVEL, c] = mz + a * (float(c) * cell_m - mx) + b * (y - my)
-        fit[RMS, c] = np.sqrt(squares / w)
-        fit[SIGMA, c] = noise * np.sqrt(0.5 * (sxx + syy) / det) / (1 + gradient * gradient)
-        fit[RETURN, c] = np.sqrt(max(0.0, sums[S_SINGLE, c] / w))
+        fit[RMS, c] = np.sqrt(squares * share)
+        fit[SIGMA, c] = noise * np.sqrt(0.5 * (sxx + syy) * scale) / (1 + square)
+        fit[RETURN, c] = np.sqrt(max(0.0, sums[S_SINGLE, c] * share))
         fit[GRADIENT, c] = gradient if good else np.nan
 
 
 @kernel(
-    "void(float32[::1], float32[::1], float64[:, ::1], int64, int64, int64, int64, float64, float64,"
-    " float32[:, ::1], float32[:, :, ::1])"
+    "void(float32[::1], float32[::1], float64[:, ::1], int64, int64, int64, int64, float64,"
+    " float32[::1], float32[:, ::1], float32[:, :, ::1])"
 )
 def _reliefs(
     lower: Row,
@@ -124,50 +127,52 @@ def _reliefs(
     stop: int,
     k: int,
     cell_m: float,
-    reference: float,
+    away: Row,
     room: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
     """Leave the peak-to-peak of a row's footprints about their planes, and that of their inner cells.
 
-    Sixteen footprints at a time, of each one cell after the other. The level goes off first: of two heights
-    near each other the difference is exact in four bytes.
+    Sixteen footprints at a time, of each one cell after the other.
 
     Parameters
     ----------
     lower, upper
-        Of the cells, row after row, and LANES more.
+        Of the cells, over the same height as the planes' levels, row after row, and LANES more.
     first, stop
         The columns about which the footprints are; those whose gradient is NaN stay.
+    away
+        How far the columns of a footprint are to the east of its middle (m).
     room
-        Scratch, (2 k + 7, columns + LANES).
+        Scratch, (7, columns + LANES).
     """
     n, cols, wide = stop - first, fit.shape[1], room.shape[1]
-    flat, tilts = room.ravel(), 6 + k
+    flat = room.ravel()
+    level_of, east_of, north_of = room[0], room[1], room[2]
     for c in range(n):
-        room[0, c], room[1, c] = fit[LEVEL, first + c] + reference, fit[EAST, first + c]
-    for i in range(-k, k + 1):
-        for c in range(n):
-            room[tilts + i, c] = fit[NORTH, first + c] * (i * cell_m)
+        level_of[c], east_of[c] = fit[LEVEL, first + c], fit[EAST, first + c]
+        north_of[c] = fit[NORTH, first + c]
     for c in range(0, n, LANES):
-        level, east = load(flat, c), load(flat, wide + c)
+        level, east, north = load(flat, c), load(flat, wide + c), load(flat, 2 * wide + c)
         low, high = every(np.float32(np.inf)), every(np.float32(-np.inf))
         inner_low, inner_high = low, high
         for i in range(-k, k + 1):
-            at, tilt = (row + i) * cols + first + c, load(flat, (tilts + i) * wide + c)
-            for d in range(-k, k + 1):
-                rise = tilt + east * every(np.float32(d * cell_m))
-                under, over = (load(lower, at + d) - level) - rise, (load(upper, at + d) - level) - rise
-                if abs(i) < k and abs(d) < k:
-                    inner_low = where(under < inner_low, under, inner_low)  # NaN is not
-                    inner_high = where(inner_high < over, over, inner_high)
-                else:
-                    low, high = where(under < low, under, low), where(high < over, over, high)
-        store(flat, 2 * wide + c, low)
-        store(flat, 3 * wide + c, high)
-        store(flat, 4 * wide + c, inner_low)
-        store(flat, 5 * wide + c, inner_high)
-    low_of, high_of, inner_low_of, inner_high_of = room[2], room[3], room[4], room[5]
+            tilt, at = level + north * every(np.float32(i * cell_m)), (row + i) * cols + first + c
+            within = k if abs(i) < k else -k
+            for d in range(1 - within, within):
+                plane = tilt + east * every(away[k + d])
+                under, over = load(lower, at + d) - plane, load(upper, at + d) - plane
+                inner_low = where(under < inner_low, under, inner_low)  # NaN is not
+                inner_high = where(inner_high < over, over, inner_high)
+            for d in range(-k, k + 1, 2 * k if abs(i) < k else 1):
+                plane = tilt + east * every(away[k + d])
+                under, over = load(lower, at + d) - plane, load(upper, at + d) - plane
+                low, high = where(under < low, under, low), where(high < over, over, high)
+        store(flat, 3 * wide + c, low)
+        store(flat, 4 * wide + c, high)
+        store(flat, 5 * wide + c, inner_low)
+        store(flat, 6 * wide + c, inner_high)
+    low_of, high_of, inner_low_of, inner_high_of = room[3], room[4], room[5], room[6]
     for c in range(n):
         if not np.isnan(fit[GRADIENT, first + c]):
             whole = max(high_of[c], inner_high_of[c]) - min(low_of[c], inner_low_of[c])
@@ -208,10 +213,12 @@ def planes(
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
     lower, upper = np.zeros(rows * cols + LANES, np.float32), np.zeros(rows * cols + LANES, np.float32)
-    lower[: rows * cols] = (cells[BOTTOM] + cells[EXCESS]).ravel()
-    upper[: rows * cols] = (cells[TOP] - cells[EXCESS]).ravel()
+    lower[: rows * cols] = (cells[BOTTOM] + cells[EXCESS] - reference).ravel()
+    upper[: rows * cols] = (cells[TOP] - cells[EXCESS] - reference).ravel()
     sums, fit = np.zeros((13, cols)), np.empty((7, cols))
-    room = np.zeros((2 * k + 7, cols + LANES), np.float32)
+    room, away = np.zeros((7, cols + LANES), np.float32), np.empty(2 * k + 1, np.float32)
+    for i in range(2 * k + 1):
+        away[i] = (i - k) * cell_m
     for r in range(rows):
         _add_row(cells, covered, r, r * cell_m, 1.0, reference, column)
         if r > 2 * k:
@@ -235,8 +242,8 @@ def planes(
                 fit[GRADIENT, col] = np.nan
                 continue
             if col - stop > GAP:
-                _reliefs(lower, upper, fit, row, first, stop, k, cell_m, reference, room, out)
+                _reliefs(lower, upper, fit, row, first, stop, k, cell_m, away, room, out)
                 first = col
             stop = col + 1
-        _reliefs(lower, upper, fit, row, first, stop, k, cell_m, reference, room, out)
+        _reliefs(lower, upper, fit, row, first, stop, k, cell_m, away, room, out)
     return out
