@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from slz.grid import Box, Grid
-from slz.kernels.contour import components, inside, squares, trace
+from slz.kernels.bits import packed
+from slz.kernels.contour import inside, squares, trace
+from slz.kernels.groups import components, without_crumbs
 
 TRACE_TIMEOUT = 10_000_000
 CRUMB = 9  # cells, below which a part of a zone that hangs on a corner is left out
@@ -51,23 +52,21 @@ def search_components(
         return
     safe = np.pad(safe, 1)
     side = squares(safe)
-    label = components(safe, side, least_side)
-    for number, where in enumerate(ndimage.find_objects(label), start=1):
-        rows, cols = where
-        whole = label[where] == number
-        component = _without_crumbs(whole, CRUMB)
-        if int((side[where] * component).max()) < least_side:  # the square itself is no crumb
-            component = _without_crumbs(whole, least_side**2)
-        boundary = trace(safe, rows.start, cols.start + int(np.argmax(whole[0])), TRACE_TIMEOUT)
+    runs, groups = components(packed(safe), side, least_side)
+    for *edges, first, stop in groups.tolist():
+        own, run = Box(*edges), runs[first:stop]
+        boundary = trace(safe, own.row0, int(run[0, 1]), TRACE_TIMEOUT)
         if len(boundary) < least_boundary:
             continue
-        own = Box(rows.start, rows.stop, cols.start, cols.stop)
+        component, square_side = without_crumbs(run, side, CRUMB)
+        if square_side < least_side:  # the square itself is no crumb
+            component, square_side = without_crumbs(run, side, least_side**2)
         candidate = Candidate(
             boundary_cells=boundary,
             box=own,
             content=_content(boundary, own),
             component=component,
-            square_side=int((side[where] * component).max()),
+            square_side=square_side,
         )
         yield _placed(candidate, box.row0 - 1, box.col0 - 1)
 
@@ -80,14 +79,6 @@ def _placed(candidate: Candidate, row0: int, col0: int) -> Candidate:
         boundary_cells=candidate.boundary_cells + np.array([row0, col0], np.int32),
         box=Box(box.row0 + row0, box.row1 + row0, box.col0 + col0, box.col1 + col0),
     )
-
-
-def _without_crumbs(component: NDArray[np.bool_], fewest: int) -> NDArray[np.uint8]:
-    """Return a component without what touches it at a corner only and is of fewer cells."""
-    parts, _ = ndimage.label(component)
-    size = np.bincount(parts.ravel())
-    size[0] = 0
-    return np.asarray((size >= min(fewest, size.max()))[parts], np.uint8)
 
 
 def _content(boundary: NDArray[np.int32], box: Box) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Moore-neighbour tracing, square search and flood fill on a binary map."""
+"""Moore-neighbour tracing, square search and the inside of a contour, on a binary map."""
 
 from __future__ import annotations
 
@@ -59,47 +59,6 @@ def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
                 else:
                     side[r, c] = 1 + min(side[r - 1, c], side[r, c - 1], side[r - 1, c - 1])
     return side
-
-
-@kernel("void(uint8[:, :], int32[:, :], int64, int64, int32)")
-def flood(safe: NDArray[np.uint8], label: NDArray[np.int32], row: int, col: int, value: int) -> None:
-    """Give the 8-connected safe component of a cell a label where it has none."""
-    rows, cols = safe.shape
-    stack = [(row, col)]
-    while len(stack) > 0:
-        r, c = stack.pop()
-        if label[r, c] != 0:
-            continue
-        left, right = c, c
-        while left > 0 and safe[r, left - 1] and label[r, left - 1] == 0:
-            left -= 1
-        while right + 1 < cols and safe[r, right + 1] and label[r, right + 1] == 0:
-            right += 1
-        for j in range(left, right + 1):
-            label[r, j] = value
-        for i in (r - 1, r + 1):
-            if i < 0 or i >= rows:
-                continue
-            inside = False
-            for j in range(max(0, left - 1), min(cols, right + 2)):
-                open_ = safe[i, j] != 0 and label[i, j] == 0
-                if open_ and not inside:
-                    stack.append((i, j))
-                inside = open_
-
-
-@kernel("int32[:, :](uint8[:, :], int32[:, :], int64)")
-def components(safe: NDArray[np.uint8], side: NDArray[np.int32], least: int) -> NDArray[np.int32]:
-    """Label, from 1 in raster order, the 8-connected components that hold a square of `least` cells."""
-    rows, cols = safe.shape
-    label = np.zeros((rows, cols), np.int32)
-    last = 0
-    for r in range(rows):
-        for c in range(cols):
-            if side[r, c] >= least and label[r, c] == 0:
-                last += 1
-                flood(safe, label, r, c, last)
-    return label
 
 
 @kernel("uint8[:, :](int32[:, :], int64, int64, int64)")

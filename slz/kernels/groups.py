@@ -45,17 +45,17 @@ def _root(run: Ints, i: int) -> int:
     return i
 
 
-@kernel("void(int64[:, ::1])")
-def join(run: Ints) -> None:
-    """Give all runs of a group of touching cells (corners touch too) the number of the first one."""
+@kernel("void(int64[:, ::1], int64)")
+def join(run: Ints, corner: int) -> None:
+    """Give all runs of a group of touching cells the number of the first one; with 1, corners touch too."""
     n, above = len(run), 0
     for i in range(n):
         while above < i and (run[above, 0] < run[i, 0] - 1 or (
-            run[above, 0] == run[i, 0] - 1 and run[above, 2] < run[i, 1]
+            run[above, 0] == run[i, 0] - 1 and run[above, 2] < run[i, 1] + 1 - corner
         )):  # fmt: skip
             above += 1
         k = above
-        while k < i and run[k, 0] == run[i, 0] - 1 and run[k, 1] <= run[i, 2]:
+        while k < i and run[k, 0] == run[i, 0] - 1 and run[k, 1] < run[i, 2] + corner:
             a, b = _root(run, k), _root(run, i)
             run[max(a, b), 3] = min(a, b)
             k += 1
@@ -73,7 +73,7 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     in the order of rows and columns.
     """
     run = runs(cells)
-    join(run)
+    join(run, 1)
     size = np.zeros(len(run), np.int64)
     for i in range(len(run)):
         size[run[i, 3]] += run[i, 2] - run[i, 1]
@@ -99,6 +99,88 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
             out[group[5], 0], out[group[5], 1] = r, c
             group[5] += 1
     return groups, out
+
+
+@kernel("Tuple((int64[:, ::1], int64[:, ::1]))(uint64[:, ::1], int32[:, :], int64)")
+def components(cells: Bits, side: NDArray[np.int32], least: int) -> tuple[Ints, Ints]:
+    """Return the groups of touching cells that hold a square of `least` cells, by the place of the first one.
+
+    Parameters
+    ----------
+    side
+        (rows, cols) of `contour.squares`.
+
+    Returns
+    -------
+    (m, 4) the runs of one group after another; (n, 6) row0, row1, col0, col1 of each, where its runs begin
+    and stop.
+    """
+    run = runs(cells)
+    join(run, 1)
+    size, place, n = np.zeros(len(run), np.int64), np.full(len(run), -1, np.int64), 0
+    for i in range(len(run)):
+        r, root = run[i, 0], run[i, 3]
+        size[root] += 1
+        if place[root] < 0:
+            for c in range(run[i, 1], run[i, 2]):
+                if side[r, c] >= least:
+                    place[root] = n
+                    n += 1
+                    break
+    groups, total = np.empty((n, 6), np.int64), 0
+    for i in range(len(run)):
+        if place[i] >= 0:
+            groups[place[i], 5] = size[i]
+    for g in range(n):
+        groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3] = cells.shape[0], 0, 64 * cells.shape[1], 0
+        groups[g, 4], total = total, total + groups[g, 5]
+        groups[g, 5] = groups[g, 4]
+    out = np.empty((total, 4), np.int64)
+    for i in range(len(run)):
+        g = place[run[i, 3]]
+        if g >= 0:
+            k, r, first, stop = groups[g, 5], run[i, 0], run[i, 1], run[i, 2]
+            groups[g, 0], groups[g, 1] = min(groups[g, 0], r), max(groups[g, 1], r + 1)
+            groups[g, 2], groups[g, 3] = min(groups[g, 2], first), max(groups[g, 3], stop)
+            out[k, 0], out[k, 1], out[k, 2], out[k, 3] = r, first, stop, k - groups[g, 4]
+            groups[g, 5] = k + 1
+    return out, groups
+
+
+@kernel("Tuple((uint8[:, ::1], int64))(int64[:, ::1], int32[:, :], int64)")
+def without_crumbs(run: Ints, side: NDArray[np.int32], fewest: int) -> tuple[NDArray[np.uint8], int]:
+    """Return 1 for the cells of runs but what touches the rest at a corner only and is of fewer cells.
+
+    The largest part stays, however small it is.
+
+    Parameters
+    ----------
+    run
+        Of one group of `components`.
+    side
+        (rows, cols) of `contour.squares`, of all cells.
+
+    Returns
+    -------
+    Cells of the box of the runs; the side of the largest square of theirs.
+    """
+    row0, col0, col1 = run[0, 0], run[:, 1].min(), run[:, 2].max()
+    run = run.copy()
+    for i in range(len(run)):
+        run[i, 3] = i
+    join(run, 0)
+    size = np.zeros(len(run), np.int64)
+    for i in range(len(run)):
+        size[run[i, 3]] += run[i, 2] - run[i, 1]
+    least, largest = min(fewest, np.int64(size.max())), np.int64(0)
+    out = np.zeros((run[-1, 0] + 1 - row0, col1 - col0), np.uint8)
+    for i in range(len(run)):
+        r, first, stop = run[i, 0], run[i, 1], run[i, 2]
+        if size[run[i, 3]] >= least:
+            for c in range(first, stop):
+                out[r - row0, c - col0] = 1
+                largest = max(largest, np.int64(side[r, c]))
+    return out, int(largest)
 
 
 @kernel("float64(uint64[:, ::1], float32[:, ::1], int64, int64, int64, int64)")

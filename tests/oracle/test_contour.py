@@ -13,8 +13,10 @@ import params
 from slz.grid import Box, Grid
 from slz.kernels.bits import packed, unpacked
 from slz.kernels.content import component
-from slz.kernels.contour import components, flood, inside, squares, trace
+from slz.kernels.contour import inside, squares, trace
 from slz.kernels.erosion import grow
+from slz.kernels.groups import components
+from slz.kernels.groups import without_crumbs as part_without_crumbs
 from slz.kernels.room import largest_square
 from slz.search import Candidate, search_components
 from slz.source_search import SourceSearch
@@ -107,23 +109,33 @@ def test_components_are_those_of_scipy_that_hold_the_square(safe: Map, least: in
     side = slow_squares(safe)
     label, count = ndimage.label(safe, EIGHT)
     large = [n for n in range(1, count + 1) if side[label == n].max() >= least]
-    found = components(safe, side, least)
+    runs, groups = components(packed(safe), side, least)
+    found = np.zeros(safe.shape, np.int32)
+    for number, (*_, first, stop) in enumerate(groups.tolist(), start=1):
+        for row, col, end, _ in runs[first:stop].tolist():
+            found[row, col:end] = number
     assert set(np.unique(found)) - {0} == set(range(1, len(large) + 1))
-    groups = {tuple(np.flatnonzero(found == n)) for n in range(1, len(large) + 1)}
-    assert groups == {tuple(np.flatnonzero(label == n)) for n in large}
+    own = {tuple(np.flatnonzero(found == n)) for n in range(1, len(large) + 1)}
+    assert own == {tuple(np.flatnonzero(label == n)) for n in large}
+    for (row0, row1, col0, col1, *_), where in zip(groups.tolist(), ndimage.find_objects(found), strict=True):
+        assert where == (slice(row0, row1), slice(col0, col1))
 
 
 @settings(max_examples=60, deadline=None)
-@given(maps())
-def test_flooding_reaches_the_component(safe: Map) -> None:
-    label, count = ndimage.label(safe, EIGHT)
-    mine = np.zeros(safe.shape, np.int32)
-    for number in range(1, count + 1):
-        cells = np.argwhere(label == number)
-        row, col = cells[len(cells) // 2]
-        flood(safe, mine, row, col, number)
-        assert (mine == number).sum() == len(cells)
-    np.testing.assert_array_equal(mine, label)
+@given(maps(), st.integers(1, 30))
+def test_crumbs_are_the_small_parts_that_hang_on_corners(safe: Map, fewest: int) -> None:
+    side = slow_squares(safe)
+    runs, groups = components(packed(safe), side, 1)
+    label, _ = ndimage.label(safe, EIGHT)
+    for row0, row1, col0, col1, first, stop in groups.tolist():
+        where = slice(row0, row1), slice(col0, col1)
+        row, col = runs[first, :2]
+        parts, _ = ndimage.label(label[where] == label[row, col])
+        size = np.bincount(parts.ravel())[1:]
+        kept = np.isin(parts, 1 + np.flatnonzero(size >= min(fewest, size.max())))
+        cells, largest = part_without_crumbs(runs[first:stop], side, fewest)
+        np.testing.assert_array_equal(cells, kept)
+        assert largest == side[where][kept].max()
 
 
 # ---- search -------------------------------------------------------------------------------------
