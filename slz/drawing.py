@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.closing import closed, dilated, highest_around
+from slz.kernels.bits import Bits, unpacked
+from slz.kernels.closing import above, closed, dilated, highest_around, others
 from slz.kernels.footprint import planes
 from slz.kernels.summary import HEIGHT, WEIGHT
 from slz.kernels.verdict import verdict
@@ -61,24 +62,22 @@ def drawn(
     states; 0 stands for cells that nobody drew.
     """
     p, m, k = parameters, reach.margin, reach.radius
-    rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
-    known = (cells[WEIGHT] > 0).view(np.uint8)
+    rows, cols, whole = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m, cells.shape[2]
+    known = above(cells[WEIGHT], np.float32(0))
     near = m - k  # no footprint of the box reaches farther
     about = slice(near, m + rows + k), slice(near, m + cols + k)
     fits = planes(
         np.ascontiguousarray(cells[:, *about]),
-        np.ascontiguousarray(closed(known, reach.gap)[about]),
+        np.ascontiguousarray(unpacked(closed(known, reach.gap, whole), 0, whole)[about]),
         k, cell_m, p.range_noise_m, p.safe_slope_deg,
     )  # fmt: skip
-    unseen = _unseen(known, cells[HEIGHT], reach, cell_m, p)
+    unseen = unpacked(_unseen(known, cells[HEIGHT], reach, cell_m, p), 0, whole)
     box, inner = (slice(m, m + rows), slice(m, m + cols)), slice(k, -k)
     values, told = verdict(cells[:, *box], fits[:, inner, inner], unseen[box], p.safe_slope_deg, p.relief_m)
     return values, told
 
 
-def _unseen(
-    known: NDArray[np.uint8], height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters
-) -> NDArray[np.uint8]:
+def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters) -> Bits:
     """Tell which footprints hold unseen ground.
 
     What stands in the middle of unseen ground must not make that ground seen: cells above ground near
@@ -86,7 +85,7 @@ def _unseen(
     outermost seen cells may be part water, part shore.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
-    lowest = -highest_around(-height_m, 2 * reach.gap + 1, rise_m)
-    level = ~(height_m - lowest > np.float32(p.relief_m))
-    seen = known | closed(known & level.view(np.uint8), reach.gap)
-    return dilated(np.uint8(1) - seen, reach.radius + 1)
+    lowest, cols = -highest_around(-height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
+    level = known & ~above(height_m - lowest, np.float32(p.relief_m))
+    seen = known | closed(level, reach.gap, cols)
+    return dilated(others(seen, cols), reach.radius + 1, cols)

@@ -75,9 +75,14 @@ class SelectedPoint:
 
 
 def best_point(
-    candidate: Candidate, terrain: Terrain, sensor_enu_m: NDArray[np.float64], parameters: Parameters
+    candidate: Candidate,
+    slope_deg: NDArray[np.float32],
+    certainty: NDArray[np.float32],
+    terrain: Terrain,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
 ) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone.
+    """Return the point of a zone farthest from everything that is not the zone; the maps are of its box.
 
     Of points whose clearance differs by less than half a cell the most certain, then the least steep, then
     the nearest to the vehicle is taken.
@@ -86,8 +91,7 @@ def best_point(
     found = farthest(packed(candidate.component), candidate.square_side)
     widest, distance = found[:, :2], np.sqrt(found[:, 2])
     rows, cols = widest[:, 0], widest[:, 1]
-    slope = np.nan_to_num(terrain.layer("slope_deg", box)[rows, cols], nan=90.0)
-    sure = terrain.layer("certainty", box)[rows, cols]
+    slope, sure = np.nan_to_num(slope_deg[rows, cols], nan=90.0), certainty[rows, cols]
     centres = grid.centres(widest + np.array([box.row0, box.col0]))
     way = np.nan_to_num(np.hypot(*(centres - sensor_enu_m[:2]).T))
     first = np.lexsort((way // grid.cell_m, np.round(slope, 1), -np.round(sure, 3)))[0]
@@ -208,7 +212,10 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     def ground(_: Box, row: int, col: int) -> float:
         return float(plane[row, col])
 
-    found = grouped(raised, top, ground, grid, box, MOST_OBSTACLES)
+    def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
+        return top[cells[:, 0], cells[:, 1]]
+
+    found = grouped(packed(raised.view(np.uint8)), tops, ground, grid, box, MOST_OBSTACLES)
     nearest = sorted(found, key=lambda obstacle: obstacle.distance_m(enu_m))
     here = np.array([enu_m[0], enu_m[1], plane[cell.row0 - box.row0, cell.col0 - box.col0]])
     half_m = parameters.footprint_m / 2

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
-from slz.kernels.bits import packed
+from slz.kernels.bits import Bits
 from slz.kernels.groups import largest_groups
 from slz.kernels.horizon import horizon
 
@@ -59,8 +59,8 @@ class Obstacle:
 
 
 def grouped(
-    raised: NDArray[np.bool_],
-    top_m: NDArray[np.float32],
+    raised: Bits,
+    tops_m: Callable[[NDArray[np.int32]], NDArray[np.float32]],
     ground_m: Callable[[Box, int, int], float],
     grid: Grid,
     box: Box,
@@ -70,13 +70,15 @@ def grouped(
 
     Parameters
     ----------
-    raised, top_m
-        (rows, cols) of the box: what belongs to an obstacle, and the highest return.
+    raised
+        Cells of the box that belong to an obstacle.
+    tops_m
+        Heights of the highest returns of (n, 2) cells within the arrays.
     ground_m
         Height of the ground of a group, given its box and its highest cell, both within the arrays.
     """
-    groups, cells = largest_groups(packed(raised.view(np.uint8)), most)
-    tops = np.nan_to_num(top_m[cells[:, 0], cells[:, 1]], nan=-np.inf)
+    groups, cells = largest_groups(raised, most)
+    tops = np.nan_to_num(tops_m(cells), nan=-np.inf)
     centres = grid.centres(cells + np.array([box.row0, box.col0]))
     centres.flags.writeable = False
     found = []

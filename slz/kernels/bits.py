@@ -99,7 +99,9 @@ def packed(cells: NDArray[np.uint8]) -> Bits:
     rows, cols = cells.shape
     out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
     for r in range(rows):
-        for c in range(cols):
-            if cells[r, c]:
-                out[r, c >> 6] |= ONE << np.uint64(c & 63)
+        for w in range(out.shape[1]):
+            word = NONE
+            for k in range(min(64, cols - 64 * w)):
+                word |= np.uint64(cells[r, 64 * w + k] != 0) << np.uint64(k)
+            out[r, w] = word
     return out

@@ -1,75 +1,87 @@
-"""Squares around cells: dilation, closing and the highest value."""
+"""Squares around cells: dilation and closing of bit maps, and the highest value."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.bits import NONE, ONE, Bits, word_at
+from slz.kernels.erosion import grow
 from slz.kernels.jit import kernel
 
 Row = NDArray[np.float32]
 
 
-@kernel("uint8[:, ::1](uint8[:, ::1], int64)")
-def dilated(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
-    """Return 1 where a cell of the square of 2 radius + 1 cells around is not 0."""
-    rows, cols = known.shape
-    wide = np.zeros((rows, cols), np.uint8)
-    for r in range(rows):
-        last = -radius - 1  # horizontal dilation by distance to the last known cell
-        for c in range(cols):
-            if known[r, c]:
-                last = c
-            if c - last <= radius:
-                wide[r, c] = 1
-        last = cols + radius + 1
-        for c in range(cols - 1, -1, -1):
-            if known[r, c]:
-                last = c
-            if last - c <= radius:
-                wide[r, c] = 1
-    out = np.zeros((rows, cols), np.uint8)
-    seen = np.full(cols, -radius - 1)
-    for r in range(rows):
-        for c in range(cols):
-            if wide[r, c]:
-                seen[c] = r
-            if r - seen[c] <= radius:
-                out[r, c] = 1
-    seen[:] = rows + radius + 1
-    for r in range(rows - 1, -1, -1):
-        for c in range(cols):
-            if wide[r, c]:
-                seen[c] = r
-            if seen[c] - r <= radius:
-                out[r, c] = 1
+@kernel("void(uint64[:, ::1], int64)")
+def _clear_beyond(bits: Bits, cols: int) -> None:
+    """Clear the bits of the last words that stand for no column."""
+    if cols & 63:
+        for r in range(bits.shape[0]):
+            bits[r, -1] &= (ONE << np.uint64(cols & 63)) - ONE
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def dilated(bits: Bits, radius: int, cols: int) -> Bits:
+    """Return the cells with one that is set in the square of 2 radius + 1 cells around them."""
+    rows, words = bits.shape
+    east, west, side = bits.copy(), bits.copy(), 1
+    while side <= radius:  # each cell of `east` stands for itself and side - 1 to its east
+        step = min(side, radius + 1 - side)
+        for r in range(rows):
+            for w in range(words):
+                east[r, w] |= word_at(east, r, 64 * w + step)
+                v = words - 1 - w
+                west[r, v] |= word_at(west, r, 64 * v - step)
+        side += step
+    north, south, side = east | west, east | west, 1
+    while side <= radius:
+        step = min(side, radius + 1 - side)
+        for r in range(rows - step):
+            for w in range(words):
+                north[r, w] |= north[r + step, w]
+                south[rows - 1 - r, w] |= south[rows - 1 - r - step, w]
+        side += step
+    out = north | south
+    _clear_beyond(out, cols)
     return out
 
 
-@kernel("uint8[:, ::1](uint8[:, ::1], int64)")
-def closed(known: NDArray[np.uint8], radius: int) -> NDArray[np.uint8]:
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def closed(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the morphological closing by a square of 2 radius + 1 cells, the outside being unknown.
 
     Gaps narrower than the square are filled; the edge of the known ground is not moved outwards.
     """
-    rows, cols = known.shape
-    out = known.copy()
     if radius == 0:
-        return out
-    wide = dilated(known, radius)
-    tall = np.zeros((rows, cols), np.uint8)
-    run = np.zeros(cols, np.int64)
-    for r in range(rows):  # vertical erosion by length of the run of cells
-        for c in range(cols):
-            run[c] = run[c] + 1 if wide[r, c] else 0
-            if run[c] > 2 * radius:
-                tall[r - radius, c] = 1
+        return bits.copy()
+    corner = dilated(bits, radius, cols)
+    grow(corner, 1, 2 * radius + 1)
+    out = bits.copy()
+    for r in range(radius, bits.shape[0]):
+        for w in range(bits.shape[1]):
+            out[r, w] |= word_at(corner, r - radius, 64 * w - radius)
+    return out
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64)")
+def others(bits: Bits, cols: int) -> Bits:
+    """Return the cells that are not set."""
+    out = ~bits
+    _clear_beyond(out, cols)
+    return out
+
+
+@kernel("uint64[:, ::1](float32[:, :], float32)")
+def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
+    """Return the cells whose value is above a limit; NaN is not."""
+    rows, cols = values.shape
+    out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
     for r in range(rows):
-        length = 0
-        for c in range(cols):
-            length = length + 1 if tall[r, c] else 0
-            if length > 2 * radius:
-                out[r, c - radius] = 1
+        for w in range(out.shape[1]):
+            word = NONE
+            for k in range(min(64, cols - 64 * w)):
+                word |= np.uint64(values[r, 64 * w + k] > limit) << np.uint64(k)
+            out[r, w] = word
     return out
 
 

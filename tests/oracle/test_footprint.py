@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.grid import Box
-from slz.kernels.closing import closed
+from slz.kernels.bits import packed, unpacked
+from slz.kernels.closing import above, closed, dilated, others
 from slz.kernels.footprint import planes
 from slz.kernels.summary import summarise
 from slz.tiles import Noise, Tiles
@@ -147,13 +148,29 @@ def test_the_excess_is_taken_off_the_relief_at_both_ends() -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(seeds, st.integers(0, 4), st.sampled_from([0.05, 0.2, 0.5, 0.9]))
-def test_closing_is_that_of_scipy(seed: int, radius: int, share: float) -> None:
+@given(seeds, st.integers(0, 12), st.sampled_from([0.01, 0.05, 0.2, 0.5, 0.9]))
+def test_dilation_and_closing_are_those_of_scipy(seed: int, radius: int, share: float) -> None:
     rng = np.random.default_rng(seed)
-    known = rng.random(rng.integers(1, 30, 2)) < share
-    square = np.ones((2 * radius + 1, 2 * radius + 1))
+    known = rng.random((rng.integers(1, 40), rng.integers(1, 150))) < share
+    square, cols, bits = (
+        np.ones((2 * radius + 1, 2 * radius + 1)),
+        known.shape[1],
+        packed(known.view(np.uint8)),
+    )
+    wide = dilated(bits, radius, cols)
+    np.testing.assert_array_equal(unpacked(wide, 0, cols), ndimage.binary_dilation(known, square))
+    assert not unpacked(wide, cols, 64).any(), "beyond the map"
     expected = ndimage.binary_closing(known, square) | known  # scipy, too, takes the outside for unknown
-    np.testing.assert_array_equal(closed(known.astype(np.uint8), radius) == 1, expected)
+    np.testing.assert_array_equal(unpacked(closed(bits, radius, cols), 0, cols), expected)
+
+
+def test_what_is_no_number_is_not_above_a_limit_and_what_is_not_set_ends_with_the_map() -> None:
+    values = np.random.default_rng(0).random((5, 70)).astype(np.float32)
+    values[::2, ::3] = np.nan
+    bits = above(values, np.float32(0.4))
+    np.testing.assert_array_equal(unpacked(bits, 0, 70), values > np.float32(0.4))
+    np.testing.assert_array_equal(unpacked(others(bits, 70), 0, 128)[:, :70], ~(values > np.float32(0.4)))
+    assert not unpacked(others(bits, 70), 70, 58).any()
 
 
 # ---- evidence -----------------------------------------------------------------------------------

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 
 from slz.content import _obstacles
 from slz.grid import Box, Grid
+from slz.kernels.bits import packed
 
 ROWS, COLS = 12, 90
 
@@ -25,10 +23,8 @@ def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -
     top = height.copy()
     for row, col, up in ((5, 10, 13.0), (6, 70, 20.5)):
         holes[row, col], own[row, col], height[row, col], top[row, col] = True, False, 99.0, up
-    layers = {"height_m": height, "top_m": top}
-    terrain: Any = SimpleNamespace(
-        layer=lambda name, _box: layers[name], grid=Grid(0.0, 0.0, 0.5, ROWS, COLS)
-    )
-    found = _obstacles(holes, own, terrain, Box(0, ROWS, 0, COLS))
+    ground = packed((own & np.isfinite(height)).view(np.uint8))
+    grid = Grid(0.0, 0.0, 0.5, ROWS, COLS)
+    found = _obstacles(packed(holes.view(np.uint8)), ground, height, top, grid, Box(0, ROWS, 0, COLS))
     assert sorted((o.east_m, o.north_m) for o in found) == [(5.25, 2.75), (35.25, 3.25)]
     assert {o.east_m: o.height_m for o in found} == {5.25: pytest.approx(3.0), 35.25: pytest.approx(0.5)}
