@@ -57,8 +57,9 @@ def certainty(
     """
     if math.isnan(slope_deg + slope_sigma_deg + relief_m + inner_relief_m + noise_m + share_seen):
         return 0.0
-    spread_deg = math.hypot(slope_sigma_deg, SLOPE_MARGIN_DEG)
+    spread_deg = math.sqrt(slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG)
     gentle = _below((slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg) / spread_deg)
     outer = _even(relief_m, noise_m, relief_limit_m)
     inner = _even(inner_relief_m, noise_m, relief_limit_m)
-    return gentle * (RIM * outer + (1 - RIM) * inner) * (1 - HIDDEN * (1 - share_seen) ** 4)
+    hidden = (1 - share_seen) * (1 - share_seen)
+    return gentle * (RIM * outer + (1 - RIM) * inner) * (1 - HIDDEN * hidden * hidden)

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from slz.kernels.bits import NONE, ONE, Bits, word_at
 from slz.kernels.erosion import grow
 from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, every, load, store, where
 
 Row = NDArray[np.float32]
+LOWEST = np.float32(-np.inf)
 
 
 @kernel("void(uint64[:, ::1], int64)")
@@ -85,11 +87,19 @@ def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
     return out
 
 
-@kernel("void(float32[::1], float32[::1], float64)")
-def _raise(values: Row, out: Row, fall: float) -> None:
-    for c in range(np.uint64(len(out))):
-        v = np.float32(values[c] - fall)
-        out[c] = v if v > out[c] else out[c]  # NaN is not
+@kernel("void(float32[::1], int64, int64, int64, int64, float32, float32[::1], int64)")
+def _highest(
+    values: Row, first: int, count: int, radius: int, away: int, fall: float, out: Row, at: int
+) -> None:
+    """Leave the highest of 2 radius + 1 values around each, so far apart, less what each falls."""
+    for c in range(0, count, LANES):
+        top = load(values, first + c)
+        for d in range(1, radius + 1):
+            drop, ahead, behind = every(np.float32(fall * d)), first + c + d * away, first + c - d * away
+            one, other = load(values, ahead), load(values, behind)
+            best = where(one < other, other, one) - drop
+            top = where(top < best, best, top)
+        store(out, at + c, top)
 
 
 @kernel("float32[:, :](float32[:, :], int64, float32)")
@@ -99,14 +109,12 @@ def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDA
     A value counts for less by `fall` with every row and column that it is away.
     """
     rows, cols = values.shape
-    values = np.ascontiguousarray(values)
-    wide = np.full((rows, cols), np.float32(-np.inf))
+    width = -(-cols // LANES) * LANES
+    line, wide = np.full(width + 2 * radius, LOWEST), np.full((rows + 2 * radius) * width, LOWEST)
     for r in range(rows):
-        for d in range(min(radius + 1, cols)):
-            _raise(values[r, d:], wide[r, : cols - d], fall * d)
-            _raise(values[r, : cols - d], wide[r, d:], fall * d)
-    out = wide.copy()
-    for r in range(rows):
-        for i in range(max(0, r - radius), min(rows, r + radius + 1)):
-            _raise(wide[i], out[r], fall * abs(i - r))
-    return out
+        for c in range(cols):
+            line[radius + c] = values[r, c] if values[r, c] == values[r, c] else LOWEST
+        _highest(line, radius, width, radius, 1, fall, wide, (radius + r) * width)
+    out = np.empty((rows, width), np.float32)
+    _highest(wide, radius * width, rows * width, radius, width, fall, out.ravel(), 0)
+    return out[:, :cols]

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from slz.grid import Box
 from slz.kernels.bits import packed, unpacked
-from slz.kernels.closing import above, closed, dilated, others
+from slz.kernels.closing import above, closed, dilated, highest_around, others
 from slz.kernels.footprint import planes
 from slz.kernels.summary import summarise
 from slz.tiles import Noise, Tiles
@@ -162,6 +162,21 @@ def test_dilation_and_closing_are_those_of_scipy(seed: int, radius: int, share: 
     assert not unpacked(wide, cols, 64).any(), "beyond the map"
     expected = ndimage.binary_closing(known, square) | known  # scipy, too, takes the outside for unknown
     np.testing.assert_array_equal(unpacked(closed(bits, radius, cols), 0, cols), expected)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, st.integers(0, 9))
+def test_the_highest_around_falls_with_every_row_and_column_that_it_is_away(seed: int, radius: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = rng.normal(0.0, 3.0, rng.integers(1, 24, 2)).astype(np.float32)
+    values[rng.random(values.shape) < 0.5] = np.nan
+    fall = np.float32(rng.uniform(0.0, 0.1))
+    expected = np.full(values.shape, -np.inf)
+    for (row, col), value in np.ndenumerate(values):
+        for (r, c), _ in np.ndenumerate(values):
+            if max(abs(r - row), abs(c - col)) <= radius and not np.isnan(value):
+                expected[r, c] = max(expected[r, c], value - fall * (abs(r - row) + abs(c - col)))
+    np.testing.assert_allclose(highest_around(values, radius, fall), expected, rtol=0, atol=5e-6)
 
 
 def test_what_is_no_number_is_not_above_a_limit_and_what_is_not_set_ends_with_the_map() -> None:
