@@ -143,7 +143,7 @@ class Pipeline:
         clock.lap("outliers")
         near, far = self._maps_for(ZoneMap, window, lambda: points[:1])
         used = within(points, sensor, reach_m(self._parameters))
-        with beside(self._other, self._chosen, window, picked(points, used), far) as chosen:
+        with beside(self._other, self._chosen, window, _picked(points, used), far) as chosen:
             points = self._registered(points, used, sensor, near)
             self._contradictions(points, used, sensor, near)
         choice = chosen.result()
@@ -151,7 +151,7 @@ class Pipeline:
         self._pin()
         stamp_s = window.end_ns * 1e-9
         with beside(self._other, far.take, points, sensor, stamp_s, near.tiles):
-            moved = near.take(picked(points, used), sensor, stamp_s)
+            moved = near.take(_picked(points, used), sensor, stamp_s)
         clock.lap("terrain")
         near.name(sensor)
         far.name(sensor)
@@ -283,7 +283,7 @@ class Pipeline:
         low, high = gap_interval(height_m[keep], p.outlier_gap_m)
         beyond = keep & ((height_m < low) | (height_m > high))
         keep[beyond] = in_a_group(points[beyond], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
-        kept = picked(points, keep)
+        kept = _picked(points, keep)
         if not in_flight:
             return kept
         again = self._lone.returning(picked(points, ~keep), sensor_enu_m, len(points))
@@ -348,6 +348,10 @@ class Pipeline:
         for zone_map in (self._near, self._far):
             if zone_map is not None and isinstance(zone_map.terrain, EvidenceTerrain):
                 zone_map.terrain.pin(enu_m, self._parameters.touchdown_error_m)
+
+
+def _picked(points: Points, which: NDArray[np.bool_]) -> Points:
+    return points if which.all() else picked(points, which)
 
 
 def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArray[np.bool_]:

@@ -34,8 +34,11 @@ class Offset:
     def taken_out(
         self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], up_m: float
     ) -> NDArray[np.float64]:
-        """Return points (n, 3) without the offset, and lower by a height besides."""
-        return lowered(points_enu_m, sensor_enu_m, self.up_m + up_m, self.east, self.north)
+        """Return points (n, 3) without the offset, and lower by a height besides; as they are for neither."""
+        up_m += self.up_m
+        if up_m == self.east == self.north == 0:
+            return points_enu_m
+        return lowered(points_enu_m, sensor_enu_m, up_m, self.east, self.north)
 
 
 def offset(

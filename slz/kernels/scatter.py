@@ -32,16 +32,16 @@ def cells_of(
     elsewhere is `OUTSIDE`.
     """
     at = np.empty((len(points), 2), np.int32)
-    r0, r1, c0, c1, inside = within[1], within[0] - 1, within[3], within[2] - 1, 0
+    south0, north0, west0, east0 = within[0], within[1], within[2], within[3]
+    r0, r1, c0, c1, inside = north0, south0 - 1, east0, west0 - 1, 0
     for i in range(points.shape[0]):
-        c = int(np.floor((points[i, 0] - west) / cell))
-        r = int(np.floor((points[i, 1] - south) / cell))
-        if r < within[0] or r >= within[1] or c < within[2] or c >= within[3]:
-            at[i, 0] = OUTSIDE
-            continue
-        at[i, 0], at[i, 1] = r, c
-        inside += 1
-        r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
+        c = np.int64(np.floor((points[i, 0] - west) / cell))
+        r = np.int64(np.floor((points[i, 1] - south) / cell))
+        held = (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
+        at[i, 0], at[i, 1] = r if held else OUTSIDE, c if held else 0
+        inside += held
+        r0, r1 = min(r0, r if held else r0), max(r1, r if held else r1)
+        c0, c1 = min(c0, c if held else c0), max(c1, c if held else c1)
     return at, np.array([r0, r1 + 1, c0, c1 + 1, inside], np.int64)
 
 
