@@ -9,6 +9,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, every, load, store, where
 from slz.kernels.summary import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 
+SOME = 256  # cells whose median height stands for all
 GAP = 8  # cells, up to which footprints on both sides are judged with those between
 
 Row = NDArray[np.float32]
@@ -180,6 +181,21 @@ def _reliefs(
             out[2, row, first + c], out[5, row, first + c] = max(F0, whole), max(F0, inner)
 
 
+@kernel("float64(float32[:, :, ::1])")
+def _middle_height(cells: NDArray[np.float32]) -> float:
+    """Return the median height of some cells, near which most are, so that little is rounded; NaN of none."""
+    weight, height = cells[WEIGHT].ravel(), cells[HEIGHT].ravel()
+    step, found, n = 1 + len(weight) // SOME, np.empty(SOME, np.float32), 0
+    for offset in range(step):  # the first time through is enough but for ground hardly seen
+        for i in range(offset, len(weight), step):
+            if weight[i] > F0:
+                found[n] = height[i]
+                n += 1
+        if n > 0:
+            return np.float64(np.float32(np.median(found[:n])))
+    return np.nan
+
+
 @kernel("float32[:, :, :](float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64)")
 def planes(
     cells: NDArray[np.float32],
@@ -202,13 +218,8 @@ def planes(
     out = np.full((7, rows, cols), np.float32(np.nan))
     if rows < 2 * k + 1 or cols < 2 * k + 1:
         return out
-    reference = np.float64(0)
-    found = False
-    for r in range(rows):
-        for c in range(cols):
-            if not found and cells[WEIGHT, r, c] > 0:
-                reference, found = np.float64(cells[HEIGHT, r, c]), True
-    if not found:
+    reference = _middle_height(cells)
+    if np.isnan(reference):
         return out
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
