@@ -144,6 +144,18 @@ def test_the_excess_is_taken_off_the_relief_at_both_ends() -> None:
     assert out[2, 2, 2] == pytest.approx((0.25 - 0.03) - (-0.04 + 0.01), abs=1e-6)
 
 
+def test_a_first_cell_far_up_rounds_no_relief_but_those_that_hold_it() -> None:
+    cells = random_cells(3, 0.02)
+    rows, cols = cells.shape[1:]
+    cells[:, 0, 0] = cells[:, rows // 2, cols // 2] = 0.0
+    cells[WEIGHT, 0, 0] = 1
+    known, far_up = np.ones((rows, cols), np.uint8), cells.copy()
+    far_up[[HEIGHT, BOTTOM, TOP], 0, 0] = 10_000.0
+    plain, other = (planes(c, known, 1, 0.25, NOISE_M, SLOPE_LIMIT) for c in (cells, far_up))
+    assert np.isfinite(plain[2, 3:, 3:]).any()
+    np.testing.assert_allclose(other[2, 3:, 3:], plain[2, 3:, 3:], rtol=0, atol=2e-6)
+
+
 # ---- closing ------------------------------------------------------------------------------------
 
 

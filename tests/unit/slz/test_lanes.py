@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, below, both, every, flags_of, load, root, store, where
+from slz.kernels.lanes import LANES, ask_for, below, both, columns, every, flags_of, load, root, store, where
 
 Floats = NDArray[np.float32]
 ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-40, 3e38, -1.5], np.float32)
@@ -52,3 +52,18 @@ def test_bits_of_what_is_below_a_limit_leave_out_what_is_no_number(at: int) -> N
     values[1::13] = 0.5
     limit = np.float32(0.5)
     assert int(below(values, at, limit)) == bits_of(values[at : at + 64] < limit)
+
+
+@kernel("void(float32[::1], int64, float32[::1])")
+def in_columns(values: Floats, at: int, out: Floats) -> None:
+    ask_for(values, at)
+    for i, column in enumerate(columns(values, at)):
+        store(out, LANES * i, column)
+
+
+@pytest.mark.parametrize("at", [0, 3, 16])
+def test_columns_are_those_of_16_rows_of_16_numbers(at: int) -> None:
+    values, out = np.arange(300, dtype=np.float32), np.empty(LANES * LANES, np.float32)
+    in_columns(values, at, out)
+    rows = values[at : at + LANES * LANES].reshape(LANES, LANES)
+    np.testing.assert_array_equal(out.reshape(LANES, LANES), rows.T)
