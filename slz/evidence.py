@@ -28,7 +28,7 @@ from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
 from slz.grid import Box, Grid
 from slz.kernels.pyramid import coarser
 from slz.kernels.scatter import TILE
-from slz.kernels.summary import summarise
+from slz.kernels.summary import summary
 from slz.kernels.verdict import SAFE as TOLD_SAFE
 from slz.tiles import SERIALS, Change, Key, Noise, TiledLayers, Tiles, box_of_tile, keys_over
 
@@ -183,7 +183,7 @@ class EvidenceTerrain:
         evidence = self.tiles.read(_scaled(box, self.level))
         for _ in range(self.level):
             evidence = coarser(evidence, self.tiles.latest_s, max_age_s)
-        return summarise(evidence, self.tiles.latest_s, max_age_s)
+        return summary(evidence, self.tiles.latest_s, max_age_s)
 
     def _draw(self, box: Box) -> None:
         """Draw the maps of a box from the evidence of the box and its surroundings."""

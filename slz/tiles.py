@@ -23,7 +23,7 @@ from slz.kernels.scatter import (
     gather_evidence,
     sorted_by_tile,
 )
-from slz.kernels.summary import summarise_tiles
+from slz.kernels.summary import summarise
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
@@ -185,8 +185,11 @@ class Tiles:
     def summary(self, box: Box, max_age_s: float) -> NDArray[np.float32]:
         """Return `slz.kernels.summary.summarise` of the cells of a box at the latest stamp."""
         corner, shape = _tiles_over(box)
-        table, place = self._table(corner, shape), (*corner, box.row0, box.col0, *box.shape)
-        return summarise_tiles(self._pool, table, *place, self.latest_s, max_age_s)
+        rows = np.arange(box.row0, box.row1)
+        slots = self._table(corner, shape)[rows // TILE - corner[0]].astype(np.int64)
+        places = np.where(slots < 0, -1, (slots * TILE + (rows % TILE)[:, None]) * TILE)
+        first = box.col0 - corner[1] * TILE
+        return summarise(self._pool.reshape(-1), places, first, box.shape[1], self.latest_s, max_age_s)
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""

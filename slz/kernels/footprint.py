@@ -9,7 +9,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, every, load, store, where
 from slz.kernels.summary import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 
-SOME = 256  # cells whose median height stands for all
+SOME = 64  # cells whose median height stands for all
 GAP = 8  # cells, up to which footprints on both sides are judged with those between
 
 Row = NDArray[np.float32]
@@ -189,10 +189,14 @@ def _middle_height(cells: NDArray[np.float32]) -> float:
     for offset in range(step):  # the first time through is enough but for ground hardly seen
         for i in range(offset, len(weight), step):
             if weight[i] > F0:
-                found[n] = height[i]
+                k = n
+                while k > 0 and found[k - 1] > height[i]:
+                    found[k] = found[k - 1]
+                    k -= 1
+                found[k] = height[i]
                 n += 1
         if n > 0:
-            return np.float64(np.float32(np.median(found[:n])))
+            return np.float64(found[n // 2])
     return np.nan
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, Floats, both, columns, every, load, store, where
-from slz.kernels.scatter import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE, TILE_BITS, TIME
+from slz.kernels.scatter import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE, TIME
 
 FEW = np.float32(20)  # returns of 3 x 3 cells up to which each stands for itself
 CROWD = np.float32(64)  # returns of a cell from which on its hazards show in more than one of them
@@ -198,8 +198,10 @@ def _room(rows: int, cols: int) -> tuple[Row, Row, Row, Layers]:
     return cells, held, row, np.empty((LAYERS, rows, cols), np.float32)
 
 
-@kernel("float32[:, :, ::1](float32[:, :, :, ::1], float32, float32)")
-def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:
+@kernel("float32[:, :, ::1](float32[::1], int64[:, ::1], int64, int64, float32, float32)")
+def summarise(
+    records: Row, places: NDArray[np.int64], first: int, cols: int, now_s: float, max_age_s: float
+) -> Layers:
     """Return height, bottom, top, number of returns, excess and spread of every cell; NaN, 0 where unknown.
 
     Top is the highest return of the cell, but only as far up as a second return reaches; bottom likewise. So
@@ -214,55 +216,30 @@ def summarise(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> 
 
     Parameters
     ----------
-    evidence
-        (rows, cols, 2, FIELDS) of `slz.tiles.Tiles.read`.
+    records
+        Evidence of cells, `RECORD` numbers each, wherever they are.
+    places
+        (rows, n) cell of `records` with which each stretch of `TILE` cells begins; < 0 where there is none.
+    first, cols
+        Cells to leave out of a row's first stretch, and how many to take then.
     """
-    rows, cols = evidence.shape[:2]
+    rows = len(places)
     cells, held, row, out = _room(rows, cols)
-    flat = evidence.ravel()
     for r in range(rows + 1):
         if r < rows:
-            for k in range(0, RECORD * cols, LANES):
-                store(cells, k, load(flat, RECORD * cols * r + k))
-        _advance(cells, r, now_s, max_age_s, held, row, out)
-    return out
-
-
-@kernel(
-    "float32[:, :, ::1](float32[:, :, :, :, ::1], int32[:, ::1], int64, int64, int64, int64, int64, int64,"
-    " float32, float32)"
-)
-def summarise_tiles(
-    pool: NDArray[np.float32],
-    table: NDArray[np.int32],
-    tile_row: int,
-    tile_col: int,
-    row0: int,
-    col0: int,
-    rows: int,
-    cols: int,
-    now_s: float,
-    max_age_s: float,
-) -> Layers:
-    """Return what `summarise` does of rows x cols cells from (row0, col0) on, without a copy of them.
-
-    Parameters
-    ----------
-    pool, table
-        Evidence of tiles and where in it each of a rectangle of them is, from (tile_row, tile_col) on.
-    """
-    cells, held, row, out = _room(rows, cols)
-    flat = pool.ravel()
-    for r in range(rows + 1):
-        if r < rows:
-            tr, i = ((row0 + r) >> TILE_BITS) - tile_row, (row0 + r) & (TILE - 1)
             c = 0
-            while c < cols:
-                slot, j = table[tr, ((col0 + c) >> TILE_BITS) - tile_col], (col0 + c) & (TILE - 1)
-                many = min(TILE - j, cols - c)
-                first = ((slot * TILE + i) * TILE + j) * RECORD
-                for k in range(RECORD * c, RECORD * (c + many), LANES):
-                    store(cells, k, load(flat, first + k - RECORD * c) if slot >= 0 else every(F0))
+            for s in range(places.shape[1]):
+                skipped = first if s == 0 else 0
+                at, many = RECORD * (places[r, s] + skipped), min(TILE - skipped, cols - c)
+                for k in range(0, RECORD * many, LANES):
+                    store(cells, RECORD * c + k, load(records, at + k) if places[r, s] >= 0 else every(F0))
                 c += many
         _advance(cells, r, now_s, max_age_s, held, row, out)
     return out
+
+
+def summary(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:
+    """Return what `summarise` does of (rows, cols, 2, FIELDS) evidence, see `slz.tiles.Tiles.read`."""
+    rows, cols = evidence.shape[:2]
+    places = np.add.outer(np.arange(rows) * cols, np.arange(0, cols, TILE))
+    return summarise(evidence.reshape(-1), places, 0, cols, now_s, max_age_s)

@@ -17,7 +17,7 @@ from slz.grid import Box
 from slz.kernels.bits import packed, unpacked
 from slz.kernels.closing import above, closed, dilated, highest_around, others
 from slz.kernels.footprint import planes
-from slz.kernels.summary import summarise
+from slz.kernels.summary import summary
 from slz.tiles import Noise, Tiles
 
 Floats = NDArray[np.float64]
@@ -345,7 +345,7 @@ def test_the_summary_joins_the_epochs_and_drops_what_stands_alone(seed: int) -> 
     cells = {place: c.now.heights + c.before.heights for place, c in known.items()}
     current = {place: c.now.heights for place, c in known.items()}
     noise = {place: c.now.variances + c.before.variances for place, c in known.items()}
-    out = summarise(gathered(windows), end_s, MAX_AGE_S)
+    out = summary(gathered(windows), end_s, MAX_AGE_S)
     for row in range(ROWS):
         for col in range(COLS):
             got = out[:, row, col]
@@ -380,6 +380,6 @@ def test_a_cell_not_seen_for_too_long_is_unknown() -> None:
     last = {place: cell.last_s for place, cell in plain(windows).items()}
     assert len(set(last.values())) > 1
     for now in (MAX_AGE_S, MAX_AGE_S + min(last.values()) + 0.5, MAX_AGE_S + windows[-1][0] + 1):
-        known = summarise(evidence, now, MAX_AGE_S)[WEIGHT] > 0
+        known = summary(evidence, now, MAX_AGE_S)[WEIGHT] > 0
         expected = {place for place, stamp in last.items() if now - stamp <= MAX_AGE_S}
         assert {(int(row), int(col)) for row, col in np.argwhere(known)} == expected

@@ -20,7 +20,7 @@ from params import Parameters
 from slz import UNKNOWN, Box
 from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
 from slz.kernels.gather import BLOCK, evidence_of
-from slz.kernels.summary import summarise
+from slz.kernels.summary import summary
 
 KEPT = ("height_m", "top_m", "slope_deg", "roughness", "certainty")
 NEVER_S = 1e12
@@ -95,7 +95,7 @@ def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, m
     if held != wide:
         some, evidence = evidence, np.zeros((*wide.shape, *evidence.shape[2:]), np.float32)
         evidence[within(held, wide)] = some
-    cells = summarise(evidence, 0.0, NEVER_S)
+    cells = summary(evidence, 0.0, NEVER_S)
     values, verdict = drawn(cells, reach_of(p, p.cell_m), p.cell_m, p)
     part = common(block, box)
     out, here = within(part, box), within(part, block)
