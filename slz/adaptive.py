@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.scatter import TILE, hit_tiles
+from slz.kernels.record import TILE
+from slz.kernels.scatter import hit_tiles
 from slz.returns import Returns
 from slz.window import Window
 

@@ -12,7 +12,7 @@ from params import Parameters
 from slz.kernels.bits import Bits, unpacked
 from slz.kernels.closing import above, closed, dilated, highest_around, others
 from slz.kernels.footprint import planes
-from slz.kernels.summary import HEIGHT, WEIGHT
+from slz.kernels.record import HEIGHT, WEIGHT
 from slz.kernels.verdict import verdict
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 

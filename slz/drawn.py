@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.evidence import EvidenceTerrain
-from slz.kernels.scatter import TILE
+from slz.kernels.record import TILE
 from slz.source_terrain import SourceTerrain
 from slz.tiles import Key
 

@@ -27,7 +27,7 @@ from params import Parameters
 from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
 from slz.grid import Box, Grid
 from slz.kernels.pyramid import coarser
-from slz.kernels.scatter import TILE
+from slz.kernels.record import TILE
 from slz.kernels.summary import summary
 from slz.kernels.verdict import SAFE as TOLD_SAFE
 from slz.tiles import SERIALS, Change, Key, Noise, TiledLayers, Tiles, box_of_tile, keys_over

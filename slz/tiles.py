@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from slz.grid import Box
+from slz.kernels.record import FIELDS, TILE
 from slz.kernels.scatter import (
-    FIELDS,
-    TILE,
     cells_of,
     contradicts,
     copy_evidence,

@@ -17,7 +17,7 @@ from companion.dashboard.small_numbers import (
     STEP_M,
 )
 from slz import Drawn, DrawnTile
-from slz.kernels.scatter import TILE
+from slz.kernels.record import TILE
 
 LEVELS = 6
 Key = tuple[int, int]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, every, load, store, where
-from slz.kernels.summary import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
+from slz.kernels.record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 
 SOME = 64  # cells whose median height stands for all
 GAP = 8  # cells, up to which footprints on both sides are judged with those between

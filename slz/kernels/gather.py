@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.scatter import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE
+from slz.kernels.record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE
 
 BLOCK_BITS = 8
 BLOCK = 1 << BLOCK_BITS  # cells along the side of a block

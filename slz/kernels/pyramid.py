@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.scatter import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
+from slz.kernels.record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 
 
 @kernel("float32[:, :, :, ::1](float32[:, :, :, ::1], float32, float32)")

@@ -7,12 +7,20 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, ask_for, load, store
+from slz.kernels.record import (
+    COUNT,
+    FIELDS,
+    HIGH,
+    HIGH2,
+    LOW,
+    LOW2,
+    MEAN,
+    NOISE,
+    TILE,
+    TILE_BITS,
+    TIME,
+)
 
-# Fields of one cell's epoch, see `slz.evidence`.
-COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
-FIELDS = 8  # of one of two epochs: a cell fills the lanes
-TILE_BITS = 6
-TILE = 1 << TILE_BITS  # cells along the side of a tile
 OUTSIDE = np.int32(-(2**31))
 AHEAD = 24  # points, from whose cell on memory is asked for
 ONE, TWO = np.float32(1), np.float32(2)

@@ -7,15 +7,29 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, Floats, both, columns, every, load, store, where
-from slz.kernels.scatter import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE, TIME
+from slz.kernels.record import (
+    BOTTOM,
+    COUNT,
+    EXCESS,
+    FIELDS,
+    HEIGHT,
+    HIGH,
+    HIGH2,
+    LAYERS,
+    LOW,
+    LOW2,
+    MEAN,
+    NOISE,
+    SPREAD,
+    TILE,
+    TIME,
+    TOP,
+    WEIGHT,
+)
 
 FEW = np.float32(20)  # returns of 3 x 3 cells up to which each stands for itself
 CROWD = np.float32(64)  # returns of a cell from which on its hazards show in more than one of them
 STRAY = np.float32(0.5)  # m beyond what is supported, from which on an extreme is left out of the mean
-
-# Layers of `summarise`.
-HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
-LAYERS = 6
 
 # Layers of a row while it is judged, of both epochs together and then of the current one: number of returns,
 # highest, second highest, lowest, second lowest, and how far up and down the neighbours' returns may reach.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.certainty import certainty
 from slz.kernels.jit import kernel
-from slz.kernels.summary import HEIGHT, TOP
+from slz.kernels.record import HEIGHT, TOP
 
 SIGMAS = 3.0  # standard errors that the slope keeps from its limit
 BLANK, SAFE, UNSAFE, UNKNOWN = range(4)  # blank where nothing was drawn

@@ -27,7 +27,7 @@ from companion.app import Companion
 from companion.dashboard.board import NEAR_TILES
 from companion.dashboard.page import Front
 from slz import Drawn, DrawnTile, Pipeline
-from slz.kernels.scatter import TILE
+from slz.kernels.record import TILE
 from tests.bench.test_streams import POINTS_PER_S, feeder
 from tests.ports import free_port
 

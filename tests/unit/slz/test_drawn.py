@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slz.drawn import take_drawn
-from slz.kernels.scatter import TILE
+from slz.kernels.record import TILE
 
 CELL_M = 0.5
 SIDE_M = TILE * CELL_M

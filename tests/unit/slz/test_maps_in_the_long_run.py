@@ -11,7 +11,7 @@ from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, Window
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box, Grid
 from slz.kernels.measure import inside_count
-from slz.kernels.scatter import NOISE
+from slz.kernels.record import NOISE
 from slz.search import search_components
 from slz.tiles import TILE_BYTES, Noise, Tiles
 from slz.zone_map import ZoneMap

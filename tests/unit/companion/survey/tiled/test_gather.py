@@ -13,7 +13,7 @@ from companion.survey.tiled.lattice import UNIT_M, Lattice
 from companion.survey.tiled.sort import Piece, sort_piece
 from slz import Box
 from slz.kernels.gather import evidence_of, place
-from slz.kernels.scatter import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN
+from slz.kernels.record import COUNT, HIGH, HIGH2, LOW, LOW2, MEAN
 from tests.unit.companion.survey.clouds import write
 
 LATTICE = Lattice(1.0, 1.0, 1.0, 0.5)

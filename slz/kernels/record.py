@@ -1,0 +1,11 @@
+"""What is held of a cell: the fields of its evidence, and the layers of what they say."""
+
+# Fields of one of a cell's two epochs, see `slz.evidence`; both fill the lanes.
+COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
+FIELDS = 8
+TILE_BITS = 6
+TILE = 1 << TILE_BITS  # cells along the side of a tile
+
+# Layers of `slz.kernels.summary.summarise`.
+HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
+LAYERS = 6
