@@ -31,21 +31,24 @@ class BlockCopies:
         self._blocks[_blocks_of(box)] = None
         self._copied[_blocks_of(box)] = False
 
-    def of(self, box: Box) -> Blocks:
-        """Return the blocks that hold a box as it is now."""
+    def of(self, box: Box, wanted: NDArray[np.bool_]) -> Blocks:
+        """Return the blocks that hold a box as it is now, but of those not wanted whatever is at hand."""
         rows, cols = _blocks_of(box)
-        for down, right in np.argwhere(~self._copied[rows, cols]).tolist():
+        for down, right in np.argwhere(wanted & ~self._copied[rows, cols]).tolist():
             row, col = rows.start + down, cols.start + right
             self._blocks[row, col] = self._values[col, SIDE * row : SIDE * (row + 1)].copy()
-        self._copied[rows, cols] = True
+        self._copied[rows, cols] |= wanted
         return self._blocks[rows, cols].copy()
 
 
 def joined(blocks: Blocks, box: Box) -> NDArray[np.float32]:
-    """Return the rows of a box, in columns of whole blocks, from the blocks that hold it."""
-    rows = [np.concatenate(list(row), axis=1) for row in blocks]
-    first = box.row0 // SIDE * SIDE
-    return np.concatenate(rows)[box.row0 - first : box.row1 - first]
+    """Return the rows of a box, in columns of whole blocks, from the blocks that hold it; else NaN."""
+    first, rows = box.row0 // SIDE * SIDE, box.shape[0]
+    out = np.full((SIDE * blocks.shape[0], SIDE * blocks.shape[1]), np.nan, np.float32)
+    for (down, right), block in np.ndenumerate(blocks):
+        if block is not None:
+            out[SIDE * down :, SIDE * right :][: len(block), :SIDE] = block
+    return out[box.row0 - first :][:rows]
 
 
 def heights_at(blocks: Blocks, box: Box, cells: NDArray[np.int32]) -> NDArray[np.float32]:

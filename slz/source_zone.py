@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.block_copies import heights_at
 from slz.kernels.bits import unpacked
-from slz.kernels.content import component
+from slz.kernels.content import all_reach, component
 from slz.kernels.measure import SUM_UNIT, corners, measure
 from slz.kernels.room import first_choice, room
 from slz.landing_point import horizon_towards
@@ -35,12 +35,13 @@ def describe_source(
     box, grid, words = part.box, terrain.grid, part.words
     first_row, first_col = part.boundary_cells[0].tolist()
     safe, holes = np.empty_like(part.content), np.empty_like(part.content)
+    held = np.zeros((((box.row1 - 1) >> 6) + 1 - (box.row0 >> 6), safe.shape[1]), bool)
     n_safe, n_unknown, slopes, roughs = measure(
         part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
-        terrain.blocks, terrain.slopes, terrain.roughs, safe, holes,
+        terrain.blocks, terrain.slopes, terrain.roughs, safe, holes, held,
     )  # fmt: skip
-    own = component(safe, first_row - box.row0, first_col - 64 * words.start)
-    blocks = terrain.height_copies.of(box)
+    own = Later(lambda: component(safe, first_row - box.row0, first_col - 64 * words.start))
+    blocks = terrain.height_copies.of(box, held)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
     return Zone(
         id=zone_id,
@@ -63,24 +64,34 @@ def describe_source(
                 grid.cell_m,
             )
         ),
-        obstacles=Later(lambda: source_obstacles(holes, own, blocks, box, grid)),
-        best=_best_point(part, own, terrain, search, sensor_enu_m, parameters),
+        obstacles=Later(lambda: source_obstacles(holes, own.value(), blocks, box, grid)),
+        best=_best_point(part, safe, own, terrain, search, sensor_enu_m, parameters),
     )
 
 
 def _best_point(
     part: Part,
-    own: Bits,
+    safe: Bits,
+    own: Later[Bits],
     terrain: SourceTerrain,
     search: SourceSearch,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone, see `best_point`."""
-    grid, box = terrain.grid, part.box
-    squares = search.squares[box.row0 : box.row1, part.words] & own
-    side, found = room(own, squares, search.side)
-    row0, col0 = box.row0, 64 * part.words.start
+    """Return the point of a zone farthest from everything that is not the zone, see `best_point`.
+
+    Between a zone and an island in one of its holes lies what is neither: so distances are the same with
+    islands as without, and these matter only where what is found lies on one.
+    """
+    grid, box, word0 = terrain.grid, part.box, part.words.start
+    squares = search.squares[box.row0 : box.row1, part.words] & safe
+    side, square, found = room(safe, squares, search.side)
+    longest = len(part.boundary_cells)
+    for cells in (np.array([square]), found):
+        if not all_reach(terrain.safe_bits, part.content, box.row0, word0, cells, longest):
+            side, _, found = room(own.value(), squares & own.value(), search.side)
+            break
+    row0, col0 = box.row0, 64 * word0
     at = first_choice(
         found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,
         sensor_enu_m[0], sensor_enu_m[1],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.bits import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
 from slz.kernels.jit import kernel
-from slz.kernels.tour import EAST_BIT, WEST_BIT
+from slz.kernels.tour import EAST_BIT, WEST_BIT, extent, tour, westmost
 
 TO_WEST, TO_EAST = np.uint64(WEST_BIT), np.uint64(EAST_BIT)
 
@@ -127,3 +127,54 @@ def component(room: Bits, row: int, col: int) -> Bits:
                 north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
                 low, moved = min(low, r), True
     return part
+
+
+@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int32[:, ::1], uint8[::1])")
+def _reaches(
+    safe: Bits,
+    content: Bits,
+    row0: int,
+    word0: int,
+    row: int,
+    col: int,
+    path: NDArray[np.int32],
+    edges: NDArray[np.uint8],
+) -> bool:
+    """Tell whether a set cell belongs to the component whose contour is around it, see `all_reach`."""
+    while True:  # west to an edge; a hole's is followed to its first cell, which lies farther south
+        col = westmost(safe, row, col)
+        west = col - 1 - 64 * word0
+        if west < 0 or (content[row - row0, west >> 6] >> np.uint64(west & 63)) & ONE == NONE:
+            return True
+        n, area = tour(safe, row, col, path, edges)
+        if n > len(path) or area > 0:
+            return False
+        first = extent(path, n)[4]
+        row, col = signed(path[first, 0]), signed(path[first, 1])
+
+
+@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64, int64[:, ::1], int64)")
+def all_reach(
+    safe: Bits, content: Bits, row0: int, word0: int, cells: NDArray[np.int64], longest: int
+) -> bool:
+    """Tell whether set cells inside a contour belong to its component, none to an island in one of its holes.
+
+    False, too, where the edge of a hole between is longer than so many cells: then it is not known.
+
+    Parameters
+    ----------
+    safe
+        The whole map; nothing is set on its margin.
+    content
+        The cells on and inside the contour, from (row0, 64 word0) on.
+    cells
+        (n, 2 or more) rows and columns in the content.
+    """
+    path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
+    for i in range(len(cells)):
+        row, col = row0 + cells[i, 0], 64 * word0 + cells[i, 1]
+        if i > 0 and abs(cells[i, 0] - cells[i - 1, 0]) < 2 and abs(cells[i, 1] - cells[i - 1, 1]) < 2:
+            continue  # beside one that does
+        if not _reaches(safe, content, row0, word0, row, col, path, edges):
+            return False
+    return True

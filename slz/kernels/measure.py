@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, ONE, Bits, popcount, signed
+from slz.kernels.bits import LAST, NONE, ONE, Bits, lowest, popcount, signed
 from slz.kernels.fuse import HALF, OLD
 from slz.kernels.jit import kernel
 
 Map = NDArray[np.float32]
 Row = NDArray[np.float32]
+Word = NDArray[np.uint64]
 SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
+CHUNK = 64  # cells of a boundary
+SIX = np.uint64(6)
 
 
 @kernel("int32(float32[::1], int64, uint64)")
@@ -24,8 +29,19 @@ def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
     return total
 
 
+@kernel("int32(float32[::1], int64, uint64)")
+def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
+    """Return what `_sum_of` does, one set cell at a time."""
+    total = np.int32(0)
+    while cells != NONE:
+        total += np.int32(values[np.uint64(at) + lowest(cells)] * SUM_UNIT + HALF)
+        cells &= cells - ONE
+    return total
+
+
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
-        " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1])")  # fmt: skip
+        " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1],"
+        " boolean[:, ::1])")  # fmt: skip
 def measure(
     content: Bits,
     safe: Bits,
@@ -37,12 +53,14 @@ def measure(
     rough: Map,
     safe_inside: Bits,
     holes: Bits,
+    blocks_held: NDArray[np.bool_],
 ) -> tuple[int, int, int, int]:
     """Return a content's safe and unknown cells, and the slope and roughness of the safe ones.
 
     The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words, and is
     brought up to date where it is OLD (see `fuse`). `safe_inside` receives the content's safe cells, holes
-    those that are known and not safe.
+    those that are known and not safe. `blocks_held`, of each 64 rows and word of the map that the box meets,
+    receives where the content is.
     """
     n_safe = n_unknown = np.uint64(0)
     slopes = roughs = 0
@@ -54,6 +72,7 @@ def measure(
             if inside == NONE:
                 safe_inside[i, j] = holes[i, j] = NONE
                 continue
+            blocks_held[(r >> 6) - (row0 >> 6), j] = True
             own = inside & safe[r, w]
             safe_inside[i, j] = own
             holes[i, j] = inside & known[r, w] & ~own
@@ -61,18 +80,18 @@ def measure(
             n_unknown += popcount(inside & ~known[r, w])
             if own == NONE:
                 continue
-            first = 64 * (w * rows + r)
-            if own != safe[r, w]:
-                slopes += int(_sum_of(slope_of, first, own))
-                roughs += int(_sum_of(rough_of, first, own))
+            first, others = 64 * (w * rows + r), safe[r, w] & ~inside
+            if popcount(own) < popcount(others):
+                slopes += int(_sum_of_few(slope_of, first, own))
+                roughs += int(_sum_of_few(rough_of, first, own))
                 continue
             if blocks[r, w, 0] == OLD:
                 blocks[r, w, 0], blocks[r, w, 1] = (
-                    _sum_of(slope_of, first, own),
-                    _sum_of(rough_of, first, own),
+                    _sum_of(slope_of, first, safe[r, w]),
+                    _sum_of(rough_of, first, safe[r, w]),
                 )
-            slopes += blocks[r, w, 0]
-            roughs += blocks[r, w, 1]
+            slopes += blocks[r, w, 0] - _sum_of_few(slope_of, first, others)
+            roughs += blocks[r, w, 1] - _sum_of_few(rough_of, first, others)
     return signed(n_safe), signed(n_unknown), slopes, roughs
 
 
@@ -99,15 +118,43 @@ def corners(
     return out
 
 
+@kernel("int64(int32[::1], uint64[::1], int64, int64, int64)")
+def _inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, words: int) -> Any:
+    """Return how many cells are set in bits from (row0, col0) on, in which all of them lie."""
+    inside = NONE
+    for i in range(np.uint64(len(boundary) >> 1)):
+        r, c = np.uint64(boundary[2 * i] - row0), np.uint64(boundary[2 * i + ONE] - col0)
+        inside += (content[r * np.uint64(words) + (c >> SIX)] >> (c & LAST)) & ONE
+    return signed(inside)
+
+
 @kernel("int64(int32[:, ::1], uint64[:, ::1], int64, int64, int64)")
 def inside_count(boundary: NDArray[np.int32], content: Bits, row0: int, col0: int, most_outside: int) -> int:
-    """Return how many boundary cells are set in bits from (row0, col0) on; -1 if too many are not."""
-    rows, cols = content.shape[0], 64 * content.shape[1]
+    """Return how many boundary cells are set in bits from (row0, col0) on; -1 if too many are not.
+
+    Each cell is a neighbour of the one before it: so whether the next ones lie in the box, or none of them
+    does, is told by the first where that is far enough from the box's edge.
+    """
+    rows, words = content.shape
+    cols, beyond, flat, steps = 64 * words, 0, content.ravel(), boundary.ravel()
+    for start in range(0, len(boundary) - CHUNK, CHUNK):
+        row, col = boundary[start, 0] - row0, boundary[start, 1] - col0
+        beyond += not (-CHUNK < row < rows + CHUNK and -CHUNK < col < cols + CHUNK)
+    if CHUNK * beyond > most_outside:
+        return -1
     outside = 0
-    for i in range(len(boundary)):
-        r, c = boundary[i, 0] - row0, boundary[i, 1] - col0
-        if r < 0 or c < 0 or r >= rows or c >= cols or not content[r, c >> 6] >> np.uint64(c & 63) & ONE:
-            outside += 1
-            if outside > most_outside:
-                return -1
+    for start in range(0, len(boundary), CHUNK):
+        stop = min(start + CHUNK, len(boundary))
+        row, col = boundary[start, 0] - row0, boundary[start, 1] - col0
+        if CHUNK <= row < rows - CHUNK and CHUNK <= col < cols - CHUNK:
+            outside += stop - start - _inside(steps[2 * start : 2 * stop], flat, row0, col0, words)
+        elif not (-CHUNK < row < rows + CHUNK and -CHUNK < col < cols + CHUNK):
+            outside += stop - start
+        else:
+            for i in range(start, stop):
+                r, c = boundary[i, 0] - row0, boundary[i, 1] - col0
+                held = 0 <= r < rows and 0 <= c < cols
+                outside += not (held and content[r, c >> 6] >> np.uint64(c & 63) & ONE)
+        if outside > most_outside:
+            return -1
     return len(boundary) - outside

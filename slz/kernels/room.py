@@ -61,11 +61,12 @@ def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
 
 
 @kernel(
-    "Tuple((int64, int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1], UniTuple(int64, 4)))"
-    "(uint64[:, ::1], int64)"
+    "Tuple((int64, UniTuple(int64, 2), int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1],"
+    " UniTuple(int64, 4)))(uint64[:, ::1], int64)"
 )
-def _largest(corners: Bits, side: int) -> tuple[int, int, Bits, Span, Bits, Span]:
-    """Return the side of the largest square, the greatest double of `side` with a square and its corners.
+def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits, Span, Bits, Span]:
+    """Return the side of the largest square and where the first is, the greatest double of `side` with a
+    square and its corners.
 
     And the corners of half of that; what lies outside the span of either is not to be read.
     """
@@ -89,7 +90,13 @@ def _largest(corners: Bits, side: int) -> tuple[int, int, Bits, Span, Bits, Span
             continue
         side += step
         best, best_span, other = other, found, np.empty_like(corners)
-    return side, double, corners, span, before, before_span
+    row, w = best_span[0], best_span[2]
+    while best[row, w] == NONE:
+        w += 1
+        if w == best_span[3]:
+            row, w = row + 1, best_span[2]
+    where = row, 64 * w + signed(lowest(best[row, w]))
+    return side, where, double, corners, span, before, before_span
 
 
 @kernel("int64(uint64[:, ::1], int64)")
@@ -231,9 +238,9 @@ def _among(part: Bits, cells: Bits, span: Span, of: int, side: int) -> NDArray[n
     return _farthest(part, cells, span, half, (side - 1) // 2, 2 * (side + 2) * (side + 2))
 
 
-@kernel("Tuple((int64, int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
-def room(part: Bits, corners: Bits, least: int) -> tuple[int, NDArray[np.int64]]:
-    """Return the side of a part's largest square, and its cells farthest from the outside.
+@kernel("Tuple((int64, UniTuple(int64, 2), int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
+def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
+    """Return the side of a part's largest square, where one is, and its cells farthest from the outside.
 
     A circle of the square's inner radius fits in it, and about any cell farther from the edge than that a
     square that is smaller by the root of two.
@@ -245,16 +252,17 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, NDArray[np.int64]]
 
     Returns
     -------
-    The side; (n, 3) row, column and squared distance to the outside, of the cells whose distance is less than
-    the greatest by at most half a cell, in the order of rows and columns.
+    The side; row and column of the first such square's south-west corner; (n, 3) row, column and squared
+    distance to the outside, of the cells whose distance is less than the greatest by at most half a cell, in
+    the order of rows and columns.
     """
-    side, double, cells, span, before, before_span = _largest(corners, least)
+    side, where, double, cells, span, before, before_span = _largest(corners, least)
     wanted = 2 * _half(side) + 1
     if double > wanted:
         cells, span, double = before, before_span, double >> 1
     if double > wanted or double < least:
         cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
-    return side, _among(part, cells, span, double, side)
+    return side, where, _among(part, cells, span, double, side)
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], int64)")

@@ -99,8 +99,8 @@ def find(
     path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
     spread = np.array([row1, row0, word1, word0], np.int64)
     table, count = np.empty((16, FIELDS), np.int64), 0
-    boundary, n_boundary = np.empty((4096, 2), np.int32), 0
-    words, n_words = np.empty(4096, np.uint64), 0
+    boundary, n_boundary = np.empty((0, 2), np.int32), 0
+    words, n_words = np.empty(0, np.uint64), 0
     row, w = _open(seeds, taken, row0, word0, row1, word0, word1)
     while row < row1:
         r, c = row, 64 * w + signed(lowest(seeds[row, w] & ~taken[row, w]))
@@ -114,7 +114,13 @@ def find(
                 break
             r, c = signed(path[first, 0]), signed(path[first, 1])
         w0, w1 = c0 >> 6, ((c1 - 1) >> 6) + 1
-        content = np.zeros((r1 - r0, w1 - w0), np.uint64)
+        size = (r1 - r0) * (w1 - w0)
+        if n_words + size > len(words):
+            more_words = np.empty(max(n_words + size, 2 * n_words), np.uint64)
+            put(more_words, 0, words[:n_words])
+            words = more_words
+        words[n_words : n_words + size] = NONE
+        content = words[n_words : n_words + size].reshape(r1 - r0, w1 - w0)
         n_cells = fill(path, edges, n, r0, w0, content)
         if n < least:
             room = content & safe[r0:r1, w0:w1]
@@ -132,18 +138,13 @@ def find(
             entry[BOUNDARY_AT], entry[CONTENT_AT] = n_boundary, n_words
             count += 1
             if n_boundary + n > len(boundary):
-                more = np.empty((2 * (n_boundary + n), 2), np.int32)
+                more = np.empty((max(n_boundary + n, 2 * n_boundary), 2), np.int32)
                 put_rows(more, 0, boundary[:n_boundary])
                 boundary = more
             flat = boundary.ravel()
             put(flat, 2 * n_boundary, path[start:n].ravel())
             put(flat, 2 * (n_boundary + n - start), path[:start].ravel())
             n_boundary += n
-            if n_words + content.size > len(words):
-                more_words = np.empty(2 * (n_words + content.size), np.uint64)
-                put(more_words, 0, words[:n_words])
-                words = more_words
-            put(words, n_words, content.ravel())
-            n_words += content.size
+            n_words += size
         row, w = _open(seeds, taken, row, w, row1, word0, word1)
-    return table[:count].copy(), boundary[:n_boundary].copy(), words[:n_words].copy(), spread
+    return table[:count].copy(), boundary[:n_boundary], words[:n_words], spread

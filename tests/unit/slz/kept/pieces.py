@@ -63,7 +63,7 @@ def zones() -> Iterator[Any]:
         rest, own = seeds.copy(), bits
         for row, col in np.argwhere(square)[:: max(1, int(square.sum()) // 2)].tolist():
             own = component(bits, row, col)
-            side, cells = room(own, rest & own, 3)
+            side, _, cells = room(own, rest & own, 3)
             yield side, cells, farthest(own, side)
         holes = packed(np.pad(blob(rng, 24, 150, 0.7, 0.2), ((0, 0), (0, 42))))
         height = rng.normal(0, 1, (24, 64 * bits.shape[1])).astype(np.float32)
