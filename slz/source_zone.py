@@ -86,7 +86,7 @@ def _best_point(
     grid, box, word0 = terrain.grid, part.box, part.words.start
     squares = search.squares[box.row0 : box.row1, part.words] & safe
     side, square, found = room(safe, squares, search.side)
-    longest = len(part.boundary_cells)
+    longest = 4 * len(part.boundary_cells)  # more than most holes have
     for cells in (np.array([square]), found):
         if not all_reach(terrain.safe_bits, part.content, box.row0, word0, cells, longest):
             side, _, found = room(own.value(), squares & own.value(), search.side)
