@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.frame import is_known
 from slz.kernels.record import TILE
 from slz.kernels.scatter import hit_tiles
 from slz.returns import Returns
@@ -89,7 +90,7 @@ class Adapter:
 
         Where the sensor's place is not known nothing changes and the density is not worked out: 0.
         """
-        if not np.isfinite(window.sensor_enu_m).all():
+        if not is_known(window.sensor_enu_m):
             return Choice(0.0, math.nan, self._speed(window), self._far, self._level, self._p.window_s)
         every = max(1, returns.n // SOME)
         choice = self.look(window, returns.kept(every))
@@ -98,7 +99,7 @@ class Adapter:
     def _speed(self, window: Window) -> float:
         """Return the speed since the last window of which the place is known."""
         before, now = self._before, (window.end_ns, window.sensor_enu_m)
-        if not np.isfinite(now[1][:2]).all():
+        if not is_known(now[1][:2]):
             return self._speed_ms
         self._before = now
         if before is not None and now[0] > before[0]:

@@ -34,7 +34,8 @@ class BlockCopies:
     def of(self, box: Box, wanted: NDArray[np.bool_]) -> Blocks:
         """Return the blocks that hold a box as it is now, but of those not wanted whatever is at hand."""
         rows, cols = _blocks_of(box)
-        for down, right in np.argwhere(wanted & ~self._copied[rows, cols]).tolist():
+        missing = (wanted & ~self._copied[rows, cols]).nonzero()
+        for down, right in zip(*(index.tolist() for index in missing), strict=True):
             row, col = rows.start + down, cols.start + right
             self._blocks[row, col] = self._values[col, SIDE * row : SIDE * (row + 1)].copy()
         self._copied[rows, cols] |= wanted

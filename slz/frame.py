@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 EARTH_RADIUS_M = 6_378_137.0
 Floats = NDArray[np.float64]
+
+
+def is_known(enu_m: Floats) -> bool:
+    """Tell whether all numbers of a place are finite, as are those of a place that is known."""
+    return all(map(math.isfinite, enu_m.tolist()))
 
 
 @dataclass(frozen=True, slots=True)

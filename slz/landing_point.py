@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.evidence import EvidenceTerrain
+from slz.frame import is_known
 from slz.grid import Box, Grid
 from slz.kernels.bits import packed
 from slz.kernels.room import farthest
@@ -263,7 +264,7 @@ def horizon_towards(
     parameters: Parameters,
 ) -> float:
     """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
-    if math.isnan(sensor_enu_m[0]) or not (np.isfinite(enu_m).all() and np.isfinite(sensor_enu_m).all()):
+    if not (is_known(enu_m) and is_known(sensor_enu_m)):
         return float("nan")
     east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
     way = math.hypot(east, north)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.evidence import EvidenceTerrain
+from slz.frame import is_known
 from slz.grid import Box
 from slz.landing_point import Terrain
 from slz.maps import SAFE
@@ -72,7 +73,7 @@ def nearby(near: Terrain, far: Terrain, sensor_enu_m: NDArray[np.float64]) -> Ne
     sensor_enu_m
         (3,) east, north, up; where it is not finite nothing is returned.
     """
-    if not np.isfinite(sensor_enu_m).all():
+    if not is_known(sensor_enu_m):
         return None
     cell_m = near.grid.cell_m
     block = max(1, math.ceil(LEAST_CELL_M / cell_m - 1e-9))

@@ -18,7 +18,7 @@ from slz.adaptive import Adapter, Choice
 from slz.beside import beside
 from slz.drawn import Drawn, take_drawn
 from slz.evidence import EvidenceTerrain
-from slz.frame import LocalFrame
+from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid
 from slz.kernels.reach import picked, usable, within_reach
 from slz.landing_point import SelectedPoint, judge, unknown
@@ -106,7 +106,7 @@ class Pipeline:
         """
         clock = _Stages()
         sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
-        if not np.isfinite(sensor).all():
+        if not is_known(sensor):
             sensor[:] = np.nan
         self._sensor = sensor
         step = self._by_the_sources if self._source else self._by_default
@@ -278,7 +278,7 @@ class Pipeline:
             np.ascontiguousarray(window.points_enu_m), sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M
         )
         height_m = np.ascontiguousarray(points[:, 2])
-        in_flight = bool(np.isfinite(sensor_enu_m).all())  # a stored cloud was cleaned by who made it
+        in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
         low, high = gap_interval(height_m[keep], p.outlier_gap_m)
         beyond = keep & ((height_m < low) | (height_m > high))
@@ -322,7 +322,7 @@ class Pipeline:
         """Return the points in the near map's heights, after following the drift of those to be used."""
         tiles, found = near.tiles, Offset()
         most_m = self._parameters.register_m
-        if most_m > 0 and np.isfinite(sensor).all():
+        if most_m > 0 and is_known(sensor):
             found = offset(points, np.flatnonzero(used), sensor, tiles, most_m)
         points = found.taken_out(points, sensor, tiles.datum_m)
         tiles.datum_m += found.up_m
@@ -331,7 +331,7 @@ class Pipeline:
     def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
         """Use what stands on known ground of the near map, too, however far: it counts at once."""
         terrain, least_m = near.terrain, self._parameters.relief_m
-        if np.isfinite(sensor).all():
+        if is_known(sensor):
             others = np.flatnonzero(~used)
             used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
 

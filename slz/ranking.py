@@ -7,6 +7,7 @@ import operator
 from collections.abc import Iterable
 
 from params import Parameters
+from slz.frame import is_known
 from slz.zone import Zone
 
 Entry = tuple[tuple[float, ...], Zone]  # the steps and whose they are
@@ -79,7 +80,7 @@ def enough_m(parameters: Parameters) -> float:
 def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     """Return what decides on a zone, the most important first; the greater the better."""
     best, enough = zone.best, enough_m(parameters)
-    placed = all(map(math.isfinite, best.enu_m.tolist()))
+    placed = is_known(best.enu_m)
     horizon_deg = 90.0 if math.isnan(best.horizon_deg) else max(0.0, best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
@@ -95,7 +96,7 @@ def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
 def told(zone: Zone) -> tuple[str, ...]:
     """Return in words what each step is made from."""
     best = zone.best
-    placed = all(map(math.isfinite, best.enu_m.tolist()))
+    placed = is_known(best.enu_m)
     unseen = math.isnan(best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (

@@ -116,12 +116,13 @@ class SourceSearch:
             self._terrain.safe_bits, self.squares, taken, row0, row1, word0, word1, self._boundary,
             self._longest + self._longest // 4,
         )  # fmt: skip
-        self._longest = max(FEWEST, int(table[:, N_BOUNDARY].max(initial=0)))
+        rows = table.tolist()
+        self._longest = max([FEWEST, *(row[N_BOUNDARY] for row in rows)])
         low, high, left, right = spread.tolist()
         taken[low:high, left:right] = 0
         for part in kept:
             taken[part.box.row0 : part.box.row1, part.words] = 0
-        return [_part(row, boundary, content) for row in table.tolist()]
+        return [_part(row, boundary, content) for row in rows]
 
 
 def _part(row: list[int], boundary: NDArray[np.int32], content: Bits) -> Part:
@@ -146,6 +147,6 @@ def _outermost(parts: list[Part]) -> tuple[Part, ...]:
     found: list[Part] = []
     for part in parts:
         row, col = part.boundary_cells[0].tolist()
-        if not any(other.holds(row, col) for other in found):
+        if not any(other.box.row1 > row and other.holds(row, col) for other in found):
             found.append(part)
     return tuple(found)

@@ -167,16 +167,16 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
-def _farthest(part: Bits, cells: Bits, span: Span, shift: int, inner: int, most2: int) -> NDArray[np.int64]:
-    """Return what `widest` does, of the cells that lie `shift` rows and columns beyond those set in a span.
+def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int) -> NDArray[np.int64]:
+    """Return what `room` does, of the cells that lie `shift` rows and columns beyond those set in a span.
 
-    No distance changes by more than the way: of a square of cells, only those are halved again whose middle
-    is so far from the outside that another cell in them may be the farthest.
+    Some cell's squared distance is `best2` or more. No distance changes by more than the way: of a square of
+    cells, only those are halved again whose middle is so far from the outside that another cell in them may
+    be the farthest.
     """
-    block = 1
-    while block < 64 and 2 * block <= 0.6 * inner:
+    block, n = 1, 0
+    while block < 64 and 2 * block <= 0.6 * (np.sqrt(best2) - 1.0):
         block *= 2
-    best2, n = (inner + 1) * (inner + 1), 0
     blocks = np.empty((256, 3), np.int64)
     for r in range(span[0] & -block, span[1], block):
         for w in range(span[2], span[3]):
@@ -221,29 +221,29 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, inner: int, most2
 
 
 @kernel("int64(int64)")
-def _half(side: int) -> int:
-    """Return how far a square reaches that fits about any circle's middle as wide as a larger square."""
-    return max(0, int(np.ceil(((side - 1) // 2 + 0.5) / np.sqrt(2.0) - 1)))
+def _half(least2: int) -> int:
+    """Return how far a square reaches that fits about any cell nearly so far from the outside."""
+    return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
 
 
-@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64)")
-def _among(part: Bits, cells: Bits, span: Span, of: int, side: int) -> NDArray[np.int64]:
-    """Return the cells farthest from the outside, from the corners of squares of a smaller side."""
-    half = _half(side)
+@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+def _among(part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int) -> NDArray[np.int64]:
+    """Return the cells farthest from the outside, `least2` or more, from the corners of smaller squares."""
+    half = _half(least2)
     wanted = 2 * half + 1
     while of < wanted:
         step, larger = min(of, wanted - of), np.empty_like(part)
         span = _larger(cells, span, step, larger)
         cells, of = larger, of + step
-    return _farthest(part, cells, span, half, (side - 1) // 2, 2 * (side + 2) * (side + 2))
+    return _farthest(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
 
 
 @kernel("Tuple((int64, UniTuple(int64, 2), int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
 def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
     """Return the side of a part's largest square, where one is, and its cells farthest from the outside.
 
-    A circle of the square's inner radius fits in it, and about any cell farther from the edge than that a
-    square that is smaller by the root of two.
+    The farthest is no nearer than the square's middle, and about any cell nearly as far from the edge a
+    square fits that is smaller by the root of two.
 
     Parameters
     ----------
@@ -257,18 +257,21 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], N
     the order of rows and columns.
     """
     side, where, double, cells, span, before, before_span = _largest(corners, least)
-    wanted = 2 * _half(side) + 1
+    inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
+    least2 = _distance2(part, where[0] + inner, where[1] + inner, 0, most2)
+    wanted = 2 * _half(least2) + 1
     if double > wanted:
         cells, span, double = before, before_span, double >> 1
     if double > wanted or double < least:
         cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
-    return side, where, _among(part, cells, span, double, side)
+    return side, where, _among(part, cells, span, double, least2, side)
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], int64)")
 def farthest(part: Bits, side: int) -> NDArray[np.int64]:
-    """Return the second of what `room` does, of a part whose largest square has a side."""
-    return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, side)
+    """Return the last of what `room` does, of a part whose largest square has a side."""
+    inner = (side - 1) // 2
+    return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side)
 
 
 @kernel("int64(int64[:, ::1], float32[:, :, ::1], int64, int64, float64, float64, float64, float64, float64)")
