@@ -12,6 +12,7 @@ from slz.kernels.rows import doubled
 Word = NDArray[np.uint64]
 Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open) outside which nothing is set
 NEAR = 32  # cells to either side that a word about a cell holds
+WITNESSES = 16  # cells outside that are remembered
 MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
@@ -132,25 +133,34 @@ def _open_beside(part: Bits, r: int, col: int, most2: int) -> int:
     return int(min(best, dx + signed(leading(open_))))
 
 
-@kernel("int64(uint64[:, ::1], int64, int64, int64, int64)")
-def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> int:
-    """Return the squared distance from a cell to the nearest outside; any less than `least2` if it is."""
-    best = most2
-    dy = 0
+@kernel("boolean(uint64[:, ::1], int64, int64)")
+def _is_open(part: Bits, row: int, col: int) -> bool:
+    if row < 0 or row >= part.shape[0] or col < 0 or col >= 64 * part.shape[1]:
+        return True
+    return bool((part[row, col >> 6] >> np.uint64(col & 63)) & ONE == NONE)
+
+
+@kernel("UniTuple(int64, 3)(uint64[:, ::1], int64, int64, int64, int64)")
+def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple[int, int, int]:
+    """Return the squared distance from a cell to the nearest outside; any less than `least2` if it is.
+
+    And where that lies, unless the distance is `most2`.
+    """
+    best, beside, dy = most2, 0, 0
+    where = row
     while dy * dy < best and best >= least2:
         for r in (row - dy, row + dy):
             if best <= NEAR * NEAR:  # all that matters lies in one word
                 open_ = ~word_at(part, r, col - 31)
                 dx = signed(min(lowest(open_ >> MIDDLE), leading(open_ << NEAR_BITS)))
-                best = min(best, dy * dy + dx * dx)
-                continue
-            if r < 0 or r >= len(part):
-                best = dy * dy
-                continue
-            dx = _open_beside(part, r, col, best - dy * dy)
-            best = min(best, dy * dy + dx * dx)
+            elif r < 0 or r >= len(part):
+                dx = 0
+            else:
+                dx = _open_beside(part, r, col, best - dy * dy)
+            if dy * dy + dx * dx < best:
+                best, where, beside = dy * dy + dx * dx, r, dx
         dy += 1
-    return best
+    return best, where, col + beside if _is_open(part, where, col + beside) else col - beside
 
 
 @kernel("boolean(uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
@@ -172,7 +182,7 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
 
     Some cell's squared distance is `best2` or more. No distance changes by more than the way: of a square of
     cells, only those are halved again whose middle is so far from the outside that another cell in them may
-    be the farthest.
+    be the farthest. That most are not is told by the cells outside that were the nearest to others.
     """
     block, n = 1, 0
     while block < 64 and 2 * block <= 0.6 * (np.sqrt(best2) - 1.0):
@@ -190,12 +200,23 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
                     blocks = doubled(blocks)
                 blocks[n, 0], blocks[n, 1] = r, 64 * w + at
                 n += 1
+    nearest, n_nearest = np.empty((WITNESSES, 2), np.int64), 0
     while True:
         away, middle = np.sqrt(0.5) * (block if block > 1 else 0), shift + (block >> 1)
         for i in range(n):
             least = max(0.0, np.sqrt(best2) - 0.5 - away)
-            r, c = blocks[i, 0] + middle, blocks[i, 1] + middle
-            blocks[i, 2] = _distance2(part, r, c, int(least * least), most2)
+            least2 = int(least * least)
+            r, c, bound2 = blocks[i, 0] + middle, blocks[i, 1] + middle, most2
+            for k in range(min(n_nearest, WITNESSES)):
+                down, right = r - nearest[k, 0], c - nearest[k, 1]
+                bound2 = min(bound2, down * down + right * right)
+            blocks[i, 2] = bound2
+            if bound2 < least2:
+                continue
+            blocks[i, 2], row, col = _distance2(part, r, c, least2, bound2)
+            if blocks[i, 2] < bound2:
+                nearest[n_nearest % WITNESSES, 0], nearest[n_nearest % WITNESSES, 1] = row, col
+                n_nearest += 1
             best2 = max(best2, blocks[i, 2])
         keep, least = 0, np.sqrt(best2) - 0.5 - away
         for i in range(n):
@@ -258,7 +279,7 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], N
     """
     side, where, double, cells, span, before, before_span = _largest(corners, least)
     inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
-    least2 = _distance2(part, where[0] + inner, where[1] + inner, 0, most2)
+    least2 = _distance2(part, where[0] + inner, where[1] + inner, 0, most2)[0]
     wanted = 2 * _half(least2) + 1
     if double > wanted:
         cells, span, double = before, before_span, double >> 1
