@@ -161,3 +161,28 @@ def test_cells_of_a_path_are_counted_wherever_the_content_lies(seed: int) -> Non
     for allowed in (outside, outside + 1, len(path)):
         assert inside_count(path, content, row0, col0, allowed) == inside
     assert inside_count(path, content, row0, col0, outside - 1) == -1
+
+
+@pytest.mark.parametrize("first", range(50, 80))
+def test_a_path_straight_out_of_a_content_is_counted_to_its_edge(first: int) -> None:
+    """Each way out, whatever the cells are that the box's edge is told by."""
+    content = np.full((200, 4), ~np.uint64(0))
+    far = np.arange(first, first - 120, -1)
+    across = np.full(120, 100)
+    for rows, cols in ((far, across), (199 - far, across), (across, far), (across, 255 - far)):
+        path = np.column_stack([rows, cols]).astype(np.int32)
+        inside = int((far >= 0).sum())
+        assert inside_count(path, content, 0, 0, 120 - inside) == inside
+        assert inside_count(path, content, 0, 0, 119 - inside) == -1
+        back = np.ascontiguousarray(path[::-1])
+        assert inside_count(back, content, 0, 0, 120 - inside) == inside
+
+
+@pytest.mark.parametrize("out", [1, 5, 20])
+def test_a_path_that_comes_back_each_time_it_leaves_is_not_taken_for_one_outside(out: int) -> None:
+    content = np.full((200, 4), ~np.uint64(0))
+    way = np.concatenate([np.arange(31, -1, -1), np.arange(32)]) - 32 + out  # 64 cells, the first outside
+    for rows, cols in ((200 + np.tile(way, 6), 100), (-1 - np.tile(way, 6), 100)):
+        path = np.column_stack([rows, np.full(len(rows), cols)]).astype(np.int32)
+        outside = int(((rows < 0) | (rows >= 200)).sum())
+        assert inside_count(path, content, 0, 0, outside) == len(path) - outside
