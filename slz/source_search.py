@@ -147,6 +147,6 @@ def _outermost(parts: list[Part]) -> tuple[Part, ...]:
     found: list[Part] = []
     for part in parts:
         row, col = part.boundary_cells[0].tolist()
-        if not any(other.box.row1 > row and other.holds(row, col) for other in found):
+        if not any(other.holds(row, col) for other in found):
             found.append(part)
     return tuple(found)
