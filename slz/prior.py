@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.content import describe
-from slz.frame import LocalFrame
+from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid
 from slz.kernels.prior import contradict, heights_over
 from slz.landing_point import Readable
@@ -188,7 +188,7 @@ class Prior:
             self._frame, self._asked, self.terrain, self.zones = frame, None, None, ()
             self._marks, self._registered, self._offset_m = None, False, 0.0
             self._names = ZoneTracker(self._ids)
-        if self._asked is not None and not np.isfinite(sensor_enu_m).all():
+        if self._asked is not None and not is_known(sensor_enu_m):
             return
         here = np.nan_to_num(sensor_enu_m)
         old = self.terrain
