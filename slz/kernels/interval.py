@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import signed
+from slz.kernels.bits import NONE, ONE, lowest, signed
 from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, every, flags_of, load
 from slz.kernels.stream import DROPPED
 
 Points = NDArray[np.float64]
 Counts = NDArray[np.int32]
 CHUNK = 64  # points, of which seldom one lies near a bin's edge or far from the others
-SAMPLED = 8  # one chunk of so many is counted to see where the points are
+SAMPLED = 64  # one chunk of so many is counted to see where the points are
+CLEARLY = 4.0  # times as many as a sparse bin holds
 MANY = 50_000  # points, from which on that is worth while
+ROUNDING = 2.0**-22  # of a bin times the number of bins, by which four bytes may move a height
 FOUR = np.uint64(3)
 
 
@@ -31,7 +34,7 @@ def _bins(
     That is so of a height so near a bin's edge that rounding to four bytes may have moved it over. Without a
     branch, so that the compiler takes four at a time.
     """
-    near, last, odd = 0.5 - bins * 2.0**-22, np.int32(bins - 1), 0
+    near, last, odd = 0.5 - bins * ROUNDING, np.int32(bins - 1), 0
     for i in range(np.uint64(len(cells))):
         at = (float(heights[i]) + shift) * scale
         b = np.int32(at)
@@ -41,18 +44,9 @@ def _bins(
     return odd != 0
 
 
-@kernel("boolean(float32[::1], float32, float32)")
-def _any_beyond(heights: NDArray[np.float32], least: np.float32, most: np.float32) -> bool:
-    """Tell whether a height is below the least or above the most."""
-    beyond = 0
-    for i in range(np.uint64(len(heights))):
-        beyond |= signed((heights[i] < least) | (heights[i] > most))
-    return beyond != 0
-
-
 @kernel(
-    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, float32,"
-    " float32, int32[:, ::1])"
+    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64,"
+    " int32[:, ::1])"
 )
 def _count(
     points: Points,
@@ -62,17 +56,13 @@ def _count(
     low: float,
     scale: float,
     every: int,
-    least: np.float32,
-    most: np.float32,
     count: Counts,
 ) -> None:
-    """Count by bins the points of every so many chunks, but of those that lie whole from least to most."""
+    """Count by bins the points of one chunk of so many."""
     count[:] = 0
     bins, mine = count.shape[1] - 1, np.empty(CHUNK, np.uint16)
     for start in range(0, len(cells), CHUNK * every):
         some = slice(start, min(len(cells), start + CHUNK))
-        if not _any_beyond(heights[some], least, most):
-            continue
         if _bins(cells[some], heights[some], level - low, scale, bins, mine):
             for i in range(some.start, some.stop):
                 if cells[i] != DROPPED:
@@ -81,12 +71,60 @@ def _count(
             count[i & FOUR, mine[i]] += 1
 
 
+@kernel("uint64(float32[::1], int64, float32, float32)")
+def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
+    """Return the bits of those of 64 heights, fewer at the end, below the least or above the most."""
+    word, i = NONE, np.uint64(0)
+    if start + CHUNK <= len(heights):
+        for at in range(start, start + CHUNK, LANES):
+            some = load(heights, at)
+            word |= (flags_of(some < every(least)) | flags_of(every(most) < some)) << i
+            i += np.uint64(LANES)
+        return word
+    for at in range(start, len(heights)):
+        word |= np.uint64(heights[at] < least or heights[at] > most) << i
+        i += ONE
+    return word
+
+
+@kernel(
+    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, int64,"
+    " int32[:, ::1])"
+)
+def _count_ends(
+    points: Points,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    level: float,
+    low: float,
+    scale: float,
+    lower: int,
+    upper: int,
+    count: Counts,
+) -> None:
+    """Count all points of the bins below the lower and from the upper on; of those between only some."""
+    count[:] = 0
+    bins, shift = count.shape[1] - 1, level - low
+    near = bins * ROUNDING
+    least, most = np.float32((lower + near) / scale - shift), np.float32((upper - near) / scale - shift)
+    for start in range(0, len(cells), CHUNK):
+        word = _beyond(heights, start, least, most)
+        while word != NONE:
+            i = start + signed(lowest(word))
+            word &= word - ONE
+            if cells[i] == DROPPED:
+                continue
+            at = (float(heights[i]) + shift) * scale
+            if abs(at - np.floor(at) - 0.5) > 0.5 - near:
+                at = (points[3 * i + 2] - low) * scale
+            count[0, min(bins - 1, int(at))] += 1
+
+
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64)")
 def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
-    """Return the first and the last bin that are not sparse; the number of bins for the first if all are."""
-    bins = count.shape[1] - 1
-    first, last = 0, bins - 1
-    while first < bins and count[:, first].sum() < sparse:
+    """Return the first and the last bin that are not sparse, the outermost ones if all are."""
+    first, last = 0, count.shape[1] - 2
+    while first < last and count[:, first].sum() < sparse:
         first += 1
     while last > first and count[:, last].sum() < sparse:
         last -= 1
@@ -131,24 +169,26 @@ def interval(
     formed. Here an end bin is sparse when it holds less than (1 - threshold) of the mean bin population.
     Sparse end bins are trimmed, the emptier end first, while at least `threshold` of all points stay.
 
-    A bin that is not sparse by a sample of the points is not by all. Nothing is trimmed between two such
-    bins, so that only points beyond them are counted. A height that lies so near a bin's edge that rounding
-    to four bytes may move it over is looked up.
+    Nothing is trimmed between two bins that are not sparse. Where those are is guessed from a sample; then
+    only the bins beyond are counted, those two themselves unless the sample alone has enough of them, and
+    all bins if the guess was wrong. A height that lies so near a bin's edge that rounding to four bytes may
+    move it over is looked up.
     """
     if not high > low:
         return low, high
     count = np.empty((4, bins + 1), np.int32)  # four, so that equal bins one after the other need not wait
     scale, sparse = bins / (high - low), (1 - threshold) * n / bins
-    least, most = np.float32(np.inf), np.float32(-np.inf)
-    first, last, near = bins, 0, bins * 2.0**-22
+    guessed = False
     if n > MANY:
-        _count(points, cells, heights, level, low, scale, SAMPLED, least, most, count)
-        first, last = _not_sparse(count, sparse)
-        if first < bins:
-            least = np.float32(low - level + (first + near) / scale)
-            most = np.float32(low - level + (last + 1 - near) / scale)
-    _count(points, cells, heights, level, low, scale, 1, least, most, count)
-    if first < bins:
-        count[0, first] = count[0, last] = n
+        _count(points, cells, heights, level, low, scale, SAMPLED, count)
+        first, last = _not_sparse(count, CLEARLY * sparse / SAMPLED)
+        sure_first, sure_last = count[:, first].sum() >= sparse, count[:, last].sum() >= sparse
+        lower, upper = first + 1 - int(sure_first), last + int(sure_last)
+        _count_ends(points, cells, heights, level, low, scale, lower, upper, count)
+        count[0, first] += n * int(sure_first)
+        count[0, last] += n * int(sure_last)
+        guessed = count[0, first] >= sparse and count[0, last] >= sparse
+    if not guessed:
+        _count(points, cells, heights, level, low, scale, 1, count)
     first, last = _trimmed(count, sparse, n, threshold)
     return low + first / scale, low + (last + 1) / scale

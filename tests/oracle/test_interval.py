@@ -63,6 +63,14 @@ def hidden(n: int, rng: np.random.Generator) -> Heights:
     return np.where(chunk == 0, rng.normal(5.0, 0.1, n), rng.uniform(-20.0, 30.0, n))
 
 
+def misleading(n: int, rng: np.random.Generator) -> Heights:
+    """A few far below and above, all in chunks that are sampled: their bins are sparse all the same."""
+    height = rng.normal(0.0, 1.0, n)
+    sampled = np.flatnonzero(np.arange(n) // CHUNK % SAMPLED == 0)
+    height[sampled[3:8]], height[sampled[20:26]] = -20.0, 25.0
+    return height
+
+
 def level(n: int, rng: np.random.Generator) -> Heights:
     """Nearly all in one bin, which the others frame."""
     height = rng.uniform(2.0, 2.001, n)
@@ -81,7 +89,7 @@ def alike(n: int, rng: np.random.Generator) -> Heights:
 
 
 @pytest.mark.parametrize("n", [700, MANY + 1, 2 * MANY + 77])
-@pytest.mark.parametrize("make", [ground, ramp, hidden, level, bell, alike])
+@pytest.mark.parametrize("make", [ground, ramp, hidden, misleading, level, bell, alike])
 def test_the_heights_accepted_are_those_of_the_whole_histogram(make: object, n: int) -> None:
     assert callable(make)
     for seed in range(3):
