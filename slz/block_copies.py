@@ -28,8 +28,9 @@ class BlockCopies:
 
     def change(self, box: Box) -> None:
         """Take note that cells of a box were written to."""
-        self._blocks[_blocks_of(box)] = None
-        self._copied[_blocks_of(box)] = False
+        blocks = _blocks_of(box)
+        self._blocks[blocks] = None
+        self._copied[blocks] = False
 
     def of(self, box: Box, wanted: NDArray[np.bool_]) -> Blocks:
         """Return the blocks that hold a box as it is now, but of those not wanted whatever is at hand."""

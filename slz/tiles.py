@@ -249,7 +249,7 @@ def keys_over(box: Box) -> tuple[Key, ...]:
     if box.empty:
         return ()
     (row, col), (rows, cols) = _tiles_over(box)
-    return tuple((row + r, col + c) for r in range(rows) for c in range(cols))
+    return tuple(itertools.product(range(row, row + rows), range(col, col + cols)))
 
 
 def box_of_tile(key: Key) -> Box:
