@@ -79,22 +79,23 @@ def _exactly(
             cells[i] = np.uint32((int(row) << 16) | int(col)) if inside else OUTSIDE
 
 
-@kernel("Tuple((uint32, uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
+@kernel("Tuple((uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
 def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
-    """Return the least and greatest row and column, the greatest of all, the least and greatest height.
+    """Return the least and greatest cell, the least and greatest column, the least and greatest height.
 
     Heights are given and returned as the bits of theirs, the negative ones' turned round: so they are whole
-    numbers in the same order, of which the compiler takes many at a time.
+    numbers in the same order, of which the compiler takes many at a time. It does so in four bytes only where
+    nothing is worked out in more, as `min` does.
     """
-    row0, row1, col0, col1, most = LOW16, NOTHING, LOW16, NOTHING, NOTHING
+    first, last, col0, col1 = OUTSIDE, NOTHING, LOW16, NOTHING
     low, high = LARGEST, LEAST
     for i in range(np.uint64(len(cells))):
-        row, col = cells[i] >> HALF, cells[i] & LOW16
-        row0, row1, col0, col1 = min(row0, row), max(row1, row), min(col0, col), max(col1, col)
-        most = max(most, cells[i])
-        height = heights[i] ^ ((heights[i] >> SIGN) & LARGEST)
-        low, high = min(low, height), max(high, height)
-    return row0, row1, col0, col1, most, low, high
+        cell, col = cells[i], np.uint32(cells[i] & LOW16)
+        first, last = cell if cell < first else first, cell if cell > last else last
+        col0, col1 = col if col < col0 else col0, col if col > col1 else col1
+        height = np.int32(heights[i] ^ np.int32(np.int32(heights[i] >> SIGN) & LARGEST))
+        low, high = height if height < low else low, height if height > high else high
+    return first, last, col0, col1, low, high
 
 
 @kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
@@ -177,9 +178,10 @@ def stream(
             mine, heights[start:stop],
         ):  # fmt: skip
             _exactly(some, west, south, cell, rows, cols, mine)
-        r0, r1, c0, c1, most, lower, upper = _ends(mine, bits[start:stop])
-        if most < OUTSIDE:
-            row0, row1, col0, col1 = min(row0, r0), max(row1, r1), min(col0, c0), max(col1, c1)
+        first, last, c0, c1, lower, upper = _ends(mine, bits[start:stop])
+        if last < OUTSIDE:
+            row0, row1 = min(row0, first >> HALF), max(row1, last >> HALF)
+            col0, col1 = min(col0, c0), max(col1, c1)
             if lower <= least or upper >= greatest:  # of four bytes: the highest of all eight is among these
                 least, greatest = min(least, lower), max(greatest, upper)
                 low, high = _heights(some, low, high)

@@ -15,32 +15,37 @@ ONE, MANTISSA = np.uint64(1), np.uint64((1 << 52) - 1)
 
 
 @kernel(
-    "boolean(uint32[::1], float32[::1], float64, float64, float64, float64, uint32, uint32, uint32[::1],"
-    " float64[::1])"
+    "boolean(uint32[::1], float32[::1], float32, float32, float64, float64, uint64, uint32, uint32,"
+    " uint32[::1], float64[::1], uint64[::1])"
 )
 def _places(
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
+    least: np.float32,
+    most: np.float32,
     shift: float,
-    least: float,
-    most: float,
     scale: float,
+    bits: np.uint64,
     width: np.uint32,
     first: np.uint32,
     places: NDArray[np.uint32],
     scaled: NDArray[np.float64],
+    added: NDArray[np.uint64],
 ) -> bool:
-    """Leave where each point of a chunk is added, and what, plus 2**52; tell whether one is not to be so.
+    """Leave where each point of a chunk is added, and what; tell whether one is not to be so.
 
-    Without a branch, so that the compiler takes four and more at a time. The last 52 bits of a number plus
-    2**52 are that number, rounded.
+    Without a branch and in four bytes where they are enough, so that the compiler takes many at a time. The
+    last 52 bits of a number plus 2**52 are that number, rounded: `added` is the same memory as `scaled`.
     """
-    odd = 0
+    odd = np.uint32(0)
     for i in range(np.uint64(len(cells))):
-        at, over = cells[i], float(heights[i]) + shift
-        odd |= signed((at >= OUTSIDE) | (over < least) | (over > most))
-        places[i] = (at >> HALF) * width + (at & LOW16) - first
-        scaled[i] = over * scale + TWO_52
+        at, height = cells[i], heights[i]
+        beyond = np.uint32(at >= OUTSIDE) | np.uint32(height < least) | np.uint32(height > most)
+        odd = np.uint32(odd | beyond)
+        places[i] = np.uint32(np.uint32(at >> HALF) * width) + np.uint32(at & LOW16) - first
+        scaled[i] = (float(height) + shift) * scale + TWO_52
+    for i in range(np.uint64(len(cells))):
+        added[i] = ((added[i] & MANTISSA) << bits) | ONE
     return odd != 0
 
 
@@ -77,24 +82,26 @@ def scatter(
     """
     shift, bits, used = level - low, np.uint64(count_bits), 0
     near = (abs(low - level) + abs(high - level)) * 2.0**-22
-    most = high - low - near
+    least, most = np.float32(low - level + near), np.float32(high - level - near)
     places, scaled = np.empty(CHUNK, np.uint32), np.empty(CHUNK)
     added = scaled.view(np.uint64)
     wide, first = np.uint32(width), np.uint32(row0 * width + col0)
     for start in range(0, len(cells), CHUNK):
         stop = min(start + CHUNK, len(cells))
+        some = slice(start, stop)
         if not _places(
-            cells[start:stop], heights[start:stop], shift, near, most, scale, wide, first, places, scaled
-        ):
+            cells[some], heights[some], least, most, shift, scale, bits, wide, first,
+            places, scaled, added,
+        ):  # fmt: skip
             for i in range(np.uint64(stop - start)):
-                sums[np.uint64(places[i])] += ((added[i] & MANTISSA) << bits) | ONE
+                sums[np.uint64(places[i])] += added[i]
             used += stop - start
             continue
         for i in range(start, stop):
             if cells[i] == DROPPED:
                 continue
             over = float(heights[i]) + shift
-            if over < near or over > most:
+            if heights[i] < least or heights[i] > most:
                 z = points[3 * i + 2]
                 if z < low or z > high:
                     continue
