@@ -143,20 +143,25 @@ def _join(
     total_slope: Row,
     to: int,
 ) -> None:
-    """Join a word of a row of a window with the total maps (§3.2.3), by mean or maximum."""
+    """Join a word of a row of a window with the total maps (§3.2.3), by mean or maximum.
+
+    Where nothing is to be written the old value is joined with itself, which leaves it: were it chosen last,
+    the compiler would store only some of the numbers, which some processors do one at a time.
+    """
     half, most = every(HALF), every(worst)
     for i in range(0, WORD, LANES):
         if (sloped >> np.uint64(i)) & SOME == NONE:
             continue
         h, s = load(height, at + i), load(slope, at + i)
         old_h, old_s = load(total_height, to + i), load(total_slope, to + i)
+        write, held = s < most, old_s < most
+        h, s = where(write, h, old_h), where(write, s, old_s)
         if greatest:
             joint_h, joint_s = where(old_h < h, h, old_h), where(old_s < s, s, old_s)
         else:
             joint_h, joint_s = half * (old_h + h), half * (old_s + s)
-        write, held = s < most, old_s < most
-        store(total_slope, to + i, where(write, where(held, joint_s, s), old_s))
-        store(total_height, to + i, where(write, where(held, joint_h, h), old_h))
+        store(total_slope, to + i, where(held, joint_s, s))
+        store(total_height, to + i, where(held, joint_h, h))
 
 
 @kernel("void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], int64)")
@@ -176,9 +181,9 @@ def _join_rough(
         if (roughened >> np.uint64(i)) & SOME == NONE:
             continue
         q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
+        q = where(both(s < most, q == q), q, old)
         joint = where(old < q, q, old) if greatest else half * (old + q)
-        new = where(old == most, q, joint)
-        store(total_rough, to + i, where(both(s < most, q == q), new, old))
+        store(total_rough, to + i, where(old == most, q, joint))
 
 
 @kernel("uint64(int64, int64, int64, int64)")
