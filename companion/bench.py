@@ -62,15 +62,16 @@ class Case:
 def run(case: Case) -> dict[str, Any]:
     """Warm up, process every window, and return times (ms), zones and memory.
 
-    A window's time is that of `Pipeline.process`, from points to the report. The zone is fixed about (0, 0),
-    and points outside it are passed over. The allocator is told to keep memory, as in flight.
+    A window's time is that of `Pipeline.process`, from points to the report. What the pipeline does between
+    windows, as in flight, is `between_ms`. The zone is fixed about (0, 0), and points outside it are passed
+    over. The allocator is told to keep memory, as in flight.
     """
     keep_memory()
     parameters = case.parameters()
     records = _records(case.points)
     warm_up(parameters)
     pipeline = Pipeline(parameters, (0.0, 0.0), follow=False)
-    wall_ms, cpu_ms, stages, n_points = [], [], [], 0
+    wall_ms, cpu_ms, between_ms, stages, n_points = [], [], [], [], 0
     report: Report | None = None
     gc.collect()
     gc.freeze()
@@ -81,6 +82,9 @@ def run(case: Case) -> dict[str, Any]:
         cpu_ms.append((time.thread_time() - cpu) * 1e3)
         stages.append(report.stage_ms)
         n_points += len(window)
+        cpu = time.thread_time()
+        pipeline.prepare()
+        between_ms.append((time.thread_time() - cpu) * 1e3)
     gc.unfreeze()
     if report is None:
         raise UsageError(f"{case.points} holds no points")
@@ -89,6 +93,7 @@ def run(case: Case) -> dict[str, Any]:
         "points": n_points,
         "ms": _spread(wall_ms),
         "cpu_ms": _spread(cpu_ms),
+        "between_ms": _spread(between_ms),
         "window_ms": [round(ms, 4) for ms in wall_ms],
         "stage_ms": {name: round(float(np.median([s[name] for s in stages])), 4) for name in stages[0]},
         "points_per_s": round(n_points / (sum(wall_ms) * 1e-3)),

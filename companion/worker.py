@@ -159,6 +159,8 @@ class PipelineWorker:
             self._on_report(report)
             if self.look is not None and self._waiting is None:
                 await self._show(loop, self.look)
+            if self._waiting is None:
+                await self._prepare(loop)
 
     async def _show(self, loop: asyncio.AbstractEventLoop, look: Callable[[Pipeline], None]) -> None:
         """Let a display look; one that fails looks no more, and the landing goes on."""
@@ -167,6 +169,13 @@ class PipelineWorker:
         except Exception:
             self.look = None
             log.exception("the display of the map failed; it is drawn no more")
+
+    async def _prepare(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Let the pipeline make memory ready; a failure costs time only."""
+        try:
+            await loop.run_in_executor(self._thread, self._pipeline.prepare)
+        except Exception:
+            log.exception("no memory could be made ready for the next window")
 
     def _withdraw(self, error: Exception) -> None:
         """Call the last answer invalid: this window has none."""

@@ -186,6 +186,16 @@ class Pipeline:
         clock.lap("zones")
         return near, far, choice, n_used, outside is not None and active is near
 
+    def prepare(self) -> None:
+        """Have memory ready for the next window: call it when there is time, or not at all.
+
+        The system gives a page of memory when it is first written to, which may take longer than what is
+        computed there. The next report is the same. In default mode there is nothing to do.
+        """
+        for zone_map in (self._near, self._far):
+            if isinstance(zone_map, SourceMap):
+                zone_map.terrain.prepare()
+
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Keep a landing point under watch, or none; the next report says whether it is safe."""
         if enu_m is None:

@@ -21,10 +21,12 @@ from slz.kernels.stream import MOST_CELLS
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.returns import Returns
 from slz.tiles import SERIALS, Key, box_of_tile, keys_over
-from slz.untouched import untouched
+from slz.untouched import make_ready, untouched
 
 NOWHERE = np.full(3, np.nan)
 NOTHING = Box(0, 0, 0, 0)
+AHEAD = 32  # cells about where the next window is expected
+SPARSE = 4  # cells of a window's box for each return, beyond which some lie far off
 Map = NDArray[np.float32]
 
 
@@ -58,6 +60,7 @@ class SourceTerrain:
         self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
         self.blocks = untouched((grid.rows, words, 2), np.int32)
         self.seen = self.changed = NOTHING
+        self._last: tuple[Box, ...] = ()  # what was hit by the last two windows that tell of the next
         self.serial = next(SERIALS)
         self.touched: set[Key] = set()
 
@@ -89,9 +92,28 @@ class SourceTerrain:
         )  # fmt: skip
         self.height_copies.change(box)
         self.seen = self.seen.union(returns.box)
+        dense = math.prod(returns.box.shape) <= SPARSE * returns.n
+        self._last = (*self._last[-1:], returns.box) if dense else ()
         self.changed = self.changed.union(Box(*changed))
         self.touched.update(keys_over(returns.box))
         return used
+
+    def prepare(self) -> None:
+        """Have memory ready where the next window will lie if the vehicle flies on as it did."""
+        if not self._last:
+            return
+        box, before = self._last[-1], self._last[0]
+        down = (box.row0 - before.row0 + box.row1 - before.row1) // 2
+        right = (box.col0 - before.col0 + box.col1 - before.col1) // 2
+        ahead = Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right)
+        ahead = ahead.grown(AHEAD, self.grid)
+        if ahead.empty:
+            return
+        rows, words = slice(ahead.row0, ahead.row1), _words(ahead)
+        for values in (self.heights, self.slopes, self.roughs):
+            make_ready(values, words, rows)
+        for bits in (self.begun, self.safe_bits, self.known_bits, self.blocks):
+            make_ready(bits, rows, words)
 
     def settle(self) -> Box:
         """Return the box in which the safety of cells changed since the last call."""

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from slz.kernels.touch import touch
+
+NOTHING = np.uint8(0)
 LEAST = 1 << 16  # bytes, below which an ordinary array will do: larger ones it would fill at once
 
 
@@ -22,3 +25,16 @@ def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     if size < LEAST:
         return np.zeros(shape, dtype)
     return np.frombuffer(mmap.mmap(-1, size), dtype).reshape(shape)
+
+
+def make_ready(values: NDArray[Any], rows: slice, cols: slice) -> None:
+    """Have the system give the memory of a part of (rows, columns, ...), so that writing there does not wait.
+
+    The values stay as they are.
+    """
+    size = values.itemsize * math.prod(values.shape[2:])
+    row = size * values.shape[1]
+    count, length = rows.stop - rows.start, size * (cols.stop - cols.start)
+    if count > 0 and length > 0:
+        first = rows.start * row + cols.start * size
+        touch(values.reshape(-1).view(np.uint8), first, row, count, length, NOTHING)

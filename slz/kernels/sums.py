@@ -46,7 +46,7 @@ def _places(
         scaled[i] = (float(height) + shift) * scale + TWO_52
     for i in range(np.uint64(len(cells))):
         added[i] = ((added[i] & MANTISSA) << bits) | ONE
-    return odd != 0
+    return bool(odd != 0)
 
 
 @kernel(

@@ -5,8 +5,9 @@ python -m tests.bench.compare --baseline baseline.cpp --generator gen.py --work 
     [--opencv opencv_pipeline.py --opencv-python PYTHON]
 
 The baselines and the generator of workloads are given by path; nothing of them is part of this repository.
-Ratios are of medians of windows; each round runs the baseline, `slz bench`, the
-baseline over what was touched, and the pipeline made with OpenCV on one thread, by the wall's clock.
+Ratios are of medians of windows, without what `slz` does between them; each round runs the baseline,
+`slz bench`, the baseline over what was touched, and the pipeline made with OpenCV on one thread, by the
+wall's clock.
 """
 
 from __future__ import annotations
@@ -49,13 +50,14 @@ namespace std { namespace chrono { using cpu_clock = ::cpu_clock; } }
 
 @dataclass(frozen=True)
 class Run:
-    """Times of one program: median, 99th percentile and greatest, and its zones."""
+    """Times of one program: median, 99th percentile and greatest, and between windows, and its zones."""
 
     median: float
     p99: float
     most: float
     zones: list[dict[str, Any]]
     rss_mb: float = 0.0
+    between: float = 0.0
 
 
 def compiled(source: Path, work: Path, cpu: bool) -> Path:
@@ -103,8 +105,8 @@ def ours(points: Path, config: str, core: int, mode: str, windows: int, cpu: boo
     own += ["--min-boundary", str(LEAST_BOUNDARY), "--mode", mode, "--windows", str(windows), "--json"]
     command = ["taskset", "-c", str(core), sys.executable, "-m", "companion.cli", "bench", *own]
     said = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    ms = said["cpu_ms" if cpu else "ms"]
-    return Run(ms["median"], ms["p99"], ms["max"], said["zones"], said["rss_mb"])
+    ms, between_ms = said["cpu_ms" if cpu else "ms"], said["between_ms"]["median"]
+    return Run(ms["median"], ms["p99"], ms["max"], said["zones"], said["rss_mb"], between_ms)
 
 
 def opencv(args: argparse.Namespace, points: Path, config: str) -> float:
@@ -150,7 +152,7 @@ def compare(config: str, scan: str, program: Path, points: Path, args: argparse.
     same = args.mode != "source" or all(same_zones(r[2].zones, r[0].zones) for r in rounds)
     print(
         f"| {config} {scan} | {plain.median:.2f} | {touched.median:.2f} | {mine.median:.3f} | "
-        f"{mine.p99:.2f} ({mine.p99 / mine.median:.1f}x) | "
+        f"{mine.between:.2f} | {mine.p99:.2f} ({mine.p99 / mine.median:.1f}x) | "
         f"{mine.most:.2f} ({mine.most / mine.median:.1f}x) | "
         f"{ratio:.1f} | {ratio_touched:.1f} | {len(mine.zones)} {'same' if same else 'DIFFERENT'} | "
         f"{mine.rss_mb:.0f} | {statistics.median(by_opencv):.0f} |",
@@ -177,9 +179,10 @@ def main() -> None:
     args.work.mkdir(parents=True, exist_ok=True)
     program = compiled(args.baseline, args.work, args.cpu)
     print(
-        "| config | C++ ms | touched ms | slz ms | p99 | max | x C++ | x touched | zones | MB | OpenCV ms |"
+        "| config | C++ ms | touched ms | slz ms | between | p99 | max | x C++ | x touched | zones | MB |"
+        " OpenCV ms |"
     )
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     good = True
     for config in args.configs:
         for scan in args.scans.split(","):

@@ -52,6 +52,26 @@ async def test_a_window_makes_a_report_with_its_latency() -> None:
     assert worker.latencies_ms.last > 0
 
 
+async def test_memory_is_made_ready_after_a_report_and_a_failure_of_that_costs_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reports: list[Report] = []
+    worker = worker_to(reports)
+    known: list[int] = []
+
+    def fail(_: Pipeline) -> None:
+        known.append(len(reports))
+        worker.offer(scan(5.0))
+        raise MemoryError("broken on purpose")
+
+    monkeypatch.setattr(Pipeline, "prepare", fail)
+    for second in (0, 1.0):
+        worker.offer(scan(second))
+    await drive(worker, lambda: len(reports) == 2)
+    assert known[0] == 1
+    assert not worker.invalid
+
+
 async def test_the_newest_window_wins_and_the_lost_one_is_counted() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
