@@ -26,7 +26,7 @@ from slz.untouched import make_ready, untouched
 NOWHERE = np.full(3, np.nan)
 NOTHING = Box(0, 0, 0, 0)
 AHEAD = 32  # cells about where the next window is expected
-SPARSE = 4  # cells of a window's box for each return, beyond which some lie far off
+SPARSE = 4  # cells of a window's box and about it for each return, beyond which some lie far off
 Map = NDArray[np.float32]
 
 
@@ -92,7 +92,8 @@ class SourceTerrain:
         )  # fmt: skip
         self.height_copies.change(box)
         self.seen = self.seen.union(returns.box)
-        dense = math.prod(returns.box.shape) <= SPARSE * returns.n
+        area = math.prod(side + 2 * AHEAD for side in returns.box.shape)
+        dense = area <= SPARSE * (returns.n - returns.n_outside)
         self._last = (*self._last[-1:], returns.box) if dense else ()
         self.changed = self.changed.union(Box(*changed))
         self.touched.update(keys_over(returns.box))

@@ -98,3 +98,6 @@ def test_it_lies_ahead_and_a_far_return_asks_for_nothing(monkeypatch: pytest.Mon
     pipeline.process(window(3, stray=True))
     pipeline.prepare()
     assert not asked
+    pipeline.process(window(21))  # 72 m on: a seventh of the returns lies in the map, and fills its edge
+    pipeline.prepare()
+    assert not asked
