@@ -42,8 +42,9 @@ types: setup
 docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
+# By files, the long flights first: what they share is made once, and no long one is left for the end.
 unit: setup
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not bench and not browser"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not bench and not browser"
 
 # Inputs in all harnesses together; what fails is kept in out/fuzz (docs/fuzzing.md).
 INPUTS ?= 1000000

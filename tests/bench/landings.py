@@ -25,6 +25,7 @@ from sitl.modes import Mode
 from tests.e2e.harness import Mission
 
 HAZARD_BELOW_M = (5.0, 14.0)
+FINE = {"tick_ns": 2_500_000, "lidar_ms": 20, "point_rate_hz": 50_000}
 FLYING_COMMANDS = frozenset(
     {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_DO_REPOSITION}
 )
@@ -74,7 +75,7 @@ class Witness:
 def fly(flight: Plan) -> dict[str, Any]:
     """Fly one landing and return what came of it."""
     started = time.perf_counter()
-    mission = Mission(flight.scene, seed=flight.number)
+    mission = Mission(flight.scene, seed=flight.number, height_m=25.0, survey_s=15.0, simulated=FINE)
     witness = Witness(mission)
     if flight.hazard_below_m is not None:
         mission.sim.intruder = Intruder(flight.hazard_below_m)

@@ -47,7 +47,7 @@ async def _flight(mission: Mission) -> tuple[list[np.ndarray], np.ndarray]:
 
 @pytest.mark.timeout(600)
 def test_rtl_lands_on_a_surveyed_zone_when_the_companion_is_dead() -> None:
-    mission = Mission("stadium", auto=False, rally="on", rally_height_m=25.0)
+    mission = Mission("stadium", auto=False, height_m=25.0, rally="on", rally_height_m=25.0)
     try:
         points, home = mission.loop.run_until_complete(_flight(mission))
     finally:

@@ -19,7 +19,7 @@ def test_an_emergency_in_loiter_lands_at_once() -> None:
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
         await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
-        await m.until(lambda: m.height_m > 23)
+        await m.until(lambda: m.height_m > 16)
         m.sim.pilot.set_mode(Mode.LOITER)
         await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
         await asyncio.sleep(3)
