@@ -34,7 +34,7 @@ T = TypeVar("T")
 async def simulator(url: str, truth: Path) -> AsyncIterator[tuple[Process, str]]:
     """Run `python -m sitl`; give the process and the address it says it serves."""
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "sitl", "--scene", "plain", "--lidar", "none", "--speedup", "5",
+        sys.executable, "-m", "sitl", "--scene", "plain", "--lidar", "none", "--speedup", "3",
         "--origin", ",".join(map(str, ORIGIN)), "--mavlink", url, "--truth", str(truth),
         stdout=PIPE,
     )  # fmt: skip
