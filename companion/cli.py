@@ -218,13 +218,15 @@ def run(
 ) -> None:
     """Run on the vehicle: read the autopilot and the LiDAR, map, choose and land."""
     _log(verbose)
-    from companion import flight, settings
+    from companion import settings
     from companion.state import StateDir, default_state_dir
 
     if land not in ("ask", "auto"):
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
+    from companion import flight  # seconds: after what is quickly refused
+
     with _front(dashboard, dashboard_token) as front:
         summary = flight.run(
             mavlink,
