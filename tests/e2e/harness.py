@@ -18,7 +18,7 @@ from sitl.lidar_port import PTY
 from sitl.simulation import Simulation
 from tests.ports import free_port
 
-TICK_NS, LIDAR_MS, POINT_RATE_HZ = 10_000_000, 50, 25_000  # coarser than by default: half of the time
+TICK_NS, LIDAR_MS, POINT_RATE_HZ = 10_000_000, 50, 25_000  # coarser than by default, for time
 # How each simulated LiDAR is spoken of on board: the URL of its port, and how it is mounted.
 LIDARS: dict[str, tuple[str, dict[str, float]]] = {
     "mid360": ("livox:{port}", {}),
