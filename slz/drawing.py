@@ -14,10 +14,8 @@ from slz.kernels.closing import above, closed, dilated, highest_around, others
 from slz.kernels.footprint import planes
 from slz.kernels.record import HEIGHT, WEIGHT
 from slz.kernels.verdict import verdict
-from slz.maps import SAFE, UNKNOWN, UNSAFE
 
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
-STATE_OF = np.array([UNKNOWN, SAFE, UNSAFE, UNKNOWN], np.uint8)  # by what a verdict tells
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +56,7 @@ def drawn(
 
     Returns
     -------
-    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 what `STATE_OF` turns into
-    states; 0 stands for cells that nobody drew.
+    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 states.
     """
     p, m, k = parameters, reach.margin, reach.radius
     rows, cols, whole = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m, cells.shape[2]

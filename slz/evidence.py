@@ -24,13 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
+from slz.drawing import LAYERS, drawn, reach_of
 from slz.grid import Box, Grid
 from slz.kernels.pyramid import coarser
 from slz.kernels.record import TILE
 from slz.kernels.summary import summary
-from slz.kernels.verdict import SAFE as TOLD_SAFE
-from slz.tiles import SERIALS, Change, Key, Noise, TiledLayers, Tiles, box_of_tile, keys_over
+from slz.layers import TiledLayers
+from slz.maps import SAFE, UNKNOWN
+from slz.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
 HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
@@ -69,8 +70,8 @@ class EvidenceTerrain:
         self.pinned: frozenset[Key] = frozenset()
         self.noise = Noise(parameters.range_noise_m, math.radians(parameters.angle_noise_deg))
         self._parameters = parameters
-        self._maps = TiledLayers(len(LAYERS), np.float32, np.nan)
-        self._verdict = TiledLayers(1, np.uint8)
+        self._maps = TiledLayers([0.0 if name == "certainty" else np.nan for name in LAYERS], np.float32)
+        self._states = TiledLayers([int(UNKNOWN)], np.uint8)
         self.serial = next(SERIALS)
         self.touched: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
@@ -134,10 +135,10 @@ class EvidenceTerrain:
         for key in self._aged(now_s):
             self._draw_all([box_of_tile(key)])
         if change.evicted:
-            for layers in (self._maps, self._verdict):
+            for layers in (self._maps, self._states):
                 self.touched.update(layers.keep(lambda key: self.tiles.any_near(key, self.level)))
             if len(self.touched) > 2 * self.tiles.capacity:  # nobody looks
-                self.serial, self.touched = next(SERIALS), set(self._verdict.keys())
+                self.serial, self.touched = next(SERIALS), set(self._states.keys())
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
@@ -191,7 +192,7 @@ class EvidenceTerrain:
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
         values, told = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
         self._maps.write(box, values)
-        self._verdict.write(box, told)
+        self._states.write(box, told)
         self.touched.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
@@ -217,11 +218,11 @@ class EvidenceTerrain:
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
-        return np.asarray(self._verdict.read(self._everywhere(box)) == TOLD_SAFE, np.uint8)
+        return np.asarray(self._states.read(self._everywhere(box)) == SAFE, np.uint8)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
-        return np.asarray(STATE_OF[self._verdict.read(self._everywhere(box))])
+        return self._states.read(self._everywhere(box))
 
     # ---- what was drawn since somebody looked ----------------------------------------------------
 
@@ -232,27 +233,33 @@ class EvidenceTerrain:
 
     def touch_all(self) -> None:
         """Count every tile as touched."""
-        self.touched.update(self._verdict.keys())
+        self.touched.update(self._states.keys())
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
         """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is drawn."""
-        maps, verdict = self._maps.tile(key), self._verdict.tile(key)
-        if maps is None or verdict is None:
+        maps, states = self._maps.tile(key), self._states.tile(key)
+        if maps is None or states is None:
             return None
         datum_m = np.float32(self.tiles.datum_m)
         layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
-        return layers, STATE_OF[verdict[0]]
+        return layers, states[0].copy()
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.
 
         The relief is NaN also where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
-        values = self._maps.read(self._everywhere(box), LAYERS.index(name))
-        if name == "certainty":
-            values[np.isnan(values)] = 0
-            return np.asarray(values)
-        return np.asarray(values + np.float32(self.tiles.datum_m)) if name in HEIGHTS else values
+        return self._with_datum(name, self._maps.read(self._everywhere(box), LAYERS.index(name)))
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Return one of `LAYERS` at (n, 2) cells, see `layer`."""
+        there = np.ascontiguousarray(cells, np.int32)
+        return self._with_datum(name, self._maps.at(there, *self._corner, LAYERS.index(name)))
+
+    def _with_datum(self, name: str, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        if name in HEIGHTS:
+            values += np.float32(self.tiles.datum_m)
+        return values
 
 
 def _scaled(box: Box, level: int) -> Box:

@@ -32,6 +32,8 @@ class Readable(Protocol):
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]: ...
 
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]: ...
+
     def state(self, box: Box) -> NDArray[np.uint8]: ...
 
 
@@ -77,26 +79,24 @@ class SelectedPoint:
 
 def best_point(
     candidate: Candidate,
-    slope_deg: NDArray[np.float32],
-    certainty: NDArray[np.float32],
-    terrain: Terrain,
+    terrain: Readable,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone; the maps are of its box.
+    """Return the point of a zone farthest from everything that is not the zone.
 
     Of points whose clearance differs by less than half a cell the most certain, then the least steep, then
     the nearest to the vehicle is taken.
     """
-    grid, box = terrain.grid, candidate.box
-    found = farthest(packed(candidate.component), candidate.square_side)
-    widest, distance = found[:, :2], np.sqrt(found[:, 2])
-    rows, cols = widest[:, 0], widest[:, 1]
-    slope, sure = np.nan_to_num(slope_deg[rows, cols], nan=90.0), certainty[rows, cols]
-    centres = grid.centres(widest + np.array([box.row0, box.col0]))
+    grid, wide = terrain.grid, candidate.words_box
+    found = farthest(candidate.own_bits, candidate.square_side)
+    widest, distance = found[:, :2] + np.array([wide.row0, wide.col0]), np.sqrt(found[:, 2])
+    slope = np.nan_to_num(terrain.layer_at("slope_deg", widest), nan=90.0)
+    sure = terrain.layer_at("certainty", widest)
+    centres = grid.centres(widest)
     way = np.nan_to_num(np.hypot(*(centres - sensor_enu_m[:2]).T))
     first = np.lexsort((way // grid.cell_m, np.round(slope, 1), -np.round(sure, 3)))[0]
-    row, col = int(rows[first]) + box.row0, int(cols[first]) + box.col0
+    row, col = widest[first].tolist()
     cell = Box(row, row + 1, col, col + 1)
     enu_m = np.array([*centres[first], ground_m(terrain, cell)])
     return LandingPoint(

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
+from slz.kernels.record import IS_SAFE, IS_UNKNOWN, IS_UNSAFE
 
-UNSAFE, SAFE, UNKNOWN = np.uint8(0), np.uint8(1), np.uint8(255)
+UNSAFE, SAFE, UNKNOWN = IS_UNSAFE, IS_SAFE, IS_UNKNOWN
 
 
 @dataclass(frozen=True, slots=True)

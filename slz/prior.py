@@ -22,7 +22,7 @@ from scipy import ndimage
 from params import Parameters
 from slz.content import describe
 from slz.frame import LocalFrame, is_known
-from slz.grid import Box, Grid
+from slz.grid import Box, Grid, read_at
 from slz.kernels.prior import contradict, heights_over
 from slz.landing_point import Readable
 from slz.maps import SAFE, UNKNOWN, UNSAFE
@@ -98,6 +98,9 @@ class PriorTerrain:
         if name == "slope_deg":
             return _window(self.surveyed.slope_deg, box, np.nan)
         return np.full(box.shape, np.nan, np.float32)
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        return read_at(lambda box: self.layer(name, box), cells)
 
 
 class Prior:

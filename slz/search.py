@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
-from slz.kernels.bits import packed
-from slz.kernels.contour import inside, squares, trace
-from slz.kernels.groups import components, without_crumbs
+from slz.kernels.bits import Bits, packed, unpacked
+from slz.kernels.content import fill
+from slz.kernels.erosion import grow
+from slz.kernels.groups import components, put_without_crumbs
+from slz.kernels.room import largest_square
+from slz.kernels.tour import tour
 
-TRACE_TIMEOUT = 10_000_000
+FEWEST = 4096  # cells of a boundary that there is room for
 CRUMB = 9  # cells, below which a part of a zone that hangs on a corner is left out
 
 
@@ -22,15 +25,33 @@ CRUMB = 9  # cells, below which a part of a zone that hangs on a corner is left 
 class Candidate:
     """A component of the binary map: its traced boundary and what lies on or inside it.
 
-    boundary_cells: (n, 2) rows, columns of the grid. box: bounding box. content: uint8 over the box, 1 on and
-    inside the contour. component: uint8 over the box, 1 on its own safe cells. square_side: cells.
+    boundary_cells: (n, 2) rows, columns of the grid. box: bounding box. content_bits: the cells on and inside
+    the contour, (rows, words). own_bits: its own safe cells. first: which bit of a row's first word is the
+    box's first column. square_side: cells.
     """
 
     boundary_cells: NDArray[np.int32]
     box: Box
-    content: NDArray[np.uint8]
-    component: NDArray[np.uint8]
+    content_bits: Bits
+    own_bits: Bits
+    first: int
     square_side: int
+
+    @property
+    def words_box(self) -> Box:
+        """The cells that the bits stand for."""
+        col0 = self.box.col0 - self.first
+        return Box(self.box.row0, self.box.row1, col0, col0 + 64 * self.own_bits.shape[1])
+
+    @property
+    def content(self) -> NDArray[np.uint8]:
+        """The content as bytes over the box."""
+        return unpacked(self.content_bits, self.first, self.box.shape[1])
+
+    @property
+    def component(self) -> NDArray[np.uint8]:
+        """Its own cells as bytes over the box."""
+        return unpacked(self.own_bits, self.first, self.box.shape[1])
 
 
 def side_in_cells(side_m: float, grid: Grid) -> int:
@@ -50,38 +71,30 @@ def search_components(
     """
     if not safe.any():
         return
-    safe = np.pad(safe, 1)
-    side = squares(safe)
-    runs, groups = components(packed(safe), side, least_side)
-    for *edges, first, stop in groups.tolist():
-        own, run = Box(*edges), runs[first:stop]
-        boundary = trace(safe, own.row0, int(run[0, 1]), TRACE_TIMEOUT)
-        if len(boundary) < least_boundary:
+    cells = packed(np.pad(safe, 1))
+    squares = cells.copy()  # by their south-west corners
+    grow(squares, 1, least_side)
+    runs, groups = components(cells, squares)
+    path, edges = np.empty((FEWEST, 2), np.int32), np.empty(FEWEST, np.uint8)
+    for row0, row1, col0, col1, first, stop in groups.tolist():
+        run = runs[first:stop]
+        while (n := tour(cells, row0, int(run[0, 1]), path, edges)[0]) > len(path):
+            path, edges = np.empty((2 * len(path), 2), np.int32), np.empty(2 * len(path), np.uint8)
+        if n < least_boundary:
             continue
-        component, square_side = without_crumbs(run, side, CRUMB)
-        if square_side < least_side:  # the square itself is no crumb
-            component, square_side = without_crumbs(run, side, least_side**2)
-        candidate = Candidate(
-            boundary_cells=boundary,
-            box=own,
-            content=_content(boundary, own),
-            component=component,
-            square_side=square_side,
+        words = slice(col0 >> 6, ((col1 - 1) >> 6) + 1)
+        content, own = (np.zeros((row1 - row0, words.stop - words.start), np.uint64) for _ in "co")
+        fill(path, edges, n, row0, words.start, content)
+        put_without_crumbs(run, CRUMB, own)
+        corners = own & squares[row0:row1, words]
+        if not corners.any():  # the square itself is no crumb
+            put_without_crumbs(run, least_side**2, own)
+            corners = own & squares[row0:row1, words]
+        yield Candidate(
+            boundary_cells=path[:n] + np.array([box.row0 - 1, box.col0 - 1], np.int32),
+            box=Box(row0 + box.row0 - 1, row1 + box.row0 - 1, col0 + box.col0 - 1, col1 + box.col0 - 1),
+            content_bits=content,
+            own_bits=own,
+            first=col0 & 63,
+            square_side=largest_square(corners, least_side),
         )
-        yield _placed(candidate, box.row0 - 1, box.col0 - 1)
-
-
-def _placed(candidate: Candidate, row0: int, col0: int) -> Candidate:
-    """Return a candidate with its rows and columns counted from elsewhere."""
-    box = candidate.box
-    return replace(
-        candidate,
-        boundary_cells=candidate.boundary_cells + np.array([row0, col0], np.int32),
-        box=Box(box.row0 + row0, box.row1 + row0, box.col0 + col0, box.col1 + col0),
-    )
-
-
-def _content(boundary: NDArray[np.int32], box: Box) -> NDArray[np.uint8]:
-    local = boundary - np.array([box.row0, box.col0], np.int32)
-    rows, cols = box.shape
-    return inside(local, 1, rows + 2, cols + 2)[1:-1, 1:-1]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.record import FIELDS, TILE
@@ -117,7 +116,7 @@ class Tiles:
         *hit, inside = found.tolist()
         if not inside:
             return Change((), (), 0)
-        corner, shape = _tiles_over(Box(*hit))
+        corner, shape = tiles_over(Box(*hit))
         count = count_by_tile(at, *corner, *shape)
         wanted = np.argwhere(count) + np.array(corner)
         evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
@@ -141,7 +140,7 @@ class Tiles:
         new = [key for key in wanted if key not in self._slot]
         if len(new) > len(self._free):
             new.sort(key=lambda key: self._distance_m(key, sensor_enu_m))
-        old = iter(())  # type: Iterator[Key]
+        old: Iterator[Key] = iter(())
         if len(new) > len(self._free):
             kept = set(here) | set(pinned)
             old = iter(sorted((k for k in self._slot if k not in kept), key=lambda k: (self._last_s[k], k)))
@@ -177,13 +176,13 @@ class Tiles:
     def read(self, box: Box) -> NDArray[np.float32]:
         """Return a copy (rows, cols, 2, FIELDS) of the evidence of a box; zero where nothing was seen."""
         out = np.zeros((*box.shape, 2, FIELDS), np.float32)
-        corner, shape = _tiles_over(box)
+        corner, shape = tiles_over(box)
         copy_evidence(self._pool, self._table(corner, shape), *corner, box.row0, box.col0, out)
         return out
 
     def summary(self, box: Box, max_age_s: float) -> NDArray[np.float32]:
         """Return `slz.kernels.summary.summarise` of the cells of a box at the latest stamp."""
-        corner, shape = _tiles_over(box)
+        corner, shape = tiles_over(box)
         rows = np.arange(box.row0, box.row1)
         slots = self._table(corner, shape)[rows // TILE - corner[0]].astype(np.int64)
         places = np.where(slots < 0, -1, (slots * TILE + (rows % TILE)[:, None]) * TILE)
@@ -248,7 +247,7 @@ def keys_over(box: Box) -> tuple[Key, ...]:
     """Return the keys of the tiles that a box of cells touches."""
     if box.empty:
         return ()
-    (row, col), (rows, cols) = _tiles_over(box)
+    (row, col), (rows, cols) = tiles_over(box)
     return tuple(itertools.product(range(row, row + rows), range(col, col + cols)))
 
 
@@ -257,75 +256,7 @@ def box_of_tile(key: Key) -> Box:
     return Box(key[0] * TILE, (key[0] + 1) * TILE, key[1] * TILE, (key[1] + 1) * TILE)
 
 
-def _tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
+def tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
     """Return the first tile of a box and the number of rows and columns of tiles."""
     row, col = box.row0 // TILE, box.col0 // TILE
     return (row, col), ((box.row1 - 1) // TILE - row + 1, (box.col1 - 1) // TILE - col + 1)
-
-
-class TiledLayers:
-    """Maps drawn over ground seen, in tiles of their own; `empty` where nothing was written."""
-
-    def __init__(self, count: int, dtype: DTypeLike, empty: float = 0) -> None:
-        self._empty = np.full((count, TILE, TILE), empty, dtype)
-        self._tiles: dict[Key, NDArray[Any]] = {}
-        self._last: dict[int, tuple[Box, NDArray[Any]]] = {}  # what was read last of each layer
-
-    def write(self, box: Box, values: NDArray[Any]) -> None:
-        """Set (count, rows, cols) values of a box."""
-        self._last.clear()
-        for key, there, here in _pieces(box):
-            if key not in self._tiles:
-                self._tiles[key] = self._empty.copy()
-            self._tiles[key][(slice(None), *there)] = values[(slice(None), *here)]
-
-    def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
-        """Return a copy (rows, cols) of one layer of a box."""
-        held = self._last.get(layer)  # two threads may read, while none writes
-        if held is None or not held[0].holds(box):
-            held = self._last[layer] = box, self._read(box, layer)
-        whole, values = held
-        rows, cols = box.relative_to(whole).slices
-        return np.array(values[rows, cols])
-
-    def _read(self, box: Box, layer: int) -> NDArray[Any]:
-        out = np.empty(box.shape, self._empty.dtype)
-        for key, there, here in _pieces(box):
-            tile = self._tiles.get(key)
-            out[here] = self._empty[layer, 0, 0] if tile is None else tile[layer][there]
-        return out
-
-    def keep(self, wanted: Callable[[Key], bool]) -> list[Key]:
-        """Forget all tiles but those wanted; return which."""
-        self._last.clear()
-        gone = [key for key in self._tiles if not wanted(key)]
-        for key in gone:
-            del self._tiles[key]
-        return gone
-
-    def keys(self) -> tuple[Key, ...]:
-        """Return the keys of all tiles."""
-        return tuple(self._tiles)
-
-    def tile(self, key: Key) -> NDArray[Any] | None:
-        """Return a tile (count, TILE, TILE) as it is held, not a copy; None where nothing was written."""
-        return self._tiles.get(key)
-
-
-def _pieces(box: Box) -> Iterator[tuple[Key, tuple[slice, slice], tuple[slice, slice]]]:
-    """Yield the tiles that a box touches, with the common cells within the tile and within the box."""
-    if box.empty:
-        return
-    (row, col), (rows, cols) = _tiles_over(box)
-    across = [(c, *_common(c, box.col0, box.col1)) for c in range(col, col + cols)]
-    for r in range(row, row + rows):
-        there, here = _common(r, box.row0, box.row1)
-        for c, right_there, right_here in across:
-            yield (r, c), (there, right_there), (here, right_here)
-
-
-def _common(tile: int, first: int, stop: int) -> tuple[slice, slice]:
-    """Return the rows, or columns, of a tile from one to another, counted in it and from the first."""
-    start = tile * TILE
-    low, high = max(first, start), min(stop, start + TILE)
-    return slice(low - start, high - start), slice(low - first, high - first)

@@ -67,6 +67,12 @@ def word_at(bits: Bits, row: int, col: int) -> Any:
     return (low >> shift) | (high << (np.uint64(64) - shift))
 
 
+@kernel("uint64(int64, int64)")
+def word_mask(first: int, stop: int) -> Any:
+    """Return the bits of a word from one on to before another, which may lie outside; some are inside."""
+    return (ALL << np.uint64(max(0, first))) & (ALL >> np.uint64(64 - min(64, stop)))
+
+
 @kernel("uint64(uint64)")
 def prefix_xor(word: Any) -> Any:
     """Return the word whose bit i is the exclusive or of the bits up to i."""
@@ -93,15 +99,9 @@ def unpacked(bits: Bits, first: int, cols: int) -> NDArray[np.uint8]:
     return out[:, first : first + cols]
 
 
-@kernel("uint64[:, :](uint8[:, :])")
 def packed(cells: NDArray[np.uint8]) -> Bits:
     """Return cells given as bytes as a bit map."""
     rows, cols = cells.shape
-    out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
-    for r in range(rows):
-        for w in range(out.shape[1]):
-            word = NONE
-            for k in range(min(64, cols - 64 * w)):
-                word |= np.uint64(cells[r, 64 * w + k] != 0) << np.uint64(k)
-            out[r, w] = word
-    return out
+    out = np.zeros((rows, 8 * ((cols + 63) >> 6)), np.uint8)
+    out[:, : (cols + 7) >> 3] = np.packbits(cells, axis=1, bitorder="little")
+    return out.view(np.uint64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, Bits, bit, lowest
+from slz.kernels.bits import NONE, Bits, bit, lowest, word_mask
 from slz.kernels.jit import kernel
 from slz.kernels.rows import doubled
 
@@ -101,14 +101,23 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     return groups, out
 
 
-@kernel("Tuple((int64[:, ::1], int64[:, ::1]))(uint64[:, ::1], int32[:, :], int64)")
-def components(cells: Bits, side: NDArray[np.int32], least: int) -> tuple[Ints, Ints]:
-    """Return the groups of touching cells that hold a square of `least` cells, by the place of the first one.
+@kernel("boolean(uint64[:, ::1], int64, int64, int64)")
+def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
+    """Tell whether any of the cells of a run is set."""
+    for w in range(first >> 6, ((stop - 1) >> 6) + 1):
+        if cells[row, w] & word_mask(first - 64 * w, stop - 64 * w) != NONE:
+            return True
+    return False
+
+
+@kernel("Tuple((int64[:, ::1], int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1])")
+def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
+    """Return the groups of touching cells that hold a corner, by the place of the first one.
 
     Parameters
     ----------
-    side
-        (rows, cols) of `contour.squares`.
+    corners
+        Some of the cells, of which a group must hold one.
 
     Returns
     -------
@@ -119,14 +128,11 @@ def components(cells: Bits, side: NDArray[np.int32], least: int) -> tuple[Ints, 
     join(run, 1)
     size, place, n = np.zeros(len(run), np.int64), np.full(len(run), -1, np.int64), 0
     for i in range(len(run)):
-        r, root = run[i, 0], run[i, 3]
+        root = run[i, 3]
         size[root] += 1
-        if place[root] < 0:
-            for c in range(run[i, 1], run[i, 2]):
-                if side[r, c] >= least:
-                    place[root] = n
-                    n += 1
-                    break
+        if place[root] < 0 and _any_of(corners, run[i, 0], run[i, 1], run[i, 2]):
+            place[root] = n
+            n += 1
     groups, total = np.empty((n, 6), np.int64), 0
     for i in range(len(run)):
         if place[i] >= 0:
@@ -147,9 +153,9 @@ def components(cells: Bits, side: NDArray[np.int32], least: int) -> tuple[Ints, 
     return out, groups
 
 
-@kernel("Tuple((uint8[:, ::1], int64))(int64[:, ::1], int32[:, :], int64)")
-def without_crumbs(run: Ints, side: NDArray[np.int32], fewest: int) -> tuple[NDArray[np.uint8], int]:
-    """Return 1 for the cells of runs but what touches the rest at a corner only and is of fewer cells.
+@kernel("void(int64[:, ::1], int64, uint64[:, ::1])")
+def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
+    """Set the cells of runs but what touches the rest at a corner only and is of fewer cells.
 
     The largest part stays, however small it is.
 
@@ -157,14 +163,10 @@ def without_crumbs(run: Ints, side: NDArray[np.int32], fewest: int) -> tuple[NDA
     ----------
     run
         Of one group of `components`.
-    side
-        (rows, cols) of `contour.squares`, of all cells.
-
-    Returns
-    -------
-    Cells of the box of the runs; the side of the largest square of theirs.
+    out
+        The rows of the runs, from the word of their first column on; zeros.
     """
-    row0, col0, col1 = run[0, 0], run[:, 1].min(), run[:, 2].max()
+    row0, word0 = run[0, 0], run[:, 1].min() >> 6
     run = run.copy()
     for i in range(len(run)):
         run[i, 3] = i
@@ -172,33 +174,27 @@ def without_crumbs(run: Ints, side: NDArray[np.int32], fewest: int) -> tuple[NDA
     size = np.zeros(len(run), np.int64)
     for i in range(len(run)):
         size[run[i, 3]] += run[i, 2] - run[i, 1]
-    least, largest = min(fewest, np.int64(size.max())), np.int64(0)
-    out = np.zeros((run[-1, 0] + 1 - row0, col1 - col0), np.uint8)
+    least = min(fewest, np.int64(size.max()))
     for i in range(len(run)):
-        r, first, stop = run[i, 0], run[i, 1], run[i, 2]
+        r, first, stop = run[i, 0] - row0, run[i, 1], run[i, 2]
         if size[run[i, 3]] >= least:
-            for c in range(first, stop):
-                out[r - row0, c - col0] = 1
-                largest = max(largest, np.int64(side[r, c]))
-    return out, int(largest)
+            for w in range(first >> 6, ((stop - 1) >> 6) + 1):
+                out[r, w - word0] |= word_mask(first - 64 * w, stop - 64 * w)
 
 
-@kernel("float64(uint64[:, ::1], float32[:, ::1], int64, int64, int64, int64)")
-def middle_height(
-    part: Bits, height: NDArray[np.float32], row0: int, row1: int, col0: int, col1: int
-) -> float:
-    """Return the median height of the cells of a part in a box, which may reach beyond; NaN of none."""
-    row0, row1, col0, col1 = (
-        max(0, row0),
-        min(part.shape[0], row1),
-        max(0, col0),
-        min(64 * part.shape[1], col1),
-    )
-    found, n = np.empty(max(0, (row1 - row0) * (col1 - col0)), np.float32), 0
-    for r in range(row0, row1):
-        for c in range(col0, col1):
-            if bit(part, r, c):
-                found[n] = height[r, c]
+@kernel("float64(uint64[:, ::1], float32[:, :], int64, int64)")
+def middle_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int) -> float:
+    """Return the median of the known heights of a part, NaN of none.
+
+    The heights are of the cells from (row0, col0) on, which may reach beyond.
+    """
+    rows, cols = height.shape
+    found, n = np.empty(height.size, np.float32), 0
+    for r in range(max(0, row0), min(part.shape[0], row0 + rows)):
+        for c in range(max(0, col0), min(64 * part.shape[1], col0 + cols)):
+            z = height[r - row0, c - col0]
+            if bit(part, r, c) and np.isfinite(z):
+                found[n] = z
                 n += 1
     return np.float64(np.float32(np.median(found[:n]))) if n else np.nan
 
@@ -237,10 +233,9 @@ def obstacles(
             z = height[listed[i, 0], listed[i, 1]]
             if z > top:
                 top, best = np.float64(z), i
-        ground = middle_height(
-            part, height,
-            groups[g, 0] - around, groups[g, 1] + around, groups[g, 2] - around, groups[g, 3] + around,
-        )  # fmt: skip
+        row0, col0 = max(0, groups[g, 0] - around), max(0, groups[g, 2] - around)
+        near = height[row0 : groups[g, 1] + around, col0 : groups[g, 3] + around]
+        ground = middle_height(part, near, row0, col0)
         out[g, 0], out[g, 1], out[g, 2], out[g, 3] = centres[best, 0], centres[best, 1], top, top - ground
         ends[g, 0], ends[g, 1] = first, stop
     return out, ends, centres

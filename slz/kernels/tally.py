@@ -5,76 +5,80 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import Bits
+from slz.kernels.bits import NONE, ONE, Bits, popcount, signed
 from slz.kernels.jit import kernel
 
 Bytes = NDArray[np.uint8]
 Layer = NDArray[np.float32]
+Sums = NDArray[np.float64]
 
-CELLS, ENCLOSED, SAFE, UNSAFE, CERTAINTY, SLOPE, ROUGHNESS = range(7)
+CELLS, ENCLOSED, SAFE, UNSAFE = range(4)  # counts
+CERTAINTY, SLOPE, SLOPES, ROUGHNESS, ROUGHNESSES = range(5)  # sums, and how many were added to the one before
 
 
-@kernel("float64(float64, int64)")
-def _mean(total: float, n: int) -> float:
-    return total / n if n else np.nan
+@kernel()
+def _add(sums: Sums, of: int, values: NDArray[np.float32], first: np.uint64, cells: np.uint64) -> None:
+    """Add those of 64 values that are set and finite, each to a sum of its own, and count them."""
+    for k in range(np.uint64(64)):
+        value = np.float64(values[first + k])
+        counts = ((cells >> k) & ONE != NONE) & (np.abs(value) < np.inf)
+        sums[of, k] += value if counts else 0.0
+        sums[of + 1, k] += 1.0 if counts else 0.0
 
 
 @kernel(
-    "Tuple((float64[::1], uint64[:, ::1], uint64[:, ::1]))"
-    "(uint8[:, :], uint8[:, :], uint8[:, :], uint8, uint8, float32[:, :], float32[:, :], float32[:, :],"
-    " float32[:, :])"
+    "void(uint64[:, ::1], uint64[:, ::1], uint8[:, ::1], uint8, uint8, float32[:, ::1], float32[:, ::1],"
+    " float32[:, ::1], int64[::1], float64[:, ::1], uint64[:, ::1])"
 )
 def tally(
-    own: Bytes,
-    content: Bytes,
+    own: Bits,
+    content: Bits,
     state: Bytes,
     safe: np.uint8,
     unsafe: np.uint8,
     certainty: Layer,
     slope: Layer,
     roughness: Layer,
-    height: Layer,
-) -> tuple[NDArray[np.float64], Bits, Bits]:
-    """Count the cells of a zone and average their maps.
+    counts: NDArray[np.int64],
+    sums: Sums,
+    holes: Bits,
+) -> None:
+    """Count the cells of some rows of a zone and add up their maps, which are of the cells of the words.
 
     Parameters
     ----------
     own, content
-        (rows, cols) 1 for the cells of the zone, and for those on and inside its contour.
+        The cells of the zone, and those on and inside its contour.
     state, safe, unsafe
         State of the cells, and the two of its values that stand for safe and unsafe.
-
-    Returns
-    -------
-    By `CELLS` and those after it: cells of the zone, cells enclosed, of them safe and unsafe, mean certainty
-    of those enclosed, mean slope and roughness of the zone where they are finite, NaN of none. As bits the
-    unsafe cells enclosed, and the zone's cells with a height.
+    counts
+        Receives by `CELLS` and those after it: cells of the zone, cells enclosed, of them safe and unsafe.
+    sums
+        (5, 64) receives by `CERTAINTY` and those after it, and by place in the word: the certainty of the
+        cells enclosed; slope and roughness of the zone where they are finite, and how many those are.
+    holes
+        Receives the unsafe cells enclosed.
     """
-    rows, cols = content.shape
-    holes, ground = (
-        np.zeros((rows, (cols + 63) >> 6), np.uint64),
-        np.zeros((rows, (cols + 63) >> 6), np.uint64),
-    )
-    n_own = n_all = n_safe = n_unsafe = n_slope = n_rough = 0
-    sure = slopes = roughs = 0.0
+    rows, words = content.shape
+    state_of, certainty_of = state.ravel(), certainty.ravel()
+    slope_of, roughness_of = slope.ravel(), roughness.ravel()
     for r in range(rows):
-        for c in range(cols):
-            if content[r, c]:
-                n_all += 1
-                n_safe += state[r, c] == safe
-                n_unsafe += state[r, c] == unsafe
-                holes[r, c >> 6] |= np.uint64(state[r, c] == unsafe) << np.uint64(c & 63)
-                sure += certainty[r, c]
-            if own[r, c]:
-                n_own += 1
-                ground[r, c >> 6] |= np.uint64(np.isfinite(height[r, c])) << np.uint64(c & 63)
-                if np.isfinite(slope[r, c]):
-                    n_slope += 1
-                    slopes += slope[r, c]
-                if np.isfinite(roughness[r, c]):
-                    n_rough += 1
-                    roughs += roughness[r, c]
-    out = np.array(
-        [n_own, n_all, n_safe, n_unsafe, _mean(sure, n_all), _mean(slopes, n_slope), _mean(roughs, n_rough)]
-    )
-    return out, holes, ground
+        for w in range(words):
+            inside, mine, at = content[r, w], own[r, w], np.uint64(64 * (r * words + w))
+            if inside == NONE:
+                continue
+            good = bad = NONE
+            for k in range(np.uint64(64)):
+                good |= np.uint64(state_of[at + k] == safe) << k
+                bad |= np.uint64(state_of[at + k] == unsafe) << k
+            for k in range(np.uint64(64)):
+                sure = np.float64(certainty_of[at + k])
+                sums[CERTAINTY, k] += sure if (inside >> k) & ONE != NONE else 0.0
+            if mine != NONE:
+                _add(sums, SLOPE, slope_of, at, mine)
+                _add(sums, ROUGHNESS, roughness_of, at, mine)
+            holes[r, w] = inside & bad
+            counts[CELLS] += signed(popcount(mine))
+            counts[ENCLOSED] += signed(popcount(inside))
+            counts[SAFE] += signed(popcount(inside & good))
+            counts[UNSAFE] += signed(popcount(inside & bad))

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from slz.kernels.certainty import certainty
 from slz.kernels.jit import kernel
-from slz.kernels.record import HEIGHT, TOP
+from slz.kernels.record import HEIGHT, IS_SAFE, IS_UNKNOWN, IS_UNSAFE, TOP
 
 SIGMAS = 3.0  # standard errors that the slope keeps from its limit
-BLANK, SAFE, UNSAFE, UNKNOWN = range(4)  # blank where nothing was drawn
 
 Layers = NDArray[np.float32]
 
@@ -36,11 +35,11 @@ def verdict(
     Returns
     -------
     (7, rows, cols) height, top (m), slope, its standard error (deg), relief, roughness (m), certainty; NaN,
-    of certainty 0, where unknown. (1, rows, cols) `SAFE`, `UNSAFE` or `UNKNOWN`.
+    of certainty 0, where unknown. (1, rows, cols) state: `slz.maps.SAFE`, `UNSAFE` or `UNKNOWN`.
     """
     rows, cols = unseen.shape
     values = np.full((7, rows, cols), np.float32(np.nan))
-    told = np.full((1, rows, cols), np.uint8(UNKNOWN))
+    told = np.full((1, rows, cols), IS_UNKNOWN)
     for r in range(rows):
         for c in range(cols):
             values[0, r, c], values[1, r, c] = cells[HEIGHT, r, c], cells[TOP, r, c]
@@ -49,7 +48,7 @@ def verdict(
             even = slope + np.float32(SIGMAS) * sigma < slope_limit_deg and relief < relief_limit_m
             if np.isnan(slope) or (even and unseen[r, c]):
                 continue
-            told[0, r, c] = SAFE if even else UNSAFE
+            told[0, r, c] = IS_SAFE if even else IS_UNSAFE
             values[2, r, c], values[3, r, c], values[4, r, c] = slope, sigma, relief
             values[5, r, c] = fits[3, r, c]
             if not unseen[r, c]:

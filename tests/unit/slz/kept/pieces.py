@@ -69,7 +69,9 @@ def zones() -> Iterator[Any]:
         height = rng.normal(0, 1, (24, 64 * bits.shape[1])).astype(np.float32)
         yield obstacles(holes & ~own, own, height, 100.0, 50.0, 0.5, 12, 3)
         yield largest_groups(holes, 5)
-        yield [middle_height(own, height, r, r + 5, c, c + 9) for r, c in ((-2, 60), (8, 30), (20, 120))]
+        wide = np.pad(height, 9, constant_values=np.nan)
+        places = (-2, 60), (8, 30), (20, 120)
+        yield [middle_height(own, wide[r + 9 : r + 14, c + 9 : c + 18], r, c) for r, c in places]
 
 
 def clouds() -> Iterator[Any]:

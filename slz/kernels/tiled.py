@@ -1,0 +1,103 @@
+"""Boxes of cells put into tiles and taken from them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.record import TILE, TILE_BITS
+
+Values = NDArray[Any]
+Table = NDArray[np.int32]
+
+
+@kernel()
+def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
+    """Copy n values between flat arrays, without a sign that would have every place looked at."""
+    to, by = np.uint64(at), np.uint64(first)
+    for k in range(np.uint64(n)):
+        there[to + k] = here[by + k]
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, float32[:, :, ::1])",
+    "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, uint8[:, :, ::1])",
+)
+def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, values: Values) -> None:
+    """Set (layers, rows, cols) of a box, whose corner is given, in those of its tiles that lie in a block.
+
+    Parameters
+    ----------
+    block
+        (tiles, layers, TILE, TILE), of which the first has this slot.
+    table
+        Slots of all tiles that the box touches, -1 for none.
+    """
+    layers, rows, cols = values.shape
+    flat, given = block.ravel(), values.ravel()
+    tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
+    for tr in range(table.shape[0]):
+        south = (tile_row + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(block):
+                continue
+            west = (tile_col + tc) << TILE_BITS
+            c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
+            for layer in range(layers):
+                held = (slot * layers + layer) * TILE
+                for r in range(max(row0, south), min(row0 + rows, south + TILE)):
+                    at = (held + r - south) * TILE - west
+                    _copy(flat, at + c0, given, (layer * rows + r - row0) * cols + c0 - col0, c1 - c0)
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, float32[:, ::1])",
+    "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, uint8[:, ::1])",
+)
+def copy_layer(
+    block: Values, first: int, table: Table, layer: int, row0: int, col0: int, out: Values
+) -> None:
+    """Copy one layer of a box from those of its tiles that lie in a block, see `put_layers`."""
+    rows, cols = out.shape
+    flat, taken = block.ravel(), out.ravel()
+    tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
+    for tr in range(table.shape[0]):
+        south = (tile_row + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(block):
+                continue
+            west = (tile_col + tc) << TILE_BITS
+            c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
+            held = (slot * block.shape[1] + layer) * TILE
+            for r in range(max(row0, south), min(row0 + rows, south + TILE)):
+                at = (held + r - south) * TILE - west
+                _copy(taken, (r - row0) * cols + c0 - col0, flat, at + c0, c1 - c0)
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, int32[:, ::1], int64, int64,"
+    " float32[::1])"
+)
+def copy_cells(
+    block: Values,
+    first: int,
+    table: Table,
+    layer: int,
+    row0: int,
+    col0: int,
+    cells: NDArray[np.int32],
+    down: int,
+    right: int,
+    out: Values,
+) -> None:
+    """Copy one layer of (n, 2) cells, moved down and right, of a box from its tiles that lie in a block."""
+    for i in range(len(cells)):
+        r, c = cells[i, 0] + down, cells[i, 1] + right
+        slot = table[(r >> TILE_BITS) - (row0 >> TILE_BITS), (c >> TILE_BITS) - (col0 >> TILE_BITS)] - first
+        if 0 <= slot < len(block):
+            out[i] = block[slot, layer, r & (TILE - 1), c & (TILE - 1)]
