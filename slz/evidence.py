@@ -34,7 +34,7 @@ from slz.maps import SAFE, UNKNOWN
 from slz.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
 HEIGHTS = ("height_m", "top_m")
-AGEING = 0.1  # of `max_age_s`, after which what is drawn is drawn anew
+AGEING = 0.1  # of `max_age_s`, for which a cell that became too old to be drawn may be shown
 PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
@@ -76,7 +76,7 @@ class EvidenceTerrain:
         self.touched: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
-        self._drawn_s: dict[Key, float] = {}
+        self._oldest_s: dict[Key, float] = {}  # when the cell not seen for longest was seen
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
 
@@ -128,9 +128,10 @@ class EvidenceTerrain:
         for box in change.boxes:
             self._seen = self._seen.union(_widened(box, self.level, 0))
         for key in change.evicted:
-            self._drawn_s.pop(key, None)
-        for box in change.boxes:  # only a part of a tile, unless it is new
-            self._drawn_s.setdefault((box.row0 // TILE, box.col0 // TILE), now_s)
+            self._oldest_s.pop(key, None)
+        for box in change.boxes:
+            key = box.row0 // TILE, box.col0 // TILE
+            self._oldest_s[key] = min(now_s, self._oldest_s.get(key, math.inf))
         self._draw_all([*change.boxes, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
             self._draw_all([box_of_tile(key)])
@@ -142,20 +143,22 @@ class EvidenceTerrain:
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
-        """Return tiles to be drawn anew as a whole because what they show ages, and count them as drawn.
+        """Return tiles to be drawn anew as a whole because cells in them became too old.
 
-        Those drawn `PATIENCE` of the time ago that a map may be old come by and by, the oldest first, so
-        many that all have come before the rest of it is over.
+        Where no cell did, they would be drawn as they are. Those whose oldest cell has been too old for
+        `PATIENCE` of the time that a map may show it come by and by, the oldest first, so many that all have
+        come before the rest of it is over.
         """
+        too_old_s = (1 - AGEING) * self._parameters.max_age_s
         longest_s = AGEING * self._parameters.max_age_s
         share = min(1.0, (now_s - self._aged_s) / ((1 - PATIENCE) * longest_s))
         self._aged_s = now_s
-        old = sorted(
-            (at_s, key) for key, at_s in self._drawn_s.items() if now_s - at_s > PATIENCE * longest_s
-        )
-        some = math.ceil(share * len(self._drawn_s))
-        due = [key for i, (at_s, key) in enumerate(old) if i < some or now_s - at_s > longest_s]
-        self._drawn_s |= dict.fromkeys(due, now_s)
+        late = ((now_s - too_old_s - at_s, key) for key, at_s in self._oldest_s.items())
+        old = sorted(((late_s, key) for late_s, key in late if late_s > PATIENCE * longest_s), reverse=True)
+        some = math.ceil(share * len(self._oldest_s))
+        due = [key for i, (late_s, key) in enumerate(old) if i < some or late_s > longest_s]
+        for key in due:
+            self._oldest_s[key] = self.tiles.oldest_s(key, now_s - too_old_s)
         return due
 
     def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
@@ -213,7 +216,7 @@ class EvidenceTerrain:
         new.pinned, new._aged_s = self.pinned, self._aged_s
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._draw_all(self.tiles.boxes)
-        new._drawn_s = dict.fromkeys(self._drawn_s, self.tiles.latest_s)
+        new._oldest_s = dict(self._oldest_s)
         return new
 
     def safe(self, box: Box) -> NDArray[np.uint8]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
-from slz.kernels.record import FIELDS, TILE
+from slz.kernels.record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.scatter import (
     cells_of,
     contradicts,
@@ -27,6 +27,7 @@ Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of the cache; just what a cell needs
 LEAP_S = 100_000.0
+ROUNDING_S = 0.1  # more than single precision leaves of `LEAP_S`
 FEWEST = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
 
@@ -188,6 +189,20 @@ class Tiles:
         places = np.where(slots < 0, -1, (slots * TILE + (rows % TILE)[:, None]) * TILE)
         first = box.col0 - corner[1] * TILE
         return summarise(self._pool.reshape(-1), places, first, box.shape[1], self.latest_s, max_age_s)
+
+    def oldest_s(self, key: Key, since_s: float) -> float:
+        """Return when that cell of a tile was last seen that was not seen for longest; infinity of none.
+
+        Parameters
+        ----------
+        since_s
+            Cells last seen before that, by more than rounding, do not count.
+        """
+        slot = self._slot.get(key)
+        if slot is None:
+            return math.inf
+        seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
+        return float(seen_s[seen_s >= since_s - ROUNDING_S].min(initial=math.inf))
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""

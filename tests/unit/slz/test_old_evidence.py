@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 import params
 from slz import SAFE, UNSAFE, LocalFrame, Pipeline, Window
 from slz.grid import Box
+from slz.kernels.record import TILE
+from slz.zone_map import ZoneMap
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 S = 1_000_000_000
@@ -60,3 +62,29 @@ def test_what_is_too_old_adds_nothing_to_what_comes() -> None:
     box = Box(row - 3, row + 4, col - 3, col + 4).relative_to(maps.box)
     assert (maps.state[box.slices] == SAFE).all()
     assert np.abs(maps.height_m[box.slices]).max() < 0.05
+
+
+def test_ground_is_forgotten_patch_by_patch_and_drawn_anew_only_then() -> None:
+    """Three patches of one row of tiles, seen at 0, 13 and 26 s; what is seen on keeps none of them."""
+    rng = np.random.default_rng(5)
+    pipe = Pipeline(params.load("quadcopter", ["adaptive=off", "register_m=0", "max_age_s=60"]), (0.0, 0.0))
+    places = {0: -40.0, 13: -18.0, 26: 4.0}
+    last_known_s = dict.fromkeys(places, 0)
+    drawn_s = []
+    for second in range(95):
+        east_m = places.get(second, 40.0)
+        look(pipe, ground(rng, 0.2, east_m), east_m, second)
+        near = pipe._near
+        assert isinstance(near, ZoneMap)
+        first = (15.0 - near.tiles.west_m) / (TILE * near.tiles.cell_m)
+        if second > 26 and any(key[1] < first - 1 for key in near.terrain.touched):
+            drawn_s.append(second)
+        near.terrain.touched.clear()
+        for stamp_s, east_m in places.items():
+            row, col = near.terrain.grid.index(east_m, 0.0)
+            if (pipe.state("near", Box(row - 3, row + 4, col - 3, col + 4)) == SAFE).any():
+                last_known_s[stamp_s] = second
+    for stamp_s, known_s in last_known_s.items():
+        assert stamp_s + 54 <= known_s <= stamp_s + 60
+    assert 1 <= len([second for second in drawn_s if second < 80]) <= 6  # two patches, by and by
+    assert min(drawn_s) >= 54
