@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.arctangent import arctangent
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, every, load, store, where
+from slz.kernels.lanes import LANES, every, load, multiplied, store, where
 from slz.kernels.record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 
 SOME = 64  # cells whose median height stands for all
 GAP = 8  # cells, up to which footprints on both sides are judged with those between
 
 Row = NDArray[np.float32]
-F0 = np.float32(0)
+F0, DEGREES = np.float32(0), np.float32(57.29577951308232)
 
 
 @kernel("void(float32[:, :, ::1], uint8[:, ::1], int64, float64, float64, float64, float64[:, ::1])")
@@ -149,26 +150,37 @@ def _reliefs(
     """
     n, cols, wide = stop - first, fit.shape[1], room.shape[1]
     flat = room.ravel()
-    level_of, east_of, north_of = room[0], room[1], room[2]
+    level_of, west_of, north_of = room[0], room[1], room[2]
     for c in range(n):
-        level_of[c], east_of[c] = fit[LEVEL, first + c], fit[EAST, first + c]
+        level_of[c], west_of[c] = fit[LEVEL, first + c], -fit[EAST, first + c]
         north_of[c] = fit[NORTH, first + c]
     for c in range(0, n, LANES):
-        level, east, north = load(flat, c), load(flat, wide + c), load(flat, 2 * wide + c)
+        level, west, north = load(flat, c), load(flat, wide + c), load(flat, 2 * wide + c)
         low, high = every(np.float32(np.inf)), every(np.float32(-np.inf))
         inner_low, inner_high = low, high
         for i in range(-k, k + 1):
             tilt, at = level + north * every(np.float32(i * cell_m)), (row + i) * cols + first + c
             within = k if abs(i) < k else -k
+            least, most = every(np.float32(np.inf)), every(np.float32(-np.inf))
             for d in range(1 - within, within):
-                plane = tilt + east * every(away[k + d])
-                under, over = load(lower, at + d) - plane, load(upper, at + d) - plane
-                inner_low = where(under < inner_low, under, inner_low)  # NaN is not
-                inner_high = where(inner_high < over, over, inner_high)
+                far = every(away[k + d])
+                under = multiplied(west, far, load(lower, at + d))
+                over = multiplied(west, far, load(upper, at + d))
+                least = where(under < least, under, least)  # NaN is not
+                most = where(most < over, over, most)
+            least, most = least - tilt, most - tilt
+            inner_low, inner_high = (
+                where(least < inner_low, least, inner_low),
+                where(inner_high < most, most, inner_high),
+            )
+            least, most = every(np.float32(np.inf)), every(np.float32(-np.inf))
             for d in range(-k, k + 1, 2 * k if abs(i) < k else 1):
-                plane = tilt + east * every(away[k + d])
-                under, over = load(lower, at + d) - plane, load(upper, at + d) - plane
-                low, high = where(under < low, under, low), where(high < over, over, high)
+                far = every(away[k + d])
+                under = multiplied(west, far, load(lower, at + d))
+                over = multiplied(west, far, load(upper, at + d))
+                least, most = where(under < least, under, least), where(most < over, over, most)
+            least, most = least - tilt, most - tilt
+            low, high = where(least < low, least, low), where(high < most, most, high)
         store(flat, 3 * wide + c, low)
         store(flat, 4 * wide + c, high)
         store(flat, 5 * wide + c, inner_low)
@@ -179,6 +191,31 @@ def _reliefs(
             whole = max(high_of[c], inner_high_of[c]) - min(low_of[c], inner_low_of[c])
             inner = inner_high_of[c] - inner_low_of[c]
             out[2, row, first + c], out[5, row, first + c] = max(F0, whole), max(F0, inner)
+
+
+# What is told of the planes of a row, and which layers of `planes` they are.
+A_SLOPE, A_SIGMA, A_RMS, A_RETURN, A_SHARE = range(5)
+LAYER = np.array([0, 1, 3, 4, 6])
+
+
+@kernel("void(float64[:, ::1], float64[::1], int64, float32[:, ::1])")
+def _tell(fit: NDArray[np.float64], known: NDArray[np.float64], k: int, told: NDArray[np.float32]) -> None:
+    """Leave what is told of the planes of a row by the layers above, NaN where there is none.
+
+    Each layer has LANES numbers more than there are planes.
+    """
+    share, to_degrees = 1.0 / (2 * k + 1) ** 2, 180.0 / np.pi
+    for c in range(np.uint64(fit.shape[1])):
+        gradient = fit[GRADIENT, c]
+        good = gradient == gradient
+        told[A_SLOPE, c] = gradient
+        told[A_SIGMA, c] = fit[SIGMA, c] * to_degrees if good else np.nan
+        told[A_RMS, c] = fit[RMS, c] if good else np.nan
+        told[A_RETURN, c] = fit[RETURN, c] if good else np.nan
+        told[A_SHARE, c] = known[c] * share if good else np.nan
+    slope = told[A_SLOPE]
+    for c in range(0, fit.shape[1], LANES):
+        store(slope, c, arctangent(load(slope, c)) * every(DEGREES))
 
 
 @kernel("float64(float32[:, :, ::1])")
@@ -228,9 +265,11 @@ def planes(
     # Column sums over 2k+1 rows of w, wy, wyy, wz, wyz, wzz, w/n, covered and spread.
     column = np.zeros((9, cols))
     lower, upper = np.zeros(rows * cols + LANES, np.float32), np.zeros(rows * cols + LANES, np.float32)
-    lower[: rows * cols] = (cells[BOTTOM] + cells[EXCESS] - reference).ravel()
-    upper[: rows * cols] = (cells[TOP] - cells[EXCESS] - reference).ravel()
+    bottom, top, excess = cells[BOTTOM].ravel(), cells[TOP].ravel(), cells[EXCESS].ravel()
+    for i in range(np.uint64(rows * cols)):
+        lower[i], upper[i] = bottom[i] + excess[i] - reference, top[i] - excess[i] - reference
     sums, fit = np.zeros((13, cols)), np.empty((7, cols))
+    told = np.zeros((5, cols + LANES), np.float32)
     room, away = np.zeros((7, cols + LANES), np.float32), np.empty(2 * k + 1, np.float32)
     for i in range(2 * k + 1):
         away[i] = (i - k) * cell_m
@@ -243,17 +282,14 @@ def planes(
         row = r - k
         _over_columns(column, k, cell_m, sums)
         _solve(sums, k, cell_m, row * cell_m, noise_m, fit)
+        _tell(fit, sums[W], k, told)
         first = stop = k  # of a stretch of footprints whose relief is asked for
+        for layer in range(5):
+            line = out[LAYER[layer], row]
+            for col in range(k, cols - k):
+                line[col] = told[layer, col]
         for col in range(k, cols - k):
-            gradient = fit[GRADIENT, col]
-            if np.isnan(gradient):
-                continue
-            out[0, row, col] = np.degrees(np.arctan(gradient))
-            out[1, row, col] = np.degrees(fit[SIGMA, col])
-            out[3, row, col] = fit[RMS, col]
-            out[4, row, col] = fit[RETURN, col]
-            out[6, row, col] = sums[W, col] / (2 * k + 1) ** 2
-            if out[0, row, col] > slope_limit + 3 * out[1, row, col]:
+            if not out[0, row, col] <= slope_limit + 3 * out[1, row, col]:  # NaN is not
                 fit[GRADIENT, col] = np.nan
                 continue
             if col - stop > GAP:

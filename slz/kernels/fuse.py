@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.arctangent import arctangent
 from slz.kernels.bits import LAST, NONE, ONE, Bits
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, Floats, below, both, every, load, root, store, where
+from slz.kernels.lanes import LANES, below, both, every, load, root, store, where
 
 Row = NDArray[np.float32]
 Rows = NDArray[np.float32]
@@ -19,11 +20,6 @@ Map = NDArray[np.float32]
 
 NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float32(0.5)
 F0, F1 = np.float32(0.0), np.float32(1.0)
-TAN_1, TAN_3 = np.float32(0.4142135623730950), np.float32(2.414213562373095)  # of pi / 8 and 3 pi / 8
-QUARTER, RIGHT = np.float32(np.pi / 4), np.float32(np.pi / 2)
-A3, A5, A7, A9 = (
-    np.float32(a) for a in (-3.33329491539e-1, 1.99777106478e-1, -1.38776856032e-1, 8.05374449538e-2)
-)
 INFINITE = np.float32(np.inf)
 WORD = 64  # cells of a word of the maps
 SOME = np.uint64((1 << LANES) - 1)
@@ -31,17 +27,6 @@ OLD = -1  # of `blocks`: to be added up anew
 STRIP = 16  # rows of 64 cells of a map, a page of memory
 RING = 20  # rows kept: those of a strip, and one to the south and two to the north
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
-
-
-@kernel()
-def arctangent(x: Floats) -> Floats:
-    """Return the arc tangents of numbers >= 0, to 2e-7 of them (Cephes' polynomial); NaN of NaN."""
-    one = every(F1)
-    large, middle = every(TAN_3) < x, every(TAN_1) < x
-    r = where(large, every(-F1), where(middle, x - one, x)) / where(large, x, where(middle, x + one, one))
-    z = r * r
-    start = where(large, every(RIGHT), where(middle, every(QUARTER), every(F0)))
-    return start + ((((every(A9) * z + every(A7)) * z + every(A5)) * z + every(A3)) * z * r + r)
 
 
 @kernel("UniTuple(int64, 2)(uint64[::1])")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.fuse import arctangent
+from slz.kernels.arctangent import arctangent
 from slz.kernels.gradient import gradient_slope_deg
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, load, store
