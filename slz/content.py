@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,15 +60,18 @@ def describe(
 
 def _tallied(candidate: Candidate, terrain: Readable) -> tuple[NDArray[np.int64], NDArray[np.float64], Bits]:
     """Return counts, sums and unsafe cells of a candidate, see `tally`."""
-    own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
+    content, wide = candidate.content_bits, candidate.words_box
     counts, sums, holes = np.zeros(4, np.int64), np.zeros((5, 64)), np.zeros_like(content)
     for row in range(0, len(content), STRIP):
         rows = slice(row, min(row + STRIP, len(content)))
-        box = replace(wide, row0=wide.row0 + rows.start, row1=wide.row0 + rows.stop)
+        held = np.flatnonzero(content[rows].any(axis=0))
+        words = slice(int(held[0]), int(held[-1]) + 1)
+        west, south = wide.col0 + 64 * words.start, wide.row0 + row
+        box = Box(south, wide.row0 + rows.stop, west, wide.col0 + 64 * words.stop)
         certainty, slope = terrain.layer("certainty", box), terrain.layer("slope_deg", box)
         tally(
-            own[rows], content[rows], terrain.state(box), SAFE, UNSAFE,
-            certainty, slope, terrain.layer("roughness", box), counts, sums, holes[rows],
+            candidate.own_bits[rows, words], content[rows, words], terrain.state(box), SAFE, UNSAFE,
+            certainty, slope, terrain.layer("roughness", box), counts, sums, holes[rows, words],
         )  # fmt: skip
     return counts, sums, holes
 

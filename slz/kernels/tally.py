@@ -27,8 +27,8 @@ def _add(sums: Sums, of: int, values: NDArray[np.float32], first: np.uint64, cel
 
 
 @kernel(
-    "void(uint64[:, ::1], uint64[:, ::1], uint8[:, ::1], uint8, uint8, float32[:, ::1], float32[:, ::1],"
-    " float32[:, ::1], int64[::1], float64[:, ::1], uint64[:, ::1])"
+    "void(uint64[:, :], uint64[:, :], uint8[:, ::1], uint8, uint8, float32[:, ::1], float32[:, ::1],"
+    " float32[:, ::1], int64[::1], float64[:, ::1], uint64[:, :])"
 )
 def tally(
     own: Bits,
