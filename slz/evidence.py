@@ -36,6 +36,7 @@ from slz.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # of `max_age_s`, for which a cell that became too old to be drawn may be shown
 PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
+MORE = 4  # tiles made ready beyond those expected
 BLOCK = 256  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
@@ -76,6 +77,7 @@ class EvidenceTerrain:
         self.touched: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
+        self._n_drawn, self._new = 0, [0]
         self._oldest_s: dict[Key, float] = {}  # when the cell not seen for longest was seen
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -172,6 +174,19 @@ class EvidenceTerrain:
         col = math.floor((enu_m[0] - self.tiles.west_m) / fine_m)
         near = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
         self.pinned = frozenset(self.tiles.keys_over(near))
+
+    def prepare(self) -> None:
+        """Have memory ready for as many new tiles as the last two windows needed at most, and a few more.
+
+        The first window, whose tiles are all new, tells nothing of those to come.
+        """
+        drawn = len(self._states.keys())
+        self._new = [*self._new[-1:], max(0, drawn - self._n_drawn) if self._n_drawn else 0]
+        self._n_drawn = drawn
+        count = max(self._new) + MORE
+        self.tiles.prepare(min(count, self.tiles.n_free))
+        self._maps.prepare(count)
+        self._states.prepare(count)
 
     # ---- maps out -------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from slz.grid import Box, box_of_cells
 from slz.kernels.record import TILE
 from slz.kernels.tiled import copy_cells, copy_layer, put_layers
 from slz.tiles import Key, keys_over, tiles_over
-from slz.untouched import untouched
+from slz.untouched import make_ready, untouched
 
 FEWEST = 64  # tiles of the first block
 
@@ -36,9 +36,9 @@ class TiledLayers:
         for key in keys_over(box):
             if key not in self._slot:
                 self._make(key)
-        table = self._table(box)
+        table, given = self._table(box), np.ascontiguousarray(values, self._empty.dtype)
         for first, block in self._blocks:
-            put_layers(block, first, table, box.row0, box.col0, values)
+            put_layers(block, first, table, box.row0, box.col0, given)
 
     def read(self, box: Box, layer: int = 0) -> NDArray[Any]:
         """Return a copy (rows, cols) of one layer of a box."""
@@ -72,6 +72,13 @@ class TiledLayers:
         self._free.extend(self._slot.pop(key) for key in gone)
         return gone
 
+    def prepare(self, count: int) -> None:
+        """Have memory ready for so many more tiles."""
+        while len(self._free) < count:
+            self._add_block()
+        for slot in self._free[len(self._free) - count :]:
+            make_ready(self._held(slot)[None], slice(0, 1), slice(0, len(self._empty)))
+
     def keys(self) -> tuple[Key, ...]:
         """Return the keys of all tiles."""
         return tuple(self._slot)
@@ -88,12 +95,15 @@ class TiledLayers:
 
     def _make(self, key: Key) -> None:
         if not self._free:
-            first = sum(len(block) for _, block in self._blocks)
-            size = max(FEWEST, first)
-            self._blocks.append((first, untouched((size, len(self._empty), TILE, TILE), self._empty.dtype)))
-            self._free.extend(range(first, first + size)[::-1])
+            self._add_block()
         self._slot[key] = self._free.pop()
         self._held(self._slot[key])[:] = self._empty[:, None, None]
+
+    def _add_block(self) -> None:
+        first = sum(len(block) for _, block in self._blocks)
+        size = max(FEWEST, first)
+        self._blocks.append((first, untouched((size, len(self._empty), TILE, TILE), self._empty.dtype)))
+        self._free[:0] = range(first, first + size)[::-1]
 
     def _table(self, box: Box) -> NDArray[np.int32]:
         """Return the slot of every tile that a box touches, -1 where there is none."""

@@ -190,10 +190,10 @@ class Pipeline:
         """Have memory ready for the next window: call it when there is time, or not at all.
 
         The system gives a page of memory when it is first written to, which may take longer than what is
-        computed there. The next report is the same. In default mode there is nothing to do.
+        computed there. The next report is the same.
         """
         for zone_map in (self._near, self._far):
-            if isinstance(zone_map, SourceMap):
+            if zone_map is not None:
                 zone_map.terrain.prepare()
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:

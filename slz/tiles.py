@@ -22,6 +22,7 @@ from slz.kernels.scatter import (
     sorted_by_tile,
 )
 from slz.kernels.summary import summarise
+from slz.untouched import make_ready
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
@@ -79,6 +80,11 @@ class Tiles:
     @property
     def capacity(self) -> int:
         return len(self._pool)
+
+    @property
+    def n_free(self) -> int:
+        """Tiles that the budget has left."""
+        return len(self._free)
 
     @property
     def boxes(self) -> tuple[Box, ...]:
@@ -155,6 +161,12 @@ class Tiles:
                 self._give_up(victim)
             self._slot[key], self._last_s[key] = self._free.pop(), now_s
         return tuple(evicted)
+
+    def prepare(self, count: int) -> None:
+        """Have memory ready for so many more tiles."""
+        rows = self._pool.reshape(self.capacity, TILE * TILE, -1)
+        for slot in self._free[len(self._free) - count :]:
+            make_ready(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
 
     def _give_up(self, key: Key) -> None:
         slot = self._slot.pop(key)

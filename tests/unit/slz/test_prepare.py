@@ -11,6 +11,9 @@ import pytest
 import params
 import slz.source_terrain
 from slz import LocalFrame, Pipeline, Report, Window
+from slz.grid import Box
+from slz.kernels.record import TILE
+from slz.layers import TiledLayers
 from slz.untouched import make_ready, untouched
 
 FRAME = LocalFrame(45.0, -75.0, 0.0)
@@ -40,8 +43,10 @@ def told(report: Report) -> list[tuple[object, ...]]:
     ]
 
 
-def test_reports_are_the_same_with_and_without_it() -> None:
-    ready, plain = (Pipeline(PARAMETERS, (0.0, 0.0)) for _ in "rp")
+@pytest.mark.parametrize("mode", ["source", "default"])
+def test_reports_are_the_same_with_and_without_it(mode: str) -> None:
+    parameters = PARAMETERS.model_copy(update={"mode": mode})
+    ready, plain = (Pipeline(parameters, (0.0, 0.0)) for _ in "rp")
     ready.prepare()
     found = 0
     for number in range(6):
@@ -68,6 +73,22 @@ def test_what_is_ready_is_written_to_without_a_page_fault() -> None:
         return resource.getrusage(resource.RUSAGE_THREAD).ru_minflt - before
 
     assert faults(prepared=True) <= faults(prepared=False) // 100
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the faults of a thread")
+def test_tiles_that_are_ready_are_made_without_a_page_fault() -> None:
+    def faults(prepared: bool) -> int:
+        layers, box = TiledLayers([np.nan] * 7, np.float32), Box(0, 8 * TILE, 0, 10 * TILE)
+        values = np.ones((7, *box.shape), np.float32)
+        layers.write(Box(0, TILE, -TILE, 0), values[:, :TILE, :TILE])
+        if prepared:
+            layers.prepare(80)
+        before = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt
+        layers.write(box, values)
+        return resource.getrusage(resource.RUSAGE_THREAD).ru_minflt - before
+
+    assert faults(prepared=False) > 1000
+    assert faults(prepared=True) < 50
 
 
 def test_values_stay_as_they_are() -> None:
