@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.frame import is_known
+from slz.kernels.reach import extent
 from slz.kernels.record import TILE
 from slz.kernels.scatter import hit_tiles
 from slz.returns import Returns
@@ -150,14 +151,12 @@ def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[
     thin = points[:: max(1, len(points) // SOME)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
     density = 0.0
-    least = np.array([points[:, 0].min(), points[:, 1].min()])
-    most = np.array([points[:, 0].max(), points[:, 1].max()])
+    west_m, east_m, south_m, north_m = extent(np.ascontiguousarray(points))
     for side in SQUARES_M:
-        low, high = np.floor(least / side), np.floor(most / side)
-        cols, rows = (int(v) + 1 for v in high - low)
+        west, south = math.floor(west_m / side) * side, math.floor(south_m / side) * side
+        cols, rows = (1 + math.floor((m - low) / side) for m, low in ((east_m, west), (north_m, south)))
         if rows * cols > MOST_SQUARES:
             continue
-        west, south = (float(v) * side for v in low)
         hit = int(hit_tiles(points, west, south, side / TILE, 0, 0, rows, cols).sum())
         density = len(points) / (hit * side**2)
         if len(points) >= RETURNS_PER_SQUARE * hit:

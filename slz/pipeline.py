@@ -20,7 +20,7 @@ from slz.drawn import Drawn, take_drawn
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid
-from slz.kernels.reach import picked, usable, within_reach
+from slz.kernels.reach import beyond, heights_of, picked, usable, within_reach
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import UNKNOWN, TerrainMaps
 from slz.nearby import nearby
@@ -287,12 +287,11 @@ class Pipeline:
         points = usable(
             np.ascontiguousarray(window.points_enu_m), sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M
         )
-        height_m = np.ascontiguousarray(points[:, 2])
         in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
-        low, high = gap_interval(height_m[keep], p.outlier_gap_m)
-        beyond = keep & ((height_m < low) | (height_m > high))
-        keep[beyond] = in_a_group(points[beyond], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
+        height_m = points[:, 2] if keep.all() else heights_of(points, keep)
+        strays = beyond(points, keep, *gap_interval(height_m, p.outlier_gap_m))
+        keep[strays] = in_a_group(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
         kept = _picked(points, keep)
         if not in_flight:
             return kept

@@ -42,3 +42,39 @@ def picked(points: Points, which: NDArray[np.bool_]) -> Points:
             out[n, 0], out[n, 1], out[n, 2] = points[i, 0], points[i, 1], points[i, 2]
             n += 1
     return out
+
+
+@kernel("float64[::1](float64[:, ::1], boolean[::1])")
+def heights_of(points: Points, which: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the heights of some points."""
+    out, n = np.empty(len(points)), 0
+    for i in range(len(points)):
+        out[n] = points[i, 2]
+        n += which[i]
+    return out[:n]
+
+
+@kernel("int64[::1](float64[:, ::1], boolean[::1], float64, float64)")
+def beyond(points: Points, which: NDArray[np.bool_], low: float, high: float) -> NDArray[np.int64]:
+    """Return which of some points lie lower or higher than an interval."""
+    n = 0
+    for i in range(len(points)):
+        n += which[i] & ((points[i, 2] < low) | (points[i, 2] > high))
+    out, k, i = np.empty(n, np.int64), 0, 0
+    while k < n:
+        if which[i] and (points[i, 2] < low or points[i, 2] > high):
+            out[k] = i
+            k += 1
+        i += 1
+    return out
+
+
+@kernel("UniTuple(float64, 4)(float64[:, ::1])")
+def extent(points: Points) -> tuple[float, float, float, float]:
+    """Return the least and greatest east, and the least and greatest north, of one point and more."""
+    west = east = points[0, 0]
+    south = north = points[0, 1]
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        west, east, south, north = min(west, x), max(east, x), min(south, y), max(north, y)
+    return west, east, south, north
