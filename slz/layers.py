@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slz.grid import Box, box_of_cells
+from slz.grid import Box
 from slz.kernels.record import TILE
-from slz.kernels.tiled import copy_cells, copy_layer, put_layers
+from slz.kernels.tiled import copy_cells, copy_layer, put_layers, reach_of
 from slz.tiles import Key, keys_over, tiles_over
 from slz.untouched import make_ready, untouched
 
@@ -28,7 +28,7 @@ class TiledLayers:
         self._blocks: list[tuple[int, NDArray[Any]]] = []  # the first slot of each
         self._slot: dict[Key, int] = {}
         self._free: list[int] = []
-        self._last: tuple[Box, NDArray[np.int32]] | None = None  # slots of the box read last
+        self._last: tuple[Box, NDArray[np.int32], bool] | None = None  # `_table` of the box read last
 
     def write(self, box: Box, values: NDArray[Any]) -> None:
         """Set (count, rows, cols) values of a box."""
@@ -36,7 +36,7 @@ class TiledLayers:
         for key in keys_over(box):
             if key not in self._slot:
                 self._make(key)
-        table, given = self._table(box), np.ascontiguousarray(values, self._empty.dtype)
+        (table, _), given = self._table(box), np.ascontiguousarray(values, self._empty.dtype)
         for first, block in self._blocks:
             put_layers(block, first, table, box.row0, box.col0, given)
 
@@ -46,9 +46,10 @@ class TiledLayers:
         if box.empty:
             return out
         last = self._last  # two threads may read, while none writes
-        table = last[1] if last is not None and last[0] == box else self._table(box)
-        self._last = box, table
-        if table.min() < 0:
+        if last is None or last[0] != box:
+            last = self._last = box, *self._table(box)
+        _, table, whole = last
+        if not whole:
             out.fill(self._empty[layer])
         for first, block in self._blocks:
             copy_layer(block, first, table, layer, box.row0, box.col0, out)
@@ -58,9 +59,9 @@ class TiledLayers:
         """Return one layer of (n, 2) rows and columns, once they are moved down and right."""
         out = np.full(len(cells), self._empty[layer])
         if len(cells):
-            near = box_of_cells(cells)
-            box = Box(near.row0 + down, near.row1 + down, near.col0 + right, near.col1 + right)
-            table = self._table(box)
+            row0, row1, col0, col1 = reach_of(cells)
+            box = Box(row0 + down, row1 + down, col0 + right, col1 + right)
+            table, _ = self._table(box)
             for first, block in self._blocks:
                 copy_cells(block, first, table, layer, box.row0, box.col0, cells, down, right, out)
         return out
@@ -105,8 +106,9 @@ class TiledLayers:
         self._blocks.append((first, untouched((size, len(self._empty), TILE, TILE), self._empty.dtype)))
         self._free[:0] = range(first, first + size)[::-1]
 
-    def _table(self, box: Box) -> NDArray[np.int32]:
-        """Return the slot of every tile that a box touches, -1 where there is none."""
-        shape = tiles_over(box)[1]
-        slots = [self._slot.get(key, -1) for key in keys_over(box)]
-        return np.array(slots, np.int32).reshape(shape)
+    def _table(self, box: Box) -> tuple[NDArray[np.int32], bool]:
+        """Return the slot of every tile that a box touches, -1 where there is none, and whether all are."""
+        (row, col), (rows, cols) = tiles_over(box)
+        get = self._slot.get
+        slots = [get((r, c), -1) for r in range(row, row + rows) for c in range(col, col + cols)]
+        return np.array(slots, np.int32).reshape(rows, cols), -1 not in slots

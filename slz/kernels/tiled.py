@@ -79,6 +79,17 @@ def copy_layer(
                 _copy(taken, (r - row0) * cols + c0 - col0, flat, at + c0, c1 - c0)
 
 
+@kernel("UniTuple(int64, 4)(int32[:, ::1])")
+def reach_of(cells: NDArray[np.int32]) -> tuple[int, int, int, int]:
+    """Return row0, row1, col0, col1 (half open) of one cell and more, (n, 2) rows and columns."""
+    row0 = row1 = cells[0, 0]
+    col0 = col1 = cells[0, 1]
+    for i in range(len(cells)):
+        r, c = cells[i, 0], cells[i, 1]
+        row0, row1, col0, col1 = min(row0, r), max(row1, r), min(col0, c), max(col1, c)
+    return row0, row1 + 1, col0, col1 + 1
+
+
 @kernel(
     "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, int32[:, ::1], int64, int64,"
     " float32[::1])"

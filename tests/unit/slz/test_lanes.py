@@ -7,7 +7,20 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, ask_for, below, both, columns, every, flags_of, load, root, store, where
+from slz.kernels.lanes import (
+    LANES,
+    ask_for,
+    below,
+    both,
+    columns,
+    every,
+    flags_of,
+    load,
+    multiplied,
+    root,
+    store,
+    where,
+)
 
 Floats = NDArray[np.float32]
 ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-40, 3e38, -1.5], np.float32)
@@ -43,6 +56,20 @@ def test_lanes_are_what_numpy_makes_of_them(at: int) -> None:
         plain = [x + y, x - y, x * y, x / y, np.sqrt(x), np.where(x < y, x, np.float32(7.0) + y)]
     np.testing.assert_array_equal(out, np.array(plain, np.float32))
     assert bits.tolist() == [bits_of(x < y), bits_of(x == y), bits_of((x == x) & (y < x))]
+
+
+@kernel("void(float32[::1], float32[::1], float32[::1], float32[::1])")
+def multiplied_and_added(a: Floats, b: Floats, c: Floats, out: Floats) -> None:
+    store(out, 0, multiplied(load(a, 0), load(b, 0), load(c, 0)))
+
+
+def test_a_product_is_rounded_before_the_sum_or_with_it() -> None:
+    rng = np.random.default_rng(6)
+    a, b, c = (rng.normal(0.0, 3.0, LANES).astype(np.float32) for _ in "abc")
+    out, exact = np.empty(LANES, np.float32), a.astype(np.float64) * b + c
+    multiplied_and_added(a, b, c, out)
+    at_once, one_by_one = exact.astype(np.float32), a * b + c
+    assert ((out == at_once) | (out == one_by_one)).all()
 
 
 @pytest.mark.parametrize("at", [0, 5, 64, 135])
