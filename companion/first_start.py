@@ -31,9 +31,7 @@ OURS = (
     "dashboard/small_numbers",
 )
 COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's, of this Python
-WITHOUT = frozenset(
-    {"__init__", "arctangent", "jit", "record", "rows"}
-)  # any kernel that is compiled by itself
+WITHOUT = frozenset({"__init__", "arctangent", "jit", "record", "rows"})  # a kernel compiled by itself
 MOST_CORES = 4  # half a gigabyte of memory
 
 

@@ -28,7 +28,7 @@ Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of the cache; just what a cell needs
 LEAP_S = 100_000.0
-ROUNDING_S = 0.1  # more than single precision leaves of `LEAP_S`
+ROUNDING = 1e-6  # of a time and 1,000 s: more than single precision changes it by
 FEWEST = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
 
@@ -214,7 +214,7 @@ class Tiles:
         if slot is None:
             return math.inf
         seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
-        return float(seen_s[seen_s >= since_s - ROUNDING_S].min(initial=math.inf))
+        return float(seen_s[seen_s >= since_s - ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""
