@@ -22,6 +22,38 @@ def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
         there[to + k] = here[by + k]
 
 
+@kernel()
+def _move(
+    block: Values,
+    first: int,
+    table: Table,
+    layer: int,
+    row0: int,
+    col0: int,
+    cells: Values,
+    inwards: bool,
+) -> None:
+    """Copy (rows, cols) cells of a layer to those of its tiles that lie in a block, or from there."""
+    rows, cols = cells.shape
+    flat, given = block.ravel(), cells.ravel()
+    tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
+    for tr in range(table.shape[0]):
+        south = (tile_row + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(block):
+                continue
+            west = (tile_col + tc) << TILE_BITS
+            c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
+            held = (slot * block.shape[1] + layer) * TILE
+            for r in range(max(row0, south), min(row0 + rows, south + TILE)):
+                there, here = (held + r - south) * TILE + c0 - west, (r - row0) * cols + c0 - col0
+                if inwards:
+                    _copy(flat, there, given, here, c1 - c0)
+                else:
+                    _copy(given, here, flat, there, c1 - c0)
+
+
 @kernel(
     "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, float32[:, :, ::1])",
     "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, uint8[:, :, ::1])",
@@ -36,22 +68,8 @@ def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, va
     table
         Slots of all tiles that the box touches, -1 for none.
     """
-    layers, rows, cols = values.shape
-    flat, given = block.ravel(), values.ravel()
-    tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
-    for tr in range(table.shape[0]):
-        south = (tile_row + tr) << TILE_BITS
-        for tc in range(table.shape[1]):
-            slot = table[tr, tc] - first
-            if slot < 0 or slot >= len(block):
-                continue
-            west = (tile_col + tc) << TILE_BITS
-            c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
-            for layer in range(layers):
-                held = (slot * layers + layer) * TILE
-                for r in range(max(row0, south), min(row0 + rows, south + TILE)):
-                    at = (held + r - south) * TILE - west
-                    _copy(flat, at + c0, given, (layer * rows + r - row0) * cols + c0 - col0, c1 - c0)
+    for layer in range(len(values)):
+        _move(block, first, table, layer, row0, col0, values[layer], True)
 
 
 @kernel(
@@ -62,21 +80,7 @@ def copy_layer(
     block: Values, first: int, table: Table, layer: int, row0: int, col0: int, out: Values
 ) -> None:
     """Copy one layer of a box from those of its tiles that lie in a block, see `put_layers`."""
-    rows, cols = out.shape
-    flat, taken = block.ravel(), out.ravel()
-    tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
-    for tr in range(table.shape[0]):
-        south = (tile_row + tr) << TILE_BITS
-        for tc in range(table.shape[1]):
-            slot = table[tr, tc] - first
-            if slot < 0 or slot >= len(block):
-                continue
-            west = (tile_col + tc) << TILE_BITS
-            c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
-            held = (slot * block.shape[1] + layer) * TILE
-            for r in range(max(row0, south), min(row0 + rows, south + TILE)):
-                at = (held + r - south) * TILE - west
-                _copy(taken, (r - row0) * cols + c0 - col0, flat, at + c0, c1 - c0)
+    _move(block, first, table, layer, row0, col0, out, False)
 
 
 @kernel("UniTuple(int64, 4)(int32[:, ::1])")
