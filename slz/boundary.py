@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.measure import bends
+
 
 def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     """Drop points between two neighbours in the same row or the same column (SLZ paper Algorithm 2).
@@ -17,9 +19,4 @@ def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     boundary_cells
         (n, 2) rows and columns of a closed contour.
     """
-    if len(boundary_cells) == 1:
-        return boundary_cells
-    before, after = np.roll(boundary_cells, 1, axis=0), np.roll(boundary_cells, -1, axis=0)
-    flat = (before == boundary_cells) & (after == boundary_cells)
-    turns = ((boundary_cells - before) * (after - boundary_cells)).sum(axis=1) < 0  # the tip of a spur
-    return np.asarray(boundary_cells[~flat.any(axis=1) | turns])
+    return boundary_cells[bends(np.ascontiguousarray(boundary_cells, np.int32))]

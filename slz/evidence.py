@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.drawing import LAYERS, drawn, reach_of
 from slz.grid import Box, Grid
+from slz.kernels.bits import Bits
 from slz.kernels.pyramid import coarser
 from slz.kernels.record import TILE
 from slz.kernels.summary import summary
-from slz.layers import TiledLayers
-from slz.maps import SAFE, UNKNOWN
+from slz.layers import Block, TiledLayers
+from slz.maps import SAFE
 from slz.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
 HEIGHTS = ("height_m", "top_m")
@@ -71,8 +72,8 @@ class EvidenceTerrain:
         self.pinned: frozenset[Key] = frozenset()
         self.noise = Noise(parameters.range_noise_m, math.radians(parameters.angle_noise_deg))
         self._parameters = parameters
-        self._maps = TiledLayers([0.0 if name == "certainty" else np.nan for name in LAYERS], np.float32)
-        self._states = TiledLayers([int(UNKNOWN)], np.uint8)
+        empty = [0.0 if name == "certainty" else np.nan for name in LAYERS]
+        self._maps = TiledLayers(empty, self.tiles.capacity >> 2 * level)
         self.serial = next(SERIALS)
         self.touched: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
@@ -138,10 +139,9 @@ class EvidenceTerrain:
         for key in self._aged(now_s):
             self._draw_all([box_of_tile(key)])
         if change.evicted:
-            for layers in (self._maps, self._states):
-                self.touched.update(layers.keep(lambda key: self.tiles.any_near(key, self.level)))
+            self.touched.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
             if len(self.touched) > 2 * self.tiles.capacity:  # nobody looks
-                self.serial, self.touched = next(SERIALS), set(self._states.keys())
+                self.serial, self.touched = next(SERIALS), set(self._maps.keys())
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
@@ -180,13 +180,12 @@ class EvidenceTerrain:
 
         The first window, whose tiles are all new, tells nothing of those to come.
         """
-        drawn = len(self._states.keys())
+        drawn = len(self._maps)
         self._new = [*self._new[-1:], max(0, drawn - self._n_drawn) if self._n_drawn else 0]
         self._n_drawn = drawn
         count = max(self._new) + MORE
         self.tiles.prepare(min(count, self.tiles.n_free))
         self._maps.prepare(count)
-        self._states.prepare(count)
 
     # ---- maps out -------------------------------------------------------------------------------
 
@@ -208,9 +207,7 @@ class EvidenceTerrain:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
-        values, told = drawn(cells, self._reach, self.grid.cell_m, self._parameters)
-        self._maps.write(box, values)
-        self._states.write(box, told)
+        self._maps.write(box, *drawn(cells, self._reach, self.grid.cell_m, self._parameters))
         self.touched.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
@@ -234,13 +231,30 @@ class EvidenceTerrain:
         new._oldest_s = dict(self._oldest_s)
         return new
 
-    def safe(self, box: Box) -> NDArray[np.uint8]:
-        """Return 1 for the safe cells of a box, else 0."""
-        return np.asarray(self._states.read(self._everywhere(box)) == SAFE, np.uint8)
+    def safe_bits(self, box: Box) -> tuple[Bits, int, int]:
+        """Return the safe cells of a box that is not empty, and row and column of the first bit.
+
+        Nothing is set on a margin around the box. Words are rows of tiles, so they stand for the same cells
+        whatever the box.
+        """
+        there = self._everywhere(box)
+        col0, col1 = (there.col0 - 1) // TILE * TILE, -(-(there.col1 + 1) // TILE) * TILE
+        bits = self._maps.bits(Box(there.row0 - 1, there.row1 + 1, col0, col1), SAFE)
+        bits[0] = bits[-1] = 0
+        west, east = there.col0 - col0, col1 - there.col1
+        bits[:, 0] &= np.uint64((1 << TILE) - (1 << west))
+        bits[:, -1] &= np.uint64((1 << TILE - east) - 1)
+        row, col = self._corner
+        return bits, there.row0 - 1 - row, col0 - col
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
-        return self._states.read(self._everywhere(box))
+        return self._maps.states(self._everywhere(box))
+
+    def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Iterator[Block]]:
+        """Return a box counted from the tiles' corner, and `slz.layers.TiledLayers.within` of it."""
+        there = self._everywhere(box)
+        return there, *self._maps.within(there)
 
     # ---- what was drawn since somebody looked ----------------------------------------------------
 
@@ -251,13 +265,14 @@ class EvidenceTerrain:
 
     def touch_all(self) -> None:
         """Count every tile as touched."""
-        self.touched.update(self._states.keys())
+        self.touched.update(self._maps.keys())
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
         """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is drawn."""
-        maps, states = self._maps.tile(key), self._states.tile(key)
-        if maps is None or states is None:
+        held = self._maps.tile(key)
+        if held is None:
             return None
+        maps, states = held
         datum_m = np.float32(self.tiles.datum_m)
         layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
         return layers, states[0].copy()
@@ -271,8 +286,17 @@ class EvidenceTerrain:
 
     def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
         """Return one of `LAYERS` at (n, 2) cells, see `layer`."""
+        return self._with_datum(name, self.kept_at(name, cells))
+
+    @property
+    def datum_m(self) -> float:
+        """Height of the zero of what `kept_at` gives."""
+        return self.tiles.datum_m
+
+    def kept_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Return one of `LAYERS` at (n, 2) cells, heights over `datum_m`: they last while that drifts."""
         there = np.ascontiguousarray(cells, np.int32)
-        return self._with_datum(name, self._maps.at(there, *self._corner, LAYERS.index(name)))
+        return self._maps.at(there, *self._corner, LAYERS.index(name))
 
     def _with_datum(self, name: str, values: NDArray[np.float32]) -> NDArray[np.float32]:
         if name in HEIGHTS:

@@ -16,7 +16,7 @@ from slz.evidence import EvidenceTerrain
 from slz.frame import is_known
 from slz.grid import Box, Grid
 from slz.kernels.bits import packed
-from slz.kernels.room import farthest
+from slz.kernels.room import farthest, surest
 from slz.maps import SAFE, UNSAFE
 from slz.search import Candidate
 from slz.source_terrain import SourceTerrain
@@ -77,8 +77,36 @@ class SelectedPoint:
         return self.judged_by != "none"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Widest:
+    """The cells of a zone farthest from everything that is not the zone, and what the maps say of them.
+
+    cells: (n, 2) of the grid. distance2: to the nearest cell outside, in cells, squared. slope_deg: 90 where
+    there is none.
+    """
+
+    cells: NDArray[np.int64]
+    distance2: NDArray[np.int64]
+    slope_deg: NDArray[np.float32]
+    certainty: NDArray[np.float32]
+
+
+def widest(candidate: Candidate, terrain: Readable) -> Widest:
+    """Return the cells whose clearance is within half a cell of the greatest."""
+    wide = candidate.words_box
+    found = farthest(candidate.own_bits, candidate.square_side)
+    cells = found[:, :2] + np.array([wide.row0, wide.col0])
+    return Widest(
+        cells=cells,
+        distance2=found[:, 2],
+        slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
+        certainty=terrain.layer_at("certainty", cells),
+    )
+
+
 def best_point(
-    candidate: Candidate,
+    among: Widest,
+    square_side: int,
     terrain: Readable,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
@@ -87,32 +115,35 @@ def best_point(
 
     Of points whose clearance differs by less than half a cell the most certain, then the least steep, then
     the nearest to the vehicle is taken.
+
+    Parameters
+    ----------
+    square_side
+        Of the zone's largest square, in cells.
     """
-    grid, wide = terrain.grid, candidate.words_box
-    found = farthest(candidate.own_bits, candidate.square_side)
-    widest, distance = found[:, :2] + np.array([wide.row0, wide.col0]), np.sqrt(found[:, 2])
-    slope = np.nan_to_num(terrain.layer_at("slope_deg", widest), nan=90.0)
-    sure = terrain.layer_at("certainty", widest)
-    centres = grid.centres(widest)
-    way = np.nan_to_num(np.hypot(*(centres - sensor_enu_m[:2]).T))
-    first = np.lexsort((way // grid.cell_m, np.round(slope, 1), -np.round(sure, 3)))[0]
-    row, col = widest[first].tolist()
-    cell = Box(row, row + 1, col, col + 1)
-    enu_m = np.array([*centres[first], ground_m(terrain, cell)])
+    grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
+    place = grid.west_m, grid.south_m, grid.cell_m
+    best = surest(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
+    row, col = among.cells[best].tolist()
+    centre = grid.centre(row, col)
+    enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])
     return LandingPoint(
         enu_m=enu_m,
-        clearance_m=(float(distance[first]) - 0.5) * grid.cell_m,
-        square_side_m=candidate.square_side * grid.cell_m,
-        slope_deg=float(slope[first]),
-        certainty=float(sure[first]),
+        clearance_m=(math.sqrt(among.distance2[best]) - 0.5) * grid.cell_m,
+        square_side_m=square_side * grid.cell_m,
+        slope_deg=float(among.slope_deg[best]),
+        certainty=float(among.certainty[best]),
         horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
-        distance_m=float(np.hypot(*(enu_m[:2] - sensor_enu_m[:2]))),
+        distance_m=math.hypot(centre[0] - east_m, centre[1] - north_m),
     )
 
 
 def ground_m(terrain: Terrain, cell: Box) -> float:
     """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
-    for radius in range(4):
+    here = float(terrain.layer("height_m", _around(cell, 0, terrain))[0, 0])
+    if math.isfinite(here):
+        return here
+    for radius in range(1, 4):
         heights = terrain.layer("height_m", _around(cell, radius, terrain))
         known = heights[np.isfinite(heights)]
         if len(known):
@@ -210,14 +241,14 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), level_m)
     raised = (top - plane > parameters.relief_m + BULGE * distance) & (distance <= parameters.surround_m)
 
-    def ground(_: Box, row: int, col: int) -> float:
-        return float(plane[row, col])
+    def grounds(_: NDArray[np.int64], highest: NDArray[np.int32]) -> NDArray[np.float64]:
+        return plane[highest[:, 0] - box.row0, highest[:, 1] - box.col0]
 
     def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
-        return top[cells[:, 0], cells[:, 1]]
+        return top[cells[:, 0] - box.row0, cells[:, 1] - box.col0]
 
-    found = grouped(packed(raised.view(np.uint8)), tops, ground, grid, box, MOST_OBSTACLES)
-    nearest = sorted(found, key=lambda obstacle: obstacle.distance_m(enu_m))
+    found = grouped(packed(raised.view(np.uint8)), tops, grounds, grid, box, MOST_OBSTACLES)
+    nearest = sorted(found.over(0.0), key=lambda obstacle: obstacle.distance_m(enu_m))
     here = np.array([enu_m[0], enu_m[1], plane[cell.row0 - box.row0, cell.col0 - box.col0]])
     half_m = parameters.footprint_m / 2
     view = horizon_at(here, _view(terrain, box), grid, box, half_m, parameters.surround_m)

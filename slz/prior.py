@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from params import Parameters
-from slz.content import describe
+from slz.content import Content, describe
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid, read_at
 from slz.kernels.prior import contradict, heights_over
@@ -28,7 +28,7 @@ from slz.landing_point import Readable
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.ranking import rank
 from slz.repeat import ZoneTracker
-from slz.search import search_components, side_in_cells
+from slz.search import Candidate, search_components, side_in_cells
 from slz.zone import Zone
 
 CERTAINTY = 0.5  # of surveyed ground: below what a landing asks for (`min_certainty`)
@@ -263,8 +263,11 @@ class Prior:
         safe = ((terrain.state(box) == SAFE) & self._clear(terrain)).astype(np.uint8)
         fewest = max(1, int(p.min_boundary_points * p.cell_m / grid.cell_m))
         found = search_components(safe, box, side_in_cells(p.min_square_m, grid), fewest)
-        named = self._names.update(found, lambda one, number: describe(one, terrain, sensor, p, number))
-        return rank(named, p)
+
+        def described(one: Candidate, number: int) -> Zone:
+            return describe(Content.of(one, terrain), terrain, sensor, p, number)
+
+        return rank(self._names.update(found, described), p)
 
 
 def known_to(live: tuple[Readable, ...], grid: Grid) -> NDArray[np.bool_]:

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box, Grid
+from slz.kernels.bits import Bits, packed, unpacked
 from slz.kernels.measure import inside_count
+from slz.kernels.tally import common
 from slz.search import Candidate
 from slz.source_search import Part
 from slz.zone import Zone
@@ -108,9 +110,15 @@ class RepeatFilter:
     def moved(self, old: Grid, new: Grid) -> None:
         """Follow the map to a new zone; zones that lie outside it stay in effect."""
         self._contents = [content.moved(*old.shift_to(new)) for content in self._contents]
-        self._zones = [regridded(zone, old, new) for zone in self._zones]
+        self._zones = [_moved(zone, *old.shift_to(new)) for zone in self._zones]
         self._ignored = {}
         self.changed = True
+
+
+def _moved(zone: Zone, down: int, right: int) -> Zone:
+    """Return a zone with its cells counted from another corner."""
+    boundary_cells = zone.boundary_cells + np.array([down, right], np.int32)
+    return replace(zone, box=_shifted(zone.box, down, right), boundary_cells=boundary_cells)
 
 
 class ZoneTracker:
@@ -123,14 +131,14 @@ class ZoneTracker:
 
     def __init__(self, numbers: Iterator[int]) -> None:
         self._numbers = numbers
-        self._zones: list[Zone] = []
-        self._gone: list[Zone] = []
+        self._held: list[Held] = []
+        self._gone: list[Held] = []
 
     def update(self, candidates: Iterable[Candidate], describe: Describe) -> list[Zone]:
         """Take the zones found in the total map and name them."""
         found = list(candidates)
         names: dict[int, int] = {}
-        for old_zones in (self._zones, self._gone):
+        for old_zones in (self._held, self._gone):
             claims = [
                 (_common(candidate, old), position, old.id)
                 for position, candidate in enumerate(found)
@@ -145,46 +153,50 @@ class ZoneTracker:
             for position, candidate in enumerate(found)
         ]
         present = {zone.id for zone in zones}
-        gone = [zone for zone in (*self._gone, *self._zones) if zone.id not in present]
-        self._zones, self._gone = zones, gone[-MOST_GONE:]
-        return list(zones)
+        gone = [old for old in (*self._gone, *self._held) if old.id not in present]
+        self._held = [
+            Held(zone.id, candidate.box, candidate.own_bits, candidate.words_box.col0)
+            for zone, candidate in zip(zones, found, strict=True)
+        ]
+        self._gone = gone[-MOST_GONE:]
+        return zones
 
     def moved(self, old: Grid, new: Grid) -> None:
         """Follow the map to a new zone, or to another level of the pyramid."""
-        self._zones = [regridded(zone, old, new) for zone in self._zones]
-        self._gone = [regridded(zone, old, new) for zone in self._gone]
+        self._held = [regridded(held, old, new) for held in self._held]
+        self._gone = [regridded(held, old, new) for held in self._gone]
 
 
-def regridded(zone: Zone, old: Grid, new: Grid) -> Zone:
-    """Return a zone with its cells counted in another grid; a cell belongs to it where its centre does."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """The cells of a zone in a grid, as bits from the box's first row and some column on."""
+
+    id: int
+    box: Box
+    bits: Bits
+    col0: int
+
+
+def _shifted(box: Box, down: int, right: int) -> Box:
+    return Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right)
+
+
+def regridded(held: Held, old: Grid, new: Grid) -> Held:
+    """Return cells counted in another grid; one of its cells belongs to them where its centre does."""
+    box = held.box
     if old.cell_m == new.cell_m:
         down, right = old.shift_to(new)
-        box = zone.box
-        return replace(
-            zone,
-            box=Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right),
-            boundary_cells=zone.boundary_cells + np.array([down, right], np.int32),
-        )
-    box = zone.box
+        return replace(held, box=_shifted(box, down, right), col0=held.col0 + right)
     low, high = old.centre(box.row0 - 0.5, box.col0 - 0.5), old.centre(box.row1 - 0.5, box.col1 - 0.5)
     (row0, col0), (row1, col1) = new.index(*low), new.index(*high)
     box = Box(row0, row1 + 1, col0, col1 + 1)
     centres = new.centres(np.argwhere(np.ones(box.shape, bool)) + np.array([row0, col0]))
-    cells = _values(zone, old, centres).reshape(box.shape)
-    boundary = old.centres(zone.boundary_cells)
-    there = np.floor((boundary[:, ::-1] - np.array([new.south_m, new.west_m])) / new.cell_m)
-    return replace(zone, box=box, cells=cells, boundary_cells=there.astype(np.int32))
-
-
-def _values(zone: Zone, grid: Grid, east_north_m: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Return 1 for the points that lie in cells of a zone."""
-    corner = np.array([grid.south_m, grid.west_m])
-    at = np.floor((east_north_m[:, ::-1] - corner) / grid.cell_m).astype(np.int64)
-    at -= np.array([zone.box.row0, zone.box.col0])
-    held = ((at >= 0) & (at < np.array(zone.cells.shape))).all(axis=1)
-    out = np.zeros(len(at), np.uint8)
-    out[held] = zone.cells[at[held, 0], at[held, 1]]
-    return out
+    corner = np.array([old.south_m, old.west_m])
+    at = np.floor((centres[:, ::-1] - corner) / old.cell_m).astype(np.int64) - (held.box.row0, held.col0)
+    inside = ((at >= 0) & (at < (len(held.bits), 64 * held.bits.shape[1]))).all(axis=1)
+    cells = np.zeros(len(at), np.uint8)
+    cells[inside] = unpacked(held.bits, 0, 64 * held.bits.shape[1])[*at[inside].T]
+    return Held(held.id, box, packed(cells.reshape(box.shape)), box.col0)
 
 
 def _touch(a: Box, b: Box) -> bool:
@@ -195,10 +207,7 @@ def _within(a: Box, b: Box) -> bool:
     return b.row0 <= a.row0 and a.row1 <= b.row1 and b.col0 <= a.col0 and a.col1 <= b.col1
 
 
-def _common(candidate: Candidate, old: Zone) -> int:
-    a, b = candidate.box, old.box
-    row0, row1 = max(a.row0, b.row0), min(a.row1, b.row1)
-    col0, col1 = max(a.col0, b.col0), min(a.col1, b.col1)
-    mine = candidate.component[row0 - a.row0 : row1 - a.row0, col0 - a.col0 : col1 - a.col0]
-    theirs = old.cells[row0 - b.row0 : row1 - b.row0, col0 - b.col0 : col1 - b.col0]
-    return int(np.count_nonzero(mine & theirs))
+def _common(candidate: Candidate, old: Held) -> int:
+    wide = candidate.words_box
+    down, right = wide.row0 - old.box.row0, wide.col0 - old.col0
+    return int(common(candidate.own_bits, old.bits, down, right))

@@ -43,6 +43,15 @@ class Candidate:
         col0 = self.box.col0 - self.first
         return Box(self.box.row0, self.box.row1, col0, col0 + 64 * self.own_bits.shape[1])
 
+    def same_as(self, other: Candidate) -> bool:
+        """Tell whether another one of the same grid holds the same cells."""
+        pairs = (
+            (self.own_bits, other.own_bits),
+            (self.content_bits, other.content_bits),
+            (self.boundary_cells, other.boundary_cells),
+        )
+        return self.box == other.box and all(np.array_equal(mine, its) for mine, its in pairs)
+
     @property
     def content(self) -> NDArray[np.uint8]:
         """The content as bytes over the box."""
@@ -62,16 +71,30 @@ def side_in_cells(side_m: float, grid: Grid) -> int:
 def search_components(
     safe: NDArray[np.uint8], box: Box, least_side: int, least_boundary: int
 ) -> Iterator[Candidate]:
-    """Yield every 8-connected component that holds a safe square, islands inside another zone included.
+    """Yield what `search_bits` does of a box.
 
     Parameters
     ----------
     safe
         (rows, cols) of the box, 1 where safe. Beyond it nothing is (Algorithm 1's unsafe margin).
     """
-    if not safe.any():
+    return search_bits(packed(np.pad(safe, 1)), box.row0 - 1, box.col0 - 1, least_side, least_boundary)
+
+
+def search_bits(
+    cells: Bits, down: int, right: int, least_side: int, least_boundary: int
+) -> Iterator[Candidate]:
+    """Yield every 8-connected component that holds a safe square, islands inside another zone included.
+
+    Parameters
+    ----------
+    cells
+        Where it is safe; nowhere on the margin.
+    down, right
+        Row and column of the first bit.
+    """
+    if not cells.any():
         return
-    cells = packed(np.pad(safe, 1))
     squares = cells.copy()  # by their south-west corners
     grow(squares, 1, least_side)
     runs, groups = components(cells, squares)
@@ -91,8 +114,8 @@ def search_components(
             put_without_crumbs(run, least_side**2, own)
             corners = own & squares[row0:row1, words]
         yield Candidate(
-            boundary_cells=path[:n] + np.array([box.row0 - 1, box.col0 - 1], np.int32),
-            box=Box(row0 + box.row0 - 1, row1 + box.row0 - 1, col0 + box.col0 - 1, col1 + box.col0 - 1),
+            boundary_cells=path[:n] + np.array([down, right], np.int32),
+            box=Box(row0 + down, row1 + down, col0 + right, col1 + right),
             content_bits=content,
             own_bits=own,
             first=col0 & 63,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.kernels.bits import Bits
-from slz.kernels.groups import largest_groups
+from slz.kernels.groups import highest, largest_groups
 from slz.kernels.horizon import horizon
 
 SECTORS = 36
@@ -58,40 +58,61 @@ class Obstacle:
         return float(np.hypot(*beyond.T).min())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Groups:
+    """Groups of touching cells, to be made obstacles of.
+
+    cells: (m, 2) of the grid, group by group. ends: where those of each group begin and stop.
+    highest: the place of its highest cell. top_m, height_m: as of `Obstacle`, the top over a datum.
+    """
+
+    grid: Grid
+    cells: NDArray[np.int32]
+    ends: NDArray[np.int64]
+    highest: NDArray[np.int64]
+    top_m: NDArray[np.float32]
+    height_m: NDArray[np.float64]
+
+    def over(self, datum_m: float) -> tuple[Obstacle, ...]:
+        """Return the obstacles, their tops in heights of which the datum is given."""
+        centres, tops = self.grid.centres(self.cells), self.top_m + np.float32(datum_m)
+        centres.flags.writeable = False
+        places = centres[self.highest].tolist()
+        parts = zip(places, tops.tolist(), self.height_m.tolist(), self.ends.tolist(), strict=True)
+        return tuple(
+            Obstacle(east, north, top, over, centres[first:stop], self.grid.cell_m)
+            for (east, north), top, over, (first, stop) in parts
+        )
+
+
 def grouped(
     raised: Bits,
     tops_m: Callable[[NDArray[np.int32]], NDArray[np.float32]],
-    ground_m: Callable[[Box, int, int], float],
+    grounds_m: Callable[[NDArray[np.int64], NDArray[np.int32]], NDArray[np.float64]],
     grid: Grid,
     box: Box,
     most: int,
-) -> tuple[Obstacle, ...]:
-    """Return an obstacle for each group of touching raised cells of a box, the largest groups only.
+) -> Groups:
+    """Return the groups of touching raised cells of a box, the largest only.
 
     Parameters
     ----------
     raised
         Cells of the box that belong to an obstacle.
     tops_m
-        Heights of the highest returns of (n, 2) cells within the arrays.
-    ground_m
-        Height of the ground of a group, given its box and its highest cell, both within the arrays.
+        Heights of the highest returns of (n, 2) cells of the grid.
+    grounds_m
+        Heights of the ground of groups (`slz.kernels.groups.largest_groups`), whose highest cells are given.
     """
     groups, cells = largest_groups(raised, most)
-    tops = np.nan_to_num(tops_m(cells), nan=-np.inf)
-    centres = grid.centres(cells + np.array([box.row0, box.col0]))
-    centres.flags.writeable = False
-    found = []
-    for *place, first, stop in groups.tolist():
-        highest = first + int(np.argmax(tops[first:stop]))
-        (row, col), (east, north), top = (
-            cells[highest].tolist(),
-            centres[highest].tolist(),
-            float(tops[highest]),
-        )
-        over = top - ground_m(Box(*place), row, col)
-        found.append(Obstacle(east, north, top, over, centres[first:stop], grid.cell_m))
-    return tuple(found)
+    cells[:, 0] += box.row0
+    cells[:, 1] += box.col0
+    tops = tops_m(cells)
+    places = highest(tops, groups)
+    top = tops[places]
+    top[np.isnan(top)] = -np.inf
+    over = top.astype(np.float64) - grounds_m(groups, cells[places])
+    return Groups(grid, cells, groups[:, 4:], places, top, over)
 
 
 @dataclass(frozen=True, slots=True)

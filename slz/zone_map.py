@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import COARSEST
-from slz.content import describe
+from slz.content import Content, describe
 from slz.evidence import EvidenceTerrain
 from slz.grid import Grid
 from slz.ranking import rank
 from slz.repeat import ZoneTracker
-from slz.search import Candidate, search_components, side_in_cells
+from slz.search import Candidate, search_bits, side_in_cells
 from slz.tiles import Tiles
 from slz.zone import Zone
 
@@ -42,6 +42,7 @@ class ZoneMap:
         self._names = ZoneTracker(numbers)
         self.zones: tuple[Zone, ...] = ()
         self._candidates: tuple[Candidate, ...] = ()
+        self._contents: dict[int, Content] = {}  # of the zones, by ID
         self.n_without_tile = self.n_evicted = 0
 
     @property
@@ -108,30 +109,31 @@ class ZoneMap:
 
     def _become(self, terrain: EvidenceTerrain) -> None:
         self._names.moved(self.terrain.grid, terrain.grid)
+        self._contents = {}
         self.terrain = terrain
 
     def _search(self) -> tuple[Candidate, ...]:
         """Search the total map for what may be zones."""
         p, terrain = self._parameters, self.terrain
         seen = terrain.seen
+        if seen.empty:
+            return ()
         coarser = terrain.grid.cell_m / p.cell_m
+        side = side_in_cells(p.min_square_m, terrain.grid)
         return tuple(
-            search_components(
-                terrain.safe(seen),
-                seen,
-                side_in_cells(p.min_square_m, terrain.grid),
-                max(1, int(p.min_boundary_points / coarser)),
-            )
+            search_bits(*terrain.safe_bits(seen), side, max(1, int(p.min_boundary_points / coarser)))
         )
 
     def name(self, sensor_enu_m: Points) -> None:
         """Name, describe and rank the zones found."""
-        p, terrain = self._parameters, self.terrain
-        named = self._names.update(
-            self._candidates,
-            lambda candidate, zone_id: describe(candidate, terrain, sensor_enu_m, p, zone_id),
-        )
-        self.zones = rank(named, p)
+        p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
+
+        def described(candidate: Candidate, zone_id: int) -> Zone:
+            content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id))
+            return describe(content, terrain, sensor_enu_m, p, zone_id)
+
+        self.zones = rank(self._names.update(self._candidates, described), p)
+        self._contents = contents
 
 
 def far_parameters(parameters: Parameters) -> Parameters:

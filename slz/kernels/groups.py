@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, Bits, bit, lowest, word_mask
+from slz.kernels.bits import NONE, ONE, Bits, bit, lowest, signed, word_mask
 from slz.kernels.jit import kernel
 from slz.kernels.rows import doubled
 
@@ -180,6 +180,61 @@ def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
         if size[run[i, 3]] >= least:
             for w in range(first >> 6, ((stop - 1) >> 6) + 1):
                 out[r, w - word0] |= word_mask(first - 64 * w, stop - 64 * w)
+
+
+@kernel("int64[::1](float32[::1], int64[:, ::1])")
+def highest(tops: NDArray[np.float32], groups: Ints) -> Ints:
+    """Return the place of the first of the highest cells of each group; of none known the first cell's."""
+    out = np.empty(len(groups), np.int64)
+    for g in range(len(groups)):
+        out[g], top = groups[g, 4], np.float32(-np.inf)
+        for i in range(groups[g, 4], groups[g, 5]):
+            if tops[i] > top:
+                out[g], top = i, tops[i]
+    return out
+
+
+@kernel("Tuple((int32[:, ::1], int64[::1]))(uint64[:, ::1], int64[:, ::1], int64, int64, int64)")
+def cells_around(
+    part: Bits, groups: Ints, start: int, around: int, enough: int
+) -> tuple[NDArray[np.int32], Ints]:
+    """List the cells of a part in the boxes of groups, each with a margin, from one on until they are enough.
+
+    Returns
+    -------
+    (m, 2) rows and columns, group by group; (n + 1,) where the cells of each group begin, and the end.
+    """
+    cells, ends, n = np.empty((1024, 2), np.int32), np.zeros(len(groups) - start + 1, np.int64), 0
+    for g in range(start, len(groups)):
+        row0, row1 = max(0, groups[g, 0] - around), min(part.shape[0], groups[g, 1] + around)
+        col0, col1 = max(0, groups[g, 2] - around), min(64 * part.shape[1], groups[g, 3] + around)
+        for r in range(row0, row1):
+            for w in range(col0 >> 6, ((col1 - 1) >> 6) + 1):
+                word = part[r, w] & word_mask(col0 - 64 * w, col1 - 64 * w)
+                while word != NONE:
+                    if n == len(cells):
+                        cells = doubled(cells)
+                    cells[n, 0], cells[n, 1] = r, 64 * w + signed(lowest(word))
+                    n += 1
+                    word &= word - ONE
+        ends[g - start + 1] = n
+        if n >= enough:
+            return cells[:n].copy(), ends[: g - start + 2].copy()
+    return cells[:n].copy(), ends
+
+
+@kernel("float64[::1](float32[::1], int64[::1])")
+def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
+    """Return the median of the known heights between each two ends, NaN of none."""
+    out, found = np.full(len(ends) - 1, np.nan), np.empty(len(height), np.float32)
+    for g in range(len(out)):
+        n = 0
+        for i in range(ends[g], ends[g + 1]):
+            found[n] = height[i]
+            n += np.isfinite(height[i])
+        if n:
+            out[g] = np.float64(np.float32(np.median(found[:n])))
+    return out
 
 
 @kernel("float64(uint64[:, ::1], float32[:, :], int64, int64)")

@@ -95,11 +95,9 @@ def measure(
     return signed(n_safe), signed(n_unknown), slopes, roughs
 
 
-@kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")
-def corners(
-    boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
-) -> NDArray[np.float64]:
-    """Return (m, 3) east, north, height of the boundary cells that `without_collinear` keeps."""
+@kernel("int32[::1](int32[:, ::1])")
+def bends(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the places of the boundary cells that `slz.boundary.without_collinear` keeps."""
     n, m = len(boundary), 0
     kept = np.empty(n, np.int32)
     for i in range(n):
@@ -107,11 +105,20 @@ def corners(
         r, c = boundary[i, 0], boundary[i, 1]
         r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
         flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
-        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0
+        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0  # the tip of a spur
         kept[m] = i
         m += not flat or turns or n == 1
-    out = np.empty((m, 3))
-    for k in range(m):
+    return kept[:m].copy()
+
+
+@kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")
+def corners(
+    boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
+) -> NDArray[np.float64]:
+    """Return (m, 3) east, north, height of the boundary cells that `bends` keeps."""
+    kept = bends(boundary)
+    out = np.empty((len(kept), 3))
+    for k in range(len(kept)):
         i = kept[k]
         out[k, 0], out[k, 1] = west + (boundary[i, 1] + 0.5) * cell, south + (boundary[i, 0] + 0.5) * cell
         out[k, 2] = height[i]

@@ -295,6 +295,32 @@ def farthest(part: Bits, side: int) -> NDArray[np.int64]:
     return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side)
 
 
+@kernel("int64(int64[:, :], float32[::1], float32[::1], float64, float64, float64, float64, float64)")
+def surest(
+    cells: NDArray[np.int64],
+    certainty: NDArray[np.float32],
+    slope: NDArray[np.float32],
+    west: float,
+    south: float,
+    cell: float,
+    sensor_east: float,
+    sensor_north: float,
+) -> int:
+    """Return which cell is the most certain, to a thousandth; of these the first of `first_choice`."""
+    best, most, least, nearest = 0, -np.inf, np.inf, np.inf
+    for i in range(len(cells)):
+        sure, steep = np.rint(certainty[i] * np.float32(1000)), np.rint(slope[i] * np.float32(10))
+        if sure < most or (sure == most and steep > least):
+            continue
+        east, north = west + (cells[i, 1] + 0.5) * cell, south + (cells[i, 0] + 0.5) * cell
+        way = np.hypot(east - sensor_east, north - sensor_north) // cell
+        if not way < np.inf:
+            way = 0.0
+        if sure > most or steep < least or way < nearest:
+            best, most, least, nearest = i, sure, steep, way
+    return best
+
+
 @kernel("int64(int64[:, ::1], float32[:, :, ::1], int64, int64, float64, float64, float64, float64, float64)")
 def first_choice(
     cells: NDArray[np.int64],

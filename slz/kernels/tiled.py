@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.bits import NONE, Bits
 from slz.kernels.jit import kernel
 from slz.kernels.record import TILE, TILE_BITS
 
@@ -81,6 +82,31 @@ def copy_layer(
 ) -> None:
     """Copy one layer of a box from those of its tiles that lie in a block, see `put_layers`."""
     _move(block, first, table, layer, row0, col0, out, False)
+
+
+@kernel("void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, uint8, uint64[:, ::1])")
+def set_bits(block: Values, first: int, table: Table, row0: int, value: np.uint8, out: Bits) -> None:
+    """Set the cells that hold a value, in words that are rows of tiles, of those tiles that lie in a block.
+
+    Parameters
+    ----------
+    block, first, table
+        As of `put_layers`; of one layer.
+    out
+        Rows from row0 on, and a word for each column of the table.
+    """
+    flat = block.ravel()
+    for tr in range(table.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(block):
+                continue
+            for r in range(max(row0, south), min(row0 + len(out), south + TILE)):
+                at, word = np.uint64((slot * TILE + r - south) * TILE), NONE
+                for k in range(np.uint64(TILE)):
+                    word |= np.uint64(flat[at + k] == value) << k
+                out[r - row0, tc] = word
 
 
 @kernel("UniTuple(int64, 4)(int32[:, ::1])")

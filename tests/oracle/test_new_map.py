@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import params
 from slz.evidence import LAYERS, EvidenceTerrain
 from slz.grid import Box, Grid, overlap
+from slz.kernels.bits import unpacked
 from slz.maps import SAFE, UNKNOWN, UNSAFE
 from slz.source_terrain import SourceTerrain
 
@@ -108,7 +109,10 @@ def test_the_evidence_is_carried_over_and_the_rest_is_unknown(move: tuple[int, i
         np.testing.assert_array_equal(new.layer(name, everything), expected)
     state = carried(old.state(everything), move, UNKNOWN)
     np.testing.assert_array_equal(new.state(everything), state)
-    np.testing.assert_array_equal(new.safe(everything), carried(old.safe(everything), move, 0))
+    bits, row, col = new.safe_bits(Box(2, ROWS - 1, 1, COLS - 3))
+    rows, cols = np.nonzero(unpacked(bits, 0, 64 * bits.shape[1]))
+    safe = np.argwhere(state[2 : ROWS - 1, 1 : COLS - 3] == SAFE) + np.array([2, 1])
+    np.testing.assert_array_equal(np.column_stack([rows + row, cols + col]), safe)
 
 
 def test_the_maps_carried_over_hold_every_state() -> None:

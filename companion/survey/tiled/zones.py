@@ -20,7 +20,7 @@ from companion.survey.tiled.store import Layout, Store
 from companion.survey.tiled.zone_file import Found, load, save
 from params import Parameters
 from slz import Box
-from slz.content import describe
+from slz.content import Content, describe
 from slz.kernels.contour import squares
 from slz.search import Candidate, search_components, side_in_cells
 
@@ -81,7 +81,7 @@ def _found(zone: Joined, store: Store, members: Members, parameters: Parameters)
         for candidate in search_components(
             cells, layout.local(window), least, parameters.min_boundary_points
         ):
-            described = describe(candidate, store, NOWHERE, parameters, 0)
+            described = describe(Content.of(candidate, store), store, NOWHERE, parameters, 0)
             yield Found(
                 first=_first(candidate, least),
                 zone=replace(described, obstacles=()),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,9 +15,8 @@ import params
 from slz import Choice, Grid, Pipeline, Report, Window
 from slz.adaptive import COARSEST, STEADY, Adapter
 from slz.grid import Box
-from slz.repeat import regridded
-from slz.zone import Zone
-from tests.unit.companion.landing.flight import zone as bare_zone
+from slz.kernels.bits import bit, packed
+from slz.repeat import Held, regridded
 from tests.unit.slz.hand_made import FRAME
 
 Floats = NDArray[np.float64]
@@ -346,17 +344,23 @@ def test_the_far_map_keeps_its_cells_when_nothing_follows(fixed: str) -> None:
         assert report.choice.window_s == 1.0
 
 
-def patchy(seed: int, grid: Grid) -> Zone:
-    """A zone of random cells, boundary cells among them."""
+def patchy(seed: int) -> Held:
+    """Random cells of a zone."""
     rng = np.random.default_rng(seed)
     rows, cols = rng.integers(2, 9, 2)
     row0, col0 = rng.integers(-3, 12, 2)
-    cells = rng.integers(0, 2, (rows, cols)).astype(np.uint8)
-    cells[rng.integers(rows), rng.integers(cols)] = 1
-    boundary = (np.argwhere(cells) + np.array([row0, col0])).astype(np.int32)
+    before = int(rng.integers(0, 60))  # cells that a row's first word begins to the west
+    cells = np.zeros((rows, before + cols), np.uint8)
+    cells[:, before:] = rng.integers(0, 2, (rows, cols))
+    cells[rng.integers(rows), before + rng.integers(cols)] = 1
     box = Box(int(row0), int(row0 + rows), int(col0), int(col0 + cols))
-    zone = bare_zone(7, 0.0, 0.0)
-    return replace(zone, box=box, cells=cells, boundary_cells=boundary)
+    return Held(7, box, packed(cells), box.col0 - before)
+
+
+def holds(held: Held, row: int, col: int) -> bool:
+    r, c = row - held.box.row0, col - held.col0
+    inside = 0 <= r < len(held.bits) and 0 <= c < 64 * held.bits.shape[1]
+    return inside and bool(bit(held.bits, r, c))
 
 
 @settings(max_examples=80, deadline=None)
@@ -366,12 +370,12 @@ def test_in_another_grid_a_cell_belongs_to_a_zone_where_its_centre_does(
 ) -> None:
     old = Grid(-8.0, 4.0, 0.5 * 2**level, 40, 40)
     new = Grid(-8.0 + 2 * east, 4.0 + 2 * north, 0.5 * 2**other, 60, 60)
-    zone = patchy(seed, old)
+    zone = patchy(seed)
     moved = regridded(zone, old, new)
-    assert moved.cells.shape == moved.box.shape
+    assert len(moved.bits) == moved.box.shape[0]
     for row in range(moved.box.row0 - 5, moved.box.row1 + 5):
         for col in range(moved.box.col0 - 5, moved.box.col1 + 5):
             there = old.index(*(v + 1e-6 for v in new.centre(row, col)))
             if level < other:  # centres of wider cells lie on the corners of the finer ones
                 there = old.index(*new.centre(row, col))
-            assert moved.holds(row, col) == zone.holds(*there)
+            assert holds(moved, row, col) == holds(zone, *there)

@@ -49,6 +49,6 @@ def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -
     terrain = Maps(Grid(0.0, 0.0, 0.5, ROWS, COLS), height, top)
     found = _obstacles(
         packed(holes.view(np.uint8)), packed(own.view(np.uint8)), Box(0, ROWS, 0, COLS), terrain
-    )
+    ).over(0.0)
     assert sorted((o.east_m, o.north_m) for o in found) == [(5.25, 2.75), (35.25, 3.25)]
     assert {o.east_m: o.height_m for o in found} == {5.25: pytest.approx(3.0), 35.25: pytest.approx(0.5)}

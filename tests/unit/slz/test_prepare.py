@@ -78,13 +78,13 @@ def test_what_is_ready_is_written_to_without_a_page_fault() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the faults of a thread")
 def test_tiles_that_are_ready_are_made_without_a_page_fault() -> None:
     def faults(prepared: bool) -> int:
-        layers, box = TiledLayers([np.nan] * 7, np.float32), Box(0, 8 * TILE, 0, 10 * TILE)
-        values = np.ones((7, *box.shape), np.float32)
-        layers.write(Box(0, TILE, -TILE, 0), values[:, :TILE, :TILE])
+        layers, box = TiledLayers([np.nan] * 7), Box(0, 8 * TILE, 0, 10 * TILE)
+        values, states = np.ones((7, *box.shape), np.float32), np.ones((1, *box.shape), np.uint8)
+        layers.write(Box(0, TILE, -TILE, 0), values[:, :TILE, :TILE], states[:, :TILE, :TILE])
         if prepared:
             layers.prepare(80)
         before = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt
-        layers.write(box, values)
+        layers.write(box, values, states)
         return resource.getrusage(resource.RUSAGE_THREAD).ru_minflt - before
 
     assert faults(prepared=False) > 1000

@@ -142,9 +142,12 @@ def test_what_stands_over_known_ground_is_told_in_every_tile_and_over_unknown_gr
 
 
 def test_layers_hold_what_was_written_and_zero_elsewhere() -> None:
-    layers = TiledLayers([0.0, 0.0], np.float32)
+    layers = TiledLayers([0.0, 0.0])
     values = np.arange(2 * 90 * 70, dtype=np.float32).reshape(2, 90, 70)
-    layers.write(Box(-20, 70, 60, 130), values)
+    states = (np.arange(90 * 70, dtype=np.uint32) % 3).astype(np.uint8).reshape(1, 90, 70)
+    layers.write(Box(-20, 70, 60, 130), values, states)
+    np.testing.assert_array_equal(layers.states(Box(-20, 70, 60, 130)), states[0])
+    assert (layers.states(Box(-21, 71, 59, 131)) == UNKNOWN).sum() == 92 * 72 - 90 * 70
     np.testing.assert_array_equal(layers.read(Box(-20, 70, 60, 130), 1), values[1])
     assert layers.read(Box(-21, 71, 59, 131)).sum() == values[0].sum()
     layers.keep(lambda key: key != (0, 1))

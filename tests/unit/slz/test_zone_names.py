@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import params
 from slz import UNSAFE, Pipeline, Report, Zone
 from slz.grid import Box
+from slz.kernels.bits import packed
 from slz.repeat import ZoneTracker
 from tests.unit.slz.hand_made import fly, returns, state_at, window
 
@@ -428,8 +429,8 @@ def test_a_name_that_two_zones_claim_alike_goes_to_the_first() -> None:
 
     def candidate(col: int, width: int) -> Any:
         box = Box(0, 4, col, col + width)
-        cells = np.ones(box.shape, np.uint8)
-        return SimpleNamespace(box=box, component=cells, cells=cells, content=cells)
+        bits = packed(np.ones(box.shape, np.uint8))
+        return SimpleNamespace(box=box, own_bits=bits, words_box=Box(0, 4, col, col + 64))
 
     def named(one: Any, number: int) -> Any:
         return SimpleNamespace(**vars(one), id=number)
