@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.frame import is_known
 from slz.kernels.reach import extent
-from slz.kernels.record import TILE
-from slz.kernels.scatter import hit_tiles
+from slz.kernels.scatter import hit_squares
 from slz.returns import Returns
 from slz.window import Window
 
@@ -151,13 +150,14 @@ def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[
     thin = points[:: max(1, len(points) // SOME)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
     density = 0.0
-    west_m, east_m, south_m, north_m = extent(np.ascontiguousarray(points))
+    every = np.ascontiguousarray(points)
+    west_m, east_m, south_m, north_m = extent(every)
     for side in SQUARES_M:
         west, south = math.floor(west_m / side) * side, math.floor(south_m / side) * side
         cols, rows = (1 + math.floor((m - low) / side) for m, low in ((east_m, west), (north_m, south)))
         if rows * cols > MOST_SQUARES:
             continue
-        hit = int(hit_tiles(points, west, south, side / TILE, 0, 0, rows, cols).sum())
+        hit = int(np.count_nonzero(hit_squares(every, west, south, side, rows, cols)))
         density = len(points) / (hit * side**2)
         if len(points) >= RETURNS_PER_SQUARE * hit:
             break

@@ -365,6 +365,8 @@ def _picked(points: Points, which: NDArray[np.bool_]) -> Points:
 
 def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArray[np.bool_]:
     """Tell which points lie no farther from the sensor over ground; all where its place is unknown."""
+    if not is_known(sensor_enu_m[:2]):
+        return np.ones(len(points_enu_m), bool)
     return within_reach(points_enu_m, sensor_enu_m, reach_m**2)
 
 

@@ -119,6 +119,7 @@ class Tiles:
     ) -> Change:
         """Add the points that lie in a box of cells to the evidence of theirs, forgetting what is too old."""
         edges = np.array([within.row0, within.row1, within.col0, within.col1])
+        points_enu_m = np.ascontiguousarray(points_enu_m)
         at, found = cells_of(points_enu_m, self.west_m, self.south_m, self.cell_m, edges)
         *hit, inside = found.tolist()
         if not inside:

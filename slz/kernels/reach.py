@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
+CHUNK = 64  # points looked at before any of them is looked at by itself
 Points = NDArray[np.float64]
 
 
@@ -57,16 +58,20 @@ def heights_of(points: Points, which: NDArray[np.bool_]) -> NDArray[np.float64]:
 @kernel("int64[::1](float64[:, ::1], boolean[::1], float64, float64)")
 def beyond(points: Points, which: NDArray[np.bool_], low: float, high: float) -> NDArray[np.int64]:
     """Return which of some points lie lower or higher than an interval."""
-    n = 0
-    for i in range(len(points)):
-        n += which[i] & ((points[i, 2] < low) | (points[i, 2] > high))
-    out, k, i = np.empty(n, np.int64), 0, 0
-    while k < n:
-        if which[i] and (points[i, 2] < low or points[i, 2] > high):
-            out[k] = i
-            k += 1
-        i += 1
-    return out
+    out, m = np.empty(CHUNK, np.int64), 0
+    for start in range(0, len(points), CHUNK):
+        stop, any_ = min(start + CHUNK, len(points)), False
+        for i in range(start, stop):  # several at once
+            any_ |= (points[i, 2] < low) | (points[i, 2] > high)
+        if not any_:
+            continue
+        for i in range(start, stop):
+            if which[i] and (points[i, 2] < low or points[i, 2] > high):
+                if m == len(out):
+                    out = np.append(out, np.empty_like(out))
+                out[m] = i
+                m += 1
+    return out[:m].copy()
 
 
 @kernel("UniTuple(float64, 4)(float64[:, ::1])")

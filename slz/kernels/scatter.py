@@ -23,10 +23,30 @@ from slz.kernels.record import (
 
 OUTSIDE = np.int32(-(2**31))
 AHEAD = 24  # points, from whose cell on memory is asked for
+CHUNK = 64  # points placed at a time
 ONE, TWO = np.float32(1), np.float32(2)
+NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
-@kernel("Tuple((int32[:, ::1], int64[::1]))(float64[:, :], float64, float64, float64, int64[:])")
+@kernel("void(float64[::1], int64, int64, float64, float64, float64, float64[::1], float64[::1])")
+def _placed(
+    points: NDArray[np.float64],
+    first: int,
+    n: int,
+    west: float,
+    south: float,
+    cell: float,
+    rows: NDArray[np.float64],
+    cols: NDArray[np.float64],
+) -> None:
+    """Leave rows and columns of some points, without a branch, so that the compiler takes several at once."""
+    at = np.uint64(3 * first)
+    for k in range(np.uint64(n)):
+        cols[k] = np.floor((points[at + THREE * k] - west) / cell)
+        rows[k] = np.floor((points[at + THREE * k + NEXT] - south) / cell)
+
+
+@kernel("Tuple((int32[:, ::1], int64[::1]))(float64[:, ::1], float64, float64, float64, int64[:])")
 def cells_of(
     points: NDArray[np.float64],
     west: float,
@@ -39,18 +59,33 @@ def cells_of(
     Cells count from (west, south); only those `within` (row0, row1, col0, col1) count, the row of a point
     elsewhere is `OUTSIDE`.
     """
-    at = np.empty((len(points), 2), np.int32)
-    south0, north0, west0, east0 = within[0], within[1], within[2], within[3]
+    at, rows, cols = np.empty((len(points), 2), np.int32), np.empty(CHUNK), np.empty(CHUNK)
+    south0, north0, west0, east0 = within[0] + 0.0, within[1] + 0.0, within[2] + 0.0, within[3] + 0.0
     r0, r1, c0, c1, inside = north0, south0 - 1, east0, west0 - 1, 0
-    for i in range(points.shape[0]):
-        c = np.int64(np.floor((points[i, 0] - west) / cell))
-        r = np.int64(np.floor((points[i, 1] - south) / cell))
-        held = (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
-        at[i, 0], at[i, 1] = r if held else OUTSIDE, c if held else 0
+    flat, places = points.ravel(), at.ravel()
+    for start in range(0, len(points), CHUNK):
+        n, to = min(CHUNK, len(points) - start), np.uint64(2 * start)
+        _placed(flat, start, n, west, south, cell, rows, cols)
+        held = 0
+        for k in range(np.uint64(n)):
+            r, c = rows[k], cols[k]
+            held += (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
+        if held < n:
+            for k in range(np.uint64(n)):
+                r, c = rows[k], cols[k]
+                here = (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = OUTSIDE, 0
+                if here:
+                    places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
+                    r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
+        else:
+            for k in range(np.uint64(n)):
+                r, c = rows[k], cols[k]
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
+                r0, r1 = (r if r < r0 else r0), (r if r > r1 else r1)
+                c0, c1 = (c if c < c0 else c0), (c if c > c1 else c1)
         inside += held
-        r0, r1 = min(r0, r if held else r0), max(r1, r if held else r1)
-        c0, c1 = min(c0, c if held else c0), max(c1, c if held else c1)
-    return at, np.array([r0, r1 + 1, c0, c1 + 1, inside], np.int64)
+    return at, np.array([np.int64(r0), np.int64(r1) + 1, np.int64(c0), np.int64(c1) + 1, inside], np.int64)
 
 
 @kernel("void(float64[:, :], float64, float64, float64, int64, int64, float64[:, :], int32[:, :])")
@@ -75,24 +110,20 @@ def sum_and_count(
         count[r, c] += 1
 
 
-@kernel("boolean[:, :](float64[:, :], float64, float64, float64, int64, int64, int64, int64)")
-def hit_tiles(
-    points: NDArray[np.float64],
-    west: float,
-    south: float,
-    cell: float,
-    tile_row: int,
-    tile_col: int,
-    rows: int,
-    cols: int,
+@kernel("boolean[:, :](float64[:, ::1], float64, float64, float64, int64, int64)")
+def hit_squares(
+    points: NDArray[np.float64], west: float, south: float, side: float, rows: int, cols: int
 ) -> NDArray[np.bool_]:
-    """Tell which tiles of a rectangle of rows x cols tiles, from (tile_row, tile_col) on, hold a point."""
-    out = np.zeros((rows, cols), np.bool_)
-    for i in range(points.shape[0]):
-        c = (int(np.floor((points[i, 0] - west) / cell)) >> TILE_BITS) - tile_col
-        r = (int(np.floor((points[i, 1] - south) / cell)) >> TILE_BITS) - tile_row
-        if 0 <= r < rows and 0 <= c < cols:
-            out[r, c] = True
+    """Tell which of rows x cols squares, from (west, south) on, hold a point."""
+    out, row, col = np.zeros((rows, cols), np.bool_), np.empty(CHUNK), np.empty(CHUNK)
+    flat = points.ravel()
+    for start in range(0, len(points), CHUNK):
+        n = min(CHUNK, len(points) - start)
+        _placed(flat, start, n, west, south, side, row, col)
+        for k in range(n):
+            r, c = np.int64(row[k]), np.int64(col[k])
+            if 0 <= r < rows and 0 <= c < cols:
+                out[r, c] = True
     return out
 
 
