@@ -15,6 +15,7 @@ RELIEF_NOISE = 1.3  # standard deviations of one return that the noise adds to a
 RELIEF_SPREAD = 0.6  # and how much that varies
 HIDDEN = 0.01  # share of footprints nearly all gaps in which these hide a hazard; of half gaps a sixteenth
 RIM = 0.15  # share of hazards in the outermost cells of a footprint alone that truly reach into it
+LEAST_NOISE_M = 1e-3
 ENOUGH = 6.0  # standard deviations, beyond which single precision knows no doubt
 
 
@@ -28,7 +29,7 @@ def _below(deviations: float) -> float:
 
 @kernel("float64(float64, float64, float64)")
 def _even(relief_m: float, noise_m: float, limit_m: float) -> float:
-    return _below(((limit_m - relief_m) / max(noise_m, 1e-3) + RELIEF_NOISE) / RELIEF_SPREAD)
+    return _below(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
 
 
 @kernel("float64(float64, float64, float64, float64, float64, float64, float64, float64)")
@@ -57,9 +58,17 @@ def certainty(
     """
     if math.isnan(slope_deg + slope_sigma_deg + relief_m + inner_relief_m + noise_m + share_seen):
         return 0.0
-    spread_deg = math.sqrt(slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG)
-    gentle = _below((slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg) / spread_deg)
+    hidden = (1 - share_seen) * (1 - share_seen)
+    seen, left_deg = 1 - HIDDEN * hidden * hidden, slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
+    spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
+    room_m = (ENOUGH * RELIEF_SPREAD - RELIEF_NOISE) * max(noise_m, LEAST_NOISE_M)
+    if (
+        left_deg > 0
+        and left_deg * left_deg > ENOUGH * ENOUGH * spread2
+        and relief_limit_m - relief_m > room_m
+    ):
+        return seen  # as most ground is: without a root, a division or an error function
+    gentle = _below(left_deg / math.sqrt(spread2))
     outer = _even(relief_m, noise_m, relief_limit_m)
     inner = _even(inner_relief_m, noise_m, relief_limit_m)
-    hidden = (1 - share_seen) * (1 - share_seen)
-    return gentle * (RIM * outer + (1 - RIM) * inner) * (1 - HIDDEN * hidden * hidden)
+    return gentle * (RIM * outer + (1 - RIM) * inner) * seen

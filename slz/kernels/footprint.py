@@ -104,14 +104,13 @@ def _solve(
         gradient = np.sqrt(square)
         left = szz - a * sxz - b * syz
         squares = left if left > 0.0 else 0.0
-        single = noise_m * np.sqrt(sums[S_SPREAD, c] * share)
-        spread = np.sqrt(squares / (w - 3))
-        noise = spread if spread > single else single
+        single2, spread2 = noise_m * noise_m * (sums[S_SPREAD, c] * share), squares / (w - 3)
+        noise2 = spread2 if spread2 > single2 else single2
         good = (sums[S_SEEN, c] >= enough) & (w >= 5.5) & (det >= 1e-9 * (sxx + syy) ** 2)
         fit[EAST, c], fit[NORTH, c] = a, b
         fit[LEVEL, c] = mz + a * (float(c) * cell_m - mx) + b * (y - my)
         fit[RMS, c] = np.sqrt(squares * share)
-        fit[SIGMA, c] = noise * np.sqrt(0.5 * (sxx + syy) * scale) / (1 + square)
+        fit[SIGMA, c] = np.sqrt(noise2 * 0.5 * (sxx + syy) * scale) / (1 + square)
         fit[RETURN, c] = np.sqrt(max(0.0, sums[S_SINGLE, c] * share))
         fit[GRADIENT, c] = gradient if good else np.nan
 
