@@ -11,6 +11,7 @@ from slz.drawing import LAYERS
 from slz.evidence import EvidenceTerrain
 from slz.grid import Box
 from slz.kernels.bits import Bits
+from slz.kernels.record import TILE
 from slz.kernels.tally import TOLD, carry_over, tally, tally_tiles
 from slz.landing_point import Readable
 from slz.maps import SAFE, UNSAFE
@@ -67,6 +68,8 @@ def _by_tiles(
 ) -> Tally:
     own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
     there, table, versions, blocks = terrain.tiles_within(wide)
+    if there.col0 % TILE:
+        raise ValueError("the words of a candidate must be rows of the terrain's tiles: see `safe_bits`")
     holes, parts = np.zeros_like(content), np.zeros((*table.shape, TOLD))
     wanted, lasts = np.ones(table.shape, bool), False
     if old is not None and known is not None:

@@ -186,3 +186,15 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
         np.testing.assert_array_equal(parts[i, j], told[tr, tc] if kept else 0)
         found = holes[own.start - row0 : own.stop - row0, j]
         np.testing.assert_array_equal(found, all_holes[own, tc] if kept else 0)
+
+
+def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
+    pipe = Pipeline(params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"]), (0.0, 0.0))
+    points = scan(np.random.default_rng(1), np.zeros(2), 28, np.empty((0, 4)))
+    pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
+    near = pipe._near
+    assert isinstance(near, ZoneMap)
+    one = near._candidates[0]
+    aside = replace(one, box=replace(one.box, col0=one.box.col0 + 1, col1=one.box.col1 + 1))
+    with pytest.raises(ValueError, match="rows of the terrain's tiles"):
+        Content.of(aside, near.terrain)
