@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import itertools
 import logging
@@ -36,15 +37,23 @@ MOST_CORES = 4  # half a gigabyte of memory
 
 
 def is_first() -> bool:
-    """Tell whether some source of kernels has nothing compiled, or only what is older than itself."""
+    """Tell whether some source of kernels has nothing compiled, or only what it was before."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False  # nothing is ever compiled
-    newest: dict[str, float] = {}
+    compiled: dict[str, list[Path]] = {}
     for folder in _caches():
         for path in folder.rglob(COMPILED):
-            module = path.name.partition(".")[0]
-            newest[module] = max(newest.get(module, 0.0), path.stat().st_mtime)
-    return any(path.stat().st_mtime > newest.get(path.stem, 0.0) for path in _sources())
+            compiled.setdefault(path.name.partition(".")[0], []).append(path)
+    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources())
+
+
+def _is_compiled(source: Path, compiled: list[Path]) -> bool:
+    """Tell whether something compiled is newer than its source, or of the same text: Numba goes by that."""
+    written = source.stat().st_mtime
+    if any(path.stat().st_mtime >= written for path in compiled):
+        return True
+    text = hashlib.sha256(source.read_bytes()).digest()
+    return any(text in path.read_bytes() for path in compiled)
 
 
 def compile_kernels(progress: Callable[[int, int], None]) -> None:

@@ -102,6 +102,14 @@ def test_modules_are_compiled_in_other_processes_and_counted(
     assert sorted(told) == [(1, 2), (2, 2)]
     assert not first_start.is_first()
 
+    # Numba keeps the hash of the source: a checkout or a formatter writes files again as they were.
+    again = tmp_path / "median.py"
+    monkeypatch.setattr(first_start, "_sources", lambda: iter([again]))
+    for added, expected in ((b"", False), (b"\n", True)):
+        again.write_bytes(chosen[1].read_bytes() + added)
+        os.utime(again, (2**32, 2**32))
+        assert first_start.is_first() is expected
+
 
 def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
     monkeypatch: pytest.MonkeyPatch,
