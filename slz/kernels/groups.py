@@ -223,6 +223,11 @@ def cells_around(
     return cells[:n].copy(), ends
 
 
+@kernel("float64(float32[::1])")
+def _middle(height: NDArray[np.float32]) -> float:
+    return np.float64(np.float32(np.median(height)))
+
+
 @kernel("float64[::1](float32[::1], int64[::1])")
 def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
     """Return the median of the known heights between each two ends, NaN of none."""
@@ -233,7 +238,7 @@ def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
             found[n] = height[i]
             n += np.isfinite(height[i])
         if n:
-            out[g] = np.float64(np.float32(np.median(found[:n])))
+            out[g] = _middle(found[:n])
     return out
 
 
@@ -251,7 +256,7 @@ def middle_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int)
             if bit(part, r, c) and np.isfinite(z):
                 found[n] = z
                 n += 1
-    return np.float64(np.float32(np.median(found[:n]))) if n else np.nan
+    return _middle(found[:n]) if n else np.nan
 
 
 @kernel(

@@ -20,7 +20,7 @@ SAFE, UNSAFE, CERTAINTY, SLOPE, SLOPES, ROUGHNESS, ROUGHNESSES = range(7)
 TOLD = 7
 
 
-@kernel()
+@kernel("void(float64[:, ::1], int64, float32[::1], uint64, uint64)")
 def _add(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64) -> None:
     """Add those of 64 values that are set and finite, each to a sum of its own, and count them."""
     for k in range(np.uint64(64)):
@@ -30,7 +30,10 @@ def _add(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64)
         sums[of + 1, k] += 1.0 if counts else 0.0
 
 
-@kernel()
+@kernel(
+    "uint64(uint64, uint64, uint8[::1], float32[::1], float32[::1], float32[::1], UniTuple(int64, 4), uint8,"
+    " uint8, float64[:, ::1])"
+)
 def _tally_word(
     mine: np.uint64,
     inside: np.uint64,
