@@ -140,14 +140,11 @@ def best_point(
 
 def ground_m(terrain: Terrain, cell: Box) -> float:
     """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
-    here = float(terrain.layer("height_m", _around(cell, 0, terrain))[0, 0])
-    if math.isfinite(here):
-        return here
-    for radius in range(1, 4):
+    for radius in range(4):
         heights = terrain.layer("height_m", _around(cell, radius, terrain))
         known = heights[np.isfinite(heights)]
         if len(known):
-            return float(np.median(known))
+            return float(np.median(known) if radius else known[0])
     return float("nan")
 
 
