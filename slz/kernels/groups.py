@@ -63,6 +63,27 @@ def join(run: Ints, corner: int) -> None:
         run[i, 3] = _root(run, i)
 
 
+@kernel("int64[::1](int64[::1], int64[::1], int64)")
+def _largest(roots: Ints, size: Ints, most: int) -> Ints:
+    """Return so many of more roots, in their order: those of the greatest size, of equal ones the first."""
+    least = more = 0
+    for i in range(len(roots)):
+        least = max(least, size[roots[i]])
+    of_size = np.zeros(least + 1, np.int64)
+    for i in range(len(roots)):
+        of_size[size[roots[i]]] += 1
+    while more + of_size[least] < most:
+        more += of_size[least]
+        least -= 1
+    equal, out, n = most - more, np.empty(most, np.int64), 0
+    for i in range(len(roots)):
+        if size[roots[i]] > least or (size[roots[i]] == least and equal > 0):
+            equal -= size[roots[i]] == least
+            out[n] = roots[i]
+            n += 1
+    return out
+
+
 @kernel("Tuple((int64[:, ::1], int32[:, ::1]))(uint64[:, ::1], int64)")
 def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     """Return the largest groups of touching cells, in the order of their first cells.
@@ -79,7 +100,7 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
         size[run[i, 3]] += run[i, 2] - run[i, 1]
     roots = np.flatnonzero(size)
     if len(roots) > most:
-        roots = np.sort(roots[np.argsort(-size[roots], kind="mergesort")[:most]])
+        roots = _largest(roots, size, most)
     place, total = np.full(len(run), -1, np.int64), 0
     groups = np.empty((len(roots), 6), np.int64)
     for g in range(len(roots)):

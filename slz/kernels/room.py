@@ -221,7 +221,7 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
         keep, least = 0, np.sqrt(best2) - 0.5 - away
         for i in range(n):
             if np.sqrt(blocks[i, 2]) >= least - 1e-9 * away:
-                blocks[keep] = blocks[i]
+                blocks[keep, 0], blocks[keep, 1], blocks[keep, 2] = blocks[i, 0], blocks[i, 1], blocks[i, 2]
                 keep += 1
         if block == 1:
             break
@@ -234,11 +234,17 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
                         halves[n, 0], halves[n, 1] = r, c
                         n += 1
         blocks = halves
+    # Those of a row are in the order of their columns already.
+    place, found = np.zeros(part.shape[0] + 1, np.int64), np.empty((keep, 3), np.int64)
     for i in range(keep):
-        blocks[i, 0] += shift
-        blocks[i, 1] += shift
-    order = np.argsort(blocks[:keep, 0] * (64 * part.shape[1]) + blocks[:keep, 1])
-    return blocks[order]
+        place[blocks[i, 0] + shift + 1] += 1
+    for r in range(part.shape[0]):
+        place[r + 1] += place[r]
+    for i in range(keep):
+        r = blocks[i, 0] + shift
+        found[place[r], 0], found[place[r], 1], found[place[r], 2] = r, blocks[i, 1] + shift, blocks[i, 2]
+        place[r] += 1
+    return found
 
 
 @kernel("int64(int64)")
