@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,10 @@ from params import Parameters
 from slz.frame import is_known
 from slz.kernels.reach import extent
 from slz.kernels.scatter import hit_squares
-from slz.returns import Returns
 from slz.window import Window
+
+if TYPE_CHECKING:
+    from slz.returns import Returns
 
 COARSEST = 2  # level of the far map whose cells are `far_cell_m` wide
 RETURNS_PER_CELL = 1.0  # of one window, below which cells are too fine

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.measure import bends
+from slz.kernels.contour import bends
 
 
 def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:

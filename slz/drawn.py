@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.evidence import EvidenceTerrain
 from slz.kernels.record import TILE
-from slz.source_terrain import SourceTerrain
 from slz.tiles import Key
+
+if TYPE_CHECKING:
+    from slz.source_terrain import SourceTerrain
 
 NAMES = ("height_m", "slope_deg", "relief_m", "certainty")
 

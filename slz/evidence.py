@@ -19,6 +19,7 @@ import copy
 import functools
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,8 @@ class EvidenceTerrain:
     serial: number of the maps drawn, another one where all is to be taken anew. touched: tiles drawn or
     forgotten since somebody emptied the set.
     """
+
+    of_the_sources: ClassVar = False
 
     def __init__(
         self, grid: Grid, parameters: Parameters, tiles: Tiles | None = None, level: int = 0

@@ -38,10 +38,17 @@ class Box:
         rows = self.row0 <= other.row0 <= other.row1 <= self.row1
         return rows and self.col0 <= other.col0 <= other.col1 <= self.col1
 
+    def touches(self, other: Box) -> bool:
+        """Tell whether some cell lies in both."""
+        rows = self.row0 < other.row1 and other.row0 < self.row1
+        return rows and self.col0 < other.col1 and other.col0 < self.col1
+
+    def shifted(self, down: int, right: int) -> Box:
+        return Box(self.row0 + down, self.row1 + down, self.col0 + right, self.col1 + right)
+
     def relative_to(self, other: Box) -> Box:
         """Return the box with its rows and columns counted from another's corner."""
-        down, right = other.row0, other.col0
-        return Box(self.row0 - down, self.row1 - down, self.col0 - right, self.col1 - right)
+        return self.shifted(-other.row0, -other.col0)
 
     def grown(self, cells: int, grid: Grid) -> Box:
         """Return the box with a margin, cut off at the edge of the grid."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,18 @@ from slz.kernels.bits import packed
 from slz.kernels.room import farthest, surest
 from slz.maps import SAFE, UNSAFE
 from slz.search import Candidate
-from slz.source_terrain import SourceTerrain
 from slz.surroundings import Surroundings, grouped, horizon_at
 from slz.zone import LandingPoint
+
+if TYPE_CHECKING:
+    from slz.source_terrain import SourceTerrain
 
 
 class Readable(Protocol):
     """Maps of a grid, wherever they are kept, see `EvidenceTerrain`."""
+
+    of_the_sources: ClassVar[bool]
+    """Whether a cell is safe or not, none unknown, and outside the grid there is nothing."""
 
     @property
     def grid(self) -> Grid: ...
@@ -37,7 +42,7 @@ class Readable(Protocol):
     def state(self, box: Box) -> NDArray[np.uint8]: ...
 
 
-Terrain = EvidenceTerrain | SourceTerrain | Readable
+Terrain: TypeAlias = "EvidenceTerrain | SourceTerrain | Readable"
 Judge = Literal["near", "far", "none"]
 MOST_OBSTACLES = 64
 BULGE = 0.02  # how much ground rises over its plane, per metre of distance
@@ -196,16 +201,21 @@ def _cell(enu_m: NDArray[np.float64], terrain: Terrain) -> Box:
     return Box(row, row + 1, col, col + 1)
 
 
+def _of_the_sources(terrain: Terrain) -> TypeGuard[SourceTerrain]:
+    """Tell source mode's maps from others, without their kernels where there are none of them."""
+    return terrain.of_the_sources
+
+
 def _around(cell: Box, reach: int, terrain: Terrain) -> Box:
     """Return a box about a cell; evidence lies outside its window too."""
-    if isinstance(terrain, SourceTerrain):
+    if _of_the_sources(terrain):
         return cell.grown(reach, terrain.grid)
     return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
 
 
 def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> PointState | None:
     """Return what a map says of a point, None where it does not have it."""
-    if isinstance(terrain, SourceTerrain):
+    if _of_the_sources(terrain):
         cell = _cell(enu_m, terrain)
         if terrain.seen.empty or not terrain.grid.holds(cell.row0, cell.col0):
             return None

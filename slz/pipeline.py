@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +36,16 @@ from slz.prior import Prior
 from slz.prior import Source as PriorSource
 from slz.registration import Offset, offset
 from slz.report import MapReport, Report
-from slz.returns import Returns
-from slz.source_map import SourceMap
 from slz.window import Window
 from slz.zone_map import ZoneMap, far_parameters
 
+if TYPE_CHECKING:
+    from slz.returns import Returns
+    from slz.source_map import SourceMap
+
 Points = NDArray[np.float64]
-AnyMap = ZoneMap | SourceMap
-M = TypeVar("M", ZoneMap, SourceMap)
+AnyMap: TypeAlias = "ZoneMap | SourceMap"
+M = TypeVar("M", ZoneMap, "SourceMap")
 ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 FARTHEST_M = 1e8  # of a place that may be selected; more than the way around the earth
@@ -86,7 +88,11 @@ class Pipeline:
         self._centre = centre_enu_m
         self._follow = follow
         self._source = parameters.mode == "source"
-        self._returns = Returns()
+        if self._source:  # only here, so that no other mode waits for its kernels
+            from slz.returns import Returns
+            from slz.source_map import SourceMap
+
+            self._returns, self._source_map = Returns(), SourceMap
         self._frame: LocalFrame | None = None
         self._near: AnyMap | None = None
         self._far: AnyMap | None = None
@@ -166,7 +172,9 @@ class Pipeline:
         self, window: Window, sensor: Points, clock: _Stages
     ) -> tuple[SourceMap, SourceMap, Choice, int, bool]:
         """As the SLZ paper has it, one map at a time; time follows the returns and the ground they hit."""
-        near, far = self._maps_for(SourceMap, window, lambda: self._read(window, sensor, ANYWHERE).kept()[:1])
+        near, far = self._maps_for(
+            self._source_map, window, lambda: self._read(window, sensor, ANYWHERE).kept()[:1]
+        )
         guess = far if self._far_is_active else near
         returns = self._read(window, sensor, guess.terrain.grid)
         clock.lap("outliers")

@@ -13,7 +13,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,8 @@ class PriorTerrain:
     offset_m: of the survey's zero over that of the live maps' kept heights. datum_m: of the latter, see
     `slz.tiles.Tiles`.
     """
+
+    of_the_sources: ClassVar = False
 
     def __init__(self, surveyed: Surveyed) -> None:
         self.surveyed = surveyed

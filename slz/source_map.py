@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.grid import Grid
 from slz.ranking import Ranking
-from slz.repeat import RepeatFilter
 from slz.returns import Returns
 from slz.search import side_in_cells
+from slz.source_repeat import RepeatFilter
 from slz.source_search import Part, SourceSearch
 from slz.source_terrain import SourceTerrain
 from slz.source_zone import describe_source

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,8 @@ class SourceTerrain:
     (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
     whose safety changed since `settle`.
     """
+
+    of_the_sources: ClassVar = True
 
     def __init__(self, grid: Grid, parameters: Parameters) -> None:
         if max(grid.rows, grid.cols) > MOST_CELLS:

@@ -1,4 +1,4 @@
-"""Moore neighbours and square search on a binary map."""
+"""Moore neighbours, square search on a binary map and where a boundary bends."""
 
 from __future__ import annotations
 
@@ -25,3 +25,19 @@ def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
                 else:
                     side[r, c] = 1 + min(side[r - 1, c], side[r, c - 1], side[r - 1, c - 1])
     return side
+
+
+@kernel("int32[::1](int32[:, ::1])")
+def bends(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the places of the boundary cells that `slz.boundary.without_collinear` keeps."""
+    n, m = len(boundary), 0
+    kept = np.empty(n, np.int32)
+    for i in range(n):
+        before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
+        r, c = boundary[i, 0], boundary[i, 1]
+        r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
+        flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
+        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0  # the tip of a spur
+        kept[m] = i
+        m += not flat or turns or n == 1
+    return kept[:m].copy()

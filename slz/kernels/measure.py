@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.bits import LAST, NONE, ONE, Bits, lowest, popcount, signed
+from slz.kernels.contour import bends
 from slz.kernels.fuse import HALF, OLD
 from slz.kernels.jit import kernel
 
@@ -93,22 +94,6 @@ def measure(
             slopes += blocks[r, w, 0] - _sum_of_few(slope_of, first, others)
             roughs += blocks[r, w, 1] - _sum_of_few(rough_of, first, others)
     return signed(n_safe), signed(n_unknown), slopes, roughs
-
-
-@kernel("int32[::1](int32[:, ::1])")
-def bends(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the places of the boundary cells that `slz.boundary.without_collinear` keeps."""
-    n, m = len(boundary), 0
-    kept = np.empty(n, np.int32)
-    for i in range(n):
-        before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
-        r, c = boundary[i, 0], boundary[i, 1]
-        r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
-        flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
-        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0  # the tip of a spur
-        kept[m] = i
-        m += not flat or turns or n == 1
-    return kept[:m].copy()
 
 
 @kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,8 @@ class Layout:
 @dataclass(slots=True)
 class Store:
     """Reads layers over boxes counted from the survey's own corner, as `Layout.grid` counts them."""
+
+    of_the_sources: ClassVar = False
 
     layout: Layout
     _open: OrderedDict[Key, tuple[Box, dict[str, NDArray[Any]]] | None] = field(default_factory=OrderedDict)
