@@ -113,15 +113,16 @@ def _out() -> Console:
     return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
-def _compile_at_first() -> None:
+def _compile_at_first(mode: str = "default") -> None:
     """Compile the kernels where none are yet, and say why that takes a minute."""
-    if not first_start.is_first():
+    also = first_start.of_mode(mode)
+    if not first_start.is_first(also):
         return
     err.print("first start: compiling the kernels for this computer, about a minute", highlight=False)
     columns = TextColumn("kernels"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as shown:
         task = shown.add_task("")
-        first_start.compile_kernels(lambda done, total: shown.update(task, completed=done, total=total))
+        first_start.compile_kernels(lambda done, total: shown.update(task, completed=done, total=total), also)
 
 
 def _log(verbose: bool) -> None:
@@ -170,6 +171,7 @@ def demo(
 
     chosen = flight.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
+    _compile_at_first(parameters.mode)
     plan = flight.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
     flight.check(plan)
     with _front(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
@@ -225,6 +227,7 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
+    _compile_at_first(parameters.mode)
     from companion import flight  # seconds: after what is quickly refused
 
     with _front(dashboard, dashboard_token) as front:
@@ -396,6 +399,7 @@ def map_(
         given["cell_m"] = 0.5
     own = [f"{name}={value}" for name, value in given.items() if value is not None]
     parameters = params.load(profile, [*own, *setting])
+    _compile_at_first(parameters.mode)
     with survey.engine(scheduler, workers) as engine, _progress(as_json) as step:
         summary = survey.run(files, out, parameters, step, survey.Plan(crs, classified, tile_m, engine))
     if as_json:
@@ -474,6 +478,7 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Time the pipeline on windows of 1 s of a file of points."""
+    _compile_at_first(mode)
     from companion import bench as benchmark
 
     case = benchmark.Case(points, cell_m, zone_m, min_square_m, min_boundary, mode, windows)

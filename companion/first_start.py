@@ -33,18 +33,30 @@ OURS = (
 )
 COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's, of this Python
 WITHOUT = frozenset({"__init__", "arctangent", "jit", "record", "rows"})  # a kernel compiled by itself
+OF_SOURCE_MODE = frozenset({"fuse", "interval", "measure", "search", "stream", "sums"})
+# Of some sensors and of surveys: seconds, when they are used.
+SELDOM = frozenset({"gather", "gradient", "median", "radar_cells", "unwrap", "velodyne_points", "waveform"})
+NO_MORE = frozenset[str]()
 MOST_CORES = 4  # half a gigabyte of memory
 
 
-def is_first() -> bool:
-    """Tell whether some source of kernels has nothing compiled, or only what it was before."""
+def of_mode(mode: str) -> frozenset[str]:
+    """Return the modules with kernels that a mode needs beside those of every flight."""
+    return OF_SOURCE_MODE if mode == "source" else NO_MORE
+
+
+def is_first(also: frozenset[str] = NO_MORE) -> bool:
+    """Tell whether some source of a flight's kernels has nothing compiled, or only what it was before.
+
+    also: names of modules looked at beside those of every flight.
+    """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False  # nothing is ever compiled
     compiled: dict[str, list[Path]] = {}
     for folder in _caches():
         for path in folder.rglob(COMPILED):
             compiled.setdefault(path.name.partition(".")[0], []).append(path)
-    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources())
+    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources(also))
 
 
 def _is_compiled(source: Path, compiled: list[Path]) -> bool:
@@ -56,7 +68,7 @@ def _is_compiled(source: Path, compiled: list[Path]) -> bool:
     return any(text in path.read_bytes() for path in compiled)
 
 
-def compile_kernels(progress: Callable[[int, int], None]) -> None:
+def compile_kernels(progress: Callable[[int, int], None], also: frozenset[str] = NO_MORE) -> None:
     """Compile what is not compiled yet, as many modules at a time as there are cores.
 
     Whatever goes wrong here is left to whoever imports the kernels next: that compiles what is missing.
@@ -65,8 +77,10 @@ def compile_kernels(progress: Callable[[int, int], None]) -> None:
     ----------
     progress
         Called with the number of modules done and of all, by several threads.
+    also
+        Names of modules compiled beside those of every flight.
     """
-    sources = sorted(_sources(), key=lambda path: -path.stat().st_size)  # the longest begin first
+    sources = sorted(_sources(also), key=lambda path: -path.stat().st_size)  # the longest begin first
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources]
     waiting, count = queue.SimpleQueue[str](), itertools.count(1)
     for name in names:
@@ -84,8 +98,8 @@ def compile_kernels(progress: Callable[[int, int], None]) -> None:
 
 
 def everything() -> None:
-    """Compile all that a flight needs, for whoever installs the program."""
-    compile_kernels(lambda *_: None)
+    """Compile all there is, for whoever installs the program."""
+    compile_kernels(lambda *_: None, OF_SOURCE_MODE | SELDOM)
     importlib.import_module("companion.app")
     importlib.import_module("slz.warm_up").warm_up(Parameters())
 
@@ -116,9 +130,11 @@ def _kernels_alone() -> None:
     sys.modules["slz"] = package
 
 
-def _sources() -> Iterator[Path]:
-    yield from (path for path in (ROOT / "slz" / "kernels").glob("*.py") if path.stem not in WITHOUT)
-    yield from (ROOT / "companion" / f"{name}.py" for name in OURS)
+def _sources(also: frozenset[str] = NO_MORE) -> Iterator[Path]:
+    left_out = WITHOUT | ((OF_SOURCE_MODE | SELDOM) - also)
+    ours = (ROOT / "companion" / f"{name}.py" for name in OURS)
+    paths = itertools.chain((ROOT / "slz" / "kernels").glob("*.py"), ours)
+    return (path for path in paths if path.stem not in left_out)
 
 
 def _caches() -> list[Path]:

@@ -6,6 +6,7 @@ import io
 import os
 import re
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
@@ -17,6 +18,7 @@ import pytest
 from companion import cli, first_start
 from companion.interrupt import Interrupted
 
+EVERYTHING = first_start.OF_SOURCE_MODE | first_start.SELDOM
 PYTHON = f"py{sys.version_info.major}{sys.version_info.minor}"
 
 
@@ -26,7 +28,12 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(first_start, "ROOT", tmp_path / "program")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    for name in ("slz/kernels/search", "slz/kernels/jit", *(f"companion/{own}" for own in first_start.OURS)):
+    for name in (
+        "slz/kernels/voxels",
+        "slz/kernels/search",
+        "slz/kernels/jit",
+        *(f"companion/{own}" for own in first_start.OURS),
+    ):
         path = tmp_path / "program" / f"{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -37,7 +44,7 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def compiled(folder: Path, at_s: float, *but: str, python: str = PYTHON) -> None:
     """Leave what Numba leaves of every module, but of some."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in {"search", *(Path(own).name for own in first_start.OURS)} - set(but):
+    for name in {"voxels", "search", *(Path(own).name for own in first_start.OURS)} - set(but):
         path = folder / f"{name}.kernel-43.{python}.nbi"
         path.touch()
         os.utime(path, (at_s, at_s))
@@ -57,6 +64,9 @@ def test_it_is_the_first_start_until_all_kernels_are_compiled_and_again_when_one
     os.utime(sources / "slz" / "kernels" / "jit.py", (3000, 3000))
     assert not first_start.is_first(), "it holds no kernel"
     os.utime(sources / "slz" / "kernels" / "search.py", (3000, 3000))
+    assert not first_start.is_first(), "it is source mode's"
+    assert first_start.is_first(first_start.of_mode("source"))
+    os.utime(sources / "slz" / "kernels" / "voxels.py", (3000, 3000))
     assert first_start.is_first()
 
 
@@ -71,14 +81,25 @@ def test_compiled_kernels_are_looked_for_where_numba_keeps_them(
     assert not first_start.is_first()
 
 
-def test_every_module_that_compiles_for_a_flight_is_among_them() -> None:
-    names = {
-        ".".join(path.relative_to(first_start.ROOT).with_suffix("").parts) for path in first_start._sources()
-    }
-    assert all(path.is_file() for path in first_start._sources())
-    flown = {name for name in sys.modules if name.startswith("slz.kernels.")}
-    assert flown - names <= {f"slz.kernels.{name}" for name in first_start.WITHOUT}
-    assert len(names) > 30
+def test_the_modules_compiled_for_a_flight_are_those_that_it_loads() -> None:
+    """In a program of its own: this one has loaded whatever other tests need."""
+    loads = "import sys\nfor m in ('companion.app', 'slz.source_map'):\n __import__(m); print(*sys.modules)"
+    told = subprocess.run(
+        [sys.executable, "-c", loads],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        cwd=first_start.ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    for also, loaded in zip(
+        (first_start.NO_MORE, first_start.OF_SOURCE_MODE), told.stdout.splitlines(), strict=True
+    ):
+        kernels = {name.split(".")[2] for name in loaded.split() if name.startswith("slz.kernels.")}
+        paths = [path for path in first_start._sources(also) if path.parent.name == "kernels"]
+        assert kernels - first_start.WITHOUT == {path.stem for path in paths}
+    assert all(path.is_file() for path in first_start._sources(EVERYTHING))
+    assert len(list(first_start._sources(EVERYTHING))) == len(list(first_start._sources())) + len(EVERYTHING)
 
 
 def test_without_the_compiler_nothing_is_to_be_compiled(
@@ -95,7 +116,7 @@ def test_modules_are_compiled_in_other_processes_and_counted(
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     chosen = [first_start.ROOT / "slz" / "kernels" / f"{name}.py" for name in ("gradient", "median")]
-    monkeypatch.setattr(first_start, "_sources", lambda: iter(chosen))
+    monkeypatch.setattr(first_start, "_sources", lambda _: iter(chosen))
     assert first_start.is_first()
     told: list[tuple[int, int]] = []
     first_start.compile_kernels(lambda *pair: told.append(pair))
@@ -104,7 +125,7 @@ def test_modules_are_compiled_in_other_processes_and_counted(
 
     # Numba keeps the hash of the source: a checkout or a formatter writes files again as they were.
     again = tmp_path / "median.py"
-    monkeypatch.setattr(first_start, "_sources", lambda: iter([again]))
+    monkeypatch.setattr(first_start, "_sources", lambda _: iter([again]))
     for added, expected in ((b"", False), (b"\n", True)):
         again.write_bytes(chosen[1].read_bytes() + added)
         os.utime(again, (2**32, 2**32))
@@ -169,19 +190,20 @@ def test_a_signal_ends_the_processes_that_compile(monkeypatch: pytest.MonkeyPatc
 def test_the_first_start_says_why_it_takes_long(
     first: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    def compiled(step: Callable[[int, int], None]) -> None:
+    def compiled(step: Callable[[int, int], None], also: frozenset[str]) -> None:
         step(1, 2)
-        asked.append(step)
+        asked.append(also)
 
-    asked: list[object] = []
-    monkeypatch.setattr(first_start, "is_first", lambda: first)
+    asked: list[frozenset[str]] = []
+    monkeypatch.setattr(first_start, "is_first", lambda _: first)
     monkeypatch.setattr(first_start, "compile_kernels", compiled)
     cli._compile_at_first()
-    assert len(asked) == first
+    cli._compile_at_first("source")
+    assert asked == [frozenset(), first_start.OF_SOURCE_MODE][: 2 * first]
     assert ("first start: compiling the kernels" in capfd.readouterr().err) == first
 
 
 def test_every_source_looked_at_has_a_kernel_that_is_compiled_when_it_is_imported() -> None:
     """Of one without, nothing is ever kept: every start would be called the first."""
-    for path in first_start._sources():
+    for path in first_start._sources(EVERYTHING):
         assert re.search(r'@kernel\(\s*f?"', path.read_text()), path
