@@ -55,13 +55,9 @@ def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]
     return across * math.cos(phi), across * math.sin(phi), depth * math.cos(theta)
 
 
-@kernel(
-    "UniTuple(int64, 3)"
-    "(Array(uint8, 1, 'C', readonly=True), i8[:, ::1], f4[:, ::1], i8[::1], u1[::1], u1[::1])"
-)
+@kernel("UniTuple(int64, 3)(Array(uint8, 1, 'C', readonly=True), f4[:, ::1], i8[::1], u1[::1], u1[::1])")
 def decode_points(
     data: NDArray[np.uint8],
-    spans: NDArray[np.int64],
     xyz_m: NDArray[np.float32],
     stamps_ns: NDArray[np.int64],
     intensity: NDArray[np.uint8],
@@ -69,12 +65,13 @@ def decode_points(
 ) -> tuple[int, int, int]:
     """Decode packets that follow each other in `data`.
 
+    Every point is written after the last one kept, and the next one over it unless it is kept too: a branch
+    that depends on a point cannot be foretold.
+
     Parameters
     ----------
     data
         (bytes,) uint8, whole packets, checked.
-    spans
-        (packets, 4): data type, points, first point's stamp (ns), time from first to last point (ns).
     xyz_m, stamps_ns, intensity, ring
         Filled from the front: (points, 3) m, (points,) ns, (points,), (points,) laser line.
 
@@ -83,25 +80,30 @@ def decode_points(
     tuple
         Points kept, points without a return, points of low confidence.
     """
+    one, two = np.uint64(1), np.uint64(2)  # unsigned: no index counts from the end
     kept, absent, doubtful = 0, 0, 0
-    at = np.uint64(0)  # unsigned: no index counts from the end
-    for packet in range(spans.shape[0]):
-        kind, count, stamp, interval = spans[packet]
+    packet, end = np.uint64(0), np.uint64(len(data))
+    while packet < end:
+        interval = 100 * int(_u16(data, packet + np.uint64(3)))
+        count = int(_u16(data, packet + np.uint64(5)))
+        kind = int(data[packet + np.uint64(10)])
+        stamp = np.int64(_u32(data, packet + np.uint64(28)))
+        stamp |= np.int64(_u32(data, packet + np.uint64(32))) << 32
         size = np.uint64(14 if kind == 1 else 8 if kind == 2 else 10)
         step = interval / max(1, count - 1)
-        at += np.uint64(HEADER_BYTES)
+        at = packet + np.uint64(HEADER_BYTES)
+        packet = at + size * np.uint64(count)
         for i in range(count):
             x, y, z = _metres(data, at, kind)
-            tag = data[at + size - np.uint64(1)]
-            if x == 0 and y == 0 and z == 0:
-                absent += 1
-            elif tag & DOUBTFUL:
-                doubtful += 1
-            else:
-                xyz_m[kept, 0], xyz_m[kept, 1], xyz_m[kept, 2] = x, y, z
-                stamps_ns[kept] = stamp + np.int64(i * step)
-                intensity[kept] = data[at + size - np.uint64(2)]
-                ring[kept] = i % LINES
-                kept += 1
+            tag = data[at + size - one]
+            xyz_m[kept, 0], xyz_m[kept, 1], xyz_m[kept, 2] = x, y, z
+            stamps_ns[kept] = stamp + np.int64(i * step)
+            intensity[kept] = data[at + size - two]
+            ring[kept] = i % LINES
+            nothing = x == 0 and y == 0 and z == 0
+            unsure = not nothing and tag & DOUBTFUL != 0
+            absent += nothing
+            doubtful += unsure
+            kept += not (nothing or unsure)
             at += size
     return kept, absent, doubtful
