@@ -66,16 +66,16 @@ def _turned(
     lx, ly, lz = lever[0], lever[1], lever[2]
     sine, versine, square = work[SINE], work[VERSINE], work[SQUARE]
     tx, ty, tz = work[X], work[Y], work[Z]
+    for i in range(count):  # by itself: the arithmetic of returns that lie three by three is done one by one
+        tx[i], ty[i], tz[i] = xyz_m[first + i, 0], xyz_m[first + i, 1], xyz_m[first + i, 2]
     for i in range(count):
-        x, y, z = (
-            np.float64(xyz_m[first + i, 0]),
-            np.float64(xyz_m[first + i, 1]),
-            np.float64(xyz_m[first + i, 2]),
-        )
+        x, y, z = tx[i], ty[i], tz[i]
         square[i] = x * x + y * y + z * z
-        bx = m00 * x + m01 * y + m02 * z + lx
-        by = m10 * x + m11 * y + m12 * z + ly
-        bz = m20 * x + m21 * y + m22 * z + lz
+        tx[i] = m00 * x + m01 * y + m02 * z + lx
+        ty[i] = m10 * x + m11 * y + m12 * z + ly
+        tz[i] = m20 * x + m21 * y + m22 * z + lz
+    for i in range(count):
+        bx, by, bz = tx[i], ty[i], tz[i]
         s, c = sine[i], versine[i]
         along = c * (ax * bx + ay * by + az * bz)
         tx[i] = bx * (1 - c) + s * (ay * bz - az * by) + along * ax
