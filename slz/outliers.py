@@ -77,7 +77,8 @@ def in_company(
     """
     if not len(points_enu_m):
         return np.ones(0, bool)
-    keep = has_company(points_enu_m, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
+    points = np.ascontiguousarray(points_enu_m)
+    keep = has_company(points, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
 
 

@@ -20,7 +20,7 @@ from slz.drawn import Drawn, take_drawn
 from slz.evidence import EvidenceTerrain
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid
-from slz.kernels.reach import beyond, heights_of, picked, usable, within_reach
+from slz.kernels.reach import are_usable, beyond, heights_of, picked, usable, within_reach
 from slz.landing_point import SelectedPoint, judge, unknown
 from slz.maps import UNKNOWN, TerrainMaps
 from slz.nearby import nearby
@@ -292,15 +292,17 @@ class Pipeline:
     def _without_outliers(self, window: Window, sensor_enu_m: Points) -> Points:
         """Return the finite points within `max_range_m` that no outlier rule drops."""
         p = self._parameters
-        points = usable(
-            np.ascontiguousarray(window.points_enu_m), sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M
-        )
+        points = np.ascontiguousarray(window.points_enu_m)
+        height_m, usable_as_they_are = are_usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
+        if not usable_as_they_are:
+            points = usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
+            height_m = points[:, 2].copy()
         in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
-        height_m = points[:, 2] if keep.all() else heights_of(points, keep)
-        strays = beyond(points, keep, *gap_interval(height_m, p.outlier_gap_m))
+        believed_m = height_m if keep.all() else heights_of(height_m, keep)
+        strays = beyond(height_m, keep, *gap_interval(believed_m, p.outlier_gap_m))
         keep[strays] = in_a_group(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
-        kept = _picked(points, keep)
+        kept = picked(points, keep)
         if not in_flight:
             return kept
         again = self._lone.returning(picked(points, ~keep), sensor_enu_m, len(points))

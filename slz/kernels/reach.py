@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
+THREE = np.uint64(3)
 CHUNK = 64  # points looked at before any of them is looked at by itself
 Points = NDArray[np.float64]
+Heights = NDArray[np.float64]
 
 
 @kernel("boolean[::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64)")
@@ -34,6 +36,28 @@ def usable(points: Points, sensor: Points, reach2: float, most_height: float) ->
     return out[:n]
 
 
+@kernel(
+    "Tuple((float64[::1], boolean))"
+    "(Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64, float64)"
+)
+def are_usable(points: Points, sensor: Points, reach2: float, most_height: float) -> tuple[Heights, bool]:
+    """Return all heights, and whether `usable` would return all points; the heights are whole only then."""
+    height, flat = np.empty(len(points)), points.ravel()
+    for start in range(0, len(points), CHUNK):
+        first, unfit = np.uint64(start), 0
+        for i in range(np.uint64(min(CHUNK, len(points) - start))):  # several at once
+            at = THREE * (first + i)
+            x, y, z = flat[at], flat[at + np.uint64(1)], flat[at + np.uint64(2)]
+            dx, dy = x - sensor[0], y - sensor[1]
+            height[first + i] = z
+            unfit += (
+                (dx * dx + dy * dy > reach2) | (x - x != 0.0) | (y - y != 0.0) | (not abs(z) < most_height)
+            )
+        if unfit:
+            return height, False
+    return height, True
+
+
 @kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(boolean, 1, 'C', True))")
 def picked(points: Points, which: NDArray[np.bool_]) -> Points:
     """Return the points that are to be kept, as `points[which]` does."""
@@ -45,28 +69,28 @@ def picked(points: Points, which: NDArray[np.bool_]) -> Points:
     return out
 
 
-@kernel("float64[::1](float64[:, ::1], boolean[::1])")
-def heights_of(points: Points, which: NDArray[np.bool_]) -> NDArray[np.float64]:
+@kernel("float64[::1](float64[::1], boolean[::1])")
+def heights_of(height: Heights, which: NDArray[np.bool_]) -> Heights:
     """Return the heights of some points."""
-    out, n = np.empty(len(points)), 0
-    for i in range(len(points)):
-        out[n] = points[i, 2]
+    out, n = np.empty(len(height)), 0
+    for i in range(len(height)):
+        out[n] = height[i]
         n += which[i]
     return out[:n]
 
 
-@kernel("int64[::1](float64[:, ::1], boolean[::1], float64, float64)")
-def beyond(points: Points, which: NDArray[np.bool_], low: float, high: float) -> NDArray[np.int64]:
+@kernel("int64[::1](float64[::1], boolean[::1], float64, float64)")
+def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -> NDArray[np.int64]:
     """Return which of some points lie lower or higher than an interval."""
     out, m = np.empty(CHUNK, np.int64), 0
-    for start in range(0, len(points), CHUNK):
-        stop, any_ = min(start + CHUNK, len(points)), False
+    for start in range(0, len(height), CHUNK):
+        stop, any_ = min(start + CHUNK, len(height)), False
         for i in range(start, stop):  # several at once
-            any_ |= (points[i, 2] < low) | (points[i, 2] > high)
+            any_ |= (height[i] < low) | (height[i] > high)
         if not any_:
             continue
         for i in range(start, stop):
-            if which[i] and (points[i, 2] < low or points[i, 2] > high):
+            if which[i] and (height[i] < low or height[i] > high):
                 if m == len(out):
                     out = np.append(out, np.empty_like(out))
                 out[m] = i

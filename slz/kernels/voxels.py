@@ -43,7 +43,7 @@ def _within(keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, l
     return total
 
 
-@kernel("UniTuple(int64, 2)(float64[:], float64[:], float64, int64)")
+@kernel("UniTuple(int64, 2)(Array(float64, 1, 'C', True), float64[:], float64, int64)")
 def _need(
     point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int
 ) -> tuple[int, int]:
@@ -56,7 +56,7 @@ def _need(
     return least, COARSE
 
 
-@kernel("boolean[:](float64[:, :], int32[:, ::1], float64[:], int64, float64)")
+@kernel("boolean[:](Array(float64, 2, 'C', True), int32[:, ::1], float64[:], int64, float64)")
 def _by_table(
     points: NDArray[np.float64], at: Ints, sensor: NDArray[np.float64], least: int, object_m2: float
 ) -> NDArray[np.bool_]:
@@ -127,7 +127,8 @@ def _around(
 
 
 @kernel(
-    "boolean[:](float64[:, :], int32[:, ::1], float64[:], int64, float64, int64, int64[::1], int32[:, ::1])"
+    "boolean[:](Array(float64, 2, 'C', True), int32[:, ::1], float64[:], int64, float64, int64, int64[::1],"
+    " int32[:, ::1])"
 )
 def _by_columns(
     points: NDArray[np.float64],
@@ -166,7 +167,7 @@ def _by_columns(
     return keep
 
 
-@kernel("Tuple((int32[:, ::1], int64, int64))(float64[:, :], float64)")
+@kernel("Tuple((int32[:, ::1], int64, int64))(Array(float64, 2, 'C', True), float64)")
 def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
     """Return (n, 3) the voxel of each point, `COARSE` and more, and the greatest x and y among them.
 
@@ -189,7 +190,7 @@ def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
     return at, most_x, most_y
 
 
-@kernel("boolean[:](float64[:, :], float64[:], float64, int64, float64)")
+@kernel("boolean[:](Array(float64, 2, 'C', True), float64[:], float64, int64, float64)")
 def has_company(
     points: NDArray[np.float64], sensor: NDArray[np.float64], voxel: float, least: int, object_m2: float
 ) -> NDArray[np.bool_]:
