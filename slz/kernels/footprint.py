@@ -284,9 +284,7 @@ def planes(
         _tell(fit, sums[W], k, told)
         first = stop = k  # of a stretch of footprints whose relief is asked for
         for layer in range(5):
-            line = out[LAYER[layer], row]
-            for col in range(k, cols - k):
-                line[col] = told[layer, col]
+            out[LAYER[layer], row, k : cols - k] = told[layer, k : cols - k]
         for col in range(k, cols - k):
             if not out[0, row, col] <= slope_limit + 3 * out[1, row, col]:  # NaN is not
                 fit[GRADIENT, col] = np.nan

@@ -84,12 +84,12 @@ def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -
     """Return which of some points lie lower or higher than an interval."""
     out, m = np.empty(CHUNK, np.int64), 0
     for start in range(0, len(height), CHUNK):
-        stop, any_ = min(start + CHUNK, len(height)), False
-        for i in range(start, stop):  # several at once
-            any_ |= (height[i] < low) | (height[i] > high)
+        some, any_ = height[start : start + CHUNK], 0
+        for k in range(np.uint64(len(some))):  # several at once
+            any_ += (some[k] < low) | (some[k] > high)
         if not any_:
             continue
-        for i in range(start, stop):
+        for i in range(start, start + len(some)):
             if which[i] and (height[i] < low or height[i] > high):
                 if m == len(out):
                     out = np.append(out, np.empty_like(out))
