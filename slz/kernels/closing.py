@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.bits import NONE, ONE, Bits, word_at
 from slz.kernels.erosion import grow
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, every, load, store, where
+from slz.kernels.lanes import LANES, every, flags_of, load, store, where
 
 Row = NDArray[np.float32]
 LOWEST = np.float32(-np.inf)
@@ -73,17 +73,20 @@ def others(bits: Bits, cols: int) -> Bits:
     return out
 
 
-@kernel("uint64[:, ::1](float32[:, :], float32)")
+@kernel("uint64[:, ::1](float32[:, ::1], float32)")
 def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
     """Return the cells whose value is above a limit; NaN is not."""
     rows, cols = values.shape
     out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
     for r in range(rows):
-        for w in range(out.shape[1]):
+        line = values[r]
+        for w in range(cols >> 6):
             word = NONE
-            for k in range(min(64, cols - 64 * w)):
-                word |= np.uint64(values[r, 64 * w + k] > limit) << np.uint64(k)
+            for k in range(0, 64, LANES):
+                word |= flags_of(every(limit) < load(line, 64 * w + k)) << np.uint64(k)
             out[r, w] = word
+        for c in range(cols & ~63, cols):
+            out[r, -1] |= np.uint64(line[c] > limit) << np.uint64(c & 63)
     return out
 
 
@@ -102,7 +105,7 @@ def _highest(
         store(out, at + c, top)
 
 
-@kernel("float32[:, :](float32[:, :], int64, float32)")
+@kernel("float32[:, :](float32[:, ::1], int64, float32)")
 def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDArray[np.float32]:
     """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
 
@@ -111,9 +114,10 @@ def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDA
     rows, cols = values.shape
     width = -(-cols // LANES) * LANES
     line, wide = np.full(width + 2 * radius, LOWEST), np.full((rows + 2 * radius) * width, LOWEST)
+    inner = line[radius : radius + cols]
     for r in range(rows):
         for c in range(cols):
-            line[radius + c] = values[r, c] if values[r, c] == values[r, c] else LOWEST
+            inner[c] = values[r, c] if values[r, c] == values[r, c] else LOWEST
         _highest(line, radius, width, radius, 1, fall, wide, (radius + r) * width)
     out = np.empty((rows, width), np.float32)
     _highest(wide, radius * width, rows * width, radius, width, fall, out.ravel(), 0)
