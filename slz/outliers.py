@@ -41,7 +41,7 @@ def gap_interval(
     """
     if not len(height_m):
         return -np.inf, np.inf
-    return gaps_of(height_m, gap_m, max_share)
+    return gaps_of(np.ascontiguousarray(height_m), gap_m, max_share)
 
 
 def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:

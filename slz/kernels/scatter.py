@@ -21,8 +21,9 @@ from slz.kernels.record import (
     TIME,
 )
 
-OUTSIDE = np.int32(-(2**31))
+OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
 AHEAD = 24  # points, from whose cell on memory is asked for
+BITS = np.int32(TILE_BITS)
 CHUNK = 64  # points placed at a time
 ONE, TWO = np.float32(1), np.float32(2)
 NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
@@ -34,8 +35,8 @@ def _placed(
 ) -> None:
     """Leave rows, columns and heights of some points, without a branch, so that the compiler takes several.
 
-    Nobody asks for the heights; but only where all three numbers of a point are used does it load them in whole
-    lines, and gathers them one by one otherwise, which takes five times as long from memory.
+    Nobody asks for the heights; but only where all three numbers of a point are used does it load whole lines
+    of them, and otherwise gathers one by one, which takes five times as long from memory.
     """
     rows, cols, heights = out[0], out[1], out[2]
     for k in range(np.uint64(len(points) // 3)):
@@ -77,11 +78,14 @@ def cells_of(
                     places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
                     r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
         else:
+            least_row, most_row, least_col, most_col = LARGEST, OUTSIDE, LARGEST, OUTSIDE
             for k in range(np.uint64(n)):
-                r, c = rows[k], cols[k]
-                places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
-                r0, r1 = (r if r < r0 else r0), (r if r > r1 else r1)
-                c0, c1 = (c if c < c0 else c0), (c if c > c1 else c1)
+                row, col = np.int32(rows[k]), np.int32(cols[k])
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = row, col
+                least_row, most_row = min(least_row, row), max(most_row, row)
+                least_col, most_col = min(least_col, col), max(most_col, col)
+            r0, r1 = min(r0, float(least_row)), max(r1, float(most_row))
+            c0, c1 = min(c0, float(least_col)), max(c1, float(most_col))
         inside += held
     return at, np.array([np.int64(r0), np.int64(r1) + 1, np.int64(c0), np.int64(c1) + 1, inside], np.int64)
 
@@ -112,29 +116,43 @@ def sum_and_count(
 def hit_squares(
     points: NDArray[np.float64], west: float, south: float, side: float, rows: int, cols: int
 ) -> NDArray[np.bool_]:
-    """Tell which of rows x cols squares, from (west, south) on, hold a point."""
-    out, placed = np.zeros((rows, cols), np.bool_), np.empty((3, CHUNK))
+    """Tell which of rows x cols squares, fewer than 2^31, from (west, south) on, hold a point."""
+    out, placed, at = np.zeros(rows * cols + 1, np.bool_), np.empty((3, CHUNK)), np.empty(CHUNK, np.int32)
     flat, row, col = points.ravel(), placed[0], placed[1]
+    high, wide, elsewhere = float(rows), float(cols), np.int32(rows * cols)
     for start in range(0, len(points), CHUNK):
         n = min(CHUNK, len(points) - start)
         _placed(flat[3 * start : 3 * (start + n)], west, south, side, placed)
-        for k in range(n):
-            r, c = np.int64(row[k]), np.int64(col[k])
-            if 0 <= r < rows and 0 <= c < cols:
-                out[r, c] = True
-    return out
+        for k in range(np.uint64(n)):
+            r, c = row[k], col[k]
+            inside = (r >= 0.0) & (r < high) & (c >= 0.0) & (c < wide)
+            at[k] = np.int32(r * wide + c) if inside else elsewhere
+        for k in range(np.uint64(n)):
+            out[np.uint64(at[k])] = True
+    return out[:-1].reshape(rows, cols)
 
 
 @kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
 def count_by_tile(
     at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int
 ) -> NDArray[np.int64]:
-    """Count the cells in each tile of a rectangle of rows x cols tiles, from (tile_row, tile_col) on."""
-    out = np.zeros((rows, cols), np.int64)
-    for i in range(len(at)):
-        if at[i, 0] != OUTSIDE:
-            out[(at[i, 0] >> TILE_BITS) - tile_row, (at[i, 1] >> TILE_BITS) - tile_col] += 1
-    return out
+    """Count the cells in each tile of a rectangle of rows x cols tiles, from (tile_row, tile_col) on.
+
+    In two tables, since a count that is added to twice in a row has to be waited for.
+    """
+    count, tile = np.zeros((2, rows * cols + 1), np.int64), np.empty(CHUNK, np.int32)
+    flat, elsewhere = at.ravel(), np.int32(rows * cols)
+    wide, first = np.int32(cols), np.int32(tile_row * cols + tile_col)
+    for start in range(0, len(at), CHUNK):
+        some = flat[2 * start : 2 * min(len(at), start + CHUNK)]
+        n = np.uint64(len(some) // 2)
+        for k in range(n):  # of four bytes each, so that the compiler takes many at once
+            row, col = some[PAIR * k], some[PAIR * k + NEXT]
+            there = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
+            tile[k] = np.int32(there) if row != OUTSIDE else elsewhere
+        for k in range(n):
+            count[k & NEXT, np.uint64(tile[k])] += 1
+    return (count[0, :-1] + count[1, :-1]).reshape(rows, cols)
 
 
 @kernel(
