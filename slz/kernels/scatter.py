@@ -132,6 +132,17 @@ def hit_squares(
     return out[:-1].reshape(rows, cols)
 
 
+@kernel("void(int32[::1], int32, int32, int32, int32[::1])")
+def _tiles_of(
+    at: NDArray[np.int32], wide: np.int32, first: np.int32, elsewhere: np.int32, tile: NDArray[np.int32]
+) -> None:
+    """Leave the number of each cell's tile in rows of `wide`, less the first; in four bytes throughout."""
+    for k in range(np.uint64(len(at) // 2)):
+        row, col = at[PAIR * k], at[PAIR * k + NEXT]
+        number = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
+        tile[k] = np.int32(number) if row != OUTSIDE else elsewhere
+
+
 @kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
 def count_by_tile(
     at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int
@@ -141,23 +152,40 @@ def count_by_tile(
     In two tables, since a count that is added to twice in a row has to be waited for.
     """
     count, tile = np.zeros((2, rows * cols + 1), np.int64), np.empty(CHUNK, np.int32)
-    flat, elsewhere = at.ravel(), np.int32(rows * cols)
-    wide, first = np.int32(cols), np.int32(tile_row * cols + tile_col)
+    flat, wide, elsewhere = at.ravel(), np.int32(cols), np.int32(rows * cols)
     for start in range(0, len(at), CHUNK):
-        some = flat[2 * start : 2 * min(len(at), start + CHUNK)]
-        n = np.uint64(len(some) // 2)
-        for k in range(n):  # of four bytes each, so that the compiler takes many at once
-            row, col = some[PAIR * k], some[PAIR * k + NEXT]
-            there = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
-            tile[k] = np.int32(there) if row != OUTSIDE else elsewhere
-        for k in range(n):
+        stop = min(len(at), start + CHUNK)
+        _tiles_of(flat[2 * start : 2 * stop], wide, np.int32(tile_row * cols + tile_col), elsewhere, tile)
+        for k in range(np.uint64(stop - start)):
             count[k & NEXT, np.uint64(tile[k])] += 1
     return (count[0, :-1] + count[1, :-1]).reshape(rows, cols)
 
 
+@kernel("void(float64[::1], float64[:], float64, float64, float32[:, ::1])")
+def _sampled(
+    points: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    range_noise_m: float,
+    angle_noise_rad: float,
+    sample: NDArray[np.float32],
+) -> None:
+    """Leave heights and their variances of some points, see `sorted_by_tile`; several at once."""
+    height, variance = sample[0], sample[1]
+    east, north, up = sensor[0], sensor[1], sensor[2]
+    own, across_m2 = range_noise_m**2, angle_noise_rad**2
+    for k in range(np.uint64(len(points) // 3)):
+        x, y, z = points[THREE * k], points[THREE * k + NEXT], points[THREE * k + PAIR]
+        dx, dy, dz = x - east, y - north, z - up
+        across = dx * dx + dy * dy
+        whole = across + dz * dz
+        noise = own * dz * dz / (whole if whole > 1e-6 else 1e-6) + across_m2 * across
+        # NaN where the sensor's place is not known.
+        height[k], variance[k] = np.float32(z), np.float32(noise if noise == noise else own)
+
+
 @kernel(
     "Tuple((int32[::1], float32[:, ::1]))"
-    "(float64[:, :], int32[:, ::1], float64[:], float64, float64, int64, int64, int64[:, ::1])"
+    "(float64[:, ::1], int32[:, ::1], float64[:], float64, float64, int64, int64, int64[:, ::1])"
 )
 def sorted_by_tile(
     points: NDArray[np.float64],
@@ -185,26 +213,25 @@ def sorted_by_tile(
     Cell within the tile, row by row; (n, 2) height and the variance of it that the sensor's noise explains:
     of the range along the ray, of the angle across it.
     """
-    place, n = np.empty_like(count), 0
-    for tr in range(count.shape[0]):
-        for tc in range(count.shape[1]):
-            place[tr, tc] = n
-            n += count[tr, tc]
-    cell, sample = np.empty(n, np.int32), np.empty((n, 2), np.float32)
-    for i in range(len(at)):
-        r, c = at[i, 0], at[i, 1]
-        if r == OUTSIDE:
-            continue
-        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
-        k = place[tr, tc]
-        place[tr, tc] = k + 1
-        dx, dy, dz = points[i, 0] - sensor[0], points[i, 1] - sensor[1], points[i, 2] - sensor[2]
-        across = dx * dx + dy * dy
-        noise = range_noise_m**2 * dz * dz / max(across + dz * dz, 1e-6) + angle_noise_rad**2 * across
-        cell[k] = (r & (TILE - 1)) << TILE_BITS | (c & (TILE - 1))
-        # NaN where the sensor's place is not known.
-        sample[k, 0], sample[k, 1] = points[i, 2], noise if noise == noise else range_noise_m**2
-    return cell, sample
+    rows, cols = count.shape
+    place, n = np.zeros(rows * cols + 1, np.int64), int(count.sum())  # the last is that of what is outside
+    place[1:] = np.cumsum(count)
+    cell, sample = np.empty(n + 1, np.int32), np.empty((n + 1, 2), np.float32)
+    tile, some = np.empty(CHUNK, np.int32), np.empty((2, CHUNK), np.float32)
+    flat, cells = points.ravel(), at.ravel()
+    wide, elsewhere, within = np.int32(cols), np.int32(rows * cols), np.int32(TILE - 1)
+    for start in range(0, len(at), CHUNK):
+        stop = min(len(at), start + CHUNK)
+        mine = cells[2 * start : 2 * stop]
+        _tiles_of(mine, wide, np.int32(tile_row * cols + tile_col), elsewhere, tile)
+        _sampled(flat[3 * start : 3 * stop], sensor, range_noise_m, angle_noise_rad, some)
+        for k in range(np.uint64(stop - start)):
+            own = np.uint64(tile[k])
+            to = np.uint64(place[own])
+            place[own] += tile[k] != elsewhere
+            cell[to] = (mine[PAIR * k] & within) << BITS | (mine[PAIR * k + NEXT] & within)
+            sample[to, 0], sample[to, 1] = some[0, k], some[1, k]
+    return cell[:n], sample[:n]
 
 
 @kernel("UniTuple(int64, 4)(int32[::1], float32[:, ::1], float32, float32, float32, float32[:, :, ::1])")
