@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.bits import NONE, ONE, Bits, word_at
-from slz.kernels.erosion import grow
+from slz.kernels.bits import LAST, NONE, ONE, Bits
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, every, flags_of, load, store, where
 
 Row = NDArray[np.float32]
+Word = NDArray[np.uint64]
 LOWEST = np.float32(-np.inf)
 
 
@@ -22,30 +22,57 @@ def _clear_beyond(bits: Bits, cols: int) -> None:
             bits[r, -1] &= (ONE << np.uint64(cols & 63)) - ONE
 
 
+@kernel("void(uint64[::1], int64, int64, int64, boolean)")
+def _join(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
+    """Join words with those `far` words and `shift` bits ahead, in place: what both hold, or either."""
+    near, rest, first = np.uint64(shift), np.uint64(63 - shift), np.uint64(far)
+    for w in range(np.uint64(count)):
+        ahead = (words[w + first] >> near) | ((words[w + first + ONE] << ONE) << rest)
+        words[w] = words[w] & ahead if all_ else words[w] | ahead
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64, boolean)")
+def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
+    """Return the cells in whose square of 2 radius + 1 cells all are set, or any; those outside are not.
+
+    Rows and columns are moved by the radius, so that a square begins where its middle was.
+    """
+    rows, words = bits.shape
+    side, far, near = 2 * radius + 1, radius >> 6, np.uint64(radius & 63)
+    line, wide = np.zeros(words + 2 * far + 4, np.uint64), words + far + 1
+    tall = np.zeros((rows + 2 * radius + 1) * words + 1, np.uint64)
+    for r in range(rows):
+        line[:] = NONE
+        for w in range(words):
+            line[w + far] |= bits[r, w] << near
+            line[w + far + 1] = (bits[r, w] >> ONE) >> (LAST - near)
+        have = 1
+        while have < side:  # each cell stands for so many, itself and those to its east
+            step = min(have, side - have)
+            _join(line, wide - (step >> 6), step >> 6, step & 63, all_)
+            have += step
+        for w in range(words):
+            tall[(r + radius) * words + w] = line[w]
+    have = 1
+    while have < side:
+        step = min(have, side - have)
+        _join(tall, (rows + 2 * radius - step) * words, step * words, 0, all_)
+        have += step
+    out = tall[: rows * words].copy().reshape(rows, words)
+    _clear_beyond(out, cols)
+    return out
+
+
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def dilated(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the cells with one that is set in the square of 2 radius + 1 cells around them."""
-    rows, words = bits.shape
-    east, west, side = bits.copy(), bits.copy(), 1
-    while side <= radius:  # each cell of `east` stands for itself and side - 1 to its east
-        step = min(side, radius + 1 - side)
-        for r in range(rows):
-            for w in range(words):
-                east[r, w] |= word_at(east, r, 64 * w + step)
-                v = words - 1 - w
-                west[r, v] |= word_at(west, r, 64 * v - step)
-        side += step
-    north, south, side = east | west, east | west, 1
-    while side <= radius:
-        step = min(side, radius + 1 - side)
-        for r in range(rows - step):
-            for w in range(words):
-                north[r, w] |= north[r + step, w]
-                south[rows - 1 - r, w] |= south[rows - 1 - r - step, w]
-        side += step
-    out = north | south
-    _clear_beyond(out, cols)
-    return out
+    return _over_squares(bits, radius, cols, False)
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def eroded(bits: Bits, radius: int, cols: int) -> Bits:
+    """Return the cells of which all in the square of 2 radius + 1 cells around them are set and inside."""
+    return _over_squares(bits, radius, cols, True)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
@@ -54,15 +81,7 @@ def closed(bits: Bits, radius: int, cols: int) -> Bits:
 
     Gaps narrower than the square are filled; the edge of the known ground is not moved outwards.
     """
-    if radius == 0:
-        return bits.copy()
-    corner = dilated(bits, radius, cols)
-    grow(corner, 1, 2 * radius + 1)
-    out = bits.copy()
-    for r in range(radius, bits.shape[0]):
-        for w in range(bits.shape[1]):
-            out[r, w] |= word_at(corner, r - radius, 64 * w - radius)
-    return out
+    return bits | eroded(dilated(bits, radius, cols), radius, cols)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64)")
