@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.bits import Bits, unpacked
-from slz.kernels.closing import above, closed, dilated, highest_around, others
-from slz.kernels.footprint import planes
+from slz.kernels.bits import Bits
+from slz.kernels.closing import above, closed, dilated, eroded, highest_around, others
+from slz.kernels.draw import draw
+from slz.kernels.lanes import LANES
+from slz.kernels.patch import inverses
 from slz.kernels.record import HEIGHT, WEIGHT
-from slz.kernels.verdict import verdict
 
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
 
@@ -44,6 +45,33 @@ def reach_of(parameters: Parameters, cell_m: float) -> Reach:
     return Reach(max(1, math.ceil(half - 0.5 - 1e-9)), gap)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Cells of which maps are drawn, but for an edge, and what is known of their footprints."""
+
+    cells: NDArray[np.float32]
+    covered: Bits
+    unseen: Bits
+    edge: int
+    radius: int
+    cell_m: float
+    parameters: Parameters
+
+    @classmethod
+    def of(cls, cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters) -> Seen:
+        """See `drawn`."""
+        known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
+        covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
+        unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
+        return cls(cells, covered, unseen, reach.margin, reach.radius, cell_m, parameters)
+
+    @property
+    def limits(self) -> tuple[float, float, float, float]:
+        """Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m)."""
+        p = self.parameters
+        return self.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m
+
+
 def drawn(
     cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
@@ -58,20 +86,15 @@ def drawn(
     -------
     (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 states.
     """
-    p, m, k = parameters, reach.margin, reach.radius
-    rows, cols, whole = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m, cells.shape[2]
-    known = above(cells[WEIGHT], np.float32(0))
-    near = m - k  # no footprint of the box reaches farther
-    about = slice(near, m + rows + k), slice(near, m + cols + k)
-    fits = planes(
-        np.ascontiguousarray(cells[:, *about]),
-        np.ascontiguousarray(unpacked(closed(known, reach.gap, whole), 0, whole)[about]),
-        k, cell_m, p.range_noise_m, p.safe_slope_deg,
+    seen, m = Seen.of(cells, reach, cell_m, parameters), reach.margin
+    rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
+    wide = -(-cols // LANES) * LANES
+    maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
+    draw(
+        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits, (0, rows, 0, wide),
+        maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip
-    unseen = unpacked(_unseen(known, cells[HEIGHT], reach, cell_m, p), 0, whole)
-    box, inner = (slice(m, m + rows), slice(m, m + cols)), slice(k, -k)
-    values, told = verdict(cells[:, *box], fits[:, inner, inner], unseen[box], p.safe_slope_deg, p.relief_m)
-    return values, told
+    return maps[:, :, :cols], states[:, :, :cols]
 
 
 def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters) -> Bits:

@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.drawing import LAYERS, drawn, reach_of
+from slz.drawing import LAYERS, Seen, reach_of
 from slz.grid import Box, Grid
 from slz.kernels.bits import Bits
+from slz.kernels.patch import COLS, MOST_ROWS
 from slz.kernels.pyramid import coarser
 from slz.kernels.record import TILE
 from slz.kernels.summary import summary
@@ -194,7 +195,7 @@ class EvidenceTerrain:
 
     def _draw_all(self, fine: Iterable[Box]) -> None:
         """Draw anew all that evidence of these boxes of finest cells can change."""
-        for box in _regions(_widened(box, self.level, self._margin) for box in fine):
+        for box in _regions(_in_patches(_widened(box, self.level, self._margin)) for box in fine):
             self._draw(box)
 
     def _cells(self, box: Box) -> NDArray[np.float32]:
@@ -210,7 +211,7 @@ class EvidenceTerrain:
         """Draw the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
-        self._maps.write(box, *drawn(cells, self._reach, self.grid.cell_m, self._parameters))
+        self._maps.draw(box, Seen.of(cells, self._reach, self.grid.cell_m, self._parameters))
         self.touched.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
@@ -321,6 +322,18 @@ def _widened(fine: Box, level: int, margin: int) -> Box:
         ((fine.row1 - 1) >> level) + 1 + margin,
         (fine.col0 >> level) - margin,
         ((fine.col1 - 1) >> level) + 1 + margin,
+    )
+
+
+def _in_patches(box: Box) -> Box:
+    """Return the patches that a box touches: a cell's maps are the same whatever is drawn beside it."""
+    if box.empty:
+        return box
+    return Box(
+        box.row0 // MOST_ROWS * MOST_ROWS,
+        -(-box.row1 // MOST_ROWS) * MOST_ROWS,
+        box.col0 // COLS * COLS,
+        -(-box.col1 // COLS) * COLS,
     )
 
 

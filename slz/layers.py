@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.drawing import Seen
 from slz.grid import Box
 from slz.kernels.bits import Bits
+from slz.kernels.draw import draw_tiles
 from slz.kernels.record import TILE
 from slz.kernels.tiled import copy_cells, copy_layer, put_layers, reach_of, set_bits
 from slz.maps import UNKNOWN
@@ -57,15 +59,29 @@ class TiledLayers:
 
     def write(self, box: Box, layers: NDArray[np.float32], states: NDArray[np.uint8]) -> None:
         """Set (count, rows, cols) layers of a box, and (1, rows, cols) states."""
+        table = self._opened(box)
+        for first, held, held_states in self._blocks:
+            put_layers(held, first, table, box.row0, box.col0, np.ascontiguousarray(layers))
+            put_layers(held_states, first, table, box.row0, box.col0, np.ascontiguousarray(states))
+
+    def draw(self, box: Box, seen: Seen) -> None:
+        """Set the layers and states of a box to what is drawn of it, see `slz.drawing.drawn`."""
+        table = self._opened(box)
+        for first, held, states in self._blocks:
+            draw_tiles(
+                seen.cells, seen.covered, seen.unseen, seen.edge, seen.radius, seen.limits,
+                held, states, first, table, box.row0, box.col0,
+            )  # fmt: skip
+
+    def _opened(self, box: Box) -> Table:
+        """Return the slots of the tiles of a box, all of which are about to be written to."""
         self._last = None
         for key in keys_over(box):
             if key not in self._slot:
                 self._make(key)
         table = self._table(box)
         self._versions[table.ravel()] = next(SERIALS)
-        for first, held, held_states in self._blocks:
-            put_layers(held, first, table, box.row0, box.col0, np.ascontiguousarray(layers))
-            put_layers(held_states, first, table, box.row0, box.col0, np.ascontiguousarray(states))
+        return table
 
     def read(self, box: Box, layer: int = 0) -> NDArray[np.float32]:
         """Return a copy (rows, cols) of one layer of a box."""

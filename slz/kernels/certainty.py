@@ -7,8 +7,12 @@ cells told 0.9, nine of ten or more are safe.
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
 
 from slz.kernels.jit import kernel
+from slz.kernels.lanes import Floats, both, every, where
 
 SLOPE_MARGIN_DEG = 0.06  # how much steeper ground is than its fitted plane, and how much that varies
 RELIEF_NOISE = 1.3  # standard deviations of one return that the noise adds to a relief beyond its excess,
@@ -17,6 +21,8 @@ HIDDEN = 0.01  # share of footprints nearly all gaps in which these hide a hazar
 RIM = 0.15  # share of hazards in the outermost cells of a footprint alone that truly reach into it
 LEAST_NOISE_M = 1e-3
 ENOUGH = 6.0  # standard deviations, beyond which single precision knows no doubt
+F0, F1, LEAST = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
+ROOM = np.float32(ENOUGH * RELIEF_SPREAD - RELIEF_NOISE)  # in standard deviations of a return
 
 
 @kernel("float64(float64)")
@@ -61,14 +67,33 @@ def certainty(
     hidden = (1 - share_seen) * (1 - share_seen)
     seen, left_deg = 1 - HIDDEN * hidden * hidden, slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
-    room_m = (ENOUGH * RELIEF_SPREAD - RELIEF_NOISE) * max(noise_m, LEAST_NOISE_M)
-    if (
-        left_deg > 0
-        and left_deg * left_deg > ENOUGH * ENOUGH * spread2
-        and relief_limit_m - relief_m > room_m
-    ):
-        return seen  # as most ground is: without a root, a division or an error function
     gentle = _below(left_deg / math.sqrt(spread2))
     outer = _even(relief_m, noise_m, relief_limit_m)
     inner = _even(inner_relief_m, noise_m, relief_limit_m)
     return gentle * (RIM * outer + (1 - RIM) * inner) * seen
+
+
+@kernel()
+def undoubted(
+    slope_deg: Floats,
+    slope_sigma_deg: Floats,
+    relief_m: Floats,
+    noise2_m2: Floats,
+    share_seen: Floats,
+    slope_limit_deg: float,
+    relief_limit_m: float,
+) -> Any:
+    """Return what `certainty` is where nothing but gaps leaves a doubt, as on most ground, and where that is.
+
+    Without a root, a division or an error function; sixteen at a time.
+    """
+    gap = every(F1) - share_seen
+    hidden = gap * gap
+    margin = every(np.float32(SLOPE_MARGIN_DEG))
+    left = every(slope_limit_deg) - margin - slope_deg
+    spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
+    most2, left_m = every(ROOM * ROOM), every(relief_limit_m) - relief_m
+    noise2 = where(noise2_m2 < every(LEAST * LEAST), every(LEAST * LEAST), noise2_m2)
+    level = both(every(F0) < left_m, most2 * noise2 < left_m * left_m)
+    gentle = both(every(F0) < left, every(np.float32(ENOUGH * ENOUGH)) * spread2 < left * left)
+    return every(F1) - every(np.float32(HIDDEN)) * hidden * hidden, both(gentle, level)

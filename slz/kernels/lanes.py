@@ -61,6 +61,7 @@ def _code(result: Any, build: Callable[..., Any]) -> Any:
         1: lambda _, a: typed(a),
         2: lambda _, a, b: typed(a, b),
         3: lambda _, a, b, c: typed(a, b, c),
+        4: lambda _, a, b, c, d: typed(a, b, c, d),
     }
     return intrinsic(by_number[len(signature(build).parameters) - 1])
 
@@ -104,6 +105,13 @@ def _ask(builder: Any, data: Any, at: Any) -> None:
     builder.call(asked, [place, to_write, soon, data_cache])
 
 
+def _store_bytes(builder: Any, data: Any, at: Any, ones: Any, alls: Any) -> None:
+    """Store a byte for each lane: all its bits set, or the lowest, or none."""
+    kind = ir.VectorType(ir.IntType(8), LANES)
+    place = builder.bitcast(builder.gep(data, [at]), kind.as_pointer())
+    builder.store(builder.or_(builder.zext(ones, kind), builder.sext(alls, kind)), place, align=1)
+
+
 def _multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a * b + c, in one operation where the processor has one."""
     function = ir.FunctionType(FLOATS.vector, [FLOATS.vector] * 3)
@@ -140,6 +148,12 @@ if vars(config)["DISABLE_JIT"]:
     def flags_of(flags: Floats) -> np.uint64:
         return np.uint64(sum(1 << i for i in np.flatnonzero(flags).tolist()))
 
+    def store_bytes(values: Any, at: int, ones: Floats, alls: Floats) -> None:
+        values[at : at + LANES] = np.where(alls, 255, ones)
+
+    def flags(bits: np.uint64) -> Floats:
+        return np.array([int(bits) >> i & 1 for i in range(LANES)], bool)
+
     where: Callable[..., Floats] = np.where
     root, both = np.sqrt, np.logical_and
 else:
@@ -157,6 +171,8 @@ else:
     flags_of = _code(
         types.uint64, lambda b, flags: b.zext(b.bitcast(flags, ir.IntType(LANES)), ir.IntType(64))
     )
+    store_bytes = _code(types.void, _store_bytes)
+    flags = _code(FLAGS, lambda b, bits: b.bitcast(b.trunc(bits, ir.IntType(LANES)), FLAGS.vector))
 
     def _operator(function: Any, result: Lanes, build: Callable[..., Any]) -> None:
         code = _code(result, build)
@@ -172,6 +188,14 @@ else:
     _operator(operator.truediv, FLOATS, lambda b, x, y: b.fdiv(x, y))
     _operator(operator.lt, FLAGS, lambda b, x, y: b.fcmp_ordered("<", x, y))
     _operator(operator.eq, FLAGS, lambda b, x, y: b.fcmp_ordered("==", x, y))
+
+
+@kernel("float32[::1](int64)")
+def room(count: int) -> Any:
+    """Return numbers that are not set yet, in whole lines of the cache: lanes across two take longer."""
+    whole = np.empty(count + LANES, np.float32)
+    first = -(whole.ctypes.data >> 2) & (LANES - 1)
+    return whole[first : first + count]
 
 
 @kernel("uint64(float32[::1], int64, float32)")

@@ -1,59 +1,100 @@
-"""What the planes of a box of cells say of landing there."""
+"""What the planes under footprints say of landing there."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.certainty import certainty
+from slz.kernels.bits import NONE, ONE, lowest, signed
+from slz.kernels.certainty import certainty, undoubted
+from slz.kernels.footprint import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SLOPE
 from slz.kernels.jit import kernel
-from slz.kernels.record import HEIGHT, IS_SAFE, IS_UNKNOWN, IS_UNSAFE, TOP
+from slz.kernels.lanes import LANES, both, every, flags, flags_of, load, store, store_bytes, where
 
-SIGMAS = 3.0  # standard errors that the slope keeps from its limit
+SIGMAS = np.float32(3)  # standard errors that the slope keeps from its limit
+LOW16 = np.uint64(0xFFFF)
 
-Layers = NDArray[np.float32]
+# Maps that are drawn, see `slz.drawing.LAYERS`.
+A_HEIGHT, A_TOP, A_SLOPE, A_SIGMA, A_RELIEF, A_ROUGHNESS, A_CERTAINTY = range(7)
+MAPS = 7
+
+F0, NAN = np.float32(0), np.float32(np.nan)
+Row = NDArray[np.float32]
 
 
 @kernel(
-    "Tuple((float32[:, :, ::1], uint8[:, :, ::1]))(float32[:, :, :], float32[:, :, :], uint8[:, :], float32,"
-    " float32)"
+    "uint64(float32[::1], int64, uint64, float32, float32, float32[::1], int64, int64, uint8[::1], int64)"
 )
-def verdict(
-    cells: Layers, fits: Layers, unseen: NDArray[np.uint8], slope_limit_deg: float, relief_limit_m: float
-) -> tuple[Layers, NDArray[np.uint8]]:
-    """Return the maps of a box, and whether each of its cells is safe, unsafe or unknown.
+def judge(
+    told: Row,
+    at: int,
+    hidden: np.uint64,
+    slope_limit: float,
+    relief_limit: float,
+    maps: Row,
+    to: int,
+    layer: int,
+    states: NDArray[np.uint8],
+    place: int,
+) -> np.uint64:
+    """Leave 16 cells of the maps from the slope on, and whether they are safe, unsafe or unknown.
+
+    Return the bits of those whose certainty is left to `settle`.
 
     Parameters
     ----------
-    cells
-        (6, rows, cols) of `summary.summarise`.
-    fits
-        (7, rows, cols) of `footprint.planes`.
-    unseen
-        (rows, cols), not 0 where a footprint holds unseen ground.
-
-    Returns
-    -------
-    (7, rows, cols) height, top (m), slope, its standard error (deg), relief, roughness (m), certainty; NaN,
-    of certainty 0, where unknown. (1, rows, cols) state: `slz.maps.SAFE`, `UNSAFE` or `UNKNOWN`.
+    told, at
+        What the planes tell, and from where on, see `slz.kernels.footprint.fit_planes`.
+    hidden
+        Bits of the footprints that hold unseen ground: not safe, and unknown if nothing else is wrong.
+    maps, to, layer
+        Where the first cell of the first of the maps is, and that of the next one after it.
+    states, place
+        Where the first cell's state is.
     """
-    rows, cols = unseen.shape
-    values = np.full((7, rows, cols), np.float32(np.nan))
-    told = np.full((1, rows, cols), IS_UNKNOWN)
-    for r in range(rows):
-        for c in range(cols):
-            values[0, r, c], values[1, r, c] = cells[HEIGHT, r, c], cells[TOP, r, c]
-            values[6, r, c] = 0
-            slope, sigma, relief = fits[0, r, c], fits[1, r, c], fits[2, r, c]
-            even = slope + np.float32(SIGMAS) * sigma < slope_limit_deg and relief < relief_limit_m
-            if np.isnan(slope) or (even and unseen[r, c]):
-                continue
-            told[0, r, c] = IS_SAFE if even else IS_UNSAFE
-            values[2, r, c], values[3, r, c], values[4, r, c] = slope, sigma, relief
-            values[5, r, c] = fits[3, r, c]
-            if not unseen[r, c]:
-                values[6, r, c] = certainty(
-                    slope, sigma, relief, fits[5, r, c], fits[4, r, c], fits[6, r, c],
-                    slope_limit_deg, relief_limit_m,
-                )  # fmt: skip
-    return values, told
+    slope, sigma, unknown = load(told, at + SLOPE * LANES), load(told, at + SIGMA * LANES), every(NAN)
+    relief, open_ = load(told, at + RELIEF * LANES), hidden ^ LOW16
+    gentle = slope + every(SIGMAS) * sigma < every(slope_limit)  # NaN is not
+    even = flags_of(both(gentle, relief < every(relief_limit)))
+    safe, known = even & open_, flags_of(slope == slope) & (open_ | (even ^ LOW16))
+    store_bytes(states, place, flags(safe), flags(known ^ LOW16))
+    held = flags(known)
+    store(maps, A_SLOPE * layer + to, where(held, slope, unknown))
+    store(maps, A_SIGMA * layer + to, where(held, sigma, unknown))
+    store(maps, A_RELIEF * layer + to, where(held, relief, unknown))
+    store(maps, A_ROUGHNESS * layer + to, where(held, load(told, at + RMS * LANES), unknown))
+    noise2, share = load(told, at + NOISE2 * LANES), load(told, at + SHARE * LANES)
+    sure, clear = undoubted(slope, sigma, relief, noise2, share, slope_limit, relief_limit)
+    seen, clear_ones = known & open_, flags_of(clear)
+    store(maps, A_CERTAINTY * layer + to, where(flags(seen & clear_ones), sure, every(F0)))
+    return seen & (clear_ones ^ LOW16) & flags_of(relief == relief)
+
+
+@kernel("void(float32[::1], int64, uint64, float32, float32, float32[::1], int64)")
+def settle(
+    told: Row,
+    at: int,
+    doubtful: np.uint64,
+    slope_limit: float,
+    relief_limit: float,
+    certainties: Row,
+    to: int,
+) -> None:
+    """Leave the certainty of those of 16 cells that are in doubt."""
+    while doubtful != NONE:
+        i = signed(lowest(doubtful))
+        doubtful &= doubtful - ONE
+        certainties[to + i] = certainty(
+            told[at + SLOPE * LANES + i], told[at + SIGMA * LANES + i], told[at + RELIEF * LANES + i],
+            told[at + INNER * LANES + i], np.sqrt(told[at + NOISE2 * LANES + i]),
+            told[at + SHARE * LANES + i], slope_limit, relief_limit,
+        )  # fmt: skip
+
+
+@kernel("void(float32[::1], int64, int64, uint8[::1], int64)")
+def leave_unknown(maps: Row, to: int, layer: int, states: NDArray[np.uint8], place: int) -> None:
+    """Leave 16 cells of the maps from the slope on as unknown, see `judge`."""
+    for q in range(A_SLOPE, A_CERTAINTY):
+        store(maps, q * layer + to, every(NAN))
+    store(maps, A_CERTAINTY * layer + to, every(F0))
+    store_bytes(states, place, flags(NONE), flags(LOW16))

@@ -15,8 +15,13 @@ from scipy import ndimage
 
 from slz.grid import Box
 from slz.kernels.bits import packed, unpacked
-from slz.kernels.closing import above, closed, dilated, highest_around, others
-from slz.kernels.footprint import planes
+from slz.kernels.closing import above, closed, dilated, eroded, highest_around, others
+from slz.kernels.draw import draw
+from slz.kernels.jit import kernel
+from slz.kernels.lanes import LANES, store
+from slz.kernels.moments import HELD, SUMS, over_columns, over_rows
+from slz.kernels.patch import COLS as PATCH
+from slz.kernels.patch import inverses, rows_of_patch, take
 from slz.kernels.summary import summary
 from slz.tiles import Noise, Tiles
 
@@ -37,7 +42,24 @@ class Plane:
     sigma_deg: float
     relief_m: float
     rms_m: float
-    spread_m: float
+
+
+def planes(
+    cells: NDArray[np.float32], covered: NDArray[np.uint8], k: int, cell_m: float, limit: float = SLOPE_LIMIT
+) -> NDArray[np.float32]:
+    """Slope, its standard deviation, relief and roughness of all cells, drawn."""
+    rows, cols = covered.shape
+    wide = -(-cols // LANES) * LANES
+    about = np.full((6, rows + 2 * k, cols + 2 * k), np.nan, np.float32)
+    about[WEIGHT] = 0
+    about[:, k : k + rows, k : k + cols] = cells
+    whole = eroded(packed(np.pad(covered, k)), k, cols + 2 * k)
+    maps, states = np.empty((7, rows, wide), np.float32), np.empty(rows * wide, np.uint8)
+    draw(
+        about, inverses(about), whole, np.zeros_like(whole), k, k, (cell_m, NOISE_M, limit, 9.0),
+        (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,
+    )  # fmt: skip
+    return maps[2:6, :, :cols]
 
 
 def fitted(cells: Floats, row: int, col: int, k: int, cell_m: float) -> Plane | None:
@@ -62,8 +84,7 @@ def fitted(cells: Floats, row: int, col: int, k: int, cell_m: float) -> Plane | 
     high = (part[TOP][has] - part[EXCESS][has] - level).max()
     low = (part[BOTTOM][has] + part[EXCESS][has] - level).min()
     slope = math.degrees(math.atan(math.hypot(a, b)))
-    spread = math.sqrt(part[SPREAD][has].mean())
-    return Plane(slope, math.degrees(sigma), max(0.0, high - low), rms, spread)
+    return Plane(slope, math.degrees(sigma), max(0.0, high - low), rms)
 
 
 def random_cells(seed: int, bumpy_m: float) -> NDArray[np.float32]:
@@ -90,7 +111,7 @@ def test_planes_are_those_of_least_squares(seed: int, k: int, bumpy_m: float) ->
     cells, cell_m = random_cells(seed, bumpy_m), 0.25
     rows, cols = cells.shape[1:]
     covered = np.random.default_rng(seed).random((rows, cols)) > 0.002
-    out = planes(cells, covered.astype(np.uint8), k, cell_m, NOISE_M, SLOPE_LIMIT)
+    out = planes(cells, covered.astype(np.uint8), k, cell_m)
     for row in range(rows):
         for col in range(cols):
             got = out[:, row, col]
@@ -104,7 +125,6 @@ def test_planes_are_those_of_least_squares(seed: int, k: int, bumpy_m: float) ->
             assert got[0] == pytest.approx(expected.slope_deg, abs=2e-3)
             assert got[1] == pytest.approx(expected.sigma_deg, rel=2e-3, abs=1e-4)
             assert got[3] == pytest.approx(expected.rms_m, rel=1e-3, abs=1e-5)
-            assert got[4] == pytest.approx(expected.spread_m, rel=1e-3)
             check_relief(float(got[2]), expected)
 
 
@@ -126,7 +146,7 @@ def test_the_random_cells_meet_every_case_of_the_relief() -> None:
         for bumpy_m in (0.003, 0.02, 0.08):
             cells = random_cells(seed, bumpy_m)
             known = np.ones(cells.shape[1:], np.uint8)
-            slope, _, relief, *_ = planes(cells, known, 2, 0.25, NOISE_M, SLOPE_LIMIT)
+            slope, _, relief, _ = planes(cells, known, 2, 0.25)
             reliefs.append(relief[np.isfinite(relief)])
             steep += int((slope > SLOPE_LIMIT).sum())
     all_of_them = np.concatenate(reliefs)
@@ -140,7 +160,7 @@ def test_the_excess_is_taken_off_the_relief_at_both_ends() -> None:
     cells[WEIGHT] = 10
     cells[TOP, 2, 2], cells[EXCESS, 2, 2] = 0.25, 0.03
     cells[BOTTOM, 1, 3], cells[EXCESS, 1, 3] = -0.04, 0.01
-    out = planes(cells, np.ones((5, 5), np.uint8), 2, 0.25, NOISE_M, SLOPE_LIMIT)
+    out = planes(cells, np.ones((5, 5), np.uint8), 2, 0.25)
     assert out[2, 2, 2] == pytest.approx((0.25 - 0.03) - (-0.04 + 0.01), abs=1e-6)
 
 
@@ -151,10 +171,61 @@ def test_a_first_cell_far_up_rounds_no_relief_but_those_that_hold_it() -> None:
     cells[WEIGHT, 0, 0] = 1
     known, far_up = np.ones((rows, cols), np.uint8), cells.copy()
     far_up[[HEIGHT, BOTTOM, TOP], 0, 0] = 10_000.0
-    plain, other = (planes(c, known, 1, 0.25, NOISE_M, SLOPE_LIMIT) for c in (cells, far_up))
+    plain, other = (planes(c, known, 1, 0.25) for c in (cells, far_up))
     assert np.isfinite(plain[2, 3:, 3:]).any()
     rounding = np.finfo(np.float32).eps  # of reliefs of 300 m
     np.testing.assert_allclose(other[2, 3:, 3:], plain[2, 3:, 3:], rtol=rounding, atol=2e-6)
+
+
+@kernel("void(float32[::1], int64, int64, int64, float32[::1], float64, float32[::1])")
+def _told(
+    sums: NDArray[np.float32], at: int, col: int, layer: int, away: NDArray[np.float32], y: float,
+    out: NDArray[np.float32],
+) -> None:  # fmt: skip
+    s = over_columns(sums, at + col, layer, away, y)
+    store(out, 0, s[0])
+    store(out, LANES, s[1])
+    store(out, 2 * LANES, s[2])
+    store(out, 3 * LANES, s[3])
+    store(out, 4 * LANES, s[4])
+    store(out, 5 * LANES, s[5])
+    store(out, 6 * LANES, s[6])
+    store(out, 7 * LANES, s[7])
+    store(out, 8 * LANES, s[8])
+    store(out, 9 * LANES, s[9])
+    store(out, 10 * LANES, s[10])
+    store(out, 11 * LANES, s[11])
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4, 9, 20])
+def test_sums_over_footprints_are_those_of_their_cells(k: int) -> None:
+    rng, rows, level = np.random.default_rng(k), rows_of_patch(k), np.float32(299.5)
+    tall, wide = rows + 2 * k, -(-(PATCH + 2 * k) // LANES) * LANES
+    cells = np.zeros((6, tall + 3, PATCH + 2 * k + 2), np.float32)
+    cells[HEIGHT] = 300 + rng.normal(0, 1, cells.shape[1:])
+    cells[WEIGHT] = rng.integers(0, 9, cells.shape[1:])
+    cells[SPREAD] = rng.uniform(0, 1e-3, cells.shape[1:])
+    unknown = cells[WEIGHT] == 0
+    cells[[HEIGHT, SPREAD]] = np.where(unknown, np.nan, cells[[HEIGHT, SPREAD]])
+    held, sums = np.empty(HELD * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
+    take(cells.ravel(), inverses(cells), cells.shape[2], 3, 2, tall, wide, level, held)
+    over_rows(held, rows, k, wide, sums)
+    away, got = np.arange(-k, k + 1).astype(np.float32), np.empty((12, LANES), np.float32)
+    y, x = np.mgrid[-k : k + 1, -k : k + 1]
+    for row in range(rows):
+        for first in range(0, PATCH, LANES):
+            _told(sums, row * wide, first, rows * wide, away, row - rows // 2, got.ravel())
+            for col in range(first, first + LANES):
+                part = cells[:, 3 + row : 4 + row + 2 * k, 2 + col : 3 + col + 2 * k].astype(np.float64)
+                has = part[WEIGHT] > 0
+                z, noise = np.where(has, part[HEIGHT] - level, 0), np.where(has, part[SPREAD], 0)
+                inverse = np.where(has, 1 / np.where(has, part[WEIGHT], 1), 0)
+                of = has, has * x, has * x * x, has * y, has * x * y, has * y * y
+                expected = [np.sum(each) for each in (*of, z, z * x, z * y, z * z, inverse, noise)]
+                size = [np.sum(np.abs(each)) for each in (*of, z, z * x, z * y, z * z, inverse, noise)]
+                assert np.abs(got[:, col - first] - expected) == pytest.approx(0, abs=1e-5 * max(size))
+                np.testing.assert_array_equal(got[:6, col - first], expected[:6], "of whole numbers, exactly")
+                np.testing.assert_allclose(got[9:, col - first], expected[9:], rtol=2e-5)
 
 
 # ---- closing ------------------------------------------------------------------------------------

@@ -52,7 +52,7 @@ def test_two_threads_give_what_one_gives(mode: str) -> None:
         assert list(pool.map(lambda seed: flown(mode, seed), seeds)) == alone
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 100_000), st.integers(2, 5))
 def test_maps_drawn_where_they_changed_are_those_drawn_at_once(seed: int, windows: int) -> None:
     rng = np.random.default_rng(seed)
@@ -65,4 +65,4 @@ def test_maps_drawn_where_they_changed_are_those_drawn_at_once(seed: int, window
     assert anew.seen == box
     np.testing.assert_array_equal(terrain.state(box), anew.state(box))
     for name in ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty"):
-        np.testing.assert_allclose(terrain.layer(name, box), anew.layer(name, box), rtol=1e-4, atol=1e-5)
+        np.testing.assert_array_equal(terrain.layer(name, box), anew.layer(name, box), name)
