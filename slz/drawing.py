@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.kernels.bits import Bits
-from slz.kernels.closing import above, closed, dilated, eroded, highest_around, others
+from slz.kernels.closing import above, closed, dilated, eroded, higher, lowest_around, others
 from slz.kernels.draw import draw
 from slz.kernels.lanes import LANES
 from slz.kernels.patch import inverses
@@ -105,7 +105,7 @@ def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: fl
     outermost seen cells may be part water, part shore.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
-    lowest, cols = -highest_around(-height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
-    level = known & ~above(height_m - lowest, np.float32(p.relief_m))
+    lowest, cols = lowest_around(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
+    level = known & ~higher(height_m, lowest, p.relief_m)
     seen = known | closed(level, reach.gap, cols)
     return dilated(others(seen, cols), reach.radius + 1, cols)

@@ -1,4 +1,4 @@
-"""Squares around cells: dilation and closing of bit maps, and the highest value."""
+"""Squares around cells: dilation and closing of bit maps, and the lowest value."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slz.kernels.lanes import LANES, every, flags_of, load, store, where
 
 Row = NDArray[np.float32]
 Word = NDArray[np.uint64]
-LOWEST = np.float32(-np.inf)
+HIGHEST = np.float32(np.inf)
 
 
 @kernel("void(uint64[:, ::1], int64)")
@@ -109,35 +109,56 @@ def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
     return out
 
 
-@kernel("void(float32[::1], int64, int64, int64, int64, float32, float32[::1], int64)")
-def _highest(
-    values: Row, first: int, count: int, radius: int, away: int, fall: float, out: Row, at: int
-) -> None:
-    """Leave the highest of 2 radius + 1 values around each, so far apart, less what each falls."""
-    for c in range(0, count, LANES):
-        top = load(values, first + c)
-        for d in range(1, radius + 1):
-            drop, ahead, behind = every(np.float32(fall * d)), first + c + d * away, first + c - d * away
-            one, other = load(values, ahead), load(values, behind)
-            best = where(one < other, other, one) - drop
-            top = where(top < best, best, top)
-        store(out, at + c, top)
+@kernel("uint64[:, ::1](float32[:, ::1], float32[:, ::1], float32)")
+def higher(values: NDArray[np.float32], others: NDArray[np.float32], by: float) -> Bits:
+    """Return the cells whose value is above another one by more than a limit; NaN is not.
 
-
-@kernel("float32[:, :](float32[:, ::1], int64, float32)")
-def highest_around(values: NDArray[np.float32], radius: int, fall: float) -> NDArray[np.float32]:
-    """Return the maximum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
-
-    A value counts for less by `fall` with every row and column that it is away.
+    The other values have a row's length in whole lanes.
     """
     rows, cols = values.shape
-    width = -(-cols // LANES) * LANES
-    line, wide = np.full(width + 2 * radius, LOWEST), np.full((rows + 2 * radius) * width, LOWEST)
-    inner = line[radius : radius + cols]
+    out, wide = np.zeros((rows, (cols + 63) >> 6), np.uint64), others.shape[1]
+    own, flat, step = values.ravel(), others.ravel(), every(np.float32(by))
     for r in range(rows):
-        for c in range(cols):
-            inner[c] = values[r, c] if values[r, c] == values[r, c] else LOWEST
-        _highest(line, radius, width, radius, 1, fall, wide, (radius + r) * width)
+        for c in range(0, cols - LANES + 1, LANES):
+            word = flags_of(step < load(own, r * cols + c) - load(flat, r * wide + c))
+            out[r, c >> 6] |= word << np.uint64(c & 63)
+        for c in range(cols - cols % LANES, cols):
+            out[r, c >> 6] |= np.uint64(values[r, c] - others[r, c] > np.float32(by)) << np.uint64(c & 63)
+    return out
+
+
+@kernel("void(float32[::1], int64, int64, int64, int64, float32, float32[::1], int64)")
+def _lowest(
+    values: Row, first: int, count: int, radius: int, away: int, rise: float, out: Row, at: int
+) -> None:
+    """Leave the lowest of 2 radius + 1 values around each, so far apart, and what each rises on the way."""
+    for c in range(0, count, LANES):
+        least = load(values, first + c)
+        for d in range(1, radius + 1):
+            more, ahead, behind = every(np.float32(rise * d)), first + c + d * away, first + c - d * away
+            one, other = load(values, ahead), load(values, behind)
+            best = where(one < other, one, other) + more
+            least = where(best < least, best, least)
+        store(out, at + c, least)
+
+
+@kernel("float32[:, ::1](float32[:, ::1], int64, float32)")
+def lowest_around(values: NDArray[np.float32], radius: int, rise: float) -> NDArray[np.float32]:
+    """Return the minimum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
+
+    A value counts for more by `rise` with every row and column that it is away. Rows are as long as whole
+    lanes; what is beyond the columns means nothing.
+    """
+    rows, cols = values.shape
+    width, flat = -(-cols // LANES) * LANES, values.ravel()
+    line, wide = np.full(width + 2 * radius, HIGHEST), np.full((rows + 2 * radius) * width, HIGHEST)
+    for r in range(rows):
+        for c in range(0, cols - LANES + 1, LANES):
+            some = load(flat, r * cols + c)
+            store(line, radius + c, where(some == some, some, every(HIGHEST)))
+        for c in range(cols - cols % LANES, cols):
+            line[radius + c] = values[r, c] if values[r, c] == values[r, c] else HIGHEST
+        _lowest(line, radius, width, radius, 1, rise, wide, (radius + r) * width)
     out = np.empty((rows, width), np.float32)
-    _highest(wide, radius * width, rows * width, radius, width, fall, out.ravel(), 0)
-    return out[:, :cols]
+    _lowest(wide, radius * width, rows * width, radius, width, rise, out.ravel(), 0)
+    return out

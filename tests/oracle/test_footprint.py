@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from slz.grid import Box
 from slz.kernels.bits import packed, unpacked
-from slz.kernels.closing import above, closed, dilated, eroded, highest_around, others
+from slz.kernels.closing import above, closed, dilated, eroded, higher, lowest_around, others
 from slz.kernels.draw import draw
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, store
@@ -250,17 +250,22 @@ def test_dilation_and_closing_are_those_of_scipy(seed: int, radius: int, share: 
 
 @settings(max_examples=60, deadline=None)
 @given(seeds, st.integers(0, 9))
-def test_the_highest_around_falls_with_every_row_and_column_that_it_is_away(seed: int, radius: int) -> None:
+def test_the_lowest_around_rises_with_every_row_and_column_that_it_is_away(seed: int, radius: int) -> None:
     rng = np.random.default_rng(seed)
     values = rng.normal(0.0, 3.0, rng.integers(1, 24, 2)).astype(np.float32)
     values[rng.random(values.shape) < 0.5] = np.nan
-    fall = np.float32(rng.uniform(0.0, 0.1))
-    expected = np.full(values.shape, -np.inf)
+    rise = np.float32(rng.uniform(0.0, 0.1))
+    expected = np.full(values.shape, np.inf)
     for (row, col), value in np.ndenumerate(values):
         for (r, c), _ in np.ndenumerate(values):
             if max(abs(r - row), abs(c - col)) <= radius and not np.isnan(value):
-                expected[r, c] = max(expected[r, c], value - fall * (abs(r - row) + abs(c - col)))
-    np.testing.assert_allclose(highest_around(values, radius, fall), expected, rtol=0, atol=5e-6)
+                expected[r, c] = min(expected[r, c], value + rise * (abs(r - row) + abs(c - col)))
+    cols, limit = values.shape[1], np.float32(0.7)
+    lowest = lowest_around(values, radius, rise)
+    np.testing.assert_allclose(lowest[:, :cols], expected, rtol=0, atol=5e-6)
+    bits = higher(values, lowest, limit)
+    np.testing.assert_array_equal(unpacked(bits, 0, cols), values - lowest[:, :cols] > limit)
+    assert not unpacked(bits, cols, -cols % 64).any()
 
 
 def test_what_is_no_number_is_not_above_a_limit_and_what_is_not_set_ends_with_the_map() -> None:
