@@ -5,8 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.bits import NONE
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, Floats, both, columns, every, load, store, where
+from slz.kernels.lanes import (
+    LANES,
+    Floats,
+    ask_for,
+    both,
+    columns,
+    every,
+    flags_of,
+    load,
+    room,
+    store,
+    where,
+)
 from slz.kernels.record import (
     BOTTOM,
     COUNT,
@@ -52,6 +65,7 @@ def expected_maximum(n: float) -> float:
     return float(root - (np.log(np.log(n)) + np.log(4 * np.pi) - 2 * 0.5772) / (2 * root))
 
 
+ALONE = np.float32(8)  # returns, up to which the excess is nothing
 MANY = 1024
 BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(MANY)])
 
@@ -80,41 +94,68 @@ def _hold(
     store(held, at + DOWN * width, where(nobody, every(HIGHEST), where(single, least, least2)))
 
 
-@kernel("void(float32[::1], int64, float32, float32, float32[::1], int64, int64)")
-def _read(cells: Row, count: int, now_s: float, max_age_s: float, held: Row, at: int, width: int) -> None:
-    """Leave the evidence of a row in layers; what is too old is without a return."""
-    nothing, one = every(F0), every(F1)
-    for c in range(0, count, LANES):
-        cell = columns(cells, RECORD * c)
-        old = every(max_age_s) < every(now_s) - cell[FIELDS + TIME]
-        n, mean, noise = where(old, nothing, cell[COUNT]), cell[MEAN], cell[NOISE]
-        pair, most, least = one < n, cell[HIGH], cell[LOW]
-        most2, least2 = where(pair, cell[HIGH2], every(LOWEST)), where(pair, cell[LOW2], every(HIGHEST))
-        _hold(held, width, at + EPOCH * width + c, n, most, most2, least, least2)
-
-        n_then = where(n == nothing, nothing, cell[FIELDS + COUNT])
-        also, pair, high, low = nothing < n_then, one < n_then, cell[FIELDS + HIGH], cell[FIELDS + LOW]
-        high2, low2 = where(pair, cell[FIELDS + HIGH2], most2), where(pair, cell[FIELDS + LOW2], least2)
-        most2 = where(also, _higher(_lower(most, high), _higher(most2, high2)), most2)
-        least2 = where(also, _lower(_higher(least, low), _lower(least2, low2)), least2)
-        most, least = where(also, _higher(most, high), most), where(also, _lower(least, low), least)
-        _hold(held, width, at + c, n + n_then, most, most2, least, least2)
-        total = n + n_then
-        mean_then, noise_then = cell[FIELDS + MEAN], cell[FIELDS + NOISE]
-        store(held, at + MEAN_HEIGHT * width + c, where(also, (mean * n + mean_then * n_then) / total, mean))
-        store(
-            held, at + MEAN_NOISE * width + c, where(also, (noise * n + noise_then * n_then) / total, noise)
-        )
-
-
 @kernel("void(float32[::1], int64, int64)")
-def _blank(held: Row, at: int, width: int) -> None:
-    """Leave a row without a return."""
-    held[at : at + HELD * width] = 0
+def _nothing(held: Row, at: int, width: int) -> None:
+    """Leave 16 cells without a return."""
+    for layer in range(HELD):
+        store(held, at + layer * width, every(F0))
     for epoch in range(2):
-        first = at + epoch * EPOCH * width
-        held[first + UP * width : first + (UP + 1) * width] = LOWEST
-        held[first + DOWN * width : first + (DOWN + 1) * width] = HIGHEST
+        store(held, at + (epoch * EPOCH + UP) * width, every(LOWEST))
+        store(held, at + (epoch * EPOCH + DOWN) * width, every(HIGHEST))
+
+
+@kernel("void(float32[::1], int64, float32, float32, float32[::1], int64, int64)")
+def _read(records: Row, first: int, now_s: float, max_age_s: float, held: Row, at: int, width: int) -> None:
+    """Leave the evidence of 16 cells in layers; what is too old is without a return."""
+    nothing, one, cell = every(F0), every(F1), columns(records, first)
+    old = every(max_age_s) < every(now_s) - cell[FIELDS + TIME]
+    n, mean, noise = where(old, nothing, cell[COUNT]), cell[MEAN], cell[NOISE]
+    pair, most, least = one < n, cell[HIGH], cell[LOW]
+    most2, least2 = where(pair, cell[HIGH2], every(LOWEST)), where(pair, cell[LOW2], every(HIGHEST))
+    _hold(held, width, at + EPOCH * width, n, most, most2, least, least2)
+
+    n_then = where(n == nothing, nothing, cell[FIELDS + COUNT])
+    also, pair, high, low = nothing < n_then, one < n_then, cell[FIELDS + HIGH], cell[FIELDS + LOW]
+    high2, low2 = where(pair, cell[FIELDS + HIGH2], most2), where(pair, cell[FIELDS + LOW2], least2)
+    most2 = where(also, _higher(_lower(most, high), _higher(most2, high2)), most2)
+    least2 = where(also, _lower(_higher(least, low), _lower(least2, low2)), least2)
+    most, least = where(also, _higher(most, high), most), where(also, _lower(least, low), least)
+    _hold(held, width, at, n + n_then, most, most2, least, least2)
+    total = n + n_then
+    mean_then, noise_then = cell[FIELDS + MEAN], cell[FIELDS + NOISE]
+    store(held, at + MEAN_HEIGHT * width, where(also, (mean * n + mean_then * n_then) / total, mean))
+    store(held, at + MEAN_NOISE * width, where(also, (noise * n + noise_then * n_then) / total, noise))
+
+
+@kernel(
+    "void(float32[::1], int64[:, ::1], int64, int64, int64, float32, float32, float32[::1], int64, int64)"
+)
+def _read_row(
+    records: Row,
+    places: NDArray[np.int64],
+    r: int,
+    first: int,
+    count: int,
+    now_s: float,
+    max_age_s: float,
+    held: Row,
+    at: int,
+    width: int,
+) -> None:
+    """Leave the evidence of a row from cell `first` of its first stretch on, in whole lanes.
+
+    While they are read the cells of the next row are asked for: they lie a page and more apart.
+    """
+    for c in range(first, first + count, LANES):
+        stretch, there = c // TILE, RECORD * (c % TILE)
+        place, ahead = places[r, stretch], places[min(r + 1, len(places) - 1), stretch]
+        if ahead >= 0:
+            for k in range(LANES):
+                ask_for(records, RECORD * (ahead + k) + there)
+        if place < 0:
+            _nothing(held, at + c - first, width)
+        else:
+            _read(records, RECORD * place + there, now_s, max_age_s, held, at + c - first, width)
 
 
 @kernel()
@@ -142,74 +183,34 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
     )
 
 
-@kernel("void(float32[::1], int64, int64, int64, int64, int64, float32[::1])")
-def _judge(held: Row, width: int, south: int, here: int, north: int, count: int, out: Row) -> None:
-    """Leave the layers of `summarise` of a row, but for the excess."""
+@kernel("void(float32[::1], int64, int64, int64, int64, float32[::1], int64, int64)")
+def _judge(held: Row, width: int, south: int, here: int, north: int, out: Row, to: int, layer: int) -> None:
+    """Leave the layers of `summarise` of 16 cells, so far apart."""
     stray, nothing, one, unknown = every(STRAY), every(F0), every(F1), every(NAN)
-    for c in range(0, count, LANES):
-        at = here + c
-        n, height = load(held, at), load(held, at + MEAN_HEIGHT * width)
-        most, least = load(held, at + MOST * width), load(held, at + LEAST * width)
-        top, bottom = _supported(held, width, south + c, at, north + c)
-        high, total = stray < most - top, height * n
-        total, left = where(high, total - most, total), where(high, n - one, n)
-        low = both(stray < bottom - least, one < left)
-        total, left = where(low, total - least, total), where(low, left - one, left)
-        height = where(one < n, total / left, _lower(_higher(height, bottom), top))
-        c_now = EPOCH * width + c
-        top_now, bottom_now = _supported(held, width, south + c_now, here + c_now, north + c_now)
-        cut = nothing < where(top < most, one, where(least < bottom, one, nothing))
-        top, bottom = where(cut, _higher(top, top_now), top), where(cut, _lower(bottom, bottom_now), bottom)
-        seen = nothing < n
-        store(out, HEIGHT * width + c, where(seen, height, unknown))
-        store(out, BOTTOM * width + c, where(seen, bottom, unknown))
-        store(out, TOP * width + c, where(seen, top, unknown))
-        store(out, WEIGHT * width + c, n)
-        store(out, SPREAD * width + c, where(seen, load(held, at + MEAN_NOISE * width), unknown))
-
-
-@kernel("void(float32[::1], float32[::1], float32[::1])")
-def _exceed(weight: Row, spread: Row, out: Row) -> None:
-    for c in range(np.uint64(len(out))):
-        n = weight[c]
-        more = BEYOND_ONE[int(n)] if n < MANY else expected_maximum(n) - 1
-        out[c] = more * np.sqrt(spread[c])
-
-
-@kernel("void(float32[::1], int64, float32, float32, float32[::1], float32[::1], float32[:, :, ::1])")
-def _advance(cells: Row, r: int, now_s: float, max_age_s: float, held: Row, row: Row, out: Layers) -> None:
-    """Take row r of the evidence, one past the last for none, and judge the row to its south.
-
-    Parameters
-    ----------
-    held
-        The last three rows taken, each in `HELD` layers of so many cells as `row` has.
-    """
-    rows, cols, width = out.shape[1], out.shape[2], len(row) // LAYERS
-    line = HELD * width
-    north, here, south = r % 3 * line, (r + 2) % 3 * line, (r + 1) % 3 * line
-    if r < rows:
-        _read(cells, cols, now_s, max_age_s, held, north + 1, width)
-    else:
-        _blank(held, north, width)
-    if r == 0:
-        _blank(held, here, width)
-        return
-    _judge(held, width, south + 1, here + 1, north + 1, cols, row)
-    for layer in range(LAYERS):
-        out[layer, r - 1] = row[layer * width : layer * width + cols]
-    _exceed(out[WEIGHT, r - 1], out[SPREAD, r - 1], out[EXCESS, r - 1])
-
-
-@kernel("Tuple((float32[::1], float32[::1], float32[::1], float32[:, :, ::1]))(int64, int64)")
-def _room(rows: int, cols: int) -> tuple[Row, Row, Row, Layers]:
-    """Return cells of a row, three rows held, one judged (each with nothing to its west and east), layers."""
-    width = -(-cols // LANES) * LANES + 2
-    held = np.empty(3 * HELD * width, np.float32)
-    for r in range(3):
-        _blank(held, r * HELD * width, width)
-    row, cells = np.empty(LAYERS * width, np.float32), np.zeros(RECORD * width, np.float32)
-    return cells, held, row, np.empty((LAYERS, rows, cols), np.float32)
+    n, height = load(held, here), load(held, here + MEAN_HEIGHT * width)
+    most, least = load(held, here + MOST * width), load(held, here + LEAST * width)
+    top, bottom = _supported(held, width, south, here, north)
+    high, total = stray < most - top, height * n
+    total, left = where(high, total - most, total), where(high, n - one, n)
+    low = both(stray < bottom - least, one < left)
+    total, left = where(low, total - least, total), where(low, left - one, left)
+    height = where(one < n, total / left, _lower(_higher(height, bottom), top))
+    now = EPOCH * width
+    top_now, bottom_now = _supported(held, width, south + now, here + now, north + now)
+    cut = nothing < where(top < most, one, where(least < bottom, one, nothing))
+    top, bottom = where(cut, _higher(top, top_now), top), where(cut, _lower(bottom, bottom_now), bottom)
+    seen, spread = nothing < n, load(held, here + MEAN_NOISE * width)
+    store(out, to + HEIGHT * layer, where(seen, height, unknown))
+    store(out, to + BOTTOM * layer, where(seen, bottom, unknown))
+    store(out, to + TOP * layer, where(seen, top, unknown))
+    store(out, to + WEIGHT * layer, n)
+    store(out, to + SPREAD * layer, where(seen, spread, unknown))
+    store(out, to + EXCESS * layer, where(seen, nothing, unknown))
+    if flags_of(every(ALONE) < n) != NONE:
+        for i in range(LANES):
+            count = out[to + WEIGHT * layer + i]
+            more = BEYOND_ONE[int(count)] if count < MANY else expected_maximum(count) - 1
+            out[to + EXCESS * layer + i] = more * np.sqrt(out[to + SPREAD * layer + i])
 
 
 @kernel("float32[:, :, ::1](float32[::1], int64[:, ::1], int64, int64, float32, float32)")
@@ -235,25 +236,46 @@ def summarise(
     places
         (rows, n) cell of `records` with which each stretch of `TILE` cells begins; < 0 where there is none.
     first, cols
-        Cells to leave out of a row's first stretch, and how many to take then.
+        Cells to leave out of a row's first stretch, and how many to take then. Beside them there are others,
+        so that they lie in whole lanes of their stretches.
     """
-    rows = len(places)
-    cells, held, row, out = _room(rows, cols)
+    rows, before = len(places), first % LANES
+    width = (
+        -(-(before + cols) // LANES) * LANES + 2 * LANES
+    )  # with one cell and more to the west and the east
+    line, size, west = HELD * width, rows * cols, first - before
+    held, row, whole = room(3 * line), room(LAYERS * LANES), np.empty(LAYERS * size, np.float32)
+    for c in range(0, width, LANES):
+        for r in range(3):
+            _nothing(held, r * line + c, width)
     for r in range(rows + 1):
+        north, here, south = r % 3 * line, (r + 2) % 3 * line, (r + 1) % 3 * line
         if r < rows:
-            c = 0
-            for s in range(places.shape[1]):
-                skipped = first if s == 0 else 0
-                at, many = RECORD * (places[r, s] + skipped), min(TILE - skipped, cols - c)
-                for k in range(0, RECORD * many, LANES):
-                    store(cells, RECORD * c + k, load(records, at + k) if places[r, s] >= 0 else every(F0))
-                c += many
-        _advance(cells, r, now_s, max_age_s, held, row, out)
-    return out
+            _read_row(records, places, r, west, before + cols, now_s, max_age_s, held, north + LANES, width)
+        else:
+            for c in range(0, width, LANES):
+                _nothing(held, north + c, width)
+        if r == 0:
+            continue
+        for c in range(0, cols, LANES):
+            at, to, n = LANES + before + c, (r - 1) * cols + c, min(LANES, cols - c)
+            if n == LANES:
+                _judge(held, width, south + at, here + at, north + at, whole, to, size)
+                continue
+            _judge(held, width, south + at, here + at, north + at, row, 0, LANES)
+            for layer in range(LAYERS):
+                for i in range(n):
+                    whole[layer * size + to + i] = row[layer * LANES + i]
+    return whole.reshape(LAYERS, rows, cols)
 
 
 def summary(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:
     """Return what `summarise` does of (rows, cols, 2, FIELDS) evidence, see `slz.tiles.Tiles.read`."""
     rows, cols = evidence.shape[:2]
-    places = np.add.outer(np.arange(rows) * cols, np.arange(0, cols, TILE))
-    return summarise(evidence.reshape(-1), places, 0, cols, now_s, max_age_s)
+    wide = -(-cols // LANES) * LANES
+    whole = evidence
+    if wide > cols:
+        whole = np.zeros((rows, wide, *evidence.shape[2:]), np.float32)
+        whole[:, :cols] = evidence
+    places = np.add.outer(np.arange(rows) * wide, np.arange(0, wide, TILE))
+    return summarise(whole.reshape(-1), places, 0, cols, now_s, max_age_s)
