@@ -28,7 +28,7 @@ from params import Parameters
 from slz.drawing import LAYERS, Seen, reach_of
 from slz.grid import Box, Grid
 from slz.kernels.bits import Bits
-from slz.kernels.patch import COLS, MOST_ROWS
+from slz.kernels.patch import COLS, rows_of_patch
 from slz.kernels.pyramid import coarser
 from slz.kernels.record import TILE
 from slz.kernels.summary import summary
@@ -40,7 +40,7 @@ HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # of `max_age_s`, for which a cell that became too old to be drawn may be shown
 PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
 MORE = 4  # tiles made ready beyond those expected
-BLOCK = 256  # cells along the side of what is drawn at a time
+BLOCK = 512  # cells along the side of what is drawn at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
 
@@ -195,7 +195,8 @@ class EvidenceTerrain:
 
     def _draw_all(self, fine: Iterable[Box]) -> None:
         """Draw anew all that evidence of these boxes of finest cells can change."""
-        for box in _regions(_in_patches(_widened(box, self.level, self._margin)) for box in fine):
+        rows = rows_of_patch(self.radius)
+        for box in _regions(_in_patches(_widened(box, self.level, self._margin), rows) for box in fine):
             self._draw(box)
 
     def _cells(self, box: Box) -> NDArray[np.float32]:
@@ -325,13 +326,13 @@ def _widened(fine: Box, level: int, margin: int) -> Box:
     )
 
 
-def _in_patches(box: Box) -> Box:
+def _in_patches(box: Box, rows: int) -> Box:
     """Return the patches that a box touches: a cell's maps are the same whatever is drawn beside it."""
     if box.empty:
         return box
     return Box(
-        box.row0 // MOST_ROWS * MOST_ROWS,
-        -(-box.row1 // MOST_ROWS) * MOST_ROWS,
+        box.row0 // rows * rows,
+        -(-box.row1 // rows) * rows,
         box.col0 // COLS * COLS,
         -(-box.col1 // COLS) * COLS,
     )

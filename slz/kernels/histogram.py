@@ -41,21 +41,35 @@ def _count(height: NDArray[np.float64], low: float, width: float, bins: int) -> 
     """Count heights by bins, in two tables, since what is added to twice in a row has to be waited for."""
     count, at = np.zeros((2, bins), np.int64), np.empty(CHUNK, np.int32)
     for start in range(0, len(height), CHUNK):
-        some = height[start : start + CHUNK]
-        for k in range(np.uint64(len(some))):  # several at once
-            at[k] = np.int32((some[k] - low) / width)
-        for k in range(np.uint64(len(some))):
+        first, some = np.uint64(start), np.uint64(min(CHUNK, len(height) - start))
+        for k in range(some):  # several at once
+            at[k] = np.int32((height[first + k] - low) / width)
+        for k in range(some):
             count[k & ONE, np.uint64(at[k])] += 1
     whole: Counts = count[0] + count[1]
     return whole
 
 
+@kernel("UniTuple(float64, 2)(float64[::1])")
+def _range(height: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the least and the greatest height."""
+    least, most = np.full(CHUNK, height[0]), np.full(CHUNK, height[0])
+    whole = len(height) // CHUNK * CHUNK
+    for start in range(0, whole, CHUNK):
+        first = np.uint64(start)
+        for k in range(np.uint64(CHUNK)):  # several at once
+            value = height[first + k]
+            least[k] = value if value < least[k] else least[k]
+            most[k] = value if value > most[k] else most[k]
+    for i in range(whole, len(height)):
+        least[0], most[0] = min(least[0], height[i]), max(most[0], height[i])
+    return least.min(), most.max()
+
+
 @kernel("UniTuple(float64, 2)(float64[::1], float64, float64)")
 def gaps_of(height: NDArray[np.float64], gap: float, max_share: float) -> tuple[float, float]:
     """Return the interval left after cutting off the few heights beyond an empty gap at either end."""
-    low, high = height[0], height[0]
-    for i in range(len(height)):
-        low, high = min(low, height[i]), max(high, height[i])
+    low, high = _range(height)
     width = gap / 4
     bins = int((high - low) / width) + 1
     if bins > 100_000:

@@ -84,12 +84,12 @@ def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -
     """Return which of some points lie lower or higher than an interval."""
     out, m = np.empty(CHUNK, np.int64), 0
     for start in range(0, len(height), CHUNK):
-        some, any_ = height[start : start + CHUNK], 0
-        for k in range(np.uint64(len(some))):  # several at once
-            any_ += (some[k] < low) | (some[k] > high)
+        first, count, any_ = np.uint64(start), min(CHUNK, len(height) - start), 0
+        for k in range(np.uint64(count)):  # several at once
+            any_ += (height[first + k] < low) | (height[first + k] > high)
         if not any_:
             continue
-        for i in range(start, start + len(some)):
+        for i in range(start, start + count):
             if which[i] and (height[i] < low or height[i] > high):
                 if m == len(out):
                     out = np.append(out, np.empty_like(out))
@@ -101,9 +101,16 @@ def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -
 @kernel("UniTuple(float64, 4)(float64[:, ::1])")
 def extent(points: Points) -> tuple[float, float, float, float]:
     """Return the least and greatest east, and the least and greatest north, of one point and more."""
-    west = east = points[0, 0]
-    south = north = points[0, 1]
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        west, east, south, north = min(west, x), max(east, x), min(south, y), max(north, y)
-    return west, east, south, north
+    low, high, flat = np.empty(3 * CHUNK), np.empty(3 * CHUNK), points.ravel()
+    for k in range(3 * CHUNK):
+        low[k] = high[k] = flat[k % 3]
+    whole = len(flat) // len(low) * len(low)
+    for start in range(0, whole, 3 * CHUNK):
+        first = np.uint64(start)
+        for k in range(np.uint64(3 * CHUNK)):  # several at once
+            value = flat[first + k]
+            low[k] = value if value < low[k] else low[k]
+            high[k] = value if value > high[k] else high[k]
+    for i in range(whole, len(flat)):
+        low[i % 3], high[i % 3] = min(low[i % 3], flat[i]), max(high[i % 3], flat[i])
+    return low[::3].min(), high[::3].max(), low[1::3].min(), high[1::3].max()
