@@ -30,6 +30,8 @@ SOME = 20_000  # returns that are enough to tell what a window was like
 MOST_SQUARES = 100_000_000
 SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in
 RETURNS_PER_SQUARE = 4  # on average, below which wider ones are taken
+WIDER = 0.05  # of the extent of some returns, by which that of all seldom exceeds it
+Extent = tuple[float, float, float, float]  # west, east, south, north (m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,16 +154,31 @@ def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[
         return 0.0, 0.0
     thin = points[:: max(1, len(points) // SOME)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
-    density = 0.0
-    every = np.ascontiguousarray(points)
-    west_m, east_m, south_m, north_m = extent(every)
+    density, every = 0.0, np.ascontiguousarray(points)
+    around = _widened(*extent(np.ascontiguousarray(thin)))  # of all, very likely
     for side in SQUARES_M:
-        west, south = math.floor(west_m / side) * side, math.floor(south_m / side) * side
-        cols, rows = (1 + math.floor((m - low) / side) for m, low in ((east_m, west), (north_m, south)))
-        if rows * cols > MOST_SQUARES:
+        hit, outside = _squares_hit(every, side, around)
+        if outside:
+            around = extent(every)
+            hit, _ = _squares_hit(every, side, around)
+        if not hit:
             continue
-        hit = int(np.count_nonzero(hit_squares(every, west, south, side, rows, cols)))
         density = len(points) / (hit * side**2)
         if len(points) >= RETURNS_PER_SQUARE * hit:
             break
     return density, reach
+
+
+def _widened(west_m: float, east_m: float, south_m: float, north_m: float) -> Extent:
+    east, north = WIDER * (east_m - west_m), WIDER * (north_m - south_m)
+    return west_m - east, east_m + east, south_m - north, north_m + north
+
+
+def _squares_hit(points: NDArray[np.float64], side: float, around: Extent) -> tuple[int, int]:
+    """Return how many squares hold a point, and whether some lie outside; 0 and 0 of too many squares."""
+    west_m, east_m, south_m, north_m = around
+    west, south = math.floor(west_m / side) * side, math.floor(south_m / side) * side
+    cols, rows = (1 + math.floor((m - low) / side) for m, low in ((east_m, west), (north_m, south)))
+    if rows * cols > MOST_SQUARES:
+        return 0, 0
+    return hit_squares(points, west, south, side, rows, cols)

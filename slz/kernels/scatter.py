@@ -112,11 +112,14 @@ def sum_and_count(
         count[r, c] += 1
 
 
-@kernel("boolean[:, :](float64[:, ::1], float64, float64, float64, int64, int64)")
+@kernel("UniTuple(int64, 2)(float64[:, ::1], float64, float64, float64, int64, int64)")
 def hit_squares(
     points: NDArray[np.float64], west: float, south: float, side: float, rows: int, cols: int
-) -> NDArray[np.bool_]:
-    """Tell which of rows x cols squares, fewer than 2^31, from (west, south) on, hold a point."""
+) -> tuple[int, int]:
+    """Return how many of rows x cols squares, fewer than 2^31, from (west, south) on, hold a point.
+
+    And, second, 1 if some point lies in none of them, else 0.
+    """
     out, placed, at = np.zeros(rows * cols + 1, np.bool_), np.empty((3, CHUNK)), np.empty(CHUNK, np.int32)
     flat, row, col = points.ravel(), placed[0], placed[1]
     high, wide, elsewhere = float(rows), float(cols), np.int32(rows * cols)
@@ -129,7 +132,7 @@ def hit_squares(
             at[k] = np.int32(r * wide + c) if inside else elsewhere
         for k in range(np.uint64(n)):
             out[np.uint64(at[k])] = True
-    return out[:-1].reshape(rows, cols)
+    return int(np.count_nonzero(out[:-1])), int(out[-1])
 
 
 @kernel("void(int32[::1], int32, int32, int32, int32[::1])")

@@ -71,6 +71,15 @@ def test_density_is_of_the_ground_hit(per_m2: float) -> None:
     assert choice.speed_ms == 0.0
 
 
+def test_density_counts_ground_that_no_sample_of_the_returns_reaches() -> None:
+    points, far = field(50.0, 40.0), 7  # returns; every fourth is looked at to guess their extent
+    assert len(points) // 20_000 == 4
+    points[1 : 4 * far : 4, :2] = np.column_stack([np.arange(far) * 30.0 + 100.5, np.full(far, -90.5)])
+    squares = len(np.unique(np.floor(points[:, :2]), axis=0))
+    choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
+    assert choice.density_per_m2 == len(points) / squares
+
+
 def test_density_does_not_count_the_gap_between_two_fields() -> None:
     points = np.vstack([field(25.0), field(25.0, east_m=500.0)])
     choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
