@@ -16,7 +16,6 @@ Evidence is kept at the finest cells. The maps may be drawn at any level of a py
 from __future__ import annotations
 
 import copy
-import functools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import ClassVar
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.drawing import LAYERS, Seen, reach_of
-from slz.grid import Box, Grid
+from slz.grid import Box, Grid, hull
 from slz.kernels.bits import Bits
 from slz.kernels.patch import COLS, rows_of_patch
 from slz.kernels.pyramid import coarser
@@ -132,8 +131,7 @@ class EvidenceTerrain:
             self.pinned,
             p.max_age_s,
         )
-        for box in change.boxes:
-            self._seen = self._seen.union(_widened(box, self.level, 0))
+        self._seen = self._seen.union(_widened(hull(change.boxes), self.level, 0))
         for key in change.evicted:
             self._oldest_s.pop(key, None)
         for box in change.boxes:
@@ -341,11 +339,11 @@ def _in_patches(box: Box, rows: int) -> Box:
 def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
     """Cover boxes with few that do not overlap, none longer than `BLOCK`."""
     boxes = [box for box in boxes if not box.empty]
-    whole = functools.reduce(Box.union, boxes, Box(0, 0, 0, 0))
+    whole = hull(boxes)
     if max(whole.shape) <= BLOCK:
         yield from [] if whole.empty else [whole]
         return
-    parts: dict[Key, Box] = {}
+    parts: dict[Key, list[Box]] = {}
     for box in boxes:
         for row in range(box.row0 // BLOCK, (box.row1 - 1) // BLOCK + 1):
             for col in range(box.col0 // BLOCK, (box.col1 - 1) // BLOCK + 1):
@@ -355,5 +353,5 @@ def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
                     max(box.col0, col * BLOCK),
                     min(box.col1, (col + 1) * BLOCK),
                 )
-                parts[row, col] = part.union(parts.get((row, col), Box(0, 0, 0, 0)))
-    yield from parts.values()
+                parts.setdefault((row, col), []).append(part)
+    yield from map(hull, parts.values())

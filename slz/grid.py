@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Self, TypeVar
 
@@ -70,6 +70,19 @@ class Box:
             min(self.col0, other.col0),
             max(self.col1, other.col1),
         )
+
+
+def hull(boxes: Sequence[Box]) -> Box:
+    """Return the smallest box that holds all of some boxes."""
+    held = [box for box in boxes if not box.empty]
+    if not held:
+        return Box(0, 0, 0, 0)
+    return Box(
+        min(box.row0 for box in held),
+        max(box.row1 for box in held),
+        min(box.col0 for box in held),
+        max(box.col1 for box in held),
+    )
 
 
 def box_of_cells(rows_cols: NDArray[np.integer]) -> Box:
