@@ -9,7 +9,7 @@ from slz.kernels.bits import NONE, Bits, word_at
 from slz.kernels.footprint import PLANE, TOLD, add_inner_relief, fit_planes
 from slz.kernels.jit import kernel
 from slz.kernels.lanes import LANES, load, room, store
-from slz.kernels.moments import HELD, LOWER, SUMS, UPPER, over_rows
+from slz.kernels.moments import HELD, LOWER, RISES, SUMS, UPPER, over_rows
 from slz.kernels.patch import COLS, MOST_SAMPLED, inverses, middle_height, rows_of_patch, take
 from slz.kernels.record import HEIGHT, TILE, TILE_BITS, TOP
 from slz.kernels.verdict import A_CERTAINTY, A_HEIGHT, A_TOP, judge, leave_unknown, settle
@@ -65,6 +65,7 @@ def draw(
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
     held, sums, away = room(HELD * tall * wide), room(SUMS * high * wide), np.empty(2 * k + 1, np.float32)
+    rises = room(2 * RISES * high * wide).view(np.float64)
     lower, upper = held[LOWER * tall * wide : UPPER * tall * wide], held[UPPER * tall * wide :]
     told, plane = room(high * TOLD * LANES), room(high * PLANE * LANES)
     some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), room(MOST_SAMPLED)
@@ -82,7 +83,7 @@ def draw(
                     any_ = NONE
             if any_ != NONE:
                 take(flat, inverse, cols, edge - k + r, edge - k + c, tall, wide, level, held)
-                over_rows(held, high, k, wide, sums)
+                over_rows(held, high, k, wide, sums, rises)
             for g in range(0, min(COLS, col1 - c), LANES):
                 shift, fits = np.uint64(g), False
                 for j in range(high):
@@ -90,7 +91,19 @@ def draw(
                     fits |= any_ != NONE and own[j] != NONE
                 if fits:
                     fit_planes(
-                        sums, lower, upper, wide, g, away, own, cell_m, noise_m, slope_limit, told, plane
+                        sums,
+                        rises,
+                        lower,
+                        upper,
+                        wide,
+                        g,
+                        away,
+                        own,
+                        cell_m,
+                        noise_m,
+                        slope_limit,
+                        told,
+                        plane,
                     )
                 for j in range(count):
                     here = (r - row0 + j) * stride + c - col0 + g

@@ -8,7 +8,20 @@ from numpy.typing import NDArray
 from slz.kernels.arctangent import arctangent
 from slz.kernels.bits import NONE
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, both, every, flags, flags_of, load, root, store, where
+from slz.kernels.lanes import (
+    LANES,
+    both,
+    every,
+    every_wide,
+    flags,
+    flags_of,
+    load,
+    narrowed,
+    root,
+    store,
+    where,
+    widened,
+)
 from slz.kernels.moments import (
     S_INVERSE,
     S_NOISE,
@@ -24,6 +37,7 @@ from slz.kernels.moments import (
     WZZ,
     W,
     over_columns,
+    rises_over_columns,
 )
 from slz.kernels.relief import relief, reliefs
 
@@ -38,17 +52,20 @@ TOLD = 7
 WEST, NORTH, LEVEL = range(3)  # how a plane rises from cell to cell (m), and its height in the middle
 PLANE = 3
 
+D2 = np.float64(2)
 F0, F1, HALF, THREE, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
 DEGREES = np.float32(57.29577951308232)
 Row = NDArray[np.float32]
+Wide = NDArray[np.float64]
 
 
 @kernel(
-    "uint64(float32[::1], int64, int64, int64, float32[::1], uint64, float32, float32, float32, float32[::1],"
-    " float32[::1])"
+    "uint64(float32[::1], float64[::1], int64, int64, int64, float32[::1], uint64, float32, float32, float32,"
+    " float32[::1], float32[::1])"
 )
 def _fit(
     sums: Row,
+    rises: Wide,
     row: int,
     col: int,
     rows: int,
@@ -63,11 +80,15 @@ def _fit(
     """Leave the planes of 16 footprints and what they tell; return of which the relief is asked for."""
     wide = len(sums) // (SUMS * rows)
     s = over_columns(sums, row * wide + col, rows * wide, away, row - rows // 2)
+    z = rises_over_columns(rises, row * wide + col, rows * wide, away, float(row - rows // 2))
     w, nothing, unknown, per_m = s[W], every(F0), every(NAN), every(F1 / cell_m)
     share = every(F1) / w
-    mx, my, mz = s[WX] * share, s[WY] * share, s[WZ] * share
+    mx, my, wide_share = s[WX] * share, s[WY] * share, widened(share)
+    wide_share = wide_share * (every_wide(D2) - widened(w) * wide_share)  # to double precision
+    mz = z[WZ] * wide_share
     sxx, sxy, syy = s[WXX] - s[WX] * mx, s[WXY] - s[WX] * my, s[WYY] - s[WY] * my
-    sxz, syz, szz = s[WXZ] - s[WX] * mz, s[WYZ] - s[WY] * mz, s[WZZ] - s[WZ] * mz
+    sxz, syz = narrowed(z[WXZ] - widened(s[WX]) * mz), narrowed(z[WYZ] - widened(s[WY]) * mz)
+    szz = narrowed(z[WZZ] - z[WZ] * mz)
     free, det, trace = w - every(THREE), sxx * syy - sxy * sxy, sxx + syy
     good = both(flags(covered), both(every(LEAST) < w, every(THIN) * trace * trace < det))
     over_both = every(F1) / (free * det)
@@ -89,7 +110,7 @@ def _fit(
     store(told, at + RELIEF * LANES, unknown)
     store(plane, to + WEST * LANES, nothing - a)
     store(plane, to + NORTH * LANES, b)
-    store(plane, to + LEVEL * LANES, mz - a * mx - b * my)
+    store(plane, to + LEVEL * LANES, narrowed(mz) - a * mx - b * my)
     return flags_of(both(good, slope < every(slope_limit) + every(THREE) * sigma))
 
 
@@ -134,11 +155,12 @@ def add_inner_relief(
 
 
 @kernel(
-    "void(float32[::1], float32[::1], float32[::1], int64, int64, float32[::1], uint64[::1], float32,"
-    " float32, float32, float32[::1], float32[::1])"
+    "void(float32[::1], float64[::1], float32[::1], float32[::1], int64, int64, float32[::1], uint64[::1],"
+    " float32, float32, float32, float32[::1], float32[::1])"
 )
 def fit_planes(
     sums: Row,
+    rises: Wide,
     lower: Row,
     upper: Row,
     wide: int,
@@ -155,7 +177,7 @@ def fit_planes(
 
     Parameters
     ----------
-    sums
+    sums, rises
         Of the footprints' rows, see `slz.kernels.moments.over_rows`.
     lower, upper
         Lowest and highest ground of the cells, `wide` of them a row.
@@ -174,7 +196,9 @@ def fit_planes(
     """
     rows = len(covered)
     for j in range(0, rows, 2):
-        asked = _fit(sums, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, told, plane)
-        north = _fit(sums, j + 1, col, rows, away, covered[j + 1], cell_m, noise_m, slope_limit, told, plane)
+        asked = _fit(sums, rises, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, told, plane)
+        north = _fit(
+            sums, rises, j + 1, col, rows, away, covered[j + 1], cell_m, noise_m, slope_limit, told, plane
+        )
         if asked | north != NONE:
             _relieve(lower, upper, j, col, wide, away, asked, north, plane, told)

@@ -1,8 +1,9 @@
 """Sixteen numbers at a time, for kernels in which the compiler does not see by itself that it may.
 
 In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, <, == and the functions below work by
-each; `columns` gives the columns of 16 x 16 values. Uncompiled they are NumPy arrays, which do the same.
-`ask_for` has 16 values, if they are aligned, brought from memory while other work goes on.
+each; `load_wide` gives 16 of eight bytes, `columns` the columns of 16 x 16 values. Uncompiled they are NumPy
+arrays, which do the same. `ask_for` has 16 values, if they are aligned, brought from memory while other work
+goes on.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 LANES = 16
-FLOAT, FLAG, INT32 = ir.FloatType(), ir.IntType(1), ir.IntType(32)
+FLOAT, DOUBLE, FLAG, INT32 = ir.FloatType(), ir.DoubleType(), ir.IntType(1), ir.IntType(32)
 Floats = Any  # 16 numbers of four bytes, or flags of as many
+Doubles = Any  # 16 numbers of eight bytes
 
 
 class Lanes(types.Type):
@@ -39,7 +41,7 @@ class _Held(models.PrimitiveModel):
         super().__init__(manager, lanes, lanes.vector)  # type: ignore[no-untyped-call]
 
 
-FLOATS, FLAGS = Lanes(FLOAT), Lanes(FLAG)
+FLOATS, DOUBLES, FLAGS = Lanes(FLOAT), Lanes(DOUBLE), Lanes(FLAG)
 
 
 def _code(result: Any, build: Callable[..., Any]) -> Any:
@@ -66,12 +68,12 @@ def _code(result: Any, build: Callable[..., Any]) -> Any:
     return intrinsic(by_number[len(signature(build).parameters) - 1])
 
 
-def _place(builder: Any, data: Any, at: Any) -> Any:
-    return builder.bitcast(builder.gep(data, [at]), FLOATS.vector.as_pointer())
+def _place(builder: Any, data: Any, at: Any, kind: Lanes = FLOATS) -> Any:
+    return builder.bitcast(builder.gep(data, [at]), kind.vector.as_pointer())
 
 
-def _all(builder: Any, value: Any) -> Any:
-    one = builder.insert_element(ir.Constant(FLOATS.vector, ir.Undefined), value, INT32(0))
+def _all(builder: Any, value: Any, kind: Lanes) -> Any:
+    one = builder.insert_element(ir.Constant(kind.vector, ir.Undefined), value, INT32(0))
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(INT32, LANES), None))
 
 
@@ -139,6 +141,12 @@ if vars(config)["DISABLE_JIT"]:
     def ask_for(values: Any, at: int) -> None:
         pass
 
+    def widened(lanes: Floats) -> Doubles:
+        return lanes.astype(np.float64)
+
+    def narrowed(lanes: Doubles) -> Floats:
+        return lanes.astype(np.float32)
+
     def every(value: Any) -> Floats:
         return value
 
@@ -156,6 +164,7 @@ if vars(config)["DISABLE_JIT"]:
 
     where: Callable[..., Floats] = np.where
     root, both = np.sqrt, np.logical_and
+    load_wide, store_wide, every_wide = load, store, every
 else:
     load = _code(FLOATS, lambda b, data, at: b.load(_place(b, data, at), align=4))
     store = _code(
@@ -163,7 +172,14 @@ else:
     )
     columns = _code(types.UniTuple(FLOATS, LANES), _columns)  # type: ignore[no-untyped-call]
     ask_for = _code(types.void, _ask)
-    every = _code(FLOATS, _all)
+    every = _code(FLOATS, lambda b, value: _all(b, value, FLOATS))
+    load_wide = _code(DOUBLES, lambda b, data, at: b.load(_place(b, data, at, DOUBLES), align=8))
+    store_wide = _code(
+        types.void, lambda b, data, at, lanes: b.store(lanes, _place(b, data, at, DOUBLES), align=8) and None
+    )
+    every_wide = _code(DOUBLES, lambda b, x: _all(b, b.fpext(x, DOUBLE) if x.type == FLOAT else x, DOUBLES))
+    widened = _code(DOUBLES, lambda b, lanes: b.fpext(lanes, DOUBLES.vector))
+    narrowed = _code(FLOATS, lambda b, lanes: b.fptrunc(lanes, FLOATS.vector))
     where = _code(FLOATS, lambda b, flags, then, other: b.select(flags, then, other))
     root = _code(FLOATS, _root)
     multiplied = _code(FLOATS, _multiplied)
@@ -174,20 +190,21 @@ else:
     store_bytes = _code(types.void, _store_bytes)
     flags = _code(FLAGS, lambda b, bits: b.bitcast(b.trunc(bits, ir.IntType(LANES)), FLAGS.vector))
 
-    def _operator(function: Any, result: Lanes, build: Callable[..., Any]) -> None:
-        code = _code(result, build)
+    def _operator(function: Any, build: Callable[..., Any], result: Lanes | None = None) -> None:
+        by_kind = {kind: _code(result or kind, build) for kind in (FLOATS, DOUBLES)}
 
         def given(a, b):  # type: ignore[no-untyped-def]
-            return (lambda a, b: code(a, b)) if isinstance(a, Lanes) else None
+            code = by_kind.get(a)
+            return (lambda a, b: code(a, b)) if code is not None else None
 
         overload(function)(given)
 
-    _operator(operator.add, FLOATS, lambda b, x, y: b.fadd(x, y))
-    _operator(operator.sub, FLOATS, lambda b, x, y: b.fsub(x, y))
-    _operator(operator.mul, FLOATS, lambda b, x, y: b.fmul(x, y))
-    _operator(operator.truediv, FLOATS, lambda b, x, y: b.fdiv(x, y))
-    _operator(operator.lt, FLAGS, lambda b, x, y: b.fcmp_ordered("<", x, y))
-    _operator(operator.eq, FLAGS, lambda b, x, y: b.fcmp_ordered("==", x, y))
+    _operator(operator.add, lambda b, x, y: b.fadd(x, y))
+    _operator(operator.sub, lambda b, x, y: b.fsub(x, y))
+    _operator(operator.mul, lambda b, x, y: b.fmul(x, y))
+    _operator(operator.truediv, lambda b, x, y: b.fdiv(x, y))
+    _operator(operator.lt, lambda b, x, y: b.fcmp_ordered("<", x, y), FLAGS)
+    _operator(operator.eq, lambda b, x, y: b.fcmp_ordered("==", x, y), FLAGS)
 
 
 @kernel("float32[::1](int64)")

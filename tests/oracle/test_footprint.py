@@ -18,8 +18,8 @@ from slz.kernels.bits import packed, unpacked
 from slz.kernels.closing import above, closed, dilated, eroded, higher, lowest_around, others
 from slz.kernels.draw import draw
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, store
-from slz.kernels.moments import HELD, SUMS, over_columns, over_rows
+from slz.kernels.lanes import LANES, store, store_wide
+from slz.kernels.moments import HELD, RISES, SUMS, over_columns, over_rows, rises_over_columns
 from slz.kernels.patch import COLS as PATCH
 from slz.kernels.patch import inverses, rows_of_patch, take
 from slz.kernels.summary import summary
@@ -177,12 +177,12 @@ def test_a_first_cell_far_up_rounds_no_relief_but_those_that_hold_it() -> None:
     np.testing.assert_allclose(other[2, 3:, 3:], plain[2, 3:, 3:], rtol=rounding, atol=2e-6)
 
 
-@kernel("void(float32[::1], int64, int64, int64, float32[::1], float64, float32[::1])")
+@kernel("void(float32[::1], float64[::1], int64, int64, float32[::1], float64, float32[::1], float64[::1])")
 def _told(
-    sums: NDArray[np.float32], at: int, col: int, layer: int, away: NDArray[np.float32], y: float,
-    out: NDArray[np.float32],
+    sums: NDArray[np.float32], rises: Floats, at: int, layer: int, away: NDArray[np.float32], y: float,
+    out: NDArray[np.float32], heights: Floats,
 ) -> None:  # fmt: skip
-    s = over_columns(sums, at + col, layer, away, y)
+    s, z = over_columns(sums, at, layer, away, y), rises_over_columns(rises, at, layer, away, y)
     store(out, 0, s[0])
     store(out, LANES, s[1])
     store(out, 2 * LANES, s[2])
@@ -191,10 +191,10 @@ def _told(
     store(out, 5 * LANES, s[5])
     store(out, 6 * LANES, s[6])
     store(out, 7 * LANES, s[7])
-    store(out, 8 * LANES, s[8])
-    store(out, 9 * LANES, s[9])
-    store(out, 10 * LANES, s[10])
-    store(out, 11 * LANES, s[11])
+    store_wide(heights, 0, z[0])
+    store_wide(heights, LANES, z[1])
+    store_wide(heights, 2 * LANES, z[2])
+    store_wide(heights, 3 * LANES, z[3])
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 9, 20])
@@ -208,24 +208,45 @@ def test_sums_over_footprints_are_those_of_their_cells(k: int) -> None:
     unknown = cells[WEIGHT] == 0
     cells[[HEIGHT, SPREAD]] = np.where(unknown, np.nan, cells[[HEIGHT, SPREAD]])
     held, sums = np.empty(HELD * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
+    rises, heights = np.empty(RISES * rows * wide), np.empty((4, LANES))
     take(cells.ravel(), inverses(cells), cells.shape[2], 3, 2, tall, wide, level, held)
-    over_rows(held, rows, k, wide, sums)
-    away, got = np.arange(-k, k + 1).astype(np.float32), np.empty((12, LANES), np.float32)
+    over_rows(held, rows, k, wide, sums, rises)
+    away, got = np.arange(-k, k + 1).astype(np.float32), np.empty((8, LANES), np.float32)
     y, x = np.mgrid[-k : k + 1, -k : k + 1]
     for row in range(rows):
         for first in range(0, PATCH, LANES):
-            _told(sums, row * wide, first, rows * wide, away, row - rows // 2, got.ravel())
+            at, y_row = row * wide + first, row - rows // 2
+            _told(sums, rises, at, rows * wide, away, y_row, got.ravel(), heights.ravel())
             for col in range(first, first + LANES):
                 part = cells[:, 3 + row : 4 + row + 2 * k, 2 + col : 3 + col + 2 * k].astype(np.float64)
                 has = part[WEIGHT] > 0
                 z, noise = np.where(has, part[HEIGHT] - level, 0), np.where(has, part[SPREAD], 0)
                 inverse = np.where(has, 1 / np.where(has, part[WEIGHT], 1), 0)
                 of = has, has * x, has * x * x, has * y, has * x * y, has * y * y
-                expected = [np.sum(each) for each in (*of, z, z * x, z * y, z * z, inverse, noise)]
-                size = [np.sum(np.abs(each)) for each in (*of, z, z * x, z * y, z * z, inverse, noise)]
-                assert np.abs(got[:, col - first] - expected) == pytest.approx(0, abs=1e-5 * max(size))
-                np.testing.assert_array_equal(got[:6, col - first], expected[:6], "of whole numbers, exactly")
-                np.testing.assert_allclose(got[9:, col - first], expected[9:], rtol=2e-5)
+                expected = [np.sum(each) for each in of]
+                np.testing.assert_array_equal(got[:6, col - first], expected, "of whole numbers, exactly")
+                expected = [np.sum(inverse), np.sum(noise)]
+                np.testing.assert_allclose(got[6:, col - first], expected, rtol=2e-6)
+                expected = [np.sum(each) for each in (z, z * x, z * y, z * z)]
+                np.testing.assert_allclose(heights[:, col - first], expected, rtol=1e-12, atol=1e-9)
+
+
+@pytest.mark.parametrize("step_m", [0.0, 8.0, 300.0])
+def test_a_wall_near_by_does_not_blur_the_roughness_of_even_ground(step_m: float) -> None:
+    rng = np.random.default_rng(1)
+    cells = np.zeros((6, 40, 64), np.float32)
+    cells[WEIGHT], cells[SPREAD] = 3, 4e-4
+    cells[HEIGHT] = 100 + rng.normal(0, 0.002, cells.shape[1:])
+    cells[HEIGHT, :, 40:] += step_m
+    cells[HEIGHT, 25:] += 2 * step_m
+    cells[BOTTOM] = cells[TOP] = cells[HEIGHT]
+    roughness = planes(cells, np.ones(cells.shape[1:], np.uint8), 5, 0.2)[3]
+    for row, col in np.argwhere(np.isfinite(roughness)):
+        part = np.s_[row - 5 : row + 6, col - 5 : col + 6]
+        if np.ptp(cells[HEIGHT][part]) < 1:
+            expected = fitted(cells.astype(np.float64), int(row), int(col), 5, 0.2)
+            assert expected is not None
+            assert roughness[row, col] == pytest.approx(expected.rms_m, abs=2e-6)
 
 
 # ---- closing ------------------------------------------------------------------------------------

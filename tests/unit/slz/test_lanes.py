@@ -14,12 +14,20 @@ from slz.kernels.lanes import (
     both,
     columns,
     every,
+    every_wide,
+    flags,
     flags_of,
     load,
+    load_wide,
     multiplied,
+    narrowed,
+    room,
     root,
     store,
+    store_bytes,
+    store_wide,
     where,
+    widened,
 )
 
 Floats = NDArray[np.float32]
@@ -37,6 +45,52 @@ def all_of_them(a: Floats, b: Floats, at: int, out: Floats, bits: NDArray[np.uin
     store(flat, 4 * LANES, root(x))
     store(flat, 5 * LANES, where(x < y, x, every(np.float32(7.0)) + y))
     bits[0], bits[1], bits[2] = flags_of(x < y), flags_of(x == y), flags_of(both(x == x, y < x))
+
+
+@kernel("void(float32[::1], float64[::1], int64, float64[:, ::1], float32[::1], uint8[::1], uint64[::1])")
+def wide_ones(
+    a: Floats,
+    b: NDArray[np.float64],
+    at: int,
+    out: NDArray[np.float64],
+    narrow: Floats,
+    states: NDArray[np.uint8],
+    bits: NDArray[np.uint64],
+) -> None:
+    flat = out.ravel()
+    x, y = widened(load(a, at)), load_wide(b, at)
+    store_wide(flat, 0, x + y)
+    store_wide(flat, LANES, x - y)
+    store_wide(flat, 2 * LANES, x * y)
+    store_wide(flat, 3 * LANES, x / every_wide(b[0]))
+    store(narrow, 0, narrowed(y))
+    bits[2] = flags_of(flags(bits[0]))
+    store_bytes(states, at, flags(bits[0]), flags(bits[1]))
+
+
+@pytest.mark.parametrize("at", [0, 1, 7, 33])
+def test_wide_lanes_and_bytes_are_what_numpy_makes_of_them(at: int) -> None:
+    rng = np.random.default_rng(at)
+    a, b = rng.normal(0.0, 3.0, 64).astype(np.float32), rng.normal(0.0, 3.0, 64)
+    a[at : at + 16 : 2], b[at + 1] = ODD, 1e300
+    out, narrow, states = np.empty((4, LANES)), np.empty(LANES, np.float32), np.full(64, 7, np.uint8)
+    bits = np.array([0b1010_0000_1111_0101, 0b0101_0000_0000_1010, 0], np.uint64)
+    with np.errstate(all="ignore"):
+        wide_ones(a, b, at, out, narrow, states, bits)
+        x, y = a[at : at + LANES].astype(np.float64), b[at : at + LANES]
+        np.testing.assert_array_equal(out, np.array([x + y, x - y, x * y, x / b[0]]))
+        np.testing.assert_array_equal(narrow, y.astype(np.float32))
+    assert bits[2] == bits[0]
+    ones, alls = ([int(word) >> i & 1 for i in range(LANES)] for word in bits[:2])
+    expected = [255 if every_bit else one for one, every_bit in zip(ones, alls, strict=True)]
+    assert states[at : at + LANES].tolist() == expected
+    assert (np.delete(states, range(at, at + LANES)) == 7).all()
+
+
+@pytest.mark.parametrize("count", [1, 16, 1000])
+def test_room_begins_with_a_line_of_the_cache(count: int) -> None:
+    rooms = [room(count) for _ in range(9)]
+    assert all(len(each) == count and each.ctypes.data % 64 == 0 for each in rooms)
 
 
 def bits_of(flags: NDArray[np.bool_]) -> int:
