@@ -91,20 +91,9 @@ def draw(
                     fits |= any_ != NONE and own[j] != NONE
                 if fits:
                     fit_planes(
-                        sums,
-                        rises,
-                        lower,
-                        upper,
-                        wide,
-                        g,
-                        away,
-                        own,
-                        cell_m,
-                        noise_m,
-                        slope_limit,
-                        told,
-                        plane,
-                    )
+                        sums, rises, lower, upper, wide, g, away, own, cell_m, noise_m, slope_limit,
+                        told, plane,
+                    )  # fmt: skip
                 for j in range(count):
                     here = (r - row0 + j) * stride + c - col0 + g
                     at = (edge + r + j) * cols + edge + c + g
