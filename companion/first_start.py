@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import itertools
 import logging
 import os
 import queue
+import runpy
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -31,8 +31,12 @@ OURS = (
     "outputs/sectors",
     "dashboard/small_numbers",
 )
+_OF_KERNELS = runpy.run_path(str(ROOT / "slz" / "kernels" / "sources.py"))  # its package would load them all
+sources_of: Callable[[Path, Path], dict[Path, bytes]] = _OF_KERNELS["sources_of"]
+stamp: Callable[[Path, Path], bytes] = _OF_KERNELS["stamp"]
 COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's, of this Python
-WITHOUT = frozenset({"__init__", "arctangent", "jit", "record", "rows"})  # a kernel compiled by itself
+# Without a kernel compiled by itself.
+WITHOUT = frozenset({"__init__", "arctangent", "jit", "record", "relief", "rows", "sources"})
 OF_SOURCE_MODE = frozenset({"fuse", "interval", "measure", "search", "stream", "sums"})
 # Of some sensors and of surveys: seconds, when they are used.
 SELDOM = frozenset({"gather", "gradient", "median", "radar_cells", "unwrap", "velodyne_points", "waveform"})
@@ -60,11 +64,12 @@ def is_first(also: frozenset[str] = NO_MORE) -> bool:
 
 
 def _is_compiled(source: Path, compiled: list[Path]) -> bool:
-    """Tell whether something compiled is newer than its source, or of the same text: Numba goes by that."""
-    written = source.stat().st_mtime
+    """Tell whether something compiled is newer than its sources, or of the same text: Numba goes by that."""
+    kernels = ROOT / "slz" / "kernels"
+    written = max(path.stat().st_mtime for path in sources_of(source, kernels))
     if any(path.stat().st_mtime >= written for path in compiled):
         return True
-    text = hashlib.sha256(source.read_bytes()).digest()
+    text = stamp(source, kernels)
     return any(text in path.read_bytes() for path in compiled)
 
 

@@ -1,25 +1,39 @@
-"""The one way kernels are compiled: cached, without the GIL, eager where a signature is given."""
+"""The one way kernels are compiled: cached, without the GIL, eager where a signature is given.
+
+Numba keeps what it compiled until the source of the kernel itself changes. But a kernel holds those that it
+calls: code that an update mended in another file would stay in use. So what is kept is marked with all the
+sources that it is made of.
+"""
 
 from __future__ import annotations
 
+import functools
 import logging
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 
+from slz.kernels.sources import stamp
+
 log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
+KERNELS = Path(__file__).parent
 _told = set[str]()  # modules
 
 
 def kernel(*signatures: str) -> Callable[[F], F]:
     """Compile a function with Numba; `fastmath` stays off because it turns `isnan` off."""
-    eager = list(signatures) or None
 
     def decorate(function: F) -> F:
-        compiled = numba.njit(eager, cache=True, nogil=True, error_model="numpy")(function)
+        compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        _mark(compiled, Path(function.__code__.co_filename))
+        if signatures and hasattr(compiled, "compile"):
+            for signature in signatures:
+                compiled.compile(signature)
+            compiled.disable_compile()
         module = function.__module__
         if module not in _told and getattr(compiled, "stats", None) and compiled.stats.cache_misses:
             _told.add(module)
@@ -27,3 +41,15 @@ def kernel(*signatures: str) -> Callable[[F], F]:
         return cast(F, compiled)
 
     return decorate
+
+
+def _mark(compiled: Any, path: Path) -> None:
+    """Have compiled code of a kernel kept until any source changes that it is made of."""
+    index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if index is not None and path.is_file():  # neither with the compiler off nor in a notebook
+        index._source_stamp = index._source_stamp, _stamp(path)
+
+
+@functools.cache
+def _stamp(path: Path) -> bytes:
+    return stamp(path, KERNELS)
