@@ -240,9 +240,8 @@ def summarise(
         so that they lie in whole lanes of their stretches.
     """
     rows, before = len(places), first % LANES
-    width = (
-        -(-(before + cols) // LANES) * LANES + 2 * LANES
-    )  # with one cell and more to the west and the east
+    # With lanes to the west and to the east in which nothing was seen.
+    width = -(-(before + cols) // LANES) * LANES + 2 * LANES
     line, size, west = HELD * width, rows * cols, first - before
     held, row, whole = room(3 * line), room(LAYERS * LANES), np.empty(LAYERS * size, np.float32)
     for c in range(0, width, LANES):
