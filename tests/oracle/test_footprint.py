@@ -155,6 +155,31 @@ def test_the_random_cells_meet_every_case_of_the_relief() -> None:
         assert ((all_of_them > low) & (all_of_them < high)).sum() > 100
 
 
+@pytest.mark.parametrize("k", [3, 5, 10])
+@pytest.mark.parametrize(("down", "right"), [(0, 1), (1, 0), (1, 1), (1, -1), (1, 2)])
+def test_cells_in_a_line_are_no_plane_however_many_and_two_lines_are(k: int, down: int, right: int) -> None:
+    side, rng = 4 * k + 1, np.random.default_rng(k)
+    cells = np.full((6, side, side), np.nan, np.float32)
+    cells[WEIGHT] = 0
+    steps = np.arange(-2 * k, 2 * k + 1)
+    rows, cols = 2 * k + down * steps, 2 * k + right * steps
+    inside = (rows >= 0) & (rows < side) & (cols >= 0) & (cols < side)
+    rows, cols = rows[inside], cols[inside]
+    cells[:, rows, cols] = 0
+    cells[WEIGHT, rows, cols], cells[SPREAD, rows, cols] = 4, 4e-4
+    cells[HEIGHT, rows, cols] = 300 + rng.normal(0, 0.02, len(rows))
+    cells[BOTTOM], cells[TOP] = cells[HEIGHT], cells[HEIGHT]
+    covered = np.ones((side, side), np.uint8)
+    assert np.isnan(planes(cells, covered, k, 0.1)[0]).all()
+    if down == 0:
+        cells[:, 2 * k + 1] = cells[:, 2 * k]
+        cells[[HEIGHT, BOTTOM, TOP], 2 * k + 1] += 0.02
+        slope = planes(cells, covered, k, 0.1, 90.0)[0, 2 * k, 2 * k]
+        expected = fitted(cells.astype(np.float64), 2 * k, 2 * k, k, 0.1)
+        assert expected is not None
+        assert slope == pytest.approx(expected.slope_deg, rel=1e-4)
+
+
 def test_the_excess_is_taken_off_the_relief_at_both_ends() -> None:
     cells = np.zeros((SPREAD + 1, 5, 5), np.float32)
     cells[WEIGHT] = 10
