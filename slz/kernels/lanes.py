@@ -207,6 +207,18 @@ else:
     _operator(operator.eq, lambda b, x, y: b.fcmp_ordered("==", x, y), FLAGS)
 
 
+@kernel()
+def lower(a: Floats, b: Floats) -> Floats:
+    """Return the lower of each two numbers; where one is none, that of `b`."""
+    return where(a < b, a, b)
+
+
+@kernel()
+def higher(a: Floats, b: Floats) -> Floats:
+    """Return the higher of each two numbers; where one is none, that of `b`."""
+    return where(b < a, a, b)
+
+
 @kernel("float32[::1](int64)")
 def room(count: int) -> Any:
     """Return numbers that are not set yet, in whole lines of the cache: lanes across two take longer."""

@@ -8,22 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import Floats, every, load, multiplied, where
+from slz.kernels.lanes import Floats, every, load, multiplied
+from slz.kernels.lanes import higher as highest_of
+from slz.kernels.lanes import lower as lowest_of
 
 F0, HIGHEST, LOWEST = np.float32(0), np.float32(np.inf), np.float32(-np.inf)
 Row = NDArray[np.float32]
 Pair = Any  # of lanes
-
-
-@kernel()
-def _lower(a: Floats, b: Floats) -> Floats:
-    """Return the lower ones; where one is no number, b."""
-    return where(a < b, a, b)
-
-
-@kernel()
-def _higher(a: Floats, b: Floats) -> Floats:
-    return where(b < a, a, b)
 
 
 @kernel()
@@ -32,8 +23,8 @@ def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, w
     low, high = every(HIGHEST), every(LOWEST)
     for d in range(first, stop):
         far = every(away[d])
-        low = _lower(multiplied(west, far, load(lower, at + d)), low)
-        high = _higher(multiplied(west, far, load(upper, at + d)), high)
+        low = lowest_of(multiplied(west, far, load(lower, at + d)), low)
+        high = highest_of(multiplied(west, far, load(upper, at + d)), high)
     return low, high
 
 
@@ -54,8 +45,8 @@ def relief(
     for i in range(rim, side - rim):
         low, high = _of_row(lower, upper, at + i * wide, away, rim, side - rim, west)
         up = level + north * every(away[i])
-        lowest, highest = _lower(low - up, lowest), _higher(high - up, highest)
-    return _higher(highest - lowest, every(F0))
+        lowest, highest = lowest_of(low - up, lowest), highest_of(high - up, highest)
+    return highest_of(highest - lowest, every(F0))
 
 
 @kernel()
@@ -93,11 +84,11 @@ def reliefs(
         )
         for d in range(side):  # each cell is loaded once for both
             far, bottom, top = every(away[d]), load(lower, row + d), load(upper, row + d)
-            low = _lower(multiplied(west[0], far, bottom), low)
-            high = _higher(multiplied(west[0], far, top), high)
-            low2 = _lower(multiplied(west[1], far, bottom), low2)
-            high2 = _higher(multiplied(west[1], far, top), high2)
+            low = lowest_of(multiplied(west[0], far, bottom), low)
+            high = highest_of(multiplied(west[0], far, top), high)
+            low2 = lowest_of(multiplied(west[1], far, bottom), low2)
+            high2 = highest_of(multiplied(west[1], far, top), high2)
         up, up2 = level[0] + north[0] * every(away[i]), level[1] + north[1] * every(away[i - 1])
-        lowest, highest = _lower(low - up, lowest), _higher(high - up, highest)
-        lowest2, highest2 = _lower(low2 - up2, lowest2), _higher(high2 - up2, highest2)
-    return _higher(highest - lowest, every(F0)), _higher(highest2 - lowest2, every(F0))
+        lowest, highest = lowest_of(low - up, lowest), highest_of(high - up, highest)
+        lowest2, highest2 = lowest_of(low2 - up2, lowest2), highest_of(high2 - up2, highest2)
+    return highest_of(highest - lowest, every(F0)), highest_of(highest2 - lowest2, every(F0))

@@ -15,7 +15,9 @@ from slz.kernels.lanes import (
     columns,
     every,
     flags_of,
+    higher,
     load,
+    lower,
     room,
     store,
     where,
@@ -71,16 +73,6 @@ BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in
 
 
 @kernel()
-def _lower(a: Floats, b: Floats) -> Floats:
-    return where(b < a, b, a)
-
-
-@kernel()
-def _higher(a: Floats, b: Floats) -> Floats:
-    return where(a < b, b, a)
-
-
-@kernel()
 def _hold(
     held: Row, width: int, at: int, n: Floats, most: Floats, most2: Floats, least: Floats, least2: Floats
 ) -> None:
@@ -117,9 +109,9 @@ def _read(records: Row, first: int, now_s: float, max_age_s: float, held: Row, a
     n_then = where(n == nothing, nothing, cell[FIELDS + COUNT])
     also, pair, high, low = nothing < n_then, one < n_then, cell[FIELDS + HIGH], cell[FIELDS + LOW]
     high2, low2 = where(pair, cell[FIELDS + HIGH2], most2), where(pair, cell[FIELDS + LOW2], least2)
-    most2 = where(also, _higher(_lower(most, high), _higher(most2, high2)), most2)
-    least2 = where(also, _lower(_higher(least, low), _lower(least2, low2)), least2)
-    most, least = where(also, _higher(most, high), most), where(also, _lower(least, low), least)
+    most2 = where(also, higher(lower(most, high), higher(most2, high2)), most2)
+    least2 = where(also, lower(higher(least, low), lower(least2, low2)), least2)
+    most, least = where(also, higher(most, high), most), where(also, lower(least, low), least)
     _hold(held, width, at, n + n_then, most, most2, least, least2)
     total = n + n_then
     mean_then, noise_then = cell[FIELDS + MEAN], cell[FIELDS + NOISE]
@@ -168,12 +160,12 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
         for at in range(row - 1, row + 2):
             if at != here:
                 nearby = nearby + load(held, at)
-                up = _higher(up, load(held, at + UP * width))
-                down = _lower(down, load(held, at + DOWN * width))
+                up = higher(up, load(held, at + UP * width))
+                down = lower(down, load(held, at + DOWN * width))
     single = n < every(CROWD)
-    most2 = where(single, _higher(most2, up), most2)
-    least2 = where(single, _lower(least2, down), least2)
-    top, bottom = _lower(most, most2), _higher(least, least2)
+    most2 = where(single, higher(most2, up), most2)
+    least2 = where(single, lower(least2, down), least2)
+    top, bottom = lower(most, most2), higher(least, least2)
     crossed, level = top < bottom, where(most2 < most, most2, least2)  # a lone return far from all around it
     top, bottom = where(crossed, level, top), where(crossed, level, bottom)
     enough, alone = every(FEW) < nearby, most2 == every(LOWEST)
@@ -194,11 +186,11 @@ def _judge(held: Row, width: int, south: int, here: int, north: int, out: Row, t
     total, left = where(high, total - most, total), where(high, n - one, n)
     low = both(stray < bottom - least, one < left)
     total, left = where(low, total - least, total), where(low, left - one, left)
-    height = where(one < n, total / left, _lower(_higher(height, bottom), top))
+    height = where(one < n, total / left, lower(higher(height, bottom), top))
     now = EPOCH * width
     top_now, bottom_now = _supported(held, width, south + now, here + now, north + now)
     cut = nothing < where(top < most, one, where(least < bottom, one, nothing))
-    top, bottom = where(cut, _higher(top, top_now), top), where(cut, _lower(bottom, bottom_now), bottom)
+    top, bottom = where(cut, higher(top, top_now), top), where(cut, lower(bottom, bottom_now), bottom)
     seen, spread = nothing < n, load(held, here + MEAN_NOISE * width)
     store(out, to + HEIGHT * layer, where(seen, height, unknown))
     store(out, to + BOTTOM * layer, where(seen, bottom, unknown))
