@@ -38,7 +38,8 @@ class Codec:
     Attributes
     ----------
     received, lost, undecodable
-        Frames decoded; gaps in the senders' sequence numbers; frames that are whole but make no message.
+        Frames decoded; gaps in autopilots' sequence numbers, since of other senders' frames an autopilot passes
+        on only some; frames that are whole but make no message.
     sent
         Messages encoded.
     refused_orders
@@ -138,7 +139,7 @@ class Codec:
         last = self._sequences.get(sender)
         step = 1 if last is None else (sequence - last) % 256
         if 1 <= step <= LARGEST_GAP:
-            self.lost += step - 1
+            self.lost += step - 1 if sender[1] == mavlink.MAV_COMP_ID_AUTOPILOT1 else 0
             self._sequences[sender] = sequence
         elif LARGEST_GAP < step < 256 - OUT_OF_ORDER:
             self._sequences[sender] = sequence

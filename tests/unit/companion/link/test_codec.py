@@ -88,6 +88,14 @@ def test_lost_frames_are_counted_per_sender_and_late_ones_are_not() -> None:
     assert codec.lost == 3
 
 
+def test_frames_of_a_station_that_the_autopilot_does_not_pass_on_are_not_lost() -> None:
+    codec = Codec(191)
+    station, autopilot = frames(40, sender(255, 190)), frames(40, sender(1))
+    for frame in (*station[::4], autopilot[0], autopilot[2]):
+        list(codec.decode(frame))
+    assert (codec.received, codec.lost) == (12, 1)
+
+
 def test_signed_frames_are_read_without_a_key() -> None:
     source = sender()
     source.signing.secret_key = b"k" * 32
