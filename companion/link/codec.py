@@ -38,8 +38,8 @@ class Codec:
     Attributes
     ----------
     received, lost, undecodable
-        Frames decoded; gaps in autopilots' sequence numbers, since of other senders' frames an autopilot passes
-        on only some; frames that are whole but make no message.
+        Frames decoded; gaps in autopilots' sequence numbers, since an autopilot passes on only some frames of
+        others; frames that are whole but make no message.
     sent
         Messages encoded.
     refused_orders
