@@ -19,6 +19,7 @@ from companion import cli, first_start
 from companion.interrupt import Interrupted
 
 EVERYTHING = first_start.OF_SOURCE_MODE | first_start.SELDOM
+IMPORTS_ROWS = "from slz.kernels.rows import (\n    b,\n)\n"
 PYTHON = f"py{sys.version_info.major}{sys.version_info.minor}"
 
 
@@ -67,6 +68,24 @@ def test_it_is_the_first_start_until_all_kernels_are_compiled_and_again_when_one
     assert not first_start.is_first(), "it is source mode's"
     assert first_start.is_first(first_start.of_mode("source"))
     os.utime(sources / "slz" / "kernels" / "voxels.py", (3000, 3000))
+    assert first_start.is_first()
+
+
+def test_it_is_a_first_start_when_a_kernel_that_another_one_calls_is_newer(sources: Path) -> None:
+    kernels = sources / "slz" / "kernels"
+    for name, text in (
+        ("voxels", "from slz.kernels.between import a\n"),
+        ("between", IMPORTS_ROWS),
+        ("rows", ""),
+    ):
+        (kernels / f"{name}.py").write_text(text)
+        os.utime(kernels / f"{name}.py", (1000, 1000))
+    compiled(kernels / "__pycache__", 2000)
+    between = kernels / "__pycache__" / f"between.kernel-43.{PYTHON}.nbi"
+    between.touch()
+    os.utime(between, (2000, 2000))
+    assert not first_start.is_first()
+    os.utime(kernels / "rows.py", (3000, 3000))
     assert first_start.is_first()
 
 
