@@ -14,7 +14,7 @@ from companion.doctor.machine_check import machine_findings
 from companion.doctor.parameter_check import ParameterReader, parameter_findings
 from companion.link.link import Link
 from companion.link.signing import Signing
-from companion.link.streams import wanted
+from companion.link.streams import expected
 from companion.sensors.driver import Lidar, open_lidar
 from params import Parameters, required
 
@@ -78,7 +78,7 @@ class Examination:
         return [*findings, *machine_findings(self.parameters, self.late_ms)]
 
     def _link(self, link: Link) -> list[Finding]:
-        streams = wanted(link.vehicle.autopilot, self.parameters.pose_rate_hz)
+        streams = expected(link.vehicle.autopilot, self.parameters.pose_rate_hz)
         return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
 
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
