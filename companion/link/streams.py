@@ -18,11 +18,12 @@ LONGEST_PAUSE_NS = 30_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A message and how often it is wanted."""
+    """A message and how often it is wanted; needed: not one that some autopilots never have to send."""
 
     name: str
     message_id: int
     rate_hz: float
+    needed: bool = True
 
     @property
     def interval_us(self) -> int:
@@ -42,7 +43,23 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
     ]
     if autopilot == "px4":  # its landing target is taken in its local frame
         streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-    return tuple(streams)
+    return (*streams, *_health(autopilot))
+
+
+def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
+    """Return what tells of the estimator, the sticks and the fence, where the autopilot has them."""
+    sticks = Stream("RC_CHANNELS", mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0, needed=False)
+    if autopilot == "px4":
+        return (
+            Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0, needed=False),
+            Stream("MANUAL_CONTROL", mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL, 5.0, needed=False),
+            sticks,
+        )
+    return (
+        Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 5.0, needed=False),
+        sticks,
+        Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 2.0, needed=False),
+    )
 
 
 class StreamKeeper:
@@ -105,8 +122,8 @@ class StreamKeeper:
         self._slow.discard(name)
 
     def missing(self, now_ns: int) -> tuple[str, ...]:
-        """Return the names of streams that were asked for and never came, are away, or are slow."""
-        asked = (s for s in self._streams.values() if s.name in self._asked_ns)
+        """Return the names of needed streams that were asked for and never came, are away, or are slow."""
+        asked = (s for s in self._streams.values() if s.needed and s.name in self._asked_ns)
         return tuple(s.name for s in asked if s.name not in self._heard_ns or self._lacks(s, now_ns))
 
     def _is_due(self, stream: Stream, now_ns: int) -> bool:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.modes import GUIDED, LANDING, Autopilot, mode_name
+from companion.link import health
+from companion.link.health import FAILSAFE_STATES, Health
+from companion.link.modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -40,6 +42,8 @@ class VehicleState:
         Times the autopilot's clock went back.
     heartbeat_seq
         Number of the newest heartbeat among all messages of the autopilot, 8 bits.
+    health
+        What it says of its estimator, its sensors, its fence and the pilot's sticks.
     """
 
     sysid: int | None = None
@@ -67,6 +71,7 @@ class VehicleState:
     boot_ms: int | None = None
     suspect_boot_ms: int | None = None
     reboots: int = 0
+    health: Health = field(default_factory=Health)
 
     @property
     def landed(self) -> Landed:
@@ -88,8 +93,13 @@ class VehicleState:
 
     @property
     def landing(self) -> bool:
-        """Whether the vehicle is in a mode that lands it where it is."""
-        return self.mode in LANDING.get(self.autopilot, frozenset())
+        """Whether the vehicle is in the mode that lands it at our target."""
+        return self.mode == PRECISION_LANDING.get(self.autopilot)
+
+    @property
+    def failsafe(self) -> bool:
+        """Whether the autopilot says that it is in a failsafe of its own."""
+        return self.system_status in FAILSAFE_STATES
 
 
 def is_autopilot(message: Any) -> bool:
@@ -115,7 +125,9 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
             return replace(state, suspect_boot_ms=message.time_boot_ms)
         state = timed
     reducer = _REDUCERS.get(kind)
-    return state if reducer is None else reducer(state, message, now_ns)
+    state = state if reducer is None else reducer(state, message, now_ns)
+    found = health.reduce(state.health, message, now_ns)
+    return state if found is state.health else replace(state, health=found)
 
 
 def boot_step_ms(old_ms: int, new_ms: int) -> int:

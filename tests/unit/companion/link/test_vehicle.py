@@ -53,13 +53,16 @@ def test_a_heartbeat_that_a_later_one_overtook_changes_no_mode(
     assert reduce(state, late, 5 * S + later_ms * 1_000_000).mode == mode
 
 
-@pytest.mark.parametrize(("main", "sub", "name"), [(6, 0, "OFFBOARD"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")])
+@pytest.mark.parametrize(
+    ("main", "sub", "name"),
+    [(6, 0, "OFFBOARD"), (4, 9, "AUTO.PRECLAND"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")],
+)
 def test_px4_modes_have_main_and_sub(main: int, sub: int, name: str) -> None:
     custom = main << 16 | sub << 24
     state = after(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_PX4, custom_mode=custom))
     assert state.mode == name
     assert state.guided == (name == "OFFBOARD")
-    assert state.landing == (name == "AUTO.LAND")
+    assert state.landing == (name == "AUTO.PRECLAND")  # AUTO.LAND goes to no target: it is another's
 
 
 def test_every_mode_that_can_be_asked_for_is_recognised_when_it_comes() -> None:
