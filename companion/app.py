@@ -18,8 +18,10 @@ from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
 from companion.landing.look_ahead import LEVEL_M, held_back
+from companion.landing.memory import Landing, LandingMemory
 from companion.landing.operator import Operator
 from companion.landing.order_parameters import OrderParameters
+from companion.landing.restart import Restart
 from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
 from companion.link.event import Event
@@ -55,6 +57,8 @@ PATH_STEP_NS = 200_000_000
 OPEN_STEP_NS = 200_000_000
 # A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
 HEARD_NS = 2_500_000_000
+SWITCHED_NS = 2_500_000_000  # a pilot's switch explains a mode that shows so long after it
+TELL_AGAIN_NS = 10_000_000_000  # of a mode that is still refused
 
 
 class Companion:
@@ -128,6 +132,8 @@ class Companion:
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
         self.executive = Executive(parameters, auto)
+        self._memory = LandingMemory(state)
+        self._restart = Restart(self._memory)
         self.obstacles = ObstacleMemory()
         echoes = lidar_url.partition(":")[0] == "mavlink"
         self.streams = Streams(
@@ -145,6 +151,8 @@ class Companion:
         self._last_open_ns = 0
         self._mode_change: asyncio.Task[None] | None = None
         self._mode_wanted = ""
+        self._refusals = 0  # of modes asked for, one after the other
+        self._refusal_told_ns: int | None = None
         self.on_ready: Event[[]] = Event()
         self._stop = asyncio.Event()
         self._was_lost = False
@@ -316,11 +324,30 @@ class Companion:
             blocked=self._blocked,
             heard=self._mode_is_known(now),
             epoch=self.history.epoch if pose is None else pose.epoch,
+            blind=self._blind(now),
+            failsafe=vehicle.failsafe,
+            breached=vehicle.health.breached,
+            estimate_lost=vehicle.health.estimate_lost,
+            cause=vehicle.health.cause(now),
+            alarm=vehicle.health.alarm,
+            alarm_ns=vehicle.health.alarm_ns,
+            sticks_us=vehicle.health.sticks_us,
+            switched=_is_recent(vehicle.health.switched_ns, now, SWITCHED_NS),
         )
+
+    def _blind(self, now: int) -> str:
+        """Return what is wrong while the ground is not seen: the link, the LiDAR or the computer."""
+        if not self._mode_is_known(now) or self.history.latest(now) is None:
+            return "link lost"  # scans wait for poses
+        if not self._lidar_sends(now):
+            return "LiDAR lost"
+        if not self._scans_are_fresh(now):
+            return "scans late"
+        return "map invalid" if self.worker.invalid else "map late"
 
     def _mode_is_known(self, now: int) -> bool:
         heard_ns = self.link.vehicle.last_heartbeat_ns
-        return heard_ns is not None and now - heard_ns < HEARD_NS
+        return _is_recent(heard_ns, now, HEARD_NS)
 
     def _mode_is_wanted(self) -> bool:
         """Tell whether the mode asked for is still to be: a landing broken off must not come late."""
@@ -329,6 +356,9 @@ class Companion:
 
     def _mode_is_reached(self) -> bool:
         return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
+
+    def _lidar_sends(self, now: int) -> bool:
+        return _is_recent(self.lidar.last_arrival_ns, now, round(self.parameters.lidar_timeout_s * 1e9))
 
     def _scans_are_fresh(self, now: int) -> bool:
         """Tell whether something is seen, and the LiDAR sends: a radar sees for it, but not in its place."""
@@ -360,6 +390,7 @@ class Companion:
         self._map_anew()  # before the executive selects the point again, where it lies now
         situation = self.situation()
         orders = self.executive.step(situation)
+        self._keep_in_mind(situation)
         for severity, text in orders.texts:
             log.info(text)
             self.link.statustext(text, severity.value)
@@ -410,9 +441,34 @@ class Companion:
 
     async def _set_mode(self, mode: str) -> None:
         result = await self.link.set_mode(mode)
-        if not result.ok:
+        if result.ok:
+            self._refusals = 0
+        elif result.outcome != "superseded":
             log.warning("mode %s: %s", mode, result.outcome)
+            self._tell_refusal(mode, now_ns())
             await asyncio.sleep(ASK_AGAIN_S)
+
+    def _tell_refusal(self, mode: str, now: int) -> None:
+        """Call the pilot when the second request for a mode fails: the first may have come too soon."""
+        self._refusals += 1
+        if self._refusals > 1 and not _is_recent(self._refusal_told_ns, now, TELL_AGAIN_NS):
+            self._refusal_told_ns = now
+            self.link.statustext(f"SLZ: {mode} refused: take over", Severity.CRITICAL.value)
+
+    def _keep_in_mind(self, situation: Situation) -> None:
+        """Keep the landing under way for a companion that is started after this one was killed."""
+        vehicle, frame, executive = self.link.vehicle, self.history.frame, self.executive
+        if not self._restart.decided:
+            self._restart.step(situation, executive, frame, vehicle.sysid, vehicle.boot_ms)
+            return
+        if executive.phase not in FLYING:
+            self._memory.keep(None)
+        elif vehicle.sysid is not None and vehicle.boot_ms is not None:
+            aim, nowhere = executive.aim_enu_m, (float("nan"),) * 3
+            place = nowhere if aim is None or frame is None else frame.lla(aim)
+            lat, lon, alt = (float(v) for v in place)
+            phase = executive.phase.value
+            self._memory.keep(Landing(phase, vehicle.sysid, vehicle.boot_ms, lat, lon, alt))
 
     def _status(self) -> Status:
         """Return what ground stations are told."""
@@ -443,6 +499,10 @@ class Companion:
         if lost != self._was_lost:
             self._was_lost = lost
             log.warning("autopilot lost" if lost else "autopilot is back")
+
+
+def _is_recent(at_ns: int | None, now: int, limit_ns: int) -> bool:
+    return at_ns is not None and now - at_ns < limit_ns
 
 
 def _page(companion: Companion, front: Front) -> Page:

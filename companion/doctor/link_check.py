@@ -56,16 +56,16 @@ def _silence(url: str, statistics: LinkStatistics) -> Finding:
 
 
 def _stream(stream: Stream, statistics: LinkStatistics) -> Finding:
-    if stream.name in statistics.refused:
-        text = "this autopilot does not have it; the mode comes with the heartbeat, once a second"
-        return Finding(f"rate of {stream.name}", "skipped", text)
-    return _rate(stream, statistics.rates_hz.get(stream.name, 0.0))
+    rate_hz = statistics.rates_hz.get(stream.name, 0.0)
+    if stream.name in statistics.refused or (rate_hz == 0.0 and not stream.needed):
+        return Finding(f"rate of {stream.name}", "skipped", "this autopilot does not send it")
+    return _rate(stream, rate_hz)
 
 
 def _rate(stream: Stream, rate_hz: float) -> Finding:
     needed = stream.rate_hz >= 10.0 or stream.name in ("HEARTBEAT", "EXTENDED_SYS_STATE")
     arrives_hz = stream.arrives_hz
-    less = "a change of the mode is seen late" if stream.name == "CURRENT_MODE" else _LESS
+    less = _LESS if stream.needed else "what it tells (mode, estimator, sticks, fence) is seen late"
     return judged(
         f"rate of {stream.name}",
         rate_hz >= min(SHARE * arrives_hz, arrives_hz - CHANCE_HZ),

@@ -26,15 +26,15 @@ PX4_HEARTBEAT_HZ = 1.0
 class Stream:
     """A message and how often it is wanted.
 
-    steady_hz: what arrives at best where the autopilot sends it on change; None is `rate_hz`. optional: an
-    autopilot may not have the message, and is not asked again once it has refused.
+    needed: not one that some autopilots never have to send; one that is not needed and is refused is not asked
+    for again. steady_hz: what arrives at best where it is sent on change; None is `rate_hz`.
     """
 
     name: str
     message_id: int
     rate_hz: float
+    needed: bool = True
     steady_hz: float | None = None
-    optional: bool = False
 
     @property
     def arrives_hz(self) -> float:
@@ -60,7 +60,23 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
     ]
     if px4:  # its landing target is taken in its local frame
         streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
-    return tuple(streams)
+    return (*streams, *_health(autopilot))
+
+
+def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
+    """Return what tells of the estimator, the sticks and the fence, where the autopilot has them."""
+    sticks = Stream("RC_CHANNELS", mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0, needed=False)
+    if autopilot == "px4":
+        return (
+            Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0, needed=False),
+            Stream("MANUAL_CONTROL", mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL, 5.0, needed=False),
+            sticks,
+        )
+    return (
+        Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 5.0, needed=False),
+        sticks,
+        Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 2.0, needed=False),
+    )
 
 
 def expected(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
@@ -72,7 +88,7 @@ def expected(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
 
 
 _MODE = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 5.0)
-_PX4_MODE = Stream("CURRENT_MODE", CURRENT_MODE, 5.0, PX4_MODE_HZ, optional=True)
+_PX4_MODE = Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=PX4_MODE_HZ)
 
 
 class StreamKeeper:
@@ -136,7 +152,7 @@ class StreamKeeper:
         """Note a request, whether it was answered at all, and whether the autopilot agreed to it."""
         self.requests += 1
         name = stream.name
-        if stream.optional and answered and not accepted:
+        if not stream.needed and answered and not accepted:
             self._refused.add(name)
         pause = min(2 * self._pause_ns.get(name, AWAY_NS // 2), LONGEST_PAUSE_NS)
         self._pause_ns[name] = pause if accepted else max(pause, 2 * AWAY_NS)
@@ -145,10 +161,8 @@ class StreamKeeper:
         self._slow.discard(name)
 
     def missing(self, now_ns: int) -> tuple[str, ...]:
-        """Return the names of streams that were asked for and never came, are away, or are slow."""
-        asked = (
-            s for s in self._streams.values() if s.name in self._asked_ns and s.name not in self._refused
-        )
+        """Return the names of needed streams that were asked for and never came, are away, or are slow."""
+        asked = (s for s in self._streams.values() if s.needed and s.name in self._asked_ns)
         return tuple(s.name for s in asked if s.name not in self._heard_ns or self._lacks(s, now_ns))
 
     @property

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.modes import GUIDED, LANDING, Autopilot, mode_name
+from companion.link import health
+from companion.link.health import FAILSAFE_STATES, Health
+from companion.link.modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -44,6 +46,11 @@ class VehicleState:
         the autopilot, 8 bits.
     mode_heard_ns
         When the mode was told last, by HEARTBEAT or CURRENT_MODE.
+    displaced
+        Whether the mode is not the one that its pilot chose, as CURRENT_MODE tells a second before the
+        heartbeat speaks of a failsafe.
+    health
+        What it says of its estimator, its sensors, its fence and the pilot's sticks.
     """
 
     sysid: int | None = None
@@ -57,6 +64,7 @@ class VehicleState:
     heartbeat_seq: int = 0
     mode_heard_ns: int | None = None
     mode_seq: int = 0
+    displaced: bool = False
     reported_landed: Landed = "unknown"
     battery_pct: float | None = None
     battery_v: float | None = None
@@ -73,6 +81,7 @@ class VehicleState:
     boot_ms: int | None = None
     suspect_boot_ms: int | None = None
     reboots: int = 0
+    health: Health = field(default_factory=Health)
 
     @property
     def landed(self) -> Landed:
@@ -94,8 +103,13 @@ class VehicleState:
 
     @property
     def landing(self) -> bool:
-        """Whether the vehicle is in a mode that lands it where it is."""
-        return self.mode in LANDING.get(self.autopilot, frozenset())
+        """Whether the vehicle is in the mode that lands it at our target."""
+        return self.mode == PRECISION_LANDING.get(self.autopilot)
+
+    @property
+    def failsafe(self) -> bool:
+        """Whether the autopilot says that it is in a failsafe of its own."""
+        return self.system_status in FAILSAFE_STATES or (self.displaced and self.armed)
 
 
 def is_autopilot(message: Any) -> bool:
@@ -121,7 +135,9 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
             return replace(state, suspect_boot_ms=message.time_boot_ms)
         state = timed
     reducer = _REDUCERS.get(kind)
-    return state if reducer is None else reducer(state, message, now_ns)
+    state = state if reducer is None else reducer(state, message, now_ns)
+    found = health.reduce(state.health, message, now_ns)
+    return state if found is state.health else replace(state, health=found)
 
 
 def boot_step_ms(old_ms: int, new_ms: int) -> int:
@@ -172,10 +188,17 @@ def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
         last_heartbeat_ns=now_ns,
         heartbeat_seq=m.get_seq(),
     )
-    return _current_mode(heard, m, now_ns)
+    return _mode(heard, m, now_ns)
 
 
 def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    told = _mode(state, m, now_ns)
+    if told is state:
+        return state
+    return replace(told, displaced=m.intended_custom_mode not in (0, m.custom_mode))
+
+
+def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     """Take the mode of a HEARTBEAT or CURRENT_MODE, whichever was sent later."""
     if state.sysid is None or _overtaken(state.autopilot, m, state.mode_seq, state.mode_heard_ns, now_ns):
         return state

@@ -82,6 +82,7 @@ PX4_GOOD = replace(GOOD, rates_hz={stream.name: stream.arrives_hz for stream in 
         ({}, (), "ok"),
         ({"CURRENT_MODE": 1.5}, (), "ok"),
         ({"CURRENT_MODE": 0.5}, (), "warn"),
+        ({"CURRENT_MODE": 0.0}, (), "skipped"),
         ({"CURRENT_MODE": 0.0}, ("CURRENT_MODE",), "skipped"),
     ],
 )

@@ -62,8 +62,9 @@ def px4_heartbeat(custom_mode: int, sequence: int = 0, base_mode: int = 1) -> An
     return heartbeat(autopilot=kind, custom_mode=custom_mode, sequence=sequence, base_mode=base_mode)
 
 
-def current_mode(custom_mode: int, sequence: int = 0) -> Any:
-    return received(MAVLink_current_mode_message(0, custom_mode, custom_mode), sequence=sequence)
+def current_mode(custom_mode: int, sequence: int = 0, chosen: int | None = None) -> Any:
+    chosen = custom_mode if chosen is None else chosen
+    return received(MAVLink_current_mode_message(0, custom_mode, chosen), sequence=sequence)
 
 
 def test_current_mode_tells_the_mode_between_two_heartbeats() -> None:
@@ -82,17 +83,34 @@ def test_a_heartbeat_sent_before_a_current_mode_changes_arming_but_no_mode() -> 
     assert (state.mode, state.armed, state.last_heartbeat_ns) == ("OFFBOARD", True, 6 * S + 20 * MS)
 
 
+@pytest.mark.parametrize(
+    ("chosen", "failsafe"),
+    [(PX4_OFFBOARD, True), (PX4_LOITER, False), (0, False)],  # 0: it does not say
+)
+def test_a_mode_that_the_pilot_did_not_choose_is_a_failsafe_before_the_heartbeat_says_so(
+    chosen: int, failsafe: bool
+) -> None:
+    state = reduce(VehicleState(), px4_heartbeat(PX4_OFFBOARD, 10, ARMED), 5 * S)
+    state = reduce(state, current_mode(PX4_LOITER, 60, chosen), 5 * S + 300 * MS)
+    assert (state.mode, state.failsafe) == ("AUTO.LOITER", failsafe)
+    state = reduce(state, current_mode(PX4_OFFBOARD, 90), 6 * S)
+    assert not state.failsafe
+
+
 def test_a_mode_before_the_first_heartbeat_is_of_no_known_autopilot() -> None:
     assert after(current_mode(PX4_OFFBOARD)) == VehicleState()
 
 
-@pytest.mark.parametrize(("main", "sub", "name"), [(6, 0, "OFFBOARD"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")])
+@pytest.mark.parametrize(
+    ("main", "sub", "name"),
+    [(6, 0, "OFFBOARD"), (4, 9, "AUTO.PRECLAND"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")],
+)
 def test_px4_modes_have_main_and_sub(main: int, sub: int, name: str) -> None:
     custom = main << 16 | sub << 24
     state = after(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_PX4, custom_mode=custom))
     assert state.mode == name
     assert state.guided == (name == "OFFBOARD")
-    assert state.landing == (name == "AUTO.LAND")
+    assert state.landing == (name == "AUTO.PRECLAND")  # AUTO.LAND goes to no target: it is another's
 
 
 def test_every_mode_that_can_be_asked_for_is_recognised_when_it_comes() -> None:
