@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from companion.allocator import keep_memory
 from companion.clock import WallOffset, now_ns
+from companion.fitness import Fitness
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
@@ -132,6 +133,7 @@ class Companion:
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
         self.executive = Executive(parameters, auto)
+        self.fitness = Fitness(auto)
         self._memory = LandingMemory(state)
         self._restart = Restart(self._memory)
         self.obstacles = ObstacleMemory()
@@ -179,6 +181,7 @@ class Companion:
                     "link": self.link.run(),
                     "lidar": self.lidar.run(),
                     "services": self.services.run(),
+                    "fitness": self.fitness.run(self.link, lambda: self.executive.phase in FLYING),
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
@@ -333,6 +336,7 @@ class Companion:
             alarm_ns=vehicle.health.alarm_ns,
             sticks_us=vehicle.health.sticks_us,
             switched=_is_recent(vehicle.health.switched_ns, now, SWITCHED_NS),
+            fit=self.fitness.fit,
         )
 
     def _blind(self, now: int) -> str:

@@ -26,8 +26,8 @@ PX4_HEARTBEAT_HZ = 1.0
 class Stream:
     """A message and how often it is wanted.
 
-    needed: not one that some autopilots never have to send; one that is not needed and is refused is not asked
-    for again. steady_hz: what arrives at best where it is sent on change; None is `rate_hz`.
+    needed: not one that some autopilots never have to send; one that is not needed and is refused is not
+    asked for again. steady_hz: what arrives at best where it is sent on change; None is `rate_hz`.
     """
 
     name: str

@@ -19,7 +19,8 @@ from companion.doctor.finding import Finding, healthy
 from companion.doctor.lidar_check import lidar_findings
 from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import speed_finding, timer_finding, window_ms
-from companion.doctor.parameter_check import RETRY_NS, TRIES, ParameterReader, parameter_findings
+from companion.doctor.parameter_check import parameter_findings
+from companion.link.parameter_reader import RETRY_NS, TRIES, ParameterReader
 from companion.link.statistics import LinkStatistics
 from companion.link.streams import expected, wanted
 from companion.link.vehicle import VehicleState
