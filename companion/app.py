@@ -30,7 +30,7 @@ from companion.link.link import Link
 from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
-from companion.outputs.setpoint import velocity_setpoint
+from companion.outputs.setpoint import offboard_signal, velocity_setpoint
 from companion.outputs.status import Status
 from companion.prior import SurveyPrior
 from companion.recent import Recent
@@ -410,13 +410,13 @@ class Companion:
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)
             self.link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
-        elif self._must_keep_offboard_open(situation):
-            self.link.send(velocity_setpoint(vehicle, np.zeros(3), None))
+        elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
+            self.link.send(signal)
         self.streams.target_enu_m = orders.target_enu_m
         self._follow(situation)
 
     def _must_keep_offboard_open(self, situation: Situation) -> bool:
-        """PX4 enters its offboard mode only while setpoints arrive, and ignores them in every other."""
+        """Tell whether a signal is due, without which PX4 does not enter its offboard mode."""
         px4, flying = self.link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
         due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
         if px4 and flying and due:
