@@ -47,6 +47,7 @@ class Fitness:
         self._rows: tuple[Required, ...] = ()
         self._reader: ParameterReader | None = None
         self._read = False  # as often as it was tried: the faults stand
+        self._read_once = False
         self._handed_over = False  # since the last reading began, rather than a try to read what was lost
         self._ended_ns = 0
         self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
@@ -69,7 +70,7 @@ class Fitness:
     def summary(self) -> dict[str, Any]:
         """Return what `--json` tells."""
         return {
-            "read": self._read,
+            "read": self._read_once,
             "fit": self.fit,
             "wrong": [{"name": f.check, "found": f.found, "needed": f.needed} for f in self.faults],
         }
@@ -95,8 +96,9 @@ class Fitness:
         if self._reader is None or vehicle.sysid is None or not connected:
             return []
         due = self._reader.due(vehicle.sysid, now)
-        if not self._read and self._reader.done:
+        if not self._read and self._reader.settled:
             self._read, self._ended_ns = True, now
+            self._read_once = True
             self._judge()
             self._warn(flying)
         return due
@@ -145,7 +147,7 @@ class Fitness:
         return any(new and not old for new, old in zip(steps, before[1], strict=True))
 
     def _begin(self, vehicle: VehicleState) -> None:
-        self._rows = required(vehicle.autopilot)
+        self._rows = tuple(sorted(required(vehicle.autopilot), key=lambda row: row.optional))
         self._reader = ParameterReader(self._rows, vehicle.autopilot)
         self._read = False
 

@@ -20,6 +20,7 @@ from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
 
+DEFAULT_MAVLINK = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
 LONGEST_SLEEP_S = 0.1
 RANGES = {
     "duration": (0.0, 1e6),
@@ -206,10 +207,9 @@ def _check_rate(rate: float, lidar: str) -> None:
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
     intruder = _intruder(options.intruder)
-    default = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
     simulation = Simulation.build(
         options.scene,
-        mavlink=options.mavlink or default,
+        mavlink=options.mavlink or DEFAULT_MAVLINK,
         seed=options.seed,
         origin_lla=_origin(options.origin),
         lidar="mid360" if options.lidar == "none" else options.lidar,

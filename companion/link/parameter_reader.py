@@ -47,6 +47,12 @@ class ParameterReader:
         """Whether every parameter has come or was asked for often enough."""
         return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in self._rows)
 
+    @property
+    def settled(self) -> bool:
+        """Whether this holds of all that every version has: what some lack is never answered for."""
+        rows = (row for row in self._rows if not row.optional)
+        return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in rows)
+
     def knows(self, name: str) -> bool:
         """Tell whether the autopilot has answered for a parameter."""
         return name in self.values or name in self.absent
