@@ -138,7 +138,9 @@ class Navigator:
     def _moved(self, state: State, speed_ms: float, climb_ms: float) -> F64:
         """Return the velocity of deflected sticks, and hold from where the vehicle will stop."""
         out = self._hold(self.hold_enu_m, state)
-        stop = state.pos_enu_m + 0.6 * state.vel_enu_ms
+        level_ms, most_ms2 = float(np.hypot(*state.vel_enu_ms[:2])), self.parameters["WPNAV_ACCEL"] / 100
+        braking_s = max(0.6, level_ms / (2 * most_ms2))
+        stop = state.pos_enu_m + braking_s * state.vel_enu_ms
         if self.sticks.steering:
             yaw = to_euler(state.quat_wxyz)[2]
             ahead, right = np.array([np.sin(yaw), np.cos(yaw)]), np.array([np.cos(yaw), -np.sin(yaw)])
