@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from companion.errors import UsageError
+from companion.replay import livox_message
 from companion.replay.point_cloud import Cloud, table_of
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
-CLOUDS = (CLOUD,)
+CLOUDS = (CLOUD, *livox_message.MESSAGES)
 # Packages of the types that are read, and of what these are made of.
 PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_interfaces")
 
@@ -74,6 +75,8 @@ class BagFile:
                 yield at_ns, stamp_ns, connection.topic, message
 
     def _message(self, raw: bytes, kind: str) -> Any:
+        if kind in livox_message.MESSAGES:
+            return livox_message.parse(raw, kind, self._ros2)
         read = self._store.deserialize_cdr if self._ros2 else self._store.deserialize_ros1
         message: Any = read(raw, kind)
         if kind != CLOUD:

@@ -116,7 +116,7 @@ def _points_topic(path: Path, types: dict[str, str], given: str | None) -> str:
     if given is not None:
         return _checked(path, types, given, CLOUDS, "--points")
     if not clouds:
-        raise UsageError(f"{path}: it has no message of sensor_msgs/PointCloud2")
+        raise UsageError(f"{path}: it has no message of sensor_msgs/PointCloud2, nor of Livox's CustomMsg")
     if len(clouds) > 1:
         raise UsageError(f"{path}: topics of clouds are {', '.join(clouds)[:150]}: name one by --points")
     return clouds[0]
