@@ -17,7 +17,6 @@ from scipy.spatial.transform import Rotation
 from companion.errors import UsageError
 from companion.link.operator import CommandServer
 from companion.replay import command
-from companion.replay.cloud_folder import stamp_of
 from companion.replay.flown import Beside, kind_of, opened
 from companion.replay.rerun import Rerun
 from companion.replay.ros_pose import ned_from_frd
@@ -25,7 +24,7 @@ from companion.replay.stored_cloud import StoredCloud
 from companion.replay.tlog import TelemetryLog
 from tests.unit.companion.replay import flights
 from tests.unit.companion.replay.flights import BEGIN_NS, HOME, Bag
-from tests.unit.companion.survey import clouds
+from tests.unit.companion.survey import clouds, packing
 
 ORIGIN = f"{HOME.lat_deg},{HOME.lon_deg},{HOME.alt_m}"
 GROUND_M = HOME.alt_m  # of the plain
@@ -103,25 +102,29 @@ def test_a_folder_of_scans_is_placed_by_their_names(files: Path, tmp_path: Path)
     assert summary["source"]["clouds"] == 50
 
 
-@pytest.mark.parametrize(
-    ("name", "stamp_ns"),
-    [
-        ("1750000000.pcd", 1_750_000_000 * 10**9),
-        ("1750000000.5.pcd", 1_750_000_000 * 10**9 + 500_000_000),
-        ("1750000000_000000001.pcd", 1_750_000_000 * 10**9 + 1),
-        ("1750000000123.pcd", 1_750_000_000 * 10**9 + 123_000_000),
-        ("1750000000123456.pcd", 1_750_000_000 * 10**9 + 123_456_000),
-        ("1750000000123456789.pcd", 1_750_000_000 * 10**9 + 123_456_789),
-    ],
-)
-def test_names_of_scans_are_times(name: str, stamp_ns: int) -> None:
-    assert stamp_of(Path(name)) == stamp_ns
-
-
-@pytest.mark.parametrize("name", ["000001.pcd", "scan.pcd", "17500000001.pcd", "1750000000123.5.pcd"])
-def test_a_name_that_is_no_time_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match="its name is no time"):
-        stamp_of(Path(name))
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+def test_scans_whose_points_have_times_are_taken_as_the_clouds_of_a_bag(
+    files: Path, tmp_path: Path, data: str
+) -> None:
+    after_ns = np.linspace(0, 97_000_000, 50).round()
+    false = np.isin(np.arange(50), (5, 31))
+    columns = {
+        "intensity": np.full(50, 7.0),
+        "x": np.full(50, 1.0),
+        "y": after_ns * 1e-8,
+        "z": np.full(50, 20.0),
+    }
+    columns["t"] = np.where(false, FALSE, after_ns * 1e-3)
+    for k in range(5):
+        name = f"{BEGIN_NS // 10**9 + 1}.{k}00000000.pcd"
+        (tmp_path / name).write_bytes(packing.pcd_of(columns, data))
+    feed, rerun = opened(files / "flight.tlog", (), Beside(str(tmp_path)))
+    for _, act in feed.steps(rerun):
+        rerun.take(act)
+    told = feed.told()
+    assert (told["point_times"], told["points_with_false_times"]) == ("t: us since the stamp", 10)
+    assert (told["clouds"], told["clouds_without_point_times"], rerun.returns) == (5, 0, 240)
+    assert rerun.span_ns == (BEGIN_NS + 10**9, BEGIN_NS + 10**9 + 4 * 10**8 + 97_000_000)
 
 
 def test_bags_give_the_map_of_the_same_flight(files: Path) -> None:
