@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from mcap.exceptions import McapError
 from mcap.stream_reader import StreamReader
 
@@ -99,12 +100,18 @@ def _telemetry(path: Path, beside: Beside) -> Feed:
     if beside.lidar is not None and (placed or folder):
         raise UsageError(f"{points}: --lidar goes with packets, not with points")
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, next(log.messages()).at_ns))
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log)))
     if folder:
         return TelemetryFeed(log, CloudFolder(points))
     if points.suffix.lower() in CLOUDS:
         raise UsageError(f"{points}: it does not say when it was measured: give {BESIDE_LOG}")
     return TelemetryFeed(log, CapturedPackets(points, beside.lidar))
+
+
+def _span_ns(log: TelemetryLog) -> tuple[int, int]:
+    """Return the first and the last time of a log."""
+    times = np.fromiter((logged.at_ns for logged in log.messages()), np.int64)
+    return int(times.min()), int(times.max())
 
 
 def _frame(text: str) -> LocalFrame:
