@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from companion.allocator import keep_memory
 from companion.clock import WallOffset, now_ns
+from companion.fitness import Fitness
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
@@ -29,7 +30,7 @@ from companion.link.link import Link
 from companion.link.signing import Signing
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
-from companion.outputs.setpoint import velocity_setpoint
+from companion.outputs.setpoint import offboard_signal, velocity_setpoint
 from companion.outputs.status import Status
 from companion.prior import SurveyPrior
 from companion.recent import Recent
@@ -132,6 +133,7 @@ class Companion:
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
         self.executive = Executive(parameters, auto)
+        self.fitness = Fitness(auto)
         self._memory = LandingMemory(state)
         self._restart = Restart(self._memory)
         self.obstacles = ObstacleMemory()
@@ -179,6 +181,7 @@ class Companion:
                     "link": self.link.run(),
                     "lidar": self.lidar.run(),
                     "services": self.services.run(),
+                    "fitness": self.fitness.run(self.link, lambda: self.executive.phase in FLYING),
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
@@ -333,6 +336,7 @@ class Companion:
             alarm_ns=vehicle.health.alarm_ns,
             sticks_us=vehicle.health.sticks_us,
             switched=_is_recent(vehicle.health.switched_ns, now, SWITCHED_NS),
+            fit=self.fitness.fit,
         )
 
     def _blind(self, now: int) -> str:
@@ -406,13 +410,13 @@ class Companion:
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)
             self.link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
-        elif self._must_keep_offboard_open(situation):
-            self.link.send(velocity_setpoint(vehicle, np.zeros(3), None))
+        elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
+            self.link.send(signal)
         self.streams.target_enu_m = orders.target_enu_m
         self._follow(situation)
 
     def _must_keep_offboard_open(self, situation: Situation) -> bool:
-        """PX4 enters its offboard mode only while setpoints arrive, and ignores them in every other."""
+        """Tell whether a signal is due, without which PX4 does not enter its offboard mode."""
         px4, flying = self.link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
         due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
         if px4 and flying and due:

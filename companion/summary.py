@@ -114,6 +114,7 @@ def flight_summary(companion: Companion) -> dict[str, Any]:
         "failed_windows": worker.failed,
         "late_windows": worker.late,
         "latency_ms": _quantiles(worker.latencies_ms.array()),
+        "autopilot_parameters": companion.fitness.summary(),
         "streams": companion.streams.statistics(),
         "link": asdict(companion.link.statistics()),
         "lidar": companion.lidar.statistics(),

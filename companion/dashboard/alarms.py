@@ -35,6 +35,9 @@ def standing(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dic
         found.append(("critical", "pipeline", "MAP FAILED: no zone can be trusted"))
     if selected is not None and selected["state"] == "unknown":
         found.append(("warning", "point-unknown", "Landing point not judged: nothing seen there"))
+    if state["unfit"]:
+        more = f" and {len(state['unfit']) - 1} more: see slz doctor" if len(state["unfit"]) > 1 else ""
+        found.append(("warning", "unfit", f"Autopilot not set up: {state['unfit'][0]}{more}"))
     if state["blocked"]:
         found.append(("warning", "blocked", "Obstacle ahead: held back"))
     return [{"level": level, "key": key, "text": text} for level, key, text in found]

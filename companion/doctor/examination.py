@@ -11,10 +11,11 @@ from companion.doctor.finding import Finding
 from companion.doctor.lidar_check import lidar_findings
 from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import machine_findings
-from companion.doctor.parameter_check import ParameterReader, parameter_findings
+from companion.doctor.parameter_check import parameter_findings
 from companion.link.link import Link
+from companion.link.parameter_reader import ParameterReader
 from companion.link.signing import Signing
-from companion.link.streams import wanted
+from companion.link.streams import expected
 from companion.sensors.driver import Lidar, open_lidar
 from params import Parameters, required
 
@@ -78,7 +79,7 @@ class Examination:
         return [*findings, *machine_findings(self.parameters, self.late_ms)]
 
     def _link(self, link: Link) -> list[Finding]:
-        streams = wanted(link.vehicle.autopilot, self.parameters.pose_rate_hz)
+        streams = expected(link.vehicle.autopilot, self.parameters.pose_rate_hz)
         return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
 
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
@@ -91,7 +92,8 @@ class Examination:
         if vehicle.sysid is None:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
         reader = ParameterReader(rows, vehicle.autopilot)
-        forget = link.subscribe("PARAM_VALUE", lambda message, _: reader.take(message))
+        names = ("PARAM_VALUE", "PARAM_ERROR")
+        forget = [link.subscribe(name, lambda message, _: reader.take(message)) for name in names]
         try:
             async with asyncio.timeout(PARAMETERS_S):
                 while not reader.done:
@@ -101,8 +103,9 @@ class Examination:
         except TimeoutError:
             pass  # what has not come is a finding
         finally:
-            forget()
-        return parameter_findings(rows, reader.values)
+            for unsubscribe in forget:
+                unsubscribe()
+        return parameter_findings(rows, reader.values, reader.absent)
 
     async def _watch_timer(self) -> None:
         await asyncio.sleep(min(SETTLE_S, self.seconds / 2))

@@ -375,6 +375,7 @@ class Executive:
             return Orders(target_enu_m=self._aim.on_ground_enu_m)
         steady = (
             self._auto
+            and s.fit
             and self._hand_over_seen.given
             and s.connected
             and s.armed

@@ -53,7 +53,8 @@ class Situation:
     failsafe: the autopilot says that it is in one. breached: outside its fence. estimate_lost: what its
     estimator had and has lost. cause: what the failsafe is about. alarm, alarm_ns: the autopilot's newest
     text of severity ERROR or worse. sticks_us: the pilot's roll and pitch stick, None where none are seen.
-    switched: the pilot's transmitter moved a switch within the last seconds.
+    switched: the pilot's transmitter moved a switch within the last seconds. fit: the autopilot is known to
+    be set up so that it can be landed without an order.
     """
 
     now_ns: int
@@ -82,6 +83,7 @@ class Situation:
     alarm_ns: int = 0
     sticks_us: tuple[int, int] | None = None
     switched: bool = False
+    fit: bool = True
 
 
 @dataclass(frozen=True, slots=True)

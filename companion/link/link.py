@@ -161,6 +161,7 @@ class Link:
             opened=self._transport.opened,
             rates_hz=self._rates.rates_hz(at_ns),
             missing=self._streams.missing(at_ns),
+            refused=self._streams.refused,
             time_source=clock.source,
             round_trip_ms=sync.round_trip_ns * 1e-6,
             residual_ms=sync.residual_ns * 1e-6,
@@ -339,7 +340,8 @@ class Link:
             if stream is not None:
                 result = await self._ask(stream)
                 if result.outcome != "not_connected":
-                    self._streams.asked(stream, now_ns(), accepted=result.ok)
+                    answered = result.outcome in ("denied", "unsupported", "failed", "accepted")
+                    self._streams.asked(stream, now_ns(), accepted=result.ok, answered=answered)
                     continue
             await asyncio.sleep(STREAM_PAUSE_S)  # while the line is down a request ends without any waiting
 

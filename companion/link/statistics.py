@@ -36,6 +36,8 @@ class LinkStatistics:
         Frames refused because a key is set: without signature, with a wrong one, with an old timestamp.
     orders_refused
         Commands and parameter changes among them.
+    refused
+        Streams that the autopilot does not have.
     """
 
     received: int
@@ -64,6 +66,7 @@ class LinkStatistics:
     forged: int
     replayed: int
     orders_refused: int
+    refused: tuple[str, ...] = ()
 
 
 def quantile_ms(values_ns: Collection[int], share: float) -> float | None:

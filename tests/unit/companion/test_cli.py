@@ -200,6 +200,7 @@ def test_a_log_that_no_terminal_shows_is_plain_lines(tmp_path: Path) -> None:
         ("--point-rate", "inf", "from 1000 to 2000000"),
         ("--point-rate", "1e12", "from 1000 to 2000000"),
         ("--point-rate", "9600", "divides 10^9"),
+        ("--point-rate", "30000", "25000 or 31250"),
         ("--limit-s", "nan", "from 1 to 86400"),
         ("--limit-s", "0", "from 1 to 86400"),
         ("--limit-s", "inf", "from 1 to 86400"),

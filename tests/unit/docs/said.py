@@ -9,6 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 SOURCES = (
     "companion/app.py",
+    "companion/fitness.py",
     "companion/invariants.py",
     "companion/recordings.py",
     "companion/settings.py",

@@ -14,6 +14,7 @@ QUIET: dict[str, Any] = {
     "lidar_ok": True,
     "east_m": 0.0,
     "battery_low": False,
+    "unfit": [],
     "pipeline_failed": False,
     "blocked": False,
 }
@@ -50,6 +51,7 @@ def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
         ({"battery_low": True}, "battery"),
         ({"pipeline_failed": True}, "pipeline"),
         ({"blocked": True}, "blocked"),
+        ({"unfit": ["COM_OBL_RC_ACT is 0, needs 5"]}, "unfit"),
     ],
 )
 def test_each_trouble_has_its_alarm(change: dict[str, Any], key: str) -> None:
@@ -59,3 +61,9 @@ def test_each_trouble_has_its_alarm(change: dict[str, Any], key: str) -> None:
 def test_a_lidar_that_is_silent_on_the_ground_is_none() -> None:
     assert keys({**QUIET, "lidar_ok": False, "on_ground": True}) == []
     assert keys({**QUIET, "lidar_ok": False, "armed": False}) == []
+
+
+def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> None:
+    (alarm,) = standing({**QUIET, "unfit": ["A is 0, needs 5", "B could not be read", "C is missing"]}, None)
+    assert alarm["level"] == "warning"
+    assert alarm["text"] == "Autopilot not set up: A is 0, needs 5 and 2 more: see slz doctor"
