@@ -68,7 +68,7 @@ def _rate(stream: Stream, rate_hz: float) -> Finding:
 
 
 def _losses(statistics: LinkStatistics) -> Finding:
-    whole = statistics.received + statistics.lost
+    whole = statistics.from_vehicle + statistics.lost
     share = statistics.lost / whole if whole else 0.0
     return judged(
         "frames lost",
