@@ -42,6 +42,7 @@ from companion.settings import Settings
 from companion.state import StateDir
 from companion.streams import Streams
 from companion.summary import flight_summary
+from companion.vehicle_memory import identity_from, remember_vehicle
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps
@@ -85,6 +86,8 @@ class Companion:
         Port of this computer for Foxglove's live view; None for none.
     prior
         Folder of a survey to begin with (docs/survey.md).
+    system
+        The vehicle's MAVLink system; None: the only aircraft heard.
 
     Raises
     ------
@@ -106,11 +109,14 @@ class Companion:
         front: Front | None = None,
         foxglove_port: int | None = None,
         prior: Path | None = None,
+        system: int | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self._record_into = record
         self.parameters = parameters = self.settings.live
-        self.link = Link(mavlink_url, parameters, signing)
+        self.link = Link(mavlink_url, parameters, signing, identity_from(state, system))
+        if state is not None:
+            remember_vehicle(self.link, state)
         operator = Operator(self)
         self.link.on_command(operator.answer)
         orders = (OrderParameters(operator),)

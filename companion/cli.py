@@ -44,6 +44,10 @@ Key = Annotated[
 State = Annotated[Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")]
 Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
+System = Annotated[
+    int | None,
+    typer.Option(min=1, max=255, help="MAVLink system of the vehicle, where several are heard."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Dashboard = Annotated[
     str | None, typer.Option(metavar="HOST:PORT", help="Serve the pilot's page (docs/page.md).")
@@ -215,6 +219,7 @@ def run(
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
     ] = None,
     prior: Prior = None,
+    system: System = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -244,6 +249,7 @@ def run(
             front=front,
             foxglove_port=foxglove,
             prior=prior,
+            system=system,
         )
     if as_json:
         print(json.dumps(summary))
@@ -275,6 +281,7 @@ def replay(
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
     until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    system: System = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,
     setting: Settings = [],  # noqa: B006
@@ -286,7 +293,7 @@ def replay(
     from companion.replay import command
     from companion.replay.flown import Beside
 
-    beside = Beside(points, tuple(pose), lidar, origin, profile)
+    beside = Beside(points, tuple(pose), lidar, origin, profile, system)
     with _front(dashboard, dashboard_token) as front:
         if front is not None:
             from companion.dashboard.replay_page import show
@@ -337,6 +344,7 @@ def doctor(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
     lidar: Annotated[str, typer.Option(help=LIDAR)],
     seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long to listen.")] = 10.0,
+    system: System = None,
     mavlink_key: Key = None,
     state_dir: State = None,
     profile: Profile = "quadcopter",
@@ -355,7 +363,7 @@ def doctor(
         from companion.state import StateDir, default_state_dir
 
         signing = start_signing(mavlink_key, StateDir(state_dir or default_state_dir()))
-    findings = consultation.examine(mavlink, lidar, parameters, seconds, signing)
+    findings = consultation.examine(mavlink, lidar, parameters, seconds, signing, system)
     summary = consultation.document(findings)
     if as_json:
         print(json.dumps(summary))

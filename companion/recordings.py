@@ -67,7 +67,7 @@ class Recordings:
             It cannot be made.
         """
         stream, settings = self._stream, self._settings
-        begun = self._wall_offset_ns(), stream.setup, self._scans()
+        begun = self._wall_offset_ns(), stream.setup, self._scans(), self._link.identity
         recorder = Recorder(path, stream.kind, settings.running, *begun)
         self._unsubscribe = (
             self._link.on_frame.subscribe(recorder.frame_in),

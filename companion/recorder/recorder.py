@@ -11,6 +11,7 @@ from typing import Any
 
 from companion.clock import now_ns
 from companion.fusion.pose import Pose
+from companion.link.vehicle_identity import VehicleIdentity
 from companion.recorder import journal, scene
 from companion.recorder.writer import MIB, Entry, McapWriter
 from companion.window_event import WindowEvent
@@ -42,6 +43,8 @@ class Recorder:
         jump.
     setup
         What beside the sensor's packets decodes them.
+    identity
+        Which system is the vehicle, as far as it is known.
 
     Raises
     ------
@@ -57,6 +60,7 @@ class Recorder:
         wall_offset_ns: int,
         setup: str = "",
         scans: int = 0,
+        identity: VehicleIdentity | None = None,
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
@@ -70,6 +74,8 @@ class Recorder:
             "clock_offset_ns": str(wall_offset_ns),
             "scans": str(scans),
         }
+        if identity is not None:
+            metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
         self._writer = McapWriter(path, scene.channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)
         logging.getLogger("companion").addHandler(self._handler)

@@ -59,7 +59,9 @@ def run(
     if kind_of(path) != "own":
         return _run_others(path, settings, out, speed, span_s, step, beside)
     if not beside.is_empty:
-        raise UsageError(f"{path}: a recording of slz holds all it needs: leave out --points and the like")
+        raise UsageError(
+            f"{path}: a recording of slz holds all it needs: leave out --points, --system and the like"
+        )
     recording = Recording(path)
     parameters = recording.header.parameters(settings)
     replay = Replay(recording.header, parameters)

@@ -11,6 +11,7 @@ from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
 from companion.link.vehicle import VehicleState
+from companion.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.recorder import journal
 from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
@@ -43,7 +44,8 @@ class Senses:
         self, header: Header, parameters: Parameters, on_returns: OnReturns, capacity: int = CAPACITY
     ) -> None:
         self._reader = mavlink.MAVLink(None)
-        self._inbox = Inbox(Codec(parameters.component_id), CommandServer())
+        identity = VehicleIdentity(header.system, LISTEN_NS, header.remembered)
+        self._inbox = Inbox(Codec(parameters.component_id), CommandServer(), identity)
         self._stream = self._ranges = None
         if header.lidar == "mavlink":
             self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
@@ -58,7 +60,7 @@ class Senses:
     @property
     def vehicle(self) -> VehicleState:
         """What the autopilot said of the vehicle so far."""
-        return self._inbox.vehicle
+        return self._inbox.followed
 
     def take(self, message: Raw) -> WindowEvent | None:
         """Take the next message; return the window's event if it is one.

@@ -12,8 +12,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import now_ns
+from companion.errors import UsageError
 from companion.link.link import Link
 from companion.link.operator import CommandReply, OperatorCommand
+from companion.link.vehicle_identity import VehicleIdentity
 from params import Parameters
 from tests.integration.link_bench import (
     GUIDED,
@@ -157,6 +159,51 @@ def test_another_vehicle_on_the_wire_is_ignored_even_when_ours_is_lost() -> None
                 await asyncio.sleep(5)
             assert (link.vehicle.sysid, link.vehicle.mode, link.connected) == (1, "LOITER", False)
             assert link.statistics().foreign >= 10
+
+    virtually(flight)
+
+
+def test_two_vehicles_at_the_start_end_the_link_by_name_before_anything_is_asked_of_either() -> None:
+    async def flight() -> None:
+        port = free_port()
+        link = Link(f"udpin:127.0.0.1:{port}", Parameters())
+        async with autopilot_over_udp(port) as ours, autopilot_over_udp(port, system=2) as other:
+            with pytest.raises(
+                UsageError, match=r"system 1 \(quadrotor\) and system 2 \(quadrotor\).*--system"
+            ):
+                await link.run()
+            asked = {m.get_type() for pilot in (ours, other) for m in pilot.received}
+            assert asked <= {"HEARTBEAT"}
+
+    virtually(flight)
+
+
+def test_the_vehicle_that_was_named_is_flown_beside_another() -> None:
+    async def flight() -> None:
+        port = free_port()
+        link = Link(f"udpin:127.0.0.1:{port}", Parameters(), identity=VehicleIdentity(2))
+        async with autopilot_over_udp(port), autopilot_over_udp(port, system=2, mode=LAND):
+            task = asyncio.create_task(link.run())
+            await until(lambda: link.connected)
+            await asyncio.sleep(5)
+            assert (link.vehicle.sysid, link.vehicle.mode, link.system_id) == (2, "LAND", 2)
+            await link.close()
+            await task
+
+    virtually(flight)
+
+
+def test_a_vehicle_that_comes_later_is_told_to_the_pilot_once() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port):
+            await until(lambda: link.connected)
+            told: list[str] = []
+            link.on_text.subscribe(lambda text, _severity: told.append(text))
+            async with autopilot_over_udp(port, system=2):
+                await asyncio.sleep(10)
+            assert told == ["SLZ: vehicle 2 heard too, ours is 1"]
+            assert (link.vehicle.sysid, link.connected) == (1, True)
 
     virtually(flight)
 

@@ -23,6 +23,7 @@ SOURCES = (
     "companion/landing/operator.py",
     "companion/landing/order_parameters.py",
     "companion/landing/watch.py",
+    "companion/link/link.py",
     "companion/link/parameter_server.py",
 )
 # Where the text stands among a call's arguments.
