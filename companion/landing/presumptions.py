@@ -171,7 +171,7 @@ class Presumptions:
         if s.failsafe:
             broken[Presumption.NO_FAILSAFE] = s.cause
         if self._sticks_moved(s):
-            broken[Presumption.STICKS] = "sticks moved"
+            broken[Presumption.STICKS] = ""
         since_ns = self._landing_since_ns
         if since_ns is not None and s.alarm_ns > since_ns and TARGET_LOST in s.alarm.lower():
             broken[Presumption.TARGET] = "target lost"
