@@ -80,6 +80,7 @@ class Executive:
         self._mode_told = ""  # the mode of the failsafe as last told
         self._calm_since_ns: int | None = None  # without failsafe
         self._resumed_until_ns = 0
+        self._disarmed = False  # since the last landing
         self._since_ns = 0
         self._steady_since_ns: int | None = None
         self._wish: Wish | None = None
@@ -357,6 +358,7 @@ class Executive:
         else:
             self._say(Severity.NOTICE, f"landed, {off_m:.2f} m off the point")
         self._rest(Phase.LANDED, s)
+        self._disarmed = False
         return self._wait(s)
 
     def _rest(self, phase: Phase, s: Situation) -> None:
@@ -369,9 +371,10 @@ class Executive:
     def _wait(self, s: Situation) -> Orders:
         """In auto mode start when the vehicle has been airborne, guided and level for two seconds.
 
-        After a landing the target is streamed until the autopilot disarms, which else misses it and says so.
+        After a landing the target is streamed until the vehicle is armed again: ArduPilot calls the end of
+        the stream "PrecLand: Target Lost" at CRITICAL, disarmed or not, which a pilot takes for a fault.
         """
-        if self.phase is Phase.LANDED and s.armed and s.on_ground is True and self._aim.enu_m is not None:
+        if self.phase is Phase.LANDED and self._rests(s):
             return Orders(target_enu_m=self._aim.on_ground_enu_m)
         steady = (
             self._auto
@@ -395,6 +398,11 @@ class Executive:
             self._wish = Wish(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
+
+    def _rests(self, s: Situation) -> bool:
+        """Tell whether it has stood where it landed since then, and was not armed again."""
+        self._disarmed = self._disarmed or (s.connected and not s.armed)
+        return s.on_ground is True and not (s.armed and self._disarmed)
 
     def _start_survey(self, s: Situation) -> None:
         if s.position_enu_m is None:

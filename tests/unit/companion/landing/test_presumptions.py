@@ -337,12 +337,21 @@ def test_a_descent_faster_than_asked_is_broken_off() -> None:
 # ---- the end ---------------------------------------------------------------------------------------
 
 
-def test_the_target_is_streamed_until_the_autopilot_disarms() -> None:
-    """It says "Target Lost" at CRITICAL when the stream ends before."""
+def test_the_target_is_streamed_until_the_vehicle_is_armed_again() -> None:
+    """ArduPilot calls the end of the stream "Target Lost" at CRITICAL, even when it has disarmed."""
     flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
     flight.run(2)
-    assert flight.orders[-1][3].target_enu_m is not None
     flight.armed = False
+    flight.run(2)
+    assert flight.orders[-1][3].target_enu_m is not None
+    flight.armed = True
+    flight.run(0.2)
+    assert flight.orders[-1][3].target_enu_m is None
+
+
+def test_lifted_off_again_it_has_no_target() -> None:
+    flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
+    flight.mode, flight.position[2] = "LOITER", 3.0
     flight.run(0.2)
     assert flight.orders[-1][3].target_enu_m is None
 
