@@ -381,6 +381,10 @@ def map_(
     min_square_m: Annotated[float | None, typer.Option(help="Side of the safe square, m (3).")] = None,
     max_slope_deg: Annotated[float | None, typer.Option(help="Steepest safe slope, degrees (10).")] = None,
     crs: Annotated[str | None, typer.Option(help="CRS of files that name none, such as EPSG:2992.")] = None,
+    vertical_unit: Annotated[
+        str | None,
+        typer.Option(metavar="m|ft|us-ft", help="Unit of the heights, where files do not say or contradict."),
+    ] = None,
     classified: Annotated[
         bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
     ] = False,
@@ -409,7 +413,8 @@ def map_(
     parameters = params.load(profile, [*own, *setting])
     _compile_at_first(parameters.mode)
     with survey.engine(scheduler, workers) as engine, _progress(as_json) as step:
-        summary = survey.run(files, out, parameters, step, survey.Plan(crs, classified, tile_m, engine))
+        plan = survey.Plan(crs, classified, tile_m, engine, vertical_unit)
+        summary = survey.run(files, out, parameters, step, plan)
     if as_json:
         print(json.dumps(summary))
     else:

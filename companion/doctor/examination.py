@@ -6,6 +6,8 @@ import asyncio
 import logging
 from dataclasses import dataclass, field
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from companion.clock import now_ns
 from companion.doctor.finding import Finding
 from companion.doctor.lidar_check import lidar_findings
@@ -13,6 +15,7 @@ from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import machine_findings
 from companion.doctor.neighbour_check import neighbour_findings
 from companion.doctor.parameter_check import parameter_findings
+from companion.doctor.version_check import Version, version_finding
 from companion.link.link import Link
 from companion.link.parameter_reader import ParameterReader
 from companion.link.signing import Signing
@@ -27,6 +30,7 @@ STEP_S = 0.02
 TIMER_S = 0.01
 SETTLE_S = 2.0
 PARAMETERS_S = 20.0
+VERSION_TRIES, VERSION_S = 3, 0.3
 
 
 @dataclass(slots=True)
@@ -74,7 +78,8 @@ class Examination:
                 ]
                 await asyncio.sleep(self.seconds)
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
-                findings = [*self._link(link), *findings, *await self._parameters(link)]
+                firmware = version_finding(link.vehicle.autopilot, await self._version(link))
+                findings = [*self._link(link), firmware, *findings, *await self._parameters(link)]
                 await link.close()
                 for part in parts[1:]:
                     part.cancel()
@@ -94,6 +99,22 @@ class Examination:
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()
         return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
+
+    async def _version(self, link: Link) -> Version | None:
+        told: list[Version] = []
+        forget = link.subscribe(
+            "AUTOPILOT_VERSION", lambda message, _: told.append(Version.unpack(message.flight_sw_version))
+        )
+        wanted = float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        try:
+            for _ in range(VERSION_TRIES):  # its command may be answered, and the message lost
+                await link.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted, timeout_s=0.7, tries=2)
+                await asyncio.sleep(VERSION_S)
+                if told:
+                    break
+        finally:
+            forget()
+        return told[-1] if told else None
 
     async def _parameters(self, link: Link) -> list[Finding]:
         vehicle = link.vehicle

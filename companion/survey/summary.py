@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.survey.findings import Findings
-from companion.survey.reference import unit_name
+from companion.survey.statements import unit_name
 from params import Parameters
 
 COARSE = 0.25  # of a cell

@@ -20,7 +20,7 @@ VERSION_1_17 = 1 << 24 | 17 << 16 | 0 << 8 | 255
 
 def good_values() -> dict[str, float]:
     """Return what our parameter file sets, by name."""
-    return {row.name: row.value for row in required("px4")}
+    return {row.name: row.value for row in required("px4") if row.loaded}
 
 
 @dataclass
