@@ -337,6 +337,7 @@ class Companion:
             failsafe=vehicle.failsafe,
             breached=vehicle.health.breached,
             estimate_lost=vehicle.health.estimate_lost,
+            gps_lost=vehicle.health.gps_lost,
             cause=vehicle.health.cause(now),
             alarm=vehicle.health.alarm,
             alarm_ns=vehicle.health.alarm_ns,

@@ -44,6 +44,7 @@ CALL_AGAIN_NS = 30 * SECOND  # with a low battery and no zone
 LANDING_MS = 0.5  # the slowest that autopilots sink at the end of a landing
 RECHARGED_PCT = 10.0
 OVER_NS = 3 * SECOND  # so long without it a failsafe is over
+BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which tells of a failsafe, comes each second
 RESUMED_NS = 8 * SECOND  # a landing taken up again may sink so long before its point must be seen safe
 
 STOPPED = np.zeros(3)
@@ -77,6 +78,7 @@ class Executive:
         self._presumed = Presumptions()
         self._hand_over_seen = HandOver()
         self._asked_up_ms: float | None = None
+        self._taken: tuple[str, int] | None = None  # the mode set by another, and when
         self._mode_told = ""  # the mode of the failsafe as last told
         self._calm_since_ns: int | None = None  # without failsafe
         self._resumed_until_ns = 0
@@ -229,6 +231,8 @@ class Executive:
 
     def _act(self, s: Situation) -> Orders:
         self._heed_battery(s)
+        if (blamed := self._blame_failsafe(s)) is not None:
+            return blamed
         if self.phase in FLYING:
             breach = self._presumed.breach(
                 self._stage,
@@ -279,6 +283,8 @@ class Executive:
                 return self._break_off(s, breach.what)
             case Reaction.CALL:
                 self._say(Severity.CRITICAL, f"{breach.what}: take over")
+            case Reaction.TELL if breach.presumption is Presumption.GPS:
+                self._say(Severity.CRITICAL, "GPS lost: the estimate drifts, be ready")
             case Reaction.TELL:
                 cause = f" ({breach.what})" if breach.what else ""
                 self._say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")
@@ -292,12 +298,26 @@ class Executive:
         self._say(Severity.WARNING, text)
         self.tally.hands_off += 1
         self._rest(Phase.IDLE, s)
+        self._taken = (s.mode, s.now_ns) if breach.presumption is Presumption.MODE else None
         return Orders()
+
+    def _blame_failsafe(self, s: Situation) -> Orders | None:
+        """Stand back where a failsafe, reported only now, explains the mode taken away a moment ago."""
+        if self._taken is None or self.phase is not Phase.IDLE:
+            return None
+        mode, taken_ns = self._taken
+        if s.mode != mode or s.now_ns - taken_ns > BLAMED_NS:
+            self._taken = None
+        elif s.failsafe or s.breached or s.estimate_lost:
+            self.tally.hands_off -= 1
+            return self._stand_back(Breach(Presumption.MODE, Reaction.STAND_BACK, mode), s)
+        return None
 
     # ---- the autopilot's failsafe ---------------------------------------------------------------
 
     def _stand_back(self, breach: Breach, s: Situation) -> Orders:
         """Command nothing more: the autopilot flies by its own failsafe, or without an estimate."""
+        self._taken = None
         cause = breach.what if breach.presumption is Presumption.ESTIMATE else s.cause
         self._say(Severity.CRITICAL, f"failsafe{f' ({cause})' if cause else ''}: {s.mode} flies, take over")
         self.tally.failsafes.append(cause or "failsafe")
@@ -380,6 +400,7 @@ class Executive:
             self._auto
             and s.fit
             and self._hand_over_seen.given
+            and not s.estimate_lost
             and s.connected
             and s.armed
             and s.guided

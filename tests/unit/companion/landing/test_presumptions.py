@@ -207,6 +207,38 @@ def test_a_failsafe_that_leaves_the_mode_to_us_is_told_once_and_the_landing_goes
     assert told == ["SLZ: autopilot failsafe (Battery 1 low voltage): going on"]
 
 
+def test_a_failsafe_that_is_told_after_its_mode_is_not_left_to_the_pilot() -> None:
+    """PX4 tells of its mode at once, and of the failsafe with the next heartbeat."""
+    flight = flown_to(Phase.DESCEND)
+    flight.mode = "AUTO.LAND"
+    flight.run(0.8)
+    assert flight.texts[-1] == "SLZ: AUTO.LAND set, not by SLZ: hands off"
+    flight.failsafe, flight.cause = True, "Failsafe activated"
+    flight.run(0.2)
+    assert flight.executive.phase is Phase.FAILSAFE
+    assert flight.texts[-1] == "SLZ: failsafe (Failsafe activated): AUTO.LAND flies, take over"
+    assert (flight.executive.tally.hands_off, flight.executive.tally.failsafes) == (0, ["Failsafe activated"])
+
+
+def test_a_failsafe_long_after_the_pilot_took_over_is_none_of_ours() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.mode = "LOITER"
+    flight.run(3)
+    flight.failsafe = True
+    flight.run(1)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.executive.tally.hands_off == 1
+
+
+def test_a_gps_that_lost_its_fix_is_told_at_once_and_once() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.gps_lost = True
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost: the estimate drifts, be ready"
+    flight.run(5)
+    assert sum("GPS lost" in text for text in flight.texts) == 1
+
+
 def test_each_further_mode_of_a_failsafe_is_told() -> None:
     flight = flown_to(Phase.APPROACH)
     flight.mode, flight.failsafe = "RTL", True
