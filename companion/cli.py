@@ -411,6 +411,8 @@ def map_(
         print(json.dumps(summary))
     else:
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+        if summary["no_zone"]:
+            _out().print(f"no zone: {summary['no_zone']}")
     for skipped in summary["skipped"]:
         print(f"slz: left out: {skipped['reason']}", file=sys.stderr)
     if summary["skipped"]:
@@ -449,7 +451,7 @@ def nearest(
             f"{zone['lat']:.7f}",
             f"{zone['lon']:.7f}",
         )
-    _out().print(table if answer["zones"] else "no zone there")
+    _out().print(table if answer["zones"] else f"no zone: {answer['no_zone']}")
 
 
 @app.command()
