@@ -271,6 +271,10 @@ def replay(
     origin: Annotated[
         str | None, typer.Option(help="LAT,LON,ALT where the local frame of a bag's poses begins.")
     ] = None,
+    vertical_unit: Annotated[
+        str | None,
+        typer.Option(metavar="m|ft|us-ft", help="Unit of the heights of CLOUD.laz, whatever it says."),
+    ] = None,
     profile: Annotated[str, typer.Option(help="Profile for files of other programs.")] = "quadcopter",
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
@@ -286,7 +290,7 @@ def replay(
     from companion.replay import command
     from companion.replay.flown import Beside
 
-    beside = Beside(points, tuple(pose), lidar, origin, profile)
+    beside = Beside(points, tuple(pose), lidar, origin, profile, vertical_unit)
     with _front(dashboard, dashboard_token) as front:
         if front is not None:
             from companion.dashboard.replay_page import show

@@ -35,6 +35,7 @@ class Beside:
 
     points: topic of the points, or what lies beside a log. poses: topics. lidar: kind of the sensor.
     origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters.
+    vertical_unit: of the heights of a cloud beside a log.
     """
 
     points: str | None = None
@@ -42,6 +43,7 @@ class Beside:
     lidar: str | None = None
     origin: str | None = None
     profile: str = "quadcopter"
+    vertical_unit: str | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -99,7 +101,7 @@ def _telemetry(path: Path, beside: Beside) -> Feed:
     if beside.lidar is not None and (placed or folder):
         raise UsageError(f"{points}: --lidar goes with packets, not with points")
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, next(log.messages()).at_ns))
+        return TelemetryFeed(log, StoredCloud(points, next(log.messages()).at_ns, beside.vertical_unit))
     if folder:
         return TelemetryFeed(log, CloudFolder(points))
     if points.suffix.lower() in CLOUDS:

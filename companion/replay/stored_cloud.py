@@ -41,6 +41,8 @@ class StoredCloud:
     ----------
     near_ns
         A time of day of the flight: tells the week, where the cloud's times are of the week.
+    vertical_unit
+        Unit of the heights that the user named, m, ft or us-ft: overrides what the file says.
 
     Raises
     ------
@@ -51,9 +53,9 @@ class StoredCloud:
     cut = ""
     bad = 0
 
-    def __init__(self, path: Path, near_ns: int) -> None:
-        clock = open_las(path, None).clock
-        cloud = read([path])
+    def __init__(self, path: Path, near_ns: int, vertical_unit: str | None = None) -> None:
+        clock = open_las(path, None, vertical_unit).clock
+        cloud = read([path], vertical_unit=vertical_unit)
         if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).all():
             raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
         stamps = since_1970_ns(cloud.gps_s, clock, near_ns)
