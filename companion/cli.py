@@ -277,6 +277,10 @@ def replay(
     origin: Annotated[
         str | None, typer.Option(help="LAT,LON,ALT where the local frame of a bag's poses begins.")
     ] = None,
+    vertical_unit: Annotated[
+        str | None,
+        typer.Option(metavar="m|ft|us-ft", help="Unit of the heights of CLOUD.laz, whatever it says."),
+    ] = None,
     profile: Annotated[str, typer.Option(help="Profile for files of other programs.")] = "quadcopter",
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
@@ -293,7 +297,7 @@ def replay(
     from companion.replay import command
     from companion.replay.flown import Beside
 
-    beside = Beside(points, tuple(pose), lidar, origin, profile, system)
+    beside = Beside(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
     with _front(dashboard, dashboard_token) as front:
         if front is not None:
             from companion.dashboard.replay_page import show
@@ -419,6 +423,8 @@ def map_(
         print(json.dumps(summary))
     else:
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+        if summary["no_zone"]:
+            _out().print(f"no zone: {summary['no_zone']}")
     for skipped in summary["skipped"]:
         print(f"slz: left out: {skipped['reason']}", file=sys.stderr)
     if summary["skipped"]:
@@ -457,7 +463,7 @@ def nearest(
             f"{zone['lat']:.7f}",
             f"{zone['lon']:.7f}",
         )
-    _out().print(table if answer["zones"] else "no zone there")
+    _out().print(table if answer["zones"] else f"no zone: {answer['no_zone']}")
 
 
 @app.command()

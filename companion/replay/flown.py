@@ -37,7 +37,7 @@ class Beside:
 
     points: topic of the points, or what lies beside a log. poses: topics. lidar: kind of the sensor.
     origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters. system: the
-    vehicle's in a log of several.
+    vehicle's in a log of several. vertical_unit: of the heights of a cloud beside a log.
     """
 
     points: str | None = None
@@ -46,6 +46,7 @@ class Beside:
     origin: str | None = None
     profile: str = "quadcopter"
     system: int | None = None
+    vertical_unit: str | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -106,7 +107,7 @@ def _telemetry(path: Path, beside: Beside) -> Feed:
         raise UsageError(f"{points}: --lidar goes with packets, not with points")
     system = vehicle_of(path, log, beside.system)
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, _span_ns(log)), system)
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), beside.vertical_unit), system)
     if folder:
         return TelemetryFeed(log, CloudFolder(points), system)
     if points.suffix.lower() in CLOUDS:

@@ -31,6 +31,8 @@ class StoredCloud:
     ----------
     span_ns
         First and last time of day of the flight's log.
+    vertical_unit
+        Unit of the heights that the user named, m, ft or us-ft: overrides what the file says.
 
     Raises
     ------
@@ -41,9 +43,9 @@ class StoredCloud:
     cut = ""
     bad = 0
 
-    def __init__(self, path: Path, span_ns: tuple[int, int]) -> None:
-        clock = open_las(path, None).clock
-        cloud = read([path])
+    def __init__(self, path: Path, span_ns: tuple[int, int], vertical_unit: str | None = None) -> None:
+        clock = open_las(path, None, vertical_unit).clock
+        cloud = read([path], vertical_unit=vertical_unit)
         if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).any():
             raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
         times = dated(cloud.gps_s, clock, span_ns)

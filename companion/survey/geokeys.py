@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from pyproj import CRS
-from pyproj.crs.datum import Datum
+from pyproj.crs import Datum  # type: ignore[attr-defined] # public in its documentation
 from pyproj.database import get_units_map
 from pyproj.exceptions import CRSError
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pyproj import CRS, Transformer
-from pyproj.crs.datum import Datum
+from pyproj.crs import Datum  # type: ignore[attr-defined] # public in its documentation
 from pyproj.exceptions import CRSError, ProjError
 
 from companion.errors import UsageError

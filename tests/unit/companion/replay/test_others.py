@@ -12,6 +12,7 @@ import laspy
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
@@ -487,3 +488,21 @@ def test_a_cloud_whose_points_are_not_on_the_earth_is_one_line(tmp_path: Path) -
     path = clouds.write(tmp_path / "far.las", points, "EPSG:32632", gps_time=gps_s)
     with pytest.raises(UsageError, match="points are not on the Earth in EPSG:32632"):
         StoredCloud(path, SPAN_NS)
+
+
+def test_a_cloud_whose_heights_contradict_themselves_asks_for_their_unit(tmp_path: Path) -> None:
+    """Its CRS says US feet; the record of GeoTIFF keys beside it says metres."""
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.add_crs(CRS("EPSG:32632+6360"))
+    keys = [(1024, 1), (3072, 32632), (4099, 9001)]
+    record = struct.pack("<4H", 1, 1, 0, len(keys))
+    record += b"".join(struct.pack("<4H", key, 0, 1, value) for key, value in keys)
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "", record))
+    header.scales, header.offsets = np.full(3, 0.001), np.array([5e5, 5e6, 0.0])
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = np.array([[5e5, 5e6, 100.0], [5e5 + 1, 5e6, 100.0]]).T
+    las.gps_time = BEGIN_NS * 1e-9 + AFTER * 1e-9
+    las.write(tmp_path / "a.las")
+    with pytest.raises(UsageError, match=r"US survey foot by .*, but m by .*9001: .*--vertical-unit"):
+        StoredCloud(tmp_path / "a.las", SPAN_NS)
+    assert StoredCloud(tmp_path / "a.las", SPAN_NS, "m").told()["points"] == 2
