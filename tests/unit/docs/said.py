@@ -10,6 +10,7 @@ ROOT = Path(__file__).parents[3]
 SOURCES = (
     "companion/app.py",
     "companion/invariants.py",
+    "companion/map_frame.py",
     "companion/recordings.py",
     "companion/settings.py",
     "companion/dashboard/alarms.py",
