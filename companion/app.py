@@ -28,6 +28,7 @@ from companion.landing.watch import PointWatch
 from companion.link.event import Event
 from companion.link.link import Link
 from companion.link.signing import Signing
+from companion.map_frame import begin_frame_if_far
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import offboard_signal, velocity_setpoint
@@ -261,8 +262,11 @@ class Companion:
         """Begin a new map if the position estimate jumped."""
         if self.history.epoch == self._map_epoch:
             return
-        self._map_epoch = self.history.epoch
         log.warning("the position estimate jumped: mapping anew")
+        self._begin_map()
+
+    def _begin_map(self) -> None:
+        self._map_epoch = self.history.epoch
         self.worker.restart()
         self.streams.forget()
         self.report = self._last_report_ns = None
@@ -399,6 +403,9 @@ class Companion:
 
     def _tick(self) -> None:
         self._map_anew()  # before the executive selects the point again, where it lies now
+        if begin_frame_if_far(self):
+            self._epoch = self.history.epoch  # what waits to be placed will be in the new frame
+            self._begin_map()
         situation = self.situation()
         orders = self.executive.step(situation)
         self._keep_in_mind(situation)

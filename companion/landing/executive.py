@@ -6,6 +6,7 @@ before the operator handed over, and nothing after the mode changed under it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -212,6 +213,17 @@ class Executive:
         """The point (3,) that is flown to, on the ground as last measured; None while none is."""
         on_the_way = self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         return self._aim.on_ground_enu_m if on_the_way and self._aim.enu_m is not None else None
+
+    def carry(self, moved: Callable[[Vector], Vector]) -> None:
+        """Carry what is remembered into another map frame, in which `moved` gives the place of a point."""
+        self._last = None
+        asked = self._asked if self._pending_select is None else self._pending_select
+        if asked is not None:
+            self._asked = self._pending_select = moved(asked)
+        if self.tally.chosen_enu_m is not None:
+            self.tally.chosen_enu_m = moved(self.tally.chosen_enu_m)
+        if self._aim.enu_m is not None:
+            self._aim.take(moved(self._aim.on_ground_enu_m))
 
     def is_watching(self, situation: Situation, enu_m: Vector) -> bool:
         """Tell whether this is the point under watch: the one asked for last, and judged by now."""

@@ -11,6 +11,7 @@ from companion.link.autopilot_clock import AutopilotClock
 from companion.link.codec import Codec
 from companion.link.event import Event
 from companion.link.operator import CommandServer
+from companion.link.position_fix import PositionGate
 from companion.link.timesync import answer
 from companion.link.vehicle import Quaternion, Vector, VehicleState, is_autopilot, reduce
 from companion.link.vehicle_identity import Candidate, VehicleIdentity
@@ -29,6 +30,8 @@ class Inbox:
     identity
         Which system is the vehicle. Poses are those of the system that it follows; whatever answers or
         commands waits until that is the vehicle.
+    gate
+        Holds the first positions back until they are believed.
 
     Attributes
     ----------
@@ -38,10 +41,17 @@ class Inbox:
         Messages of others that were not for us.
     """
 
-    def __init__(self, codec: Codec, server: CommandServer, identity: VehicleIdentity | None = None) -> None:
+    def __init__(
+        self,
+        codec: Codec,
+        server: CommandServer,
+        identity: VehicleIdentity | None = None,
+        gate: PositionGate | None = None,
+    ) -> None:
         self._codec = codec
         self._server = server
         self.identity = VehicleIdentity() if identity is None else identity
+        self.gate = PositionGate() if gate is None else gate
         self.clock = AutopilotClock(salt=codec.component_id)
         self.vehicle = VehicleState()
         self._followed = VehicleState()
@@ -103,6 +113,7 @@ class Inbox:
             self.stranger.emit(stranger)
         if followed is not None and self.identity.system != followed:
             self._followed = VehicleState()
+            self.gate.close()
             self.clock.reset()
             self.rebooted.emit()
 
@@ -149,6 +160,7 @@ class Inbox:
             self._followed = new
         if new.reboots != old.reboots:
             log.warning("the autopilot rebooted")
+            self.gate.close()
             self.clock.reset()
             self.rebooted.emit()
         if self._bound:
@@ -162,5 +174,6 @@ class Inbox:
                 self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
         if new.position_lla is not None and new.position_lla is not old.position_lla:
             stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
-            if stamp is not None and new.velocity_ned_ms is not None:
+            believed = self.gate.lets(new.fix, now_ns)
+            if believed and stamp is not None and new.velocity_ned_ms is not None:
                 self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)

@@ -19,6 +19,7 @@ from companion.link.event import Event, Unsubscribe
 from companion.link.inbox import Inbox
 from companion.link.modes import mode_parameters
 from companion.link.operator import CommandServer, Handler
+from companion.link.position_fix import PATIENCE_NS, PositionGate
 from companion.link.signing import Signing
 from companion.link.statistics import LinkStatistics, RateMeter, quantile_ms
 from companion.link.streams import Stream, StreamKeeper, wanted
@@ -101,7 +102,7 @@ class Link:
         self._server = CommandServer()
         self.identity = VehicleIdentity(listen_ns=LISTEN_NS) if identity is None else identity
         self._alone = alone
-        self._inbox = Inbox(self._codec, self._server, self.identity)
+        self._inbox = Inbox(self._codec, self._server, self.identity, PositionGate(PATIENCE_NS))
         self._streams = StreamKeeper()
         self._commander = Commander(self._send_command)
         self._rates = RateMeter()
@@ -134,6 +135,11 @@ class Link:
     def vehicle(self) -> VehicleState:
         """Newest state of the vehicle."""
         return self._inbox.vehicle
+
+    @property
+    def believes_position(self) -> bool:
+        """Whether the vehicle's position is told by now, and not held back for want of a fix."""
+        return self._inbox.gate.is_open
 
     @property
     def clock(self) -> AutopilotClock:

@@ -45,6 +45,8 @@ class Recorder:
         What beside the sensor's packets decodes them.
     identity
         Which system is the vehicle, as far as it is known.
+    gated
+        Positions are held back until one comes with a fix.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class Recorder:
         setup: str = "",
         scans: int = 0,
         identity: VehicleIdentity | None = None,
+        gated: bool = False,
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
@@ -73,6 +76,7 @@ class Recorder:
             "parameters": json.dumps(values),
             "clock_offset_ns": str(wall_offset_ns),
             "scans": str(scans),
+            "gated": str(int(gated)),
         }
         if identity is not None:
             metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
@@ -104,6 +108,11 @@ class Recorder:
         at_ns = now_ns()
         self._raw(journal.EVENT, journal.pack_window(event), at_ns)
         self._put(scene.POINTS, lambda: scene.cloud(window, self._wall_ns(at_ns)), at_ns, CLOUD_BYTES)
+
+    def frame_begun(self, frame: LocalFrame) -> None:
+        """Record that another map frame begins."""
+        at_ns = now_ns()
+        self._raw(journal.EVENT, journal.pack_frame(frame), at_ns)
 
     def report(self, report: Report) -> None:
         """Record what came of a window."""

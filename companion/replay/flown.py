@@ -15,7 +15,7 @@ import params
 from companion.errors import UsageError
 from companion.replay.captured import CapturedPackets
 from companion.replay.cloud_folder import CloudFolder
-from companion.replay.logged_vehicle import vehicle_of
+from companion.replay.logged_vehicle import tells_fix, vehicle_of
 from companion.replay.rerun import Feed, Rerun
 from companion.replay.rosbag import LEVEL_MOUNT, RosFeed
 from companion.replay.stored_cloud import StoredCloud
@@ -106,13 +106,14 @@ def _telemetry(path: Path, beside: Beside) -> Feed:
     if beside.lidar is not None and (placed or folder):
         raise UsageError(f"{points}: --lidar goes with packets, not with points")
     system = vehicle_of(path, log, beside.system)
+    vehicle = system, tells_fix(log, system)
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), beside.vertical_unit), system)
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), beside.vertical_unit), *vehicle)
     if folder:
-        return TelemetryFeed(log, CloudFolder(points), system)
+        return TelemetryFeed(log, CloudFolder(points), *vehicle)
     if points.suffix.lower() in CLOUDS:
         raise UsageError(f"{points}: it does not say when it was measured: give {BESIDE_LOG}")
-    return TelemetryFeed(log, CapturedPackets(points, beside.lidar), system)
+    return TelemetryFeed(log, CapturedPackets(points, beside.lidar), *vehicle)
 
 
 def _span_ns(log: TelemetryLog) -> tuple[int, int]:

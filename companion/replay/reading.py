@@ -25,6 +25,7 @@ class Header:
     lidar_setup: the sensor's own description, where its packets alone do not tell. scans: how many there
     were before the recording was begun. system, remembered: the vehicle's as far as it was known by then, and
     the one of the run before (`VehicleIdentity`).
+    gated: positions were held back until one came with a fix (`PositionGate`).
     """
 
     lidar: str
@@ -34,6 +35,7 @@ class Header:
     scans: int = 0
     system: int | None = None
     remembered: int | None = None
+    gated: bool = False
 
     def parameters(self, settings: Iterable[str] = ()) -> Parameters:
         """Return the flight's parameters, some replaced by `name=value`.
@@ -121,9 +123,17 @@ class Recording:
             values = json.loads(metadata["parameters"])
             setup = metadata.get("lidar_setup", "")
             scans = int(metadata.get("scans", "0"))
-            systems = (int(metadata.get(name) or 0) or None for name in ("system", "remembered"))
-            offset_ns = int(metadata["clock_offset_ns"])
-            header = Header(metadata["lidar"], values, offset_ns, setup, scans, *systems)
+            system, remembered = (int(metadata.get(name) or 0) or None for name in ("system", "remembered"))
+            header = Header(
+                metadata["lidar"],
+                values,
+                int(metadata["clock_offset_ns"]),
+                setup,
+                scans,
+                system,
+                remembered,
+                gated=metadata.get("gated") == "1",
+            )
             params.build(values)
         except ParameterError as error:
             raise UsageError(f"{self._path}: {error}") from None

@@ -10,6 +10,7 @@ from companion.fusion.pose_history import CAPACITY, PoseHistory
 from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
+from companion.link.position_fix import PATIENCE_NS, PositionGate
 from companion.link.vehicle import VehicleState
 from companion.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.recorder import journal
@@ -20,6 +21,7 @@ from companion.sensors.mavlink_ranges import MavlinkRanges
 from companion.sensors.stream import OnReturns
 from companion.window_event import WindowEvent
 from params import Parameters
+from slz import LocalFrame
 
 ORDERS = ("COMMAND_LONG", "COMMAND_INT")
 
@@ -45,7 +47,8 @@ class Senses:
     ) -> None:
         self._reader = mavlink.MAVLink(None)
         identity = VehicleIdentity(header.system, LISTEN_NS, header.remembered)
-        self._inbox = Inbox(Codec(parameters.component_id), CommandServer(), identity)
+        gate = PositionGate(PATIENCE_NS if header.gated else None)
+        self._inbox = Inbox(Codec(parameters.component_id), CommandServer(), identity, gate)
         self._stream = self._ranges = None
         if header.lidar == "mavlink":
             self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
@@ -86,6 +89,9 @@ class Senses:
                 self._stream.flush(message.at_ns)
             case journal.EVENT:
                 event = journal.unpack_event(message.data)
+                if isinstance(event, LocalFrame):
+                    self.history.begin_frame(event)
+                    return None
                 if isinstance(event, WindowEvent):
                     return event
                 self._inbox.clock.timesync.request(event)

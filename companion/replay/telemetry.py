@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import sys
 from collections.abc import Iterator
 from functools import partial
 from operator import itemgetter
@@ -14,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
+from companion.link.position_fix import PositionGate
 from companion.link.vehicle_identity import VehicleIdentity
 from companion.replay.rerun import Act, Rerun
 from companion.replay.senses import ORDERS
@@ -45,12 +47,17 @@ class TelemetryFeed:
     ----------
     system
         The vehicle's, None if the log holds none.
+    tells_fix
+        The log says whether positions are to be believed.
     """
 
-    def __init__(self, log: TelemetryLog, points: LoggedPoints, system: int | None = None) -> None:
+    def __init__(
+        self, log: TelemetryLog, points: LoggedPoints, system: int | None = None, tells_fix: bool = False
+    ) -> None:
         self._log = log
         self._points = points
         self._system = system
+        self._gate = PositionGate(sys.maxsize if tells_fix else 0)
 
     @property
     def cut(self) -> str:
@@ -61,10 +68,12 @@ class TelemetryFeed:
         return self._log.bad + self._points.bad
 
     def told(self) -> dict[str, Any]:
-        return {"system": self._system} | self._points.told()
+        return {"system": self._system, "positions_without_fix": self._gate.refused} | self._points.told()
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        inbox = Inbox(Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system))
+        inbox = Inbox(
+            Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
+        )
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
         inbox.rebooted.subscribe(rerun.history.begin_anew)

@@ -59,11 +59,11 @@ class TelemetryLog:
         """Return the messages in the order of the file."""
         yield from self._all(None)
 
-    def heartbeats(self) -> Iterator[Logged]:
-        """Return the heartbeats alone, which is much quicker."""
-        yield from self._all(int(mavlink.MAVLINK_MSG_ID_HEARTBEAT))
+    def only(self, *message_ids: int) -> Iterator[Logged]:
+        """Return the messages of some types, which is much quicker than all."""
+        yield from self._all(frozenset(message_ids))
 
-    def _all(self, only: int | None) -> Iterator[Logged]:
+    def _all(self, only: frozenset[int] | None) -> Iterator[Logged]:
         self.bad, self.cut = 0, ""
         try:
             with (
@@ -76,7 +76,7 @@ class TelemetryLog:
         except ValueError:  # of mmap
             raise UsageError(f"{self._path}: it is empty") from None
 
-    def _read(self, data: mmap.mmap, only: int | None) -> Iterator[Logged]:
+    def _read(self, data: mmap.mmap, only: frozenset[int] | None) -> Iterator[Logged]:
         decoder = mavlink.MAVLink(None)
         at, lost = 0, False
         while at + STAMP.size < len(data):
@@ -90,7 +90,7 @@ class TelemetryLog:
                 self.cut = f"{self._path.name} ends in the middle"
                 return
             frame = data[at + STAMP.size : end]
-            if not lost and only not in (None, message_id(frame)):
+            if not lost and only is not None and message_id(frame) not in only:
                 at = end
                 continue
             message = _decoded(decoder, frame)
@@ -99,7 +99,7 @@ class TelemetryLog:
                 at, lost = (at + 1, True) if lost else (end, False)
                 continue
             (at_us,) = STAMP.unpack_from(data, at)
-            if only in (None, message.get_msgId()):
+            if only is None or message.get_msgId() in only:
                 yield Logged(at_us * 1000, message)
             at, lost = end, False
 

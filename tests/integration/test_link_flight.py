@@ -45,7 +45,7 @@ def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None
             assert statistics.rates_hz["GLOBAL_POSITION_INT"] == pytest.approx(50, abs=3)
             assert vehicle.landed == "in_air"
             assert statistics.lost == statistics.bad == statistics.bad_bytes == 0
-            assert statistics.missing == ("HOME_POSITION", "SYS_STATUS", "BATTERY_STATUS")
+            assert statistics.missing == ("HOME_POSITION", "GPS_RAW_INT", "SYS_STATUS", "BATTERY_STATUS")
 
     virtually(flight)
 
@@ -121,7 +121,7 @@ def test_silence_is_noticed_after_the_time_out_and_the_streams_are_asked_for_whe
             autopilot.mute = False
             autopilot.intervals_s.clear()
             await until(lambda: link.connected)
-            await until(lambda: len(autopilot.intervals_s) == 7, 3)
+            await until(lambda: len(autopilot.intervals_s) == 8, 3)
 
     virtually(flight)
 
@@ -139,7 +139,7 @@ def test_after_a_reboot_the_clock_and_the_streams_begin_anew() -> None:
             autopilot.intervals_s[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = 0.25
             await until(lambda: link.vehicle.reboots == 1)
             assert not link.timesync.synced
-            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == 7)
+            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == 8)
             await asyncio.sleep(1)
             assert now_ns() - 50 * MS <= stamps[-1] <= now_ns()
             assert stamps == sorted(stamps)

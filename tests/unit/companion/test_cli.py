@@ -296,6 +296,29 @@ def test_replay_tells_the_zones_as_a_table_or_as_json(flown: Path, capsys: Captu
     assert told["zones"]
 
 
+def test_replay_takes_the_system_that_is_named(flown: Path, capfd: Capture) -> None:
+    words = ["replay", str(flown / "flight.tlog"), "--points", str(flown / "lidar.pcap"), "--system"]
+    assert ended(*words, "7") == 2
+    assert "no autopilot of system 7; of others: system 1 (quadrotor)" in capfd.readouterr().err
+    assert ended(*words, "0") == 2
+    assert "'--system'" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["run", "doctor"])
+def test_run_and_doctor_hand_the_named_system_on(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from companion.doctor import command as consultation
+
+    named: list[object] = []
+    monkeypatch.setattr("companion.flight.run", lambda *_, **given: named.append(given["system"]) or {})
+    monkeypatch.setattr(consultation, "examine", lambda *given: named.append(given[-1]) or [])
+    words = ["--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0", "--state-dir", str(tmp_path)]
+    assert ended(command, *words, "--system", "42") == 0
+    assert ended(command, *words) == 0
+    assert named == [42, None]
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_calibrate_prints_what_to_correct(
     as_json: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture

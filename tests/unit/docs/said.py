@@ -11,6 +11,7 @@ SOURCES = (
     "companion/app.py",
     "companion/fitness.py",
     "companion/invariants.py",
+    "companion/map_frame.py",
     "companion/recordings.py",
     "companion/settings.py",
     "companion/dashboard/alarms.py",
