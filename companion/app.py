@@ -28,6 +28,7 @@ from companion.landing.watch import PointWatch
 from companion.link.event import Event
 from companion.link.link import Link
 from companion.link.signing import Signing
+from companion.map_frame import begin_frame_if_far
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
 from companion.outputs.setpoint import offboard_signal, velocity_setpoint
@@ -42,6 +43,7 @@ from companion.settings import Settings
 from companion.state import StateDir
 from companion.streams import Streams
 from companion.summary import flight_summary
+from companion.vehicle_memory import identity_from, remember_vehicle
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps
@@ -85,6 +87,8 @@ class Companion:
         Port of this computer for Foxglove's live view; None for none.
     prior
         Folder of a survey to begin with (docs/survey.md).
+    system
+        The vehicle's MAVLink system; None: the only aircraft heard.
 
     Raises
     ------
@@ -106,11 +110,14 @@ class Companion:
         front: Front | None = None,
         foxglove_port: int | None = None,
         prior: Path | None = None,
+        system: int | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self._record_into = record
         self.parameters = parameters = self.settings.live
-        self.link = Link(mavlink_url, parameters, signing)
+        self.link = Link(mavlink_url, parameters, signing, identity_from(state, system))
+        if state is not None:
+            remember_vehicle(self.link, state)
         operator = Operator(self)
         self.link.on_command(operator.answer)
         orders = (OrderParameters(operator),)
@@ -255,8 +262,11 @@ class Companion:
         """Begin a new map if the position estimate jumped."""
         if self.history.epoch == self._map_epoch:
             return
-        self._map_epoch = self.history.epoch
         log.warning("the position estimate jumped: mapping anew")
+        self._begin_map()
+
+    def _begin_map(self) -> None:
+        self._map_epoch = self.history.epoch
         self.worker.restart()
         self.streams.forget()
         self.report = self._last_report_ns = None
@@ -331,6 +341,7 @@ class Companion:
             failsafe=vehicle.failsafe,
             breached=vehicle.health.breached,
             estimate_lost=vehicle.health.estimate_lost,
+            gps_lost=vehicle.health.gps_lost,
             cause=vehicle.health.cause(now),
             alarm=vehicle.health.alarm,
             alarm_ns=vehicle.health.alarm_ns,
@@ -392,6 +403,9 @@ class Companion:
 
     def _tick(self) -> None:
         self._map_anew()  # before the executive selects the point again, where it lies now
+        if begin_frame_if_far(self):
+            self._epoch = self.history.epoch  # what waits to be placed will be in the new frame
+            self._begin_map()
         situation = self.situation()
         orders = self.executive.step(situation)
         self._keep_in_mind(situation)

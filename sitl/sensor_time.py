@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 SECOND_NS = 1_000_000_000
 # The loop that follows the simulator's rate settles within a second or two.
 PULL_PER_S = 2.0
 RATE_PULL_PER_S2 = 1.0
 # A message held up on its way pulls no more than this.
 MOST_NS = 20_000_000
+# So many messages in a row came later by more than this, or one came earlier: time was lost or made up.
+SLIP_NS = 15_000_000
+SLIP_COUNT = 20
 # Farther off than this the simulator stood still meanwhile, and the sensor with it.
 PAUSE_NS = 1_000_000_000
 
@@ -17,7 +22,8 @@ class SensorTime:
 
     A simulator that is to run in real time may be some percent slow, which no quartz in a sensor is; a
     receiver that allows for quartzes would place such stamps a tenth of a second off. So the rate between the
-    two is followed, smoothly: what holds up a message on its way must not move the stamps.
+    two is followed, smoothly: what holds up a message on its way must not move the stamps. On a busy computer
+    it loses time at a stroke: that the sensor's clock does not do, and its stamps go on with real time.
     """
 
     def __init__(self) -> None:
@@ -25,6 +31,7 @@ class SensorTime:
         self._arrival_ns = 0  # the arrival, on the sensor's clock, less the real time
         self._offset_ns = 0.0  # the sensor's clock less the time since boot
         self._rate = 0.0
+        self._errors_ns: deque[float] = deque(maxlen=SLIP_COUNT)
 
     @property
     def running(self) -> bool:
@@ -35,6 +42,7 @@ class SensorTime:
         """Begin, or begin anew: the time since boot told at a real time is this one of the sensor."""
         self._boot_ns, self._arrival_ns = boot_ns, at_ns - arrival_ns
         self._offset_ns, self._rate = float(at_ns - boot_ns), 0.0
+        self._errors_ns.clear()
 
     def at(self, boot_ns: int, arrival_ns: int | None) -> int:
         """Return the sensor's time of a time since boot that was told at a real time.
@@ -50,8 +58,20 @@ class SensorTime:
         if abs(error_ns) > PAUSE_NS:
             self._arrival_ns -= round(error_ns)
             error_ns = 0.0
+            self._errors_ns.clear()
+        error_ns -= self._slipped_ns(error_ns)
         pull_ns = max(-MOST_NS, min(MOST_NS, error_ns))
         share = min(step_s, 0.1)
         self._rate += RATE_PULL_PER_S2 * share * pull_ns
         self._offset_ns += PULL_PER_S * share * pull_ns
         return boot_ns + round(self._offset_ns)
+
+    def _slipped_ns(self, error_ns: float) -> float:
+        """Follow a slip of the simulator's time at once; return it, 0 where there is none."""
+        self._errors_ns.append(error_ns)
+        lost_ns = min(self._errors_ns) if len(self._errors_ns) == SLIP_COUNT else 0.0
+        slip_ns = error_ns if error_ns < -SLIP_NS else lost_ns if lost_ns > SLIP_NS else 0.0
+        if slip_ns:
+            self._offset_ns += slip_ns
+            self._errors_ns.clear()
+        return slip_ns

@@ -60,8 +60,8 @@ class Simulation:
         self.origin_lla = origin_lla
         self.now_ns = 0
         self.vehicle = Vehicle(streams[0], (x, y, scene.world.height_m(x, y)), heading, wind_ms)
-        self.estimator = Estimator(streams[1], errors)
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
+        self.estimator = Estimator(streams[1], errors, self.autopilot.aiding)
         self.autopilot.truth_source = lambda: self.vehicle.truth
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
         self.lidar = lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to) if lidar_to else None

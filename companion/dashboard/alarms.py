@@ -25,8 +25,14 @@ def standing(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dic
         found.append(("critical", "no-autopilot", "NO AUTOPILOT"))
     elif not state["heard"]:
         found.append(("critical", "mode-unknown", "FLIGHT MODE UNKNOWN: no heartbeat"))
+    if state["phase"] == "failsafe":
+        found.append(("critical", "failsafe", f"AUTOPILOT FAILSAFE: {state['mode']} FLIES, TAKE OVER"))
+    elif state["failsafe"]:
+        found.append(("critical", "failsafe", "AUTOPILOT FAILSAFE"))
+    if state["estimate_lost"]:
+        found.append(("critical", "estimate", f"AUTOPILOT LOST ITS {state['estimate_lost'].upper()}"))
     if state["armed"] and not state["lidar_ok"] and not state["on_ground"]:
-        found.append(("critical", "no-lidar", "LIDAR OR MAP LOST"))
+        found.append(("critical", "no-lidar", state["blind"].upper()))
     if state["east_m"] is None and state["connected"]:
         found.append(("critical", "no-position", "NO POSITION"))
     if state["battery_low"]:

@@ -13,12 +13,14 @@ from companion.doctor.finding import Finding
 from companion.doctor.lidar_check import lidar_findings
 from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import machine_findings
+from companion.doctor.neighbour_check import neighbour_findings
 from companion.doctor.parameter_check import parameter_findings
 from companion.doctor.version_check import Version, version_finding
 from companion.link.link import Link
 from companion.link.parameter_reader import ParameterReader
 from companion.link.signing import Signing
 from companion.link.streams import expected
+from companion.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.sensors.driver import Lidar, open_lidar
 from params import Parameters, required
 
@@ -43,6 +45,8 @@ class Examination:
         How long to listen.
     signing
         Of a link that is signed.
+    system
+        The vehicle's MAVLink system; None: the only aircraft heard.
 
     Raises
     ------
@@ -55,11 +59,13 @@ class Examination:
     parameters: Parameters
     seconds: float = 10.0
     signing: Signing | None = None
+    system: int | None = None
     late_ms: list[float] = field(default_factory=list)
 
     async def run(self) -> list[Finding]:
         """Return all findings; open nothing that stays open."""
-        link = Link(self.mavlink_url, self.parameters, self.signing)
+        identity = VehicleIdentity(self.system, LISTEN_NS)
+        link = Link(self.mavlink_url, self.parameters, self.signing, identity, alone=False)
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
         begun_ns = now_ns()
         log.info("listening for %g s", self.seconds)
@@ -85,7 +91,10 @@ class Examination:
 
     def _link(self, link: Link) -> list[Finding]:
         streams = expected(link.vehicle.autopilot, self.parameters.pose_rate_hz)
-        return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
+        others = neighbour_findings(link.identity)
+        if others and link.vehicle.sysid is None:
+            return others
+        return [*others, *link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)]
 
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()

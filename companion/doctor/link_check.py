@@ -80,7 +80,7 @@ _LESS = "without it the reaction to a low battery or a moved home is missing"
 
 
 def _losses(statistics: LinkStatistics) -> Finding:
-    whole = statistics.received + statistics.lost
+    whole = statistics.from_vehicle + statistics.lost
     share = statistics.lost / whole if whole else 0.0
     return judged(
         "frames lost",

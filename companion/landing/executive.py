@@ -6,6 +6,7 @@ before the operator handed over, and nothing after the mode changed under it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,7 @@ CALL_AGAIN_NS = 30 * SECOND  # with a low battery and no zone
 LANDING_MS = 0.5  # the slowest that autopilots sink at the end of a landing
 RECHARGED_PCT = 10.0
 OVER_NS = 3 * SECOND  # so long without it a failsafe is over
+BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which tells of a failsafe, comes each second
 RESUMED_NS = 8 * SECOND  # a landing taken up again may sink so long before its point must be seen safe
 
 STOPPED = np.zeros(3)
@@ -77,9 +79,11 @@ class Executive:
         self._presumed = Presumptions()
         self._hand_over_seen = HandOver()
         self._asked_up_ms: float | None = None
+        self._taken: tuple[str, int] | None = None  # the mode set by another, and when
         self._mode_told = ""  # the mode of the failsafe as last told
         self._calm_since_ns: int | None = None  # without failsafe
         self._resumed_until_ns = 0
+        self._disarmed = False  # since the last landing
         self._since_ns = 0
         self._steady_since_ns: int | None = None
         self._wish: Wish | None = None
@@ -210,6 +214,17 @@ class Executive:
         on_the_way = self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         return self._aim.on_ground_enu_m if on_the_way and self._aim.enu_m is not None else None
 
+    def carry(self, moved: Callable[[Vector], Vector]) -> None:
+        """Carry what is remembered into another map frame, in which `moved` gives the place of a point."""
+        self._last = None
+        asked = self._asked if self._pending_select is None else self._pending_select
+        if asked is not None:
+            self._asked = self._pending_select = moved(asked)
+        if self.tally.chosen_enu_m is not None:
+            self.tally.chosen_enu_m = moved(self.tally.chosen_enu_m)
+        if self._aim.enu_m is not None:
+            self._aim.take(moved(self._aim.on_ground_enu_m))
+
     def is_watching(self, situation: Situation, enu_m: Vector) -> bool:
         """Tell whether this is the point under watch: the one asked for last, and judged by now."""
         asked, selected = self._pending_select, situation.selected
@@ -228,6 +243,8 @@ class Executive:
 
     def _act(self, s: Situation) -> Orders:
         self._heed_battery(s)
+        if (blamed := self._blame_failsafe(s)) is not None:
+            return blamed
         if self.phase in FLYING:
             breach = self._presumed.breach(
                 self._stage,
@@ -278,6 +295,8 @@ class Executive:
                 return self._break_off(s, breach.what)
             case Reaction.CALL:
                 self._say(Severity.CRITICAL, f"{breach.what}: take over")
+            case Reaction.TELL if breach.presumption is Presumption.GPS:
+                self._say(Severity.CRITICAL, "GPS lost: the estimate drifts, be ready")
             case Reaction.TELL:
                 cause = f" ({breach.what})" if breach.what else ""
                 self._say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")
@@ -291,12 +310,26 @@ class Executive:
         self._say(Severity.WARNING, text)
         self.tally.hands_off += 1
         self._rest(Phase.IDLE, s)
+        self._taken = (s.mode, s.now_ns) if breach.presumption is Presumption.MODE else None
         return Orders()
+
+    def _blame_failsafe(self, s: Situation) -> Orders | None:
+        """Stand back where a failsafe, reported only now, explains the mode taken away a moment ago."""
+        if self._taken is None or self.phase is not Phase.IDLE:
+            return None
+        mode, taken_ns = self._taken
+        if s.mode != mode or s.now_ns - taken_ns > BLAMED_NS:
+            self._taken = None
+        elif s.failsafe or s.breached or s.estimate_lost:
+            self.tally.hands_off -= 1
+            return self._stand_back(Breach(Presumption.MODE, Reaction.STAND_BACK, mode), s)
+        return None
 
     # ---- the autopilot's failsafe ---------------------------------------------------------------
 
     def _stand_back(self, breach: Breach, s: Situation) -> Orders:
         """Command nothing more: the autopilot flies by its own failsafe, or without an estimate."""
+        self._taken = None
         cause = breach.what if breach.presumption is Presumption.ESTIMATE else s.cause
         self._say(Severity.CRITICAL, f"failsafe{f' ({cause})' if cause else ''}: {s.mode} flies, take over")
         self.tally.failsafes.append(cause or "failsafe")
@@ -357,6 +390,7 @@ class Executive:
         else:
             self._say(Severity.NOTICE, f"landed, {off_m:.2f} m off the point")
         self._rest(Phase.LANDED, s)
+        self._disarmed = False
         return self._wait(s)
 
     def _rest(self, phase: Phase, s: Situation) -> None:
@@ -369,14 +403,16 @@ class Executive:
     def _wait(self, s: Situation) -> Orders:
         """In auto mode start when the vehicle has been airborne, guided and level for two seconds.
 
-        After a landing the target is streamed until the autopilot disarms, which else misses it and says so.
+        After a landing the target is streamed until the vehicle is armed again: ArduPilot calls the end of
+        the stream "PrecLand: Target Lost" at CRITICAL, disarmed or not, which a pilot takes for a fault.
         """
-        if self.phase is Phase.LANDED and s.armed and s.on_ground is True and self._aim.enu_m is not None:
+        if self.phase is Phase.LANDED and self._rests(s):
             return Orders(target_enu_m=self._aim.on_ground_enu_m)
         steady = (
             self._auto
             and s.fit
             and self._hand_over_seen.given
+            and not s.estimate_lost
             and s.connected
             and s.armed
             and s.guided
@@ -395,6 +431,11 @@ class Executive:
             self._wish = Wish(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
+
+    def _rests(self, s: Situation) -> bool:
+        """Tell whether it has stood where it landed since then, and was not armed again."""
+        self._disarmed = self._disarmed or (s.connected and not s.armed)
+        return s.on_ground is True and not (s.armed and self._disarmed)
 
     def _start_survey(self, s: Situation) -> None:
         if s.position_enu_m is None:

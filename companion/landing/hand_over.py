@@ -22,7 +22,7 @@ class HandOver:
         """Take what is known at this step."""
         if not s.connected or not s.heard:
             return
-        failsafe = s.failsafe or s.breached or bool(s.estimate_lost)
+        failsafe = s.failsafe or s.breached
         if not s.armed or s.on_ground is True:
             self.given = True
         elif failsafe:

@@ -32,6 +32,7 @@ class Presumption(Enum):
     MODE = "mode set by slz or at the hand-over"
     ESTIMATE = "estimator trusted"
     NO_FAILSAFE = "no failsafe"
+    GPS = "GPS has a fix"
     STICKS = "sticks at rest"
     POSITION = "position known"
     TARGET = "landing target used"
@@ -67,6 +68,7 @@ TABLE: dict[Presumption, dict[Stage, Reaction]] = {
     Presumption.MODE: _row(_OFF),
     Presumption.ESTIMATE: _row(Reaction.STAND_BACK),
     Presumption.NO_FAILSAFE: _row(Reaction.TELL),
+    Presumption.GPS: _row(Reaction.TELL),
     Presumption.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
     Presumption.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
     Presumption.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
@@ -79,6 +81,7 @@ SECOND = 1_000_000_000
 # A breach must last so long: longer than one wrong message, a gust, or the change from one speed to another.
 PATIENCE_NS = {
     Presumption.ESTIMATE: SECOND,
+    Presumption.GPS: SECOND // 2,
     Presumption.STICKS: SECOND // 4,
     Presumption.OVER: SECOND // 2,
     Presumption.SINKS: 3 * SECOND // 2,
@@ -170,8 +173,10 @@ class Presumptions:
             broken[Presumption.ESTIMATE] = f"{s.estimate_lost} lost"
         if s.failsafe:
             broken[Presumption.NO_FAILSAFE] = s.cause
+        if s.gps_lost:
+            broken[Presumption.GPS] = ""
         if self._sticks_moved(s):
-            broken[Presumption.STICKS] = "sticks moved"
+            broken[Presumption.STICKS] = ""
         since_ns = self._landing_since_ns
         if since_ns is not None and s.alarm_ns > since_ns and TARGET_LOST in s.alarm.lower():
             broken[Presumption.TARGET] = "target lost"
@@ -188,7 +193,7 @@ class Presumptions:
         """Tell whether it has been broken for as long as it must."""
         if presumption not in broken:
             self._since_ns.pop(presumption, None)
-            if presumption is Presumption.NO_FAILSAFE:
+            if TABLE[presumption][Stage.SURVEY] is Reaction.TELL:
                 self._told_ns.pop(presumption, None)
             return False
         since_ns = self._since_ns.setdefault(presumption, now_ns)

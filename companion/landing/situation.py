@@ -51,10 +51,10 @@ class Situation:
     heartbeat a moment ago. epoch: another one after each jump of the position estimate.
 
     failsafe: the autopilot says that it is in one. breached: outside its fence. estimate_lost: what its
-    estimator had and has lost. cause: what the failsafe is about. alarm, alarm_ns: the autopilot's newest
-    text of severity ERROR or worse. sticks_us: the pilot's roll and pitch stick, None where none are seen.
-    switched: the pilot's transmitter moved a switch within the last seconds. fit: the autopilot is known to
-    be set up so that it can be landed without an order.
+    estimator had and has lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: what the
+    failsafe is about. alarm, alarm_ns: the autopilot's newest text of severity ERROR or worse. sticks_us: the
+    pilot's roll and pitch stick, None where none are seen. switched: the pilot's transmitter moved a switch
+    within the last seconds. fit: the autopilot is known to be set up for a landing.
     """
 
     now_ns: int
@@ -78,6 +78,7 @@ class Situation:
     failsafe: bool = False
     breached: bool = False
     estimate_lost: str = ""
+    gps_lost: bool = False
     cause: str = ""
     alarm: str = ""
     alarm_ns: int = 0

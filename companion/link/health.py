@@ -13,7 +13,6 @@ ATTITUDE: int = mavlink.EKF_ATTITUDE
 VELOCITY: int = mavlink.EKF_VELOCITY_HORIZ
 POSITION: int = mavlink.EKF_POS_HORIZ_ABS
 HEIGHT: int = mavlink.EKF_POS_VERT_ABS
-STANDING_STILL: int = mavlink.EKF_CONST_POS_MODE  # the filter has no measurement of where it is
 NEEDED = {ATTITUDE: "attitude", POSITION: "position", VELOCITY: "velocity", HEIGHT: "height"}
 
 # SYS_STATUS: what a pilot would call each sensor, in the order of what matters most.
@@ -45,6 +44,8 @@ class Health:
         Flags of the estimator now, and all that it ever had since the autopilot booted.
     unhealthy
         Bits of SYS_STATUS: sensors that are enabled and do not work.
+    fix, had_fix
+        GPS_FIX_TYPE of the first receiver, and whether it ever was a fix in three dimensions.
     breached
         Whether the vehicle is outside its fence.
     alarm, alarm_ns
@@ -58,6 +59,8 @@ class Health:
     estimator: int | None = None
     estimator_had: int = 0
     unhealthy: int = 0
+    fix: int | None = None
+    had_fix: bool = False
     breached: bool = False
     alarm: str = ""
     alarm_ns: int = 0
@@ -72,10 +75,12 @@ class Health:
             return ""
         lost = self.estimator_had & ~self.estimator
         names = [name for flag, name in NEEDED.items() if lost & flag]
-        had_position = self.estimator_had & POSITION
-        if not names and had_position and self.estimator & STANDING_STILL:
-            return "position"
         return names[0] if names else ""
+
+    @property
+    def gps_lost(self) -> bool:
+        """Whether the receiver had a fix in three dimensions and has none now."""
+        return self.had_fix and self.fix is not None and self.fix < mavlink.GPS_FIX_TYPE_3D_FIX
 
     def cause(self, now_ns: int) -> str:
         """Return what a failsafe is about, as far as the autopilot said; empty if it did not."""
@@ -85,6 +90,8 @@ class Health:
             return "fence breached"
         if self.estimate_lost:
             return f"{self.estimate_lost} lost"
+        if self.gps_lost:
+            return "GPS lost"
         return next((f"{name} lost" for bit, name in SENSORS.items() if self.unhealthy & bit), "")
 
 
@@ -101,6 +108,11 @@ def _estimator(health: Health, m: Any, now_ns: int) -> Health:
 def _sys_status(health: Health, m: Any, now_ns: int) -> Health:
     enabled = m.onboard_control_sensors_present & m.onboard_control_sensors_enabled
     return replace(health, unhealthy=enabled & ~m.onboard_control_sensors_health)
+
+
+def _gps(health: Health, m: Any, now_ns: int) -> Health:
+    has_fix = m.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX
+    return replace(health, fix=m.fix_type, had_fix=health.had_fix or has_fix)
 
 
 def _fence(health: Health, m: Any, now_ns: int) -> Health:
@@ -136,6 +148,7 @@ _REDUCERS: dict[str, Callable[[Health, Any, int], Health]] = {
     "EKF_STATUS_REPORT": _estimator,
     "ESTIMATOR_STATUS": _estimator,
     "SYS_STATUS": _sys_status,
+    "GPS_RAW_INT": _gps,
     "FENCE_STATUS": _fence,
     "STATUSTEXT": _text,
     "RC_CHANNELS": _channels,

@@ -16,8 +16,8 @@ class LinkStatistics:
 
     Attributes
     ----------
-    lost
-        Frames missing by the senders' sequence numbers.
+    from_vehicle, lost
+        Frames of the vehicle's autopilot, and those missing by its sequence numbers.
     bad, bad_bytes, unknown
         Broken frames; bytes outside any frame; messages that the dialect lacks.
     dropped
@@ -41,6 +41,7 @@ class LinkStatistics:
     """
 
     received: int
+    from_vehicle: int
     lost: int
     bad: int
     bad_bytes: int

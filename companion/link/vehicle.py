@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link import health
 from companion.link.health import FAILSAFE_STATES, Health
 from companion.link.modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
+from companion.link.position_fix import MESSAGES as FIX_MESSAGES
+from companion.link.position_fix import PositionFix
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -41,6 +43,8 @@ class VehicleState:
         Autopilot's time of the position, of the local position, and of its newest message.
     reboots
         Times the autopilot's clock went back.
+    fix
+        What it says of its position's source.
     heartbeat_seq, mode_seq
         Number of the newest heartbeat, and of the newest message that told the mode, among all messages of
         the autopilot, 8 bits.
@@ -69,6 +73,7 @@ class VehicleState:
     battery_pct: float | None = None
     battery_v: float | None = None
     home_lla: Vector | None = None
+    fix: PositionFix = PositionFix()  # noqa: RUF009 - it is frozen
     position_lla: Vector | None = None
     position_boot_ms: int = 0
     relative_alt_m: float | None = None
@@ -134,6 +139,8 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
         if timed is None:
             return replace(state, suspect_boot_ms=message.time_boot_ms)
         state = timed
+    if kind in FIX_MESSAGES:
+        state = replace(state, fix=state.fix.after(message))
     reducer = _REDUCERS.get(kind)
     state = state if reducer is None else reducer(state, message, now_ns)
     found = health.reduce(state.health, message, now_ns)
@@ -249,7 +256,7 @@ def _home_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def _global_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    lla = _lla(m.lat, m.lon, m.alt)
+    lla = _lla(m.lat, m.lon, m.alt, zero=state.fix.good is True)
     if lla is None:
         return state
     return replace(
@@ -285,9 +292,12 @@ def unit_quaternion(w: float, x: float, y: float, z: float) -> Quaternion | None
     return w / norm, x / norm, y / norm, z / norm
 
 
-def _lla(lat_e7: int, lon_e7: int, alt_mm: int) -> Vector | None:
-    """Return degrees and metres; None for 0, 0, which autopilots send before they know where they are."""
-    if (lat_e7 == 0 and lon_e7 == 0) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
+def _lla(lat_e7: int, lon_e7: int, alt_mm: int, *, zero: bool = False) -> Vector | None:
+    """Return degrees and metres; None for 0, 0, which autopilots send before they know where they are.
+
+    zero: 0, 0 is a place, as any other.
+    """
+    if (lat_e7 == 0 and lon_e7 == 0 and not zero) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
         return None
     return lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm / 1000
 

@@ -59,7 +59,9 @@ def run(
     if kind_of(path) != "own":
         return _run_others(path, settings, out, speed, span_s, step, beside)
     if not beside.is_empty:
-        raise UsageError(f"{path}: a recording of slz holds all it needs: leave out --points and the like")
+        raise UsageError(
+            f"{path}: a recording of slz holds all it needs: leave out --points, --system and the like"
+        )
     recording = Recording(path)
     parameters = recording.header.parameters(settings)
     replay = Replay(recording.header, parameters)
@@ -121,6 +123,8 @@ def _why_nothing(feed: Feed, rerun: Rerun) -> str:
     spoiled = f"; {feed.bad} messages cannot be read" if feed.bad else ""
     if not rerun.returns or rerun.span_ns is None:
         return f"it holds no return of the LiDAR{spoiled}"
+    if rerun.poses_ns is None and feed.told().get("positions_without_fix"):
+        return f"its autopilot has no fix, by its own GPS_RAW_INT or estimator's flags{spoiled}"
     if rerun.poses_ns is None:
         return f"it holds no attitude, or no position, of the vehicle{spoiled}"
     (first, last), (begun, ended) = rerun.span_ns, rerun.poses_ns

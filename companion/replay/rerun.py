@@ -46,7 +46,7 @@ class Rerun:
     Parameters
     ----------
     frame
-        Of the map; if None, the first position becomes its origin.
+        Of the map; if None, the first position becomes its origin. Far from it another one begins.
 
     Attributes
     ----------
@@ -126,9 +126,13 @@ class Rerun:
     # ---- what comes of it -----------------------------------------------------------------------
 
     def _on_scan(self, scan: Scan) -> None:
+        why = "the position estimate jumped"
+        if self.history.is_far:
+            self.history.begin_frame()
+            why = "the vehicle is far from the map's origin"
         if self.history.epoch != self._epoch:
             self._epoch = self.history.epoch
-            log.warning("the position estimate jumped: mapping anew")
+            log.warning("%s: mapping anew", why)
             self._pipeline, self._windower = Pipeline(self.parameters), Windower(self._windower.window_s)
             self.report = None
             return
@@ -147,4 +151,4 @@ class Rerun:
             return
         self.report = self._fresh = report
         self._windower.window_s = report.choice.window_s
-        self.outcome.path_enu_m.append(window.sensor_enu_m)
+        self.outcome.fly(window.sensor_enu_m, window.frame)

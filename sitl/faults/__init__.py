@@ -28,6 +28,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "pilot_mode": autopilot.PilotMode,
     "second_vehicle": neighbours.SecondVehicle,
     "second_station": neighbours.SecondStation,
+    "gimbal": neighbours.Gimbal,
     "lidar_stop": lambda rng: lidar.Stop(),
     "lidar_half": lambda rng: lidar.PacketFault(lidar.Halved()),
     "lidar_stuck": lambda rng: lidar.PacketFault(lidar.Stuck()),

@@ -141,6 +141,7 @@ TABLE: dict[str, Row] = {
     "pilot_mode": _always(hands_off),
     "second_vehicle": _always(goes_on),
     "second_station": _always(goes_on),
+    "gimbal": _always(goes_on),
     "lidar_stop": _BLIND,
     "lidar_half": _always(goes_on),
     "lidar_stuck": _always(lands_or_calls),

@@ -29,7 +29,8 @@ from params.required import parse
 
 STREAMS = wanted("ardupilot", 50.0)
 GOOD = LinkStatistics(
-    received=5000,
+    received=6000,
+    from_vehicle=5000,
     lost=2,
     bad=0,
     bad_bytes=0,

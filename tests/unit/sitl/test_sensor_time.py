@@ -51,3 +51,27 @@ def test_a_message_that_waited_to_be_read_does_not_move_the_stamps() -> None:
     for i in range(1000, 1200):
         assert time.at(i * STEP_NS, None) == i * STEP_NS
     assert time.at(1200 * STEP_NS, 1200 * STEP_NS) == 1200 * STEP_NS
+
+
+@pytest.mark.parametrize("lost_ms", [30, 60, 300, 900])
+def test_when_the_simulator_loses_time_at_a_stroke_it_goes_on_with_real_time_a_fifth_of_a_second_later(
+    lost_ms: int,
+) -> None:
+    time, lost_ns, errors = SensorTime(), lost_ms * 1_000_000, []
+    time.begin(0, 0, 0)
+    for i in range(2000):
+        boot_ns = i * STEP_NS
+        real_ns = boot_ns + (lost_ns if i >= 1000 else 0)
+        errors.append(time.at(boot_ns, real_ns) - real_ns)
+    assert np.abs(errors[1020:]).max() < 3_000_000
+
+
+def test_time_that_the_simulator_makes_up_for_is_followed_at_once() -> None:
+    time = SensorTime()
+    time.begin(0, 0, 0)
+    for i in range(2000):
+        boot_ns = i * STEP_NS
+        real_ns = boot_ns + (80_000_000 if 1000 <= i < 1100 else 0)
+        at_ns = time.at(boot_ns, real_ns)
+        if i >= 1100:
+            assert abs(at_ns - real_ns) < 3_000_000

@@ -82,6 +82,7 @@ class Flight:
         self.failsafe = self.breached = self.switched = False
         self.estimate_lost = self.cause = self.alarm = ""
         self.alarm_ns = 0
+        self.gps_lost = False
         self.sticks_us: tuple[int, int] | None = None
         self.lost = "LiDAR lost"
         self.far_zones: list[Zone] = []
@@ -122,6 +123,7 @@ class Flight:
             failsafe=self.failsafe,
             breached=self.breached,
             estimate_lost=self.estimate_lost,
+            gps_lost=self.gps_lost,
             cause=self.cause,
             alarm=self.alarm,
             alarm_ns=self.alarm_ns,

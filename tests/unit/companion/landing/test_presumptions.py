@@ -207,6 +207,38 @@ def test_a_failsafe_that_leaves_the_mode_to_us_is_told_once_and_the_landing_goes
     assert told == ["SLZ: autopilot failsafe (Battery 1 low voltage): going on"]
 
 
+def test_a_failsafe_that_is_told_after_its_mode_is_not_left_to_the_pilot() -> None:
+    """PX4 tells of its mode at once, and of the failsafe with the next heartbeat."""
+    flight = flown_to(Phase.DESCEND)
+    flight.mode = "AUTO.LAND"
+    flight.run(0.8)
+    assert flight.texts[-1] == "SLZ: AUTO.LAND set, not by SLZ: hands off"
+    flight.failsafe, flight.cause = True, "Failsafe activated"
+    flight.run(0.2)
+    assert flight.executive.phase is Phase.FAILSAFE
+    assert flight.texts[-1] == "SLZ: failsafe (Failsafe activated): AUTO.LAND flies, take over"
+    assert (flight.executive.tally.hands_off, flight.executive.tally.failsafes) == (0, ["Failsafe activated"])
+
+
+def test_a_failsafe_long_after_the_pilot_took_over_is_none_of_ours() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.mode = "LOITER"
+    flight.run(3)
+    flight.failsafe = True
+    flight.run(1)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.executive.tally.hands_off == 1
+
+
+def test_a_gps_that_lost_its_fix_is_told_at_once_and_once() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.gps_lost = True
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost: the estimate drifts, be ready"
+    flight.run(5)
+    assert sum("GPS lost" in text for text in flight.texts) == 1
+
+
 def test_each_further_mode_of_a_failsafe_is_told() -> None:
     flight = flown_to(Phase.APPROACH)
     flight.mode, flight.failsafe = "RTL", True
@@ -337,12 +369,21 @@ def test_a_descent_faster_than_asked_is_broken_off() -> None:
 # ---- the end ---------------------------------------------------------------------------------------
 
 
-def test_the_target_is_streamed_until_the_autopilot_disarms() -> None:
-    """It says "Target Lost" at CRITICAL when the stream ends before."""
+def test_the_target_is_streamed_until_the_vehicle_is_armed_again() -> None:
+    """ArduPilot calls the end of the stream "Target Lost" at CRITICAL, even when it has disarmed."""
     flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
     flight.run(2)
-    assert flight.orders[-1][3].target_enu_m is not None
     flight.armed = False
+    flight.run(2)
+    assert flight.orders[-1][3].target_enu_m is not None
+    flight.armed = True
+    flight.run(0.2)
+    assert flight.orders[-1][3].target_enu_m is None
+
+
+def test_lifted_off_again_it_has_no_target() -> None:
+    flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
+    flight.mode, flight.position[2] = "LOITER", 3.0
     flight.run(0.2)
     assert flight.orders[-1][3].target_enu_m is None
 

@@ -15,6 +15,7 @@ from tests.unit.companion.link.messages import ARMED, heartbeat, received
 S = 1_000_000_000
 GOOD = 831  # attitude, velocities, relative and absolute positions, height, and the predicted ones
 GONE = GOOD & ~(16 | 512) | 128
+PX4_GROUND, PX4_AIR, PX4_LOST = 0x3FF, 0x37F, 0x365  # measured: on the ground the filter stands still
 
 
 def ekf(flags: int) -> Any:
@@ -61,6 +62,22 @@ def test_what_the_estimator_never_had_is_not_lost() -> None:
     assert after(ekf(flow_only)).estimate_lost == ""
     assert after(ekf(167), ekf(GOOD)).estimate_lost == ""  # on the ground, before the first fix
     assert after().estimate_lost == ""
+
+
+def test_px4_loses_no_position_by_taking_off() -> None:
+    assert after(estimator(PX4_GROUND), estimator(PX4_AIR)).estimate_lost == ""
+    assert after(estimator(PX4_AIR), estimator(PX4_GROUND)).estimate_lost == ""
+    assert after(estimator(PX4_AIR), estimator(PX4_LOST)).estimate_lost == "position"
+
+
+def test_a_receiver_that_lost_its_fix_is_named() -> None:
+    def gps(fix: int) -> Any:
+        return received(mavlink.MAVLink_gps_raw_int_message(0, fix, 0, 0, 0, 100, 100, 0, 0, 9))
+
+    assert after(gps(3), gps(1)).gps_lost
+    assert after(gps(3), gps(1)).cause(5 * S) == "GPS lost"
+    assert not after(gps(1)).gps_lost  # it never had one
+    assert not after(gps(3), gps(0), gps(6)).gps_lost
 
 
 def test_a_reboot_of_the_autopilot_begins_anew() -> None:

@@ -56,7 +56,9 @@ async def test_the_place_is_recorded_a_few_times_a_second_however_often_it_is_to
 
 def recordings() -> Recordings:
     heard = SimpleNamespace(subscribe=lambda _take: lambda: None)
-    link = SimpleNamespace(on_frame=heard, on_sent=heard, on_time_asked=heard)
+    link = SimpleNamespace(
+        on_frame=heard, on_sent=heard, on_time_asked=heard, identity=None, believes_position=True
+    )
     stream = SimpleNamespace(kind="livox", setup="", batches=heard)
     worker = SimpleNamespace(on_window=heard)
     settings = SimpleNamespace(running=Parameters(), on_change=heard)
