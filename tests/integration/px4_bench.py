@@ -50,6 +50,9 @@ class Px4(Autopilot):
             return mavlink.MAVLink_home_position_message(
                 470_000_000, 80_000_000, 400_000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0
             )
+        if message_id == mavlink.MAVLINK_MSG_ID_GPS_RAW_INT:
+            place = 470_000_000, 80_000_000, 412_000
+            return mavlink.MAVLink_gps_raw_int_message(self.boot_ms * 1000, 3, *place, 80, 120, 0, 0, 14)
         if message_id == mavlink.MAVLINK_MSG_ID_SYS_STATUS:
             return mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 16_000, 0, 80, 0, 0, 0, 0, 0, 0)
         if message_id == mavlink.MAVLINK_MSG_ID_BATTERY_STATUS:

@@ -15,6 +15,7 @@ from companion.clock import now_ns
 from companion.errors import UsageError
 from companion.link.link import Link
 from companion.link.operator import CommandReply, OperatorCommand
+from companion.link.streams import wanted
 from companion.link.vehicle_identity import VehicleIdentity
 from params import Parameters
 from tests.integration.link_bench import (
@@ -30,6 +31,7 @@ from tests.ports import free_port
 
 USER, DO_SET_MODE = mavlink.MAV_CMD_USER_1, mavlink.MAV_CMD_DO_SET_MODE
 MS = 1_000_000
+ALL_STREAMS = len(wanted("ardupilot", 50.0))
 
 
 def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None:
@@ -121,7 +123,7 @@ def test_silence_is_noticed_after_the_time_out_and_the_streams_are_asked_for_whe
             autopilot.mute = False
             autopilot.intervals_s.clear()
             await until(lambda: link.connected)
-            await until(lambda: len(autopilot.intervals_s) == 8, 3)
+            await until(lambda: len(autopilot.intervals_s) == ALL_STREAMS, 3)
 
     virtually(flight)
 
@@ -139,7 +141,7 @@ def test_after_a_reboot_the_clock_and_the_streams_begin_anew() -> None:
             autopilot.intervals_s[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = 0.25
             await until(lambda: link.vehicle.reboots == 1)
             assert not link.timesync.synced
-            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == 8)
+            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == ALL_STREAMS)
             await asyncio.sleep(1)
             assert now_ns() - 50 * MS <= stamps[-1] <= now_ns()
             assert stamps == sorted(stamps)
