@@ -224,6 +224,17 @@ async def test_px4_is_told_no_place_that_is_not_its_own(
         assert seat.velocities() == []
 
 
+@pytest.mark.parametrize(("heard_s_ago", "known"), [(1.0, True), (2.1, True), (2.6, False)])
+async def test_the_mode_is_known_at_one_heartbeat_a_second_of_which_one_is_lost(
+    monkeypatch: pytest.MonkeyPatch, heard_s_ago: float, known: bool
+) -> None:
+    """PX4's heartbeat cannot be made faster."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick("OFFBOARD", heard_s_ago)
+        assert seat.companion.situation().heard is known
+
+
 def scan(stamp_ns: int) -> Scan:
     points = np.array([[1.0, 2.0, -20.0], [2.0, 2.0, -20.0]])
     return Scan(points, np.full(2, stamp_ns), np.zeros(3), LocalFrame(47.0, 8.0, 400.0))
