@@ -62,7 +62,7 @@ def _rate(stream: Stream, rate_hz: float) -> Finding:
         f"{stream.rate_hz:g} Hz",
         "use a faster port (921600 baud), or send less to others on it"
         if needed
-        else "without it the reaction to a low battery or a moved home is missing",
+        else "without it a low battery, a moved home or the first fix is noticed late or never",
         otherwise="fail" if needed else "warn",
     )
 
