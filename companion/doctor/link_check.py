@@ -76,7 +76,7 @@ def _rate(stream: Stream, rate_hz: float) -> Finding:
     )
 
 
-_LESS = "without it the reaction to a low battery or a moved home is missing"
+_LESS = "without it the reaction to a low battery, a moved home or the first fix is missing"
 
 
 def _losses(statistics: LinkStatistics) -> Finding:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 from typing import Any
+
+log = logging.getLogger(__name__)
 
 FIX_3D = 3  # GPS_FIX_TYPE
 ABSOLUTE = 16  # EKF_POS_HORIZ_ABS and ESTIMATOR_POS_HORIZ_ABS
@@ -60,6 +63,7 @@ class PositionGate:
         self._first_ns: int | None = None
         self.is_open = patience_ns is None
         self.refused = 0
+        self._told = False
 
     def close(self) -> None:
         """Begin anew."""
@@ -72,4 +76,7 @@ class PositionGate:
             silent = fix.good is None and now_ns - self._first_ns >= self._patience_ns
             self.is_open = fix.good is True or silent
         self.refused += not self.is_open
+        if fix.good is False and not self.is_open and not self._told:
+            self._told = True
+            log.warning("the autopilot has no fix: its position is not believed yet")
         return self.is_open

@@ -112,6 +112,7 @@ class VehicleIdentity:
         self._listen_ns = listen_ns
         self.remembered = remembered
         self._begun_ns = 0
+        self._listened = False
         self.system: int | None = None
         self.settled = False
         self.candidates: dict[int, Candidate] = {}
@@ -119,8 +120,12 @@ class VehicleIdentity:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether two candidates were heard before one was the vehicle."""
-        return not self.settled and self.named is None and len(self.candidates) > 1
+        """Whether two candidates were heard before one was the vehicle.
+
+        The vehicle of the run before may be heard last: then not until the time to listen is over.
+        """
+        several_heard = not self.settled and self.named is None and len(self.candidates) > 1
+        return several_heard and (self.remembered is None or self._listened)
 
     @property
     def known(self) -> int | None:
@@ -155,6 +160,7 @@ class VehicleIdentity:
 
     def settle(self, now_ns: int) -> bool:
         """Make the only candidate the vehicle once it was listened for long enough; tell whether it is."""
-        alone = self.system is not None and not self.ambiguous
-        self.settled = self.settled or (alone and now_ns - self._begun_ns >= self._listen_ns)
+        if self.system is not None and not self.settled:
+            self._listened = now_ns - self._begun_ns >= self._listen_ns
+            self.settled = self._listened and not self.ambiguous
         return self.settled

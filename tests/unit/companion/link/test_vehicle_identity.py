@@ -126,14 +126,17 @@ def test_the_system_that_was_named_is_the_vehicle_at_once_whoever_else_is_heard(
 
 
 def test_a_start_in_flight_finds_the_vehicle_of_the_run_before() -> None:
-    """The companion fell and is started again while somebody else is near: it must neither wait nor end."""
+    """The companion fell and is started again while others are near: it must neither wait nor end."""
     line = Line(remembered=4)
     line.beat(0.0, system=2)
     line.place(0.1, 2)
+    line.beat(0.2, system=3)
+    assert not line.inbox.identity.ambiguous
     line.beat(0.5, system=4, base_mode=ARMED)
     line.place(0.6, 4)
     line.place(0.7, 2)
     assert (line.vehicle, line.positions) == (4, [2, 4])
+    assert not line.inbox.identity.ambiguous
 
 
 def test_on_the_ground_the_vehicle_of_the_run_before_is_not_taken_for_this_one() -> None:
