@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from dataclasses import dataclass, field
 
@@ -25,6 +26,7 @@ log = logging.getLogger(__name__)
 STEP_S = 0.02
 TIMER_S = 0.01
 SETTLE_S = 2.0
+IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat comes within a second
 PARAMETERS_S = 20.0
 
 
@@ -71,6 +73,7 @@ class Examination:
                     group.create_task(lidar.run(), name="lidar"),
                     group.create_task(self._watch_timer(), name="timer"),
                 ]
+                await self._identify(link)
                 await asyncio.sleep(self.seconds)
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
                 findings = [*self._link(link), *findings, *await self._parameters(link)]
@@ -112,6 +115,14 @@ class Examination:
         finally:
             forget()
         return parameter_findings(rows, reader.values)
+
+    async def _identify(self, link: Link) -> None:
+        """Wait until the vehicle is connected, which takes the time to listen for others; no longer."""
+        connected = asyncio.Event()
+        forget = link.on_connection.subscribe(lambda _: connected.set())
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(connected.wait(), IDENTIFY_S)
+        forget()
 
     async def _watch_timer(self) -> None:
         await asyncio.sleep(min(SETTLE_S, self.seconds / 2))
