@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from dataclasses import dataclass, field
 
@@ -29,6 +30,7 @@ log = logging.getLogger(__name__)
 STEP_S = 0.02
 TIMER_S = 0.01
 SETTLE_S = 2.0
+IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat comes within a second
 PARAMETERS_S = 20.0
 VERSION_TRIES, VERSION_S = 3, 0.3
 
@@ -76,6 +78,7 @@ class Examination:
                     group.create_task(lidar.run(), name="lidar"),
                     group.create_task(self._watch_timer(), name="timer"),
                 ]
+                await self._identify(link)
                 await asyncio.sleep(self.seconds)
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
                 firmware = version_finding(link.vehicle.autopilot, await self._version(link))
@@ -136,6 +139,14 @@ class Examination:
             for unsubscribe in forget:
                 unsubscribe()
         return parameter_findings(rows, reader.values, reader.absent)
+
+    async def _identify(self, link: Link) -> None:
+        """Wait until the vehicle is connected, which takes the time to listen for others; no longer."""
+        connected = asyncio.Event()
+        forget = link.on_connection.subscribe(lambda _: connected.set())
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(connected.wait(), IDENTIFY_S)
+        forget()
 
     async def _watch_timer(self) -> None:
         await asyncio.sleep(min(SETTLE_S, self.seconds / 2))

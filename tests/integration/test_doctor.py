@@ -29,6 +29,7 @@ def examined(
     lidar: bool = True,
     beside: Callable[[Simulation], object] = lambda _sim: None,
     system: int | None = None,
+    seconds: float = 8.0,
     **autopilot: float,
 ) -> list[Finding]:
     """Examine a simulated vehicle with some of its parameters changed."""
@@ -45,7 +46,7 @@ def examined(
     loop = LockstepLoop(sim.advance)
     urls = f"udpin:127.0.0.1:{mavlink}", f"livox:127.0.0.1:{points}"
     try:
-        return loop.run_until_complete(Examination(*urls, params.load(), 8.0, system=system).run())
+        return loop.run_until_complete(Examination(*urls, params.load(), seconds, system=system).run())
     finally:
         sim.close()
         loop.close()
@@ -57,6 +58,11 @@ def test_a_vehicle_set_up_for_us_is_healthy() -> None:
     checks = {finding.check for finding in findings}
     assert {"autopilot", "rate of ATTITUDE_QUATERNION", "residual of the clocks", "PLND_TYPE"} <= checks
     assert {row.name for row in params.required("ardupilot") if row.loaded} <= checks
+
+
+def test_the_time_to_identify_the_vehicle_is_not_taken_off_the_time_to_listen() -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0, seconds=5.5)
+    assert healthy(findings), [finding for finding in findings if finding.state != "ok"]
 
 
 def test_what_is_set_wrong_is_named_with_its_remedy() -> None:
