@@ -310,6 +310,8 @@ def replay(
         summary = command.run(
             file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), beside
         )
+    for line in (*summary["warnings"], *([f"no zone: {why}"] if (why := summary["why_no_zones"]) else [])):
+        print(f"slz: {file}: {line}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     else:

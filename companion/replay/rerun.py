@@ -54,6 +54,8 @@ class Rerun:
         The vehicle's poses; to be filled from outside.
     standing
         The vehicle stands on the ground, and sees it at grazing angles only: nothing is mapped.
+    standing_scans
+        Scans made meanwhile.
     returns, span_ns
         Returns taken, and the oldest and newest stamp of them.
     poses_ns
@@ -67,6 +69,7 @@ class Rerun:
         self.outcome = Outcome()
         self.report: Report | None = None
         self.standing = False
+        self.standing_scans = 0
         self.returns = 0
         self.span_ns: tuple[int, int] | None = None
         self.poses_ns: tuple[int, int] | None = None
@@ -136,6 +139,7 @@ class Rerun:
             self._pipeline, self._windower = Pipeline(self.parameters), Windower(self._windower.window_s)
             self.report = None
             return
+        self.standing_scans += self.standing
         if self._mapping and not self.standing:
             self._process(self._windower.add(scan))
 

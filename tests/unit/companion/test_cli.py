@@ -362,6 +362,9 @@ ZONE = {
 }  # fmt: skip
 
 
+SAID: dict[str, Any] = {"warnings": [], "why_no_zones": ""}
+
+
 @pytest.mark.parametrize(
     ("told", "words", "code"),
     [
@@ -376,7 +379,7 @@ ZONE = {
 def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
     told: dict[str, Any], words: list[str], code: int, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    summary = {"windows": 5, "zones": [ZONE], "cut": "", "lost_messages": 0, **told}
+    summary = {"windows": 5, "zones": [ZONE], "cut": "", "lost_messages": 0, **SAID, **told}
     monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
     assert ended("replay", "a.mcap", *words) == code
     out = capsys.readouterr().out
@@ -389,10 +392,20 @@ def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
 
 def test_replay_says_what_the_recording_lacks(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     lacking = {"cut": "it ends within a chunk", "lost_messages": 3}
-    summary = {"windows": 0, "identical": 0, "different": 0, "zones": [], **lacking}
+    said = {"warnings": ["9 of 99 returns have no poses around them"], "why_no_zones": "no window was mapped"}
+    summary = {"windows": 0, "identical": 0, "different": 0, "zones": [], **lacking, **said}
     monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
+    assert ended("replay", "a.mcap", "--json") == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out) == summary
+    lost = [
+        "slz: a.mcap: 9 of 99 returns have no poses around them",
+        "slz: a.mcap: no zone: no window was mapped",
+    ]
+    assert told.err.splitlines() == lost
     assert ended("replay", "a.mcap") == 0
     assert capsys.readouterr().err.splitlines() == [
+        *lost,
         "slz: a.mcap: it is not whole: it ends within a chunk",
         "slz: a.mcap: 3 messages were lost in flight",
     ]
