@@ -92,8 +92,15 @@ class Pilot:
         elif kind == "STATUSTEXT":
             self.heard.append(str(message.text))
             if message.severity <= mavlink.MAV_SEVERITY_CRITICAL:
-                self.calls.append((message.get_srcComponent(), str(message.text)))
+                self._call(message)
         elif kind == "NAMED_VALUE_FLOAT":
             self.told[message.name] = float(message.value)
         elif kind == "COMMAND_ACK":
             self.acks.append((message.command, message.result))
+
+    def _call(self, message: Any) -> None:
+        """Keep a text, or add a chunk of a long one to what came before it from the same component."""
+        component, text = message.get_srcComponent(), str(message.text)
+        if message.chunk_seq and self.calls and self.calls[-1][0] == component:
+            text = self.calls.pop()[1] + text
+        self.calls.append((component, text))
