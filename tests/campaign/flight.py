@@ -57,6 +57,7 @@ def _result(sortie: Sortie, error: str) -> dict[str, Any]:
         "collision": collision,
         "taken_by": witness.taken_by,
         "taken_s": witness.taken_s,
+        "over_s": witness.over_s,
         "landed_by": witness.landed_by,
         "chosen": _chosen(sortie),
         "aborts": tally.abort_reasons,

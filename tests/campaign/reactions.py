@@ -5,6 +5,7 @@ A reaction looks at what was seen of a flight from outside and returns what was 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -107,11 +108,13 @@ def stands_back(*lost: str) -> Reaction:
             return lands_or_calls(flight)
         if _down_within(flight, STANDS_BACK_S):
             return ""
-        over = (Phase.FAILSAFE.value, Phase.IDLE.value)
+        over_s = math.inf if flight["over_s"] is None else flight["over_s"]
         late = [
             s
             for s in _since_taken(flight, STANDS_BACK_S)
-            if s.phase not in over[: 1 + (s.t_s > flight["ended_s"])] and s.height_m > ON_GROUND_M
+            if s.phase != Phase.FAILSAFE.value
+            and not (s.phase == Phase.IDLE.value and s.t_s >= over_s)
+            and s.height_m > ON_GROUND_M
         ]
         if late:
             return f"in {late[0].phase} {late[0].t_s - flight['taken_s']:.1f} s after the failsafe took it"

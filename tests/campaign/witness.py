@@ -42,6 +42,8 @@ class Witness:
     taken_by, taken_s
         Who has first taken the vehicle from the companion since the fault began, the pilot or a failsafe of
         the autopilot, by the simulator's truth; and when.
+    over_s
+        When nothing was left of that failsafe, though the vehicle may still fly what it chose; None before.
     landed_by
         Who had it when it touched the ground or something else: empty for the companion.
     """
@@ -56,6 +58,7 @@ class Witness:
         self.sights: list[Sight] = []
         self.commands_while_pilot_flies = 0
         self.taken_by, self.taken_s = NOBODY, 0.0
+        self.over_s: float | None = None
         self.landed_by = NOBODY
         self.began_s: float | None = None
         self.ended_s: float | None = None
@@ -87,15 +90,21 @@ class Witness:
     def look(self) -> None:
         """Look at the simulation after a tick."""
         now_ns = self._sortie.sim.now_ns
-        taker = self._now_with()
+        self._follow_taker(now_ns)
+        if now_ns >= self._next_ns:
+            self._next_ns = now_ns + LOOK_NS
+            self._look_now()
+
+    def _follow_taker(self, now_ns: int) -> None:
+        taker, safe = self._now_with(), self._sortie.sim.autopilot.failsafes
         self._look_at_the_end(self._taker or taker)  # a crash disarms at once
         if taker != self._taker:
             self._taker, self._taken_ns = taker, now_ns
             if taker != NOBODY and self.began_s is not None and self.taken_by == NOBODY:
                 self.taken_by, self.taken_s = taker, self.now_s
-        if now_ns >= self._next_ns:
-            self._next_ns = now_ns + LOOK_NS
-            self._look_now()
+        over = self.taken_by == FAILSAFE and not (safe.any_triggered or safe.fence.breached)
+        if over and self.over_s is None:
+            self.over_s = self.now_s
 
     def _now_with(self) -> str:
         """Return who has the vehicle now if not the companion: by the modes, the sticks and the failsafes."""
