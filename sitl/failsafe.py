@@ -95,12 +95,10 @@ class Failsafes:
             self._act("Battery", int(p["BATT_FS_LOW_ACT"]))
 
     def _check_ekf(self) -> None:
-        if not self._ap.armed:
-            self._ekf_bad = 0
-        elif not self._ap.aiding.absolute:
-            self._ekf_bad = min(EKF_CHECKS, self._ekf_bad + 1)
-        else:
+        if self._ap.aiding.absolute:
             self._ekf_bad = max(0, self._ekf_bad - 1)
+        elif self._ap.armed:
+            self._ekf_bad = min(EKF_CHECKS, self._ekf_bad + 1)
         if self.ekf and self._ekf_bad == 0:
             self.ekf = False
             self._ap.say("EKF Failsafe Cleared", CRITICAL)

@@ -10,13 +10,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 F64 = NDArray[np.float64]
 
-TIMEOUT_S = 7.4
-"""Without GPS for so long the filter gives its horizontal position up."""
+TIMEOUT_S, STOPPED_S = 7.3, 15.2
+"""Without GPS for so long the filter gives its horizontal position up, and holds it constant."""
 DRIFT_S, DRIFT_MS2 = 10.0, 0.034
 """Dead reckoning integrates an acceleration error: 1.7 m after ten seconds, and no further."""
 PULL_IN_S = 1.0
 REALIGN_S = 2.0
-RECEIVER_TIMEOUT_S = 4.0
+TEST_RATIO = 0.02
 
 AIDED: int = (
     mavlink.EKF_ATTITUDE
@@ -28,13 +28,8 @@ AIDED: int = (
     | mavlink.EKF_PRED_POS_HORIZ_REL
     | mavlink.EKF_PRED_POS_HORIZ_ABS
 )
-UNAIDED: int = (
-    mavlink.EKF_ATTITUDE
-    | mavlink.EKF_VELOCITY_HORIZ
-    | mavlink.EKF_VELOCITY_VERT
-    | mavlink.EKF_POS_VERT_ABS
-    | mavlink.EKF_CONST_POS_MODE
-)
+TIMED_OUT: int = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS
+UNAIDED: int = TIMED_OUT | mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_CONST_POS_MODE
 
 
 class PositionAiding:
@@ -105,19 +100,23 @@ class PositionAiding:
         return jump
 
     @property
+    def stopped(self) -> bool:
+        """Whether the filter has stopped aiding and holds its position constant."""
+        return not self.absolute and (self.gps or self._since_s >= STOPPED_S)
+
+    @property
     def flags(self) -> int:
         """EKF_STATUS_REPORT's flags."""
-        return AIDED if self.absolute else UNAIDED
+        if self.absolute:
+            return AIDED
+        return UNAIDED if self.stopped else TIMED_OUT
 
     @property
     def test_ratio(self) -> float:
-        """Horizontal test ratio, which EKF_STATUS_REPORT calls a variance; it grows without GPS."""
-        return 0.02 if self.gps else min(1.2, 0.02 + 0.1 * self._since_s)
+        """Horizontal test ratio, which EKF_STATUS_REPORT calls a variance: without GPS nothing is tested."""
+        return 0.0 if self.stopped else TEST_RATIO
 
     @property
     def fix_type(self) -> int:
-        """GPS_FIX_TYPE: no fix at once, no GPS when the receiver has been silent for a while."""
-        if self.gps:
-            return int(mavlink.GPS_FIX_TYPE_RTK_FLOAT)
-        silent = self._since_s >= RECEIVER_TIMEOUT_S
-        return int(mavlink.GPS_FIX_TYPE_NO_GPS if silent else mavlink.GPS_FIX_TYPE_NO_FIX)
+        """GPS_FIX_TYPE."""
+        return int(mavlink.GPS_FIX_TYPE_RTK_FLOAT if self.gps else mavlink.GPS_FIX_TYPE_NO_FIX)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 ROLL, PITCH, THROTTLE, YAW, SWITCH = range(5)
-AT_REST = (1500, 1500, 1500, 1500, 1800, 1500, 1500, 1500)
+AT_REST = (1500, 1500, 1500, 1500, 1800, 1000, 1500, 1500)
 """Channels 1 to 8, us: sticks centred, throttle in the middle, mode switch on channel 5."""
 CENTRE_US, FULL_US = 1500, 400
 DEAD_US, THROTTLE_DEAD_US = 20, 100

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.modes import Mode
-from sitl.position_aiding import UNAIDED
+from sitl.position_aiding import TEST_RATIO, UNAIDED
 
 if TYPE_CHECKING:
     from sitl.autopilot import Autopilot
@@ -19,10 +19,11 @@ _OTHERS: int = (
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
     | mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    | mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    | mavlink.MAV_SYS_STATUS_SENSOR_Z_ALTITUDE_CONTROL
     | mavlink.MAV_SYS_STATUS_AHRS
 )
-UNKNOWN_RSSI, UNKNOWN_DOP, CHANNELS = 255, 65_535, 16
-TEST_RATIO = 0.02
+UNKNOWN_RSSI, SATELLITES, SATELLITES_WITHOUT_FIX = 255, 17, 3
 
 
 class StatusMessages:
@@ -46,7 +47,8 @@ class StatusMessages:
         flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if ap.armed else 0
         if ap.mode in (Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.LOITER, Mode.BRAKE):
-            flags |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+            flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+            flags |= 0 if ap.navigator.blind else mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
         return mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_QUADROTOR,
             mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
@@ -63,25 +65,29 @@ class StatusMessages:
         return int(mavlink.MAV_STATE_ACTIVE if self._ap.airborne else mavlink.MAV_STATE_STANDBY)
 
     def _sys_status(self) -> Any:
-        """Return SYS_STATUS; a receiver without GPS and a fence that is off are not even present."""
-        ap, fix = self._ap, self._ap.aiding.fix_type
-        safe = ap.failsafes
-        # bit, present, healthy
+        """Return SYS_STATUS: bits of what is present, enabled and healthy.
+
+        ArduCopter's GPS bit stays healthy without a fix; a landing without position has its position
+        control off. A fence that is off is present and healthy, not enabled.
+        """
+        ap, safe = self._ap, self._ap.failsafes
+        # bit, enabled, healthy
         rows = (
-            (
-                mavlink.MAV_SYS_STATUS_SENSOR_GPS,
-                fix > mavlink.GPS_FIX_TYPE_NO_GPS,
-                fix >= mavlink.GPS_FIX_TYPE_3D_FIX,
-            ),
             (mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, True, not safe.radio),
             (mavlink.MAV_SYS_STATUS_SENSOR_BATTERY, True, not safe.battery),
             (mavlink.MAV_SYS_STATUS_GEOFENCE, safe.fence.enabled, not safe.fence.breached),
             (mavlink.MAV_SYS_STATUS_PREARM_CHECK, True, ap.position_ok),
+            (
+                mavlink.MAV_SYS_STATUS_SENSOR_XY_POSITION_CONTROL,
+                not ap.navigator.blind,
+                not ap.navigator.blind,
+            ),
         )
-        present = _OTHERS | sum(bit for bit, there, _ in rows if there)
-        health = _OTHERS | sum(bit for bit, there, healthy in rows if there and healthy)
+        present = _OTHERS | sum(bit for bit, _, _ in rows)
+        enabled = _OTHERS | sum(bit for bit, on, _ in rows if on)
+        health = _OTHERS | sum(bit for bit, _, healthy in rows if healthy)
         return mavlink.MAVLink_sys_status_message(
-            present, present, health, 200, self._volts_mv(), 1200, round(ap.battery_pct), 0, 0, 0, 0, 0, 0
+            present, enabled, health, 200, self._volts_mv(), 1200, round(ap.battery_pct), 0, 0, 0, 0, 0, 0
         )
 
     def _volts_mv(self) -> int:
@@ -95,12 +101,12 @@ class StatusMessages:
         )  # fmt: skip
 
     def _gps_raw(self) -> Any:
-        """Return GPS_RAW_INT; without a fix the last place with no satellites."""
+        """Return GPS_RAW_INT; without a fix the last place."""
         ap, estimate = self._ap, self._ap.estimate
         fix = ap.aiding.fix_type
         if estimate is None or fix < mavlink.GPS_FIX_TYPE_3D_FIX:
             return mavlink.MAVLink_gps_raw_int_message(
-                ap.estimate_boot_ns // 1000, fix, *self._fixed, UNKNOWN_DOP, UNKNOWN_DOP, 0, 0, 0
+                ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, 0, 0, SATELLITES_WITHOUT_FIX
             )
         lat, lon, alt = ap.lla(estimate.pos_enu_m)
         self._fixed = round(lat * 1e7), round(lon * 1e7), round(alt * 1000)
@@ -109,7 +115,7 @@ class StatusMessages:
         fix = fix if ap.settled else mavlink.GPS_FIX_TYPE_2D_FIX
         speed = round(math.hypot(east, north) * 100)
         return mavlink.MAVLink_gps_raw_int_message(
-            ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, speed, course, 17
+            ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, speed, course, SATELLITES
         )
 
     def _ekf_status(self) -> Any:
@@ -123,7 +129,7 @@ class StatusMessages:
         channels = ap.receiver.channels(ap.now_ns)
         boot_ms = ap.boot_ns // 1_000_000
         unused = [0] * (18 - len(channels))
-        return mavlink.MAVLink_rc_channels_message(boot_ms, CHANNELS, *channels, *unused, UNKNOWN_RSSI)
+        return mavlink.MAVLink_rc_channels_message(boot_ms, len(channels), *channels, *unused, UNKNOWN_RSSI)
 
     def _fence_status(self) -> Any:
         fence = self._ap.failsafes.fence

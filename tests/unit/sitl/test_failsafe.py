@@ -17,6 +17,7 @@ CRITICAL, WARNING, NOTICE = (
     mavlink.MAV_SEVERITY_WARNING,
     mavlink.MAV_SEVERITY_NOTICE,
 )
+POSITION_CONTROL = mavlink.MAV_SYS_STATUS_SENSOR_XY_POSITION_CONTROL
 REFUSED = mavlink.MAV_RESULT_FAILED
 
 
@@ -69,8 +70,9 @@ def test_without_gps_guided_becomes_a_landing_without_position() -> None:
     assert mode(bench) == "LAND"
     assert critical(bench)
     assert (CRITICAL, "EKF Failsafe: changed to LAND Mode") in texts(bench)
-    assert latest(bench, "EKF_STATUS_REPORT").flags & mavlink.EKF_CONST_POS_MODE
-    assert latest(bench, "EKF_STATUS_REPORT").pos_horiz_variance > 0.5
+    assert latest(bench, "EKF_STATUS_REPORT").flags == 0x25
+    assert unhealthy(bench) == mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    assert not latest(bench, "SYS_STATUS").onboard_control_sensors_enabled & POSITION_CONTROL
     height_m = float(bench.truth.pos_enu_m[2])
     bench.run(1.5)  # it waits for four seconds
     assert bench.truth.pos_enu_m[2] == pytest.approx(height_m, abs=0.3)
@@ -106,6 +108,7 @@ def test_a_landing_goes_on_blind_and_ends_some_metres_off() -> None:
     assert math.hypot(*bench.truth.pos_enu_m[:2]) < 1.2
     bench.run(30, lambda: bench.landing_target(0, 0))
     assert (CRITICAL, "EKF Failsafe") in texts(bench)
+    assert critical(bench)  # still so on the ground
     assert bench.vehicle.contact is not None
     assert 2.0 < math.hypot(bench.vehicle.contact["e"], bench.vehicle.contact["n"]) < 7.0
     assert not bench.autopilot.armed

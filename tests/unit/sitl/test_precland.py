@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.precland import PrecisionLanding
 from sitl.state import State, from_euler
+from tests.unit.sitl.bench_flight import Bench
 
 F64 = NDArray[np.float64]
 MS = 1_000_000
@@ -200,3 +201,16 @@ def test_a_target_that_comes_too_seldom_is_found_and_fails_again_and_again() -> 
 
 def test_without_a_target_nothing_is_said() -> None:
     assert told(PrecisionLanding(), 0, 3000, None) == []
+
+
+def test_the_autopilot_says_so_also_when_the_stream_ends_before_it_disarms() -> None:
+    bench = Bench().airborne(5)
+    bench.run(3, lambda: bench.landing_target(0, 0))
+    assert bench.command(mavlink.MAV_CMD_NAV_LAND) == 0
+    bench.run(2, lambda: bench.landing_target(0, 0))
+    said = [(m.severity, m.text) for m in bench.sent if m.get_type() == "STATUSTEXT"]
+    assert said[-2:] == [FOUND, COMPLETE]
+    bench.run(3)
+    said = [(m.severity, m.text) for m in bench.sent if m.get_type() == "STATUSTEXT"]
+    assert said[-1] == LOST
+    assert bench.autopilot.armed
