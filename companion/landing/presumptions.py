@@ -89,6 +89,8 @@ PATIENCE_NS = {
 }
 CALL_AGAIN_NS = 30 * SECOND
 STICK_US = 80  # beyond the dead zones of both autopilots
+HELD_US = 250  # from the middle of the pulse: no transmitter rests so far off, a stick is held there
+MIDDLE_US = 1500
 CLIMBING_MS = 0.5  # upwards in a landing: not the moment of the change to LAND
 SINKING_MS = 0.5  # faster downwards than asked
 TARGET_LOST = "target lost"  # ArduPilot's words
@@ -187,7 +189,8 @@ class Presumptions:
     def _sticks_moved(self, s: Situation) -> bool:
         if s.sticks_us is None or self._rest_us is None:
             return False
-        return any(abs(now - rest) > STICK_US for now, rest in zip(s.sticks_us, self._rest_us, strict=True))
+        moved = any(abs(now - rest) > STICK_US for now, rest in zip(s.sticks_us, self._rest_us, strict=True))
+        return moved or any(abs(now - MIDDLE_US) > HELD_US for now in s.sticks_us)
 
     def _lasts(self, presumption: Presumption, broken: dict[Presumption, str], now_ns: int) -> bool:
         """Tell whether it has been broken for as long as it must."""

@@ -52,9 +52,9 @@ class Situation:
 
     failsafe: the autopilot says that it is in one. breached: outside its fence. estimate_lost: what its
     estimator had and has lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: what the
-    failsafe is about. alarm, alarm_ns: the autopilot's newest text of severity ERROR or worse. sticks_us: the
-    pilot's roll and pitch stick, None where none are seen. switched: the pilot's transmitter moved a switch
-    within the last seconds. fit: the autopilot is known to be set up for a landing.
+    failsafe is about. alarm, alarm_ns: the autopilot's newest text of severity WARNING or worse.
+    sticks_us: the pilot's roll and pitch stick, None where none are seen. switched: the pilot's transmitter
+    moved a switch within the last seconds. fit: the autopilot is known to be set up for a landing.
     """
 
     now_ns: int

@@ -28,7 +28,8 @@ FAILSAFE_STATES = frozenset(
     {mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY, mavlink.MAV_STATE_FLIGHT_TERMINATION}
 )
 ALARM_NS = 5_000_000_000  # a text this old no longer tells why
-ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_ERROR
+ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_WARNING  # ArduCopter names battery and radio failsafes so
+TARGET_LOST = "target lost"  # no cause of a failsafe: it follows from the landing broken off
 MOVED_US = 100  # a switch moved by the pilot, not the noise of a receiver
 NO_CHANNEL = frozenset({0, 0xFFFF})
 NO_AXIS = 0x7FFF
@@ -49,7 +50,7 @@ class Health:
     breached
         Whether the vehicle is outside its fence.
     alarm, alarm_ns
-        Newest text of the autopilot of severity ERROR or worse, and when it came.
+        Newest text of the autopilot of severity WARNING or worse, and when it came.
     sticks_us
         Roll and pitch stick, microseconds of a transmitter's pulse.
     switches_us, switched_ns
@@ -84,7 +85,8 @@ class Health:
 
     def cause(self, now_ns: int) -> str:
         """Return what a failsafe is about, as far as the autopilot said; empty if it did not."""
-        if self.alarm and now_ns - self.alarm_ns <= ALARM_NS:
+        named = self.alarm and TARGET_LOST not in self.alarm.lower()
+        if named and now_ns - self.alarm_ns <= ALARM_NS:
             return self.alarm
         if self.breached:
             return "fence breached"

@@ -132,11 +132,19 @@ def test_a_transmitter_that_rests_off_its_middle_or_twitches_is_no_pilot() -> No
     flight.fly_to(Phase.FINAL)
     flight.sticks_us = (1650, 1350)
     flight.run(1)
-    flight.sticks_us = (1900, 1350)
+    flight.sticks_us = (1740, 1350)
     flight.step()
     flight.sticks_us = (1620, 1380)
     flight.fly_to(Phase.LANDED)
     assert flight.executive.tally.hands_off == 0
+
+
+def test_a_stick_held_since_before_the_landing_is_the_pilot_s() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.sticks_us = (1800, 1500)
+    flight.fly_to(Phase.FINAL).run(0.6)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.executive.tally.hands_off == 1
 
 
 @pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND])

@@ -108,6 +108,9 @@ def test_the_cause_of_a_failsafe_is_what_the_autopilot_said_last_or_what_is_unhe
     said = after(gps, text("EKF Failsafe", mavlink.MAV_SEVERITY_CRITICAL))
     assert said.cause(6 * S) == "EKF Failsafe"
     assert said.cause(11 * S) == "GPS lost"
+    assert after(text("Radio Failsafe", mavlink.MAV_SEVERITY_WARNING)).cause(5 * S) == "Radio Failsafe"
+    lost = after(gps, text("PrecLand: Target Lost", mavlink.MAV_SEVERITY_CRITICAL))
+    assert lost.cause(5 * S) == "GPS lost"  # the target was lost by the abort, it is no cause
     assert after(text("PreArm: fine", mavlink.MAV_SEVERITY_INFO)).cause(5 * S) == ""
 
 
