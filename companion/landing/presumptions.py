@@ -11,6 +11,7 @@ from enum import Enum
 from companion.landing.aim import Aim
 from companion.landing.custody import Custody
 from companion.landing.situation import Situation
+from companion.link.health import TARGET_LOST
 
 
 class Stage(Enum):
@@ -93,7 +94,6 @@ HELD_US = 250  # from the middle of the pulse: no transmitter rests so far off, 
 MIDDLE_US = 1500
 CLIMBING_MS = 0.5  # upwards in a landing: not the moment of the change to LAND
 SINKING_MS = 0.5  # faster downwards than asked
-TARGET_LOST = "target lost"  # ArduPilot's words
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ FAILSAFE_STATES = frozenset(
 )
 ALARM_NS = 5_000_000_000  # a text this old no longer tells why
 ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_WARNING  # ArduCopter names battery and radio failsafes so
-TARGET_LOST = "target lost"  # no cause of a failsafe: it follows from the landing broken off
+TARGET_LOST = "target lost"  # ArduPilot's words; no cause of a failsafe, for they follow a landing broken off
 MOVED_US = 100  # a switch moved by the pilot, not the noise of a receiver
 NO_CHANNEL = frozenset({0, 0xFFFF})
 NO_AXIS = 0x7FFF
