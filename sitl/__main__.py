@@ -8,7 +8,6 @@ import signal
 import socket
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from sitl.intruder import HIGHEST_M, Intruder
 from sitl.key import read_key
 from sitl.lidar_port import Address
 from sitl.lockstep import LockstepServer
+from sitl.pace import Pace
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
 
@@ -76,7 +76,12 @@ def _simulate(
 
     # A lock-step client sets the pace itself, unless a speed is asked for.
     speedup = options.speedup if options.speedup is not None else (1.0 if server is None else 0.0)
-    step = _paced(simulation.advance, speedup)
+    pace = Pace(speedup, _say)
+    simulation.late_s = pace.late_s
+
+    def step() -> int:
+        return pace.keep(simulation.advance())
+
     try:
         if server is not None:
             server.serve(step, ended)
@@ -288,24 +293,8 @@ def _ready(simulation: Simulation, server: LockstepServer | None) -> dict[str, o
     }
 
 
-def _paced(step: Callable[[], int], pace: float) -> Callable[[], int]:
-    """Slow a step down to a multiple of real time; 0 leaves it as fast as it can."""
-    if pace == 0:
-        return step
-    start: list[float] = []
-
-    def paced() -> int:
-        now_ns = step()
-        if not start:
-            start.append(time.monotonic() - now_ns * 1e-9 / pace)
-        ahead = start[0] + now_ns * 1e-9 / pace - time.monotonic()
-        if ahead > 1e-3:
-            time.sleep(ahead)
-        elif ahead < -0.5:
-            start[0] -= ahead  # too slow to keep the pace: do not race to catch up
-        return now_ns
-
-    return paced
+def _say(line: str) -> None:
+    print(f"slz sim: {line}", file=sys.stderr, flush=True)
 
 
 def _write_truth(simulation: Simulation, options: argparse.Namespace) -> None:
