@@ -3,11 +3,13 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+PROGRAM := $(VENV)/.program
+TOOLS := $(VENV)/.installed
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz audit clean
 
-demo: setup
+demo: $(PROGRAM)
 	$(BIN)/slz demo --headless --out out/demo
 
 # Kernels are compiled once beside the checks of the text, instead of by every worker of the tests.
@@ -20,14 +22,20 @@ checks: lint types docs
 kernels: setup
 	$(BIN)/python -c 'from companion.first_start import everything; everything()'
 
-setup: $(STAMP)
+# The whole environment; `make demo` installs the program alone.
+setup: $(TOOLS)
 
-$(STAMP): pyproject.toml constraints.txt
+$(PROGRAM): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: run 'make PYTHON=/path/to/python3.11'"; exit 2; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) cannot make a virtual environment: install its venv module (Debian: sudo apt install $(notdir $(PYTHON))-venv)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,docs]'
+	$(INSTALL) --editable .
+	@touch $@
+
+$(TOOLS): $(PROGRAM)
+	$(INSTALL) --editable '.[dev,docs]'
 	@# Alone, for what they bring along is large or pins what ours does not go with; we use their core only.
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps MAVProxy ouster-sdk
+	$(INSTALL) --no-deps MAVProxy ouster-sdk
 	@touch $@
 
 lint: setup
@@ -53,7 +61,7 @@ fuzz: setup
 
 # Known vulnerabilities of what constraints.txt pins; without an answer it says that it did not run.
 audit: setup
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[audit]' 2>/dev/null \
+	@$(INSTALL) --editable '.[audit]' 2>/dev/null \
 	    || echo 'dependency audit: pip-audit cannot be installed'
 	@$(BIN)/python -m tests.audit
 
@@ -66,10 +74,10 @@ coverage: setup
 
 # Small changes of slz, drawn by SEED, before the tests that reach them; needs what `make coverage` left. Resumable.
 mutation: setup
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[mutation]'
+	$(INSTALL) --editable '.[mutation]'
 	NUMBA_DISABLE_JIT=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation --seed $(or $(SEED),1) --count $(or $(COUNT),200)
 
-# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=125 flies each once.
+# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=155 flies each once.
 campaign: setup
 	$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),2000)
 

@@ -14,20 +14,24 @@ from numpy.typing import NDArray
 
 from companion.allocator import keep_memory
 from companion.clock import WallOffset, now_ns
+from companion.fitness import Fitness
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
 from companion.landing.executive import Executive
 from companion.landing.look_ahead import LEVEL_M, held_back
+from companion.landing.memory import Landing, LandingMemory
 from companion.landing.operator import Operator
 from companion.landing.order_parameters import OrderParameters
+from companion.landing.restart import Restart
 from companion.landing.situation import FLYING, Phase, Severity, Situation
 from companion.landing.watch import PointWatch
 from companion.link.event import Event
 from companion.link.link import Link
 from companion.link.signing import Signing
+from companion.map_frame import begin_frame_if_far
 from companion.obstacles import ObstacleMemory
 from companion.outputs.axes import enu_from_level
-from companion.outputs.setpoint import velocity_setpoint
+from companion.outputs.setpoint import offboard_signal, velocity_setpoint
 from companion.outputs.status import Status
 from companion.prior import SurveyPrior
 from companion.recent import Recent
@@ -39,6 +43,7 @@ from companion.settings import Settings
 from companion.state import StateDir
 from companion.streams import Streams
 from companion.summary import flight_summary
+from companion.vehicle_memory import identity_from, remember_vehicle
 from companion.worker import PipelineWorker
 from params import Parameters
 from slz import Report, Scan, TerrainMaps
@@ -55,6 +60,8 @@ PATH_STEP_NS = 200_000_000
 OPEN_STEP_NS = 200_000_000
 # A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
 HEARD_NS = 2_500_000_000
+SWITCHED_NS = 2_500_000_000  # a pilot's switch explains a mode that shows so long after it
+TELL_AGAIN_NS = 10_000_000_000  # of a mode that is still refused
 
 
 class Companion:
@@ -80,6 +87,8 @@ class Companion:
         Port of this computer for Foxglove's live view; None for none.
     prior
         Folder of a survey to begin with (docs/survey.md).
+    system
+        The vehicle's MAVLink system; None: the only aircraft heard.
 
     Raises
     ------
@@ -101,11 +110,14 @@ class Companion:
         front: Front | None = None,
         foxglove_port: int | None = None,
         prior: Path | None = None,
+        system: int | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self._record_into = record
         self.parameters = parameters = self.settings.live
-        self.link = Link(mavlink_url, parameters, signing)
+        self.link = Link(mavlink_url, parameters, signing, identity_from(state, system))
+        if state is not None:
+            remember_vehicle(self.link, state)
         operator = Operator(self)
         self.link.on_command(operator.answer)
         orders = (OrderParameters(operator),)
@@ -128,6 +140,9 @@ class Companion:
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
         self.executive = Executive(parameters, auto)
+        self.fitness = Fitness(auto)
+        self._memory = LandingMemory(state)
+        self._restart = Restart(self._memory)
         self.obstacles = ObstacleMemory()
         echoes = lidar_url.partition(":")[0] == "mavlink"
         self.streams = Streams(
@@ -145,6 +160,8 @@ class Companion:
         self._last_open_ns = 0
         self._mode_change: asyncio.Task[None] | None = None
         self._mode_wanted = ""
+        self._refusals = 0  # of modes asked for, one after the other
+        self._refusal_told_ns: int | None = None
         self.on_ready: Event[[]] = Event()
         self._stop = asyncio.Event()
         self._was_lost = False
@@ -172,6 +189,7 @@ class Companion:
                     "link": self.link.run(),
                     "lidar": self.lidar.run(),
                     "services": self.services.run(),
+                    "fitness": self.fitness.run(self.link, lambda: self.executive.phase in FLYING),
                     "ready": self._get_ready(),
                     "stopper": self._wait_for_stop(),
                 }
@@ -245,8 +263,11 @@ class Companion:
         """Begin a new map if the position estimate jumped."""
         if self.history.epoch == self._map_epoch:
             return
-        self._map_epoch = self.history.epoch
         log.warning("the position estimate jumped: mapping anew")
+        self._begin_map()
+
+    def _begin_map(self) -> None:
+        self._map_epoch = self.history.epoch
         self.worker.restart()
         self.streams.forget()
         self.report = self._last_report_ns = None
@@ -317,11 +338,32 @@ class Companion:
             blocked=self._blocked,
             heard=self._mode_is_known(now),
             epoch=self.history.epoch if pose is None else pose.epoch,
+            blind=self._blind(now),
+            failsafe=vehicle.failsafe,
+            breached=vehicle.health.breached,
+            estimate_lost=vehicle.health.estimate_lost,
+            gps_lost=vehicle.health.gps_lost,
+            cause=vehicle.health.cause(now),
+            alarm=vehicle.health.alarm,
+            alarm_ns=vehicle.health.alarm_ns,
+            sticks_us=vehicle.health.sticks_us,
+            switched=_is_recent(vehicle.health.switched_ns, now, SWITCHED_NS),
+            fit=self.fitness.fit,
         )
+
+    def _blind(self, now: int) -> str:
+        """Return what is wrong while the ground is not seen: the link, the LiDAR or the computer."""
+        if not self._mode_is_known(now) or self.history.latest(now) is None:
+            return "link lost"  # scans wait for poses
+        if not self._lidar_sends(now):
+            return "LiDAR lost"
+        if not self._scans_are_fresh(now):
+            return "scans late"
+        return "map invalid" if self.worker.invalid else "map late"
 
     def _mode_is_known(self, now: int) -> bool:
         heard_ns = self.link.vehicle.last_heartbeat_ns
-        return heard_ns is not None and now - heard_ns < HEARD_NS
+        return _is_recent(heard_ns, now, HEARD_NS)
 
     def _mode_is_wanted(self) -> bool:
         """Tell whether the mode asked for is still to be: a landing broken off must not come late."""
@@ -330,6 +372,9 @@ class Companion:
 
     def _mode_is_reached(self) -> bool:
         return self.link.vehicle.guided if self._mode_wanted == "guided" else self.link.vehicle.landing
+
+    def _lidar_sends(self, now: int) -> bool:
+        return _is_recent(self.lidar.last_arrival_ns, now, round(self.parameters.lidar_timeout_s * 1e9))
 
     def _scans_are_fresh(self, now: int) -> bool:
         """Tell whether something is seen, and the LiDAR sends: a radar sees for it, but not in its place."""
@@ -359,8 +404,12 @@ class Companion:
 
     def _tick(self) -> None:
         self._map_anew()  # before the executive selects the point again, where it lies now
+        if begin_frame_if_far(self):
+            self._epoch = self.history.epoch  # what waits to be placed will be in the new frame
+            self._begin_map()
         situation = self.situation()
         orders = self.executive.step(situation)
+        self._keep_in_mind(situation)
         for severity, text in orders.texts:
             log.info(text)
             self.link.statustext(text, severity.value)
@@ -376,13 +425,13 @@ class Companion:
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
             velocity = self._held_back(orders.velocity_enu_ms, situation)
             self.link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
-        elif self._must_keep_offboard_open(situation):
-            self.link.send(velocity_setpoint(vehicle, np.zeros(3), None))
+        elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
+            self.link.send(signal)
         self.streams.target_enu_m = orders.target_enu_m
         self._follow(situation)
 
     def _must_keep_offboard_open(self, situation: Situation) -> bool:
-        """PX4 enters its offboard mode only while setpoints arrive, and ignores them in every other."""
+        """Tell whether a signal is due, without which PX4 does not enter its offboard mode."""
         px4, flying = self.link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
         due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
         if px4 and flying and due:
@@ -411,9 +460,34 @@ class Companion:
 
     async def _set_mode(self, mode: str) -> None:
         result = await self.link.set_mode(mode)
-        if not result.ok:
+        if result.ok:
+            self._refusals = 0
+        elif result.outcome != "superseded":
             log.warning("mode %s: %s", mode, result.outcome)
+            self._tell_refusal(mode, now_ns())
             await asyncio.sleep(ASK_AGAIN_S)
+
+    def _tell_refusal(self, mode: str, now: int) -> None:
+        """Call the pilot when the second request for a mode fails: the first may have come too soon."""
+        self._refusals += 1
+        if self._refusals > 1 and not _is_recent(self._refusal_told_ns, now, TELL_AGAIN_NS):
+            self._refusal_told_ns = now
+            self.link.statustext(f"SLZ: {mode} refused: take over", Severity.CRITICAL.value)
+
+    def _keep_in_mind(self, situation: Situation) -> None:
+        """Keep the landing under way for a companion that is started after this one was killed."""
+        vehicle, frame, executive = self.link.vehicle, self.history.frame, self.executive
+        if not self._restart.decided:
+            self._restart.step(situation, executive, frame, vehicle.sysid, vehicle.boot_ms)
+            return
+        if executive.phase not in FLYING:
+            self._memory.keep(None)
+        elif vehicle.sysid is not None and vehicle.boot_ms is not None:
+            aim, nowhere = executive.aim_enu_m, (float("nan"),) * 3
+            place = nowhere if aim is None or frame is None else frame.lla(aim)
+            lat, lon, alt = (float(v) for v in place)
+            phase = executive.phase.value
+            self._memory.keep(Landing(phase, vehicle.sysid, vehicle.boot_ms, lat, lon, alt))
 
     def _status(self) -> Status:
         """Return what ground stations are told."""
@@ -444,6 +518,10 @@ class Companion:
         if lost != self._was_lost:
             self._was_lost = lost
             log.warning("autopilot lost" if lost else "autopilot is back")
+
+
+def _is_recent(at_ns: int | None, now: int, limit_ns: int) -> bool:
+    return at_ns is not None and now - at_ns < limit_ns
 
 
 def _page(companion: Companion, front: Front) -> Page:

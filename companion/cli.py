@@ -44,6 +44,10 @@ Key = Annotated[
 State = Annotated[Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")]
 Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
+System = Annotated[
+    int | None,
+    typer.Option(min=1, max=255, help="MAVLink system of the vehicle, where several are heard."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Dashboard = Annotated[
     str | None, typer.Option(metavar="HOST:PORT", help="Serve the pilot's page (docs/page.md).")
@@ -215,6 +219,7 @@ def run(
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
     ] = None,
     prior: Prior = None,
+    system: System = None,
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:
@@ -244,6 +249,7 @@ def run(
             front=front,
             foxglove_port=foxglove,
             prior=prior,
+            system=system,
         )
     if as_json:
         print(json.dumps(summary))
@@ -271,10 +277,15 @@ def replay(
     origin: Annotated[
         str | None, typer.Option(help="LAT,LON,ALT where the local frame of a bag's poses begins.")
     ] = None,
+    vertical_unit: Annotated[
+        str | None,
+        typer.Option(metavar="m|ft|us-ft", help="Unit of the heights of CLOUD.laz, whatever it says."),
+    ] = None,
     profile: Annotated[str, typer.Option(help="Profile for files of other programs.")] = "quadcopter",
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
     until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    system: System = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,
     setting: Settings = [],  # noqa: B006
@@ -286,7 +297,7 @@ def replay(
     from companion.replay import command
     from companion.replay.flown import Beside
 
-    beside = Beside(points, tuple(pose), lidar, origin, profile)
+    beside = Beside(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
     with _front(dashboard, dashboard_token) as front:
         if front is not None:
             from companion.dashboard.replay_page import show
@@ -299,6 +310,8 @@ def replay(
         summary = command.run(
             file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), beside
         )
+    for line in (*summary["warnings"], *([f"no zone: {why}"] if (why := summary["why_no_zones"]) else [])):
+        print(f"slz: {file}: {line}", file=sys.stderr)
     if as_json:
         print(json.dumps(summary))
     else:
@@ -337,6 +350,7 @@ def doctor(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
     lidar: Annotated[str, typer.Option(help=LIDAR)],
     seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long to listen.")] = 10.0,
+    system: System = None,
     mavlink_key: Key = None,
     state_dir: State = None,
     profile: Profile = "quadcopter",
@@ -355,7 +369,7 @@ def doctor(
         from companion.state import StateDir, default_state_dir
 
         signing = start_signing(mavlink_key, StateDir(state_dir or default_state_dir()))
-    findings = consultation.examine(mavlink, lidar, parameters, seconds, signing)
+    findings = consultation.examine(mavlink, lidar, parameters, seconds, signing, system)
     summary = consultation.document(findings)
     if as_json:
         print(json.dumps(summary))
@@ -373,6 +387,10 @@ def map_(
     min_square_m: Annotated[float | None, typer.Option(help="Side of the safe square, m (3).")] = None,
     max_slope_deg: Annotated[float | None, typer.Option(help="Steepest safe slope, degrees (10).")] = None,
     crs: Annotated[str | None, typer.Option(help="CRS of files that name none, such as EPSG:2992.")] = None,
+    vertical_unit: Annotated[
+        str | None,
+        typer.Option(metavar="m|ft|us-ft", help="Unit of the heights, where files do not say or contradict."),
+    ] = None,
     classified: Annotated[
         bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
     ] = False,
@@ -401,11 +419,14 @@ def map_(
     parameters = params.load(profile, [*own, *setting])
     _compile_at_first(parameters.mode)
     with survey.engine(scheduler, workers) as engine, _progress(as_json) as step:
-        summary = survey.run(files, out, parameters, step, survey.Plan(crs, classified, tile_m, engine))
+        plan = survey.Plan(crs, classified, tile_m, engine, vertical_unit)
+        summary = survey.run(files, out, parameters, step, plan)
     if as_json:
         print(json.dumps(summary))
     else:
         _out().print(_zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+        if summary["no_zone"]:
+            _out().print(f"no zone: {summary['no_zone']}")
     for skipped in summary["skipped"]:
         print(f"slz: left out: {skipped['reason']}", file=sys.stderr)
     if summary["skipped"]:
@@ -444,7 +465,7 @@ def nearest(
             f"{zone['lat']:.7f}",
             f"{zone['lon']:.7f}",
         )
-    _out().print(table if answer["zones"] else "no zone there")
+    _out().print(table if answer["zones"] else f"no zone: {answer['no_zone']}")
 
 
 @app.command()

@@ -130,7 +130,11 @@ def check(plan: Plan) -> None:
             raise UsageError(f"--{option} {value:g}: must be a number from {low:g} to {high:.10g}")
     rate = plan.point_rate_hz
     if not rate.is_integer() or 10**9 % int(rate):
-        raise UsageError(f"--point-rate {rate:.10g}: must be a whole number that divides 10^9")
+        below = next(n for n in range(int(rate), 0, -1) if 10**9 % n == 0)
+        above = next(n for n in range(int(rate) + 1, 10**9 + 1) if 10**9 % n == 0)
+        raise UsageError(
+            f"--point-rate {rate:.10g}: must be a whole number that divides 10^9, such as {below} or {above}"
+        )
     if plan.intruder != "none" and not _is_car(plan.intruder):
         raise UsageError(
             f"--intruder {plan.intruder!r}: write car@HEIGHT, such as car@15, up to {CAR_BELOW_M:g} m"

@@ -39,6 +39,7 @@ def run(
     front: Front | None = None,
     foxglove_port: int | None = None,
     prior: Path | None = None,
+    system: int | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
 
@@ -48,7 +49,8 @@ def run(
     Raises
     ------
     UsageError
-        A URL is wrong, its port is in use, the key is refused, or the folder cannot be made or written.
+        A URL is wrong, its port is in use, the key is refused, the folder cannot be made or written, or two
+        systems may be the vehicle.
     """
     if out is not None:
         folder.prepare(out)
@@ -67,6 +69,7 @@ def run(
             front=front,
             foxglove_port=foxglove_port,
             prior=prior,
+            system=system,
         )
         return await _run(companion, out)
 

@@ -21,6 +21,10 @@ class BrokenInvariantError(RuntimeError):
     """A report contradicts itself, the map it was drawn from, or time; says how."""
 
 
+class LateReportError(BrokenInvariantError):
+    """A report that is right, and too old to land by."""
+
+
 class Verdicts(Protocol):
     """The maps that a report was drawn from."""
 
@@ -59,7 +63,7 @@ class Invariants:
             raise BrokenInvariantError(f"its stamp is {back_s:.3f} s before that of the last")
         late_ns = now_ns - report.stamp_ns
         if late_ns > self._oldest_ns:
-            raise BrokenInvariantError(f"it is {late_ns * 1e-9:.1f} s late")
+            raise LateReportError(f"it is {late_ns * 1e-9:.1f} s late")
         if late_ns < -SOONEST_NS:
             raise BrokenInvariantError(f"its stamp is {-late_ns * 1e-9:.1f} s ahead of time")
         self._check_numbers((*report.near.zones, *report.far.zones))

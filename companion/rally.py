@@ -158,10 +158,11 @@ class Rally:
         """Take a message of the mission protocol, whoever sent it, and return the answers."""
         if message.get_type() not in TRANSFERS:
             return []
-        if (message.target_system, message.target_component) != us:
-            self._others_ns = now_ns
-            return []
         sender = (message.get_srcSystem(), message.get_srcComponent())
+        if (message.target_system, message.target_component) != us:
+            if vehicle in (sender[0], message.target_system):  # not of another vehicle's points
+                self._others_ns = now_ns
+            return []
         if self._transfer is None or sender != (vehicle, mavlink.MAV_COMP_ID_AUTOPILOT1):
             return []
         return self._transfer.take(message, now_ns) + self._go_on(now_ns, vehicle, us)

@@ -13,7 +13,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.invariants import BrokenInvariantError, Invariants
+from companion.clock import now_ns
+from companion.invariants import OLDEST_NS, BrokenInvariantError, Invariants, LateReportError
 from companion.link.event import Event
 from companion.recent import Recent
 from companion.window_event import WindowEvent, runs
@@ -30,15 +31,20 @@ class PipelineWorker:
 
     A window that comes while another is computed waits; a third replaces the waiting one, and its points are
     counted as dropped. An exception in the pipeline, or a report that breaks an invariant, makes `invalid`
-    true until a window succeeds again.
+    true until a window succeeds again. What is too old to land by, because scans stopped in the middle of a
+    window or the computer is slow, is dropped and counted, and the last report stands until it is too old.
 
     Parameters
     ----------
     prior
         Gives ground surveyed before the flight.
+    oldest_ns
+        A window or report that ended longer ago is too old to land by.
 
     Attributes
     ----------
+    failed, late
+        Windows whose report was withdrawn; windows and reports that were too old.
     on_invalid
         Event of a report that failed after others succeeded, with the reason.
     on_window
@@ -52,6 +58,8 @@ class PipelineWorker:
         parameters: Parameters,
         on_report: Callable[[Report], None],
         prior: PriorSource | None = None,
+        *,
+        oldest_ns: int = OLDEST_NS,
     ) -> None:
         self._parameters = parameters
         self._prior = prior
@@ -59,7 +67,8 @@ class PipelineWorker:
         self._numbers: list[int] = []
         self._windower = Windower(parameters.window_s)
         self._pipeline = new_pipeline(parameters, prior)
-        self._invariants = Invariants()
+        self._oldest_ns = oldest_ns
+        self._invariants = Invariants(oldest_ns)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
         self._waiting: tuple[Window, list[int], float] | None = None
         self._windows = 0
@@ -71,6 +80,7 @@ class PipelineWorker:
         self.on_invalid: Event[[str]] = Event()
         self.invalid = False
         self.failed = 0
+        self.late = 0
         self._busy_since_s: float | None = None
         self.dropped_windows = 0
         self.reports = 0
@@ -136,6 +146,9 @@ class PipelineWorker:
             if self._waiting is None:
                 continue
             (window, numbers, arrived), self._waiting = self._waiting, None
+            if now_ns() - window.end_ns > self._oldest_ns:
+                self.late += 1
+                continue
             selects, self._select = self._select, []
             anew, self._forget = self._forget, False
             points = tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in selects)
@@ -145,6 +158,10 @@ class PipelineWorker:
             self._busy_since_s = loop.time()
             try:
                 report = await loop.run_in_executor(self._thread, task)
+            except LateReportError as error:
+                self.late += 1
+                log.warning("a report came too late: %s", error)
+                continue
             except Exception as error:
                 self._withdraw(error)
                 continue

@@ -2,7 +2,9 @@
 
 `autopilot/arducopter.parm` holds lines ``NAME VALUE``, `autopilot/px4.params` lines ``vehicle component NAME
 VALUE type`` between tabs. The comment lines before one say why; ``#: accept A B`` or ``#: accept LOW..HIGH``
-names other values that do, ``#: wanted`` marks what is better but not needed.
+names other values that do, ``#: wanted`` marks what is better but not needed, ``#: critical`` what a landing
+without a pilot's order is refused for, ``#: optional`` what some versions do not have. A line that begins
+with ``#?`` is optional, too, and no ground station loads it.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from typing import Literal
 FILES: dict[str, str] = {"ardupilot": "arducopter.parm", "px4": "px4.params"}
 # Values pass through 32-bit floats on their way.
 TOLERANCE = 1e-5
+RULES = ("accept", "wanted", "critical", "optional")
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +27,9 @@ class Required:
 
     accepted: single values, or (low, high) both inclusive, beside the value itself. level: whether the system
     does not work without it, or only less well. integer: PX4's type, None where the autopilot has none.
+    critical: whether nothing lands the vehicle without a pilot's order unless this is known to be right, as
+    it would land beside the point, or be in danger if the companion failed. optional: whether some versions
+    do not have it. loaded: whether a ground station that loads the file sets it.
     """
 
     name: str
@@ -32,6 +38,9 @@ class Required:
     level: Literal["needed", "wanted"]
     why: str
     integer: bool | None = None
+    critical: bool = False
+    optional: bool = False
+    loaded: bool = True
 
     def accepts(self, value: float) -> bool:
         """Tell whether a vehicle's value does."""
@@ -74,13 +83,15 @@ def parse(text: str) -> tuple[Required, ...]:
     notes: list[str] = []
     for number, line in enumerate(text.splitlines(), 1):
         stripped = line.strip()
+        loaded = not stripped.startswith("#?")
+        stripped = stripped.removeprefix("#?").strip()
         if stripped.startswith("#"):
             notes = [*notes, stripped] if stripped.strip("# ") else []
         elif not stripped:
             notes = []
         else:
             try:
-                row = _row(stripped.split(), notes)
+                row = _row(stripped.split(), notes, loaded)
             except ValueError as error:
                 raise ValueError(f"line {number}: {error}") from None
             if row.name in found:
@@ -90,7 +101,7 @@ def parse(text: str) -> tuple[Required, ...]:
     return tuple(found.values())
 
 
-def _row(words: list[str], notes: list[str]) -> Required:
+def _row(words: list[str], notes: list[str], loaded: bool) -> Required:
     integer = None
     if len(words) == 5:
         integer = words[4] == "6"
@@ -98,13 +109,14 @@ def _row(words: list[str], notes: list[str]) -> Required:
     if len(words) != 2:
         raise ValueError("neither NAME VALUE nor a line of a .params file")
     rules = [note.removeprefix("#:").split() for note in notes if note.startswith("#:")]
-    unknown = [rule for rule in rules if not rule or rule[0] not in ("accept", "wanted")]
+    unknown = [rule for rule in rules if not rule or rule[0] not in RULES]
     if unknown:
         raise ValueError(f"unknown rule {' '.join(unknown[0])!r}")
     accepted = next((_accepted(rule[1:]) for rule in rules if rule[0] == "accept"), ())
     why = " ".join(note.lstrip("# ") for note in notes if not note.startswith("#:"))
     level: Literal["needed", "wanted"] = "wanted" if ["wanted"] in rules else "needed"
-    row = Required(words[0], float(words[1]), accepted, level, why, integer)
+    critical, optional = ["critical"] in rules, ["optional"] in rules or not loaded
+    row = Required(words[0], float(words[1]), accepted, level, why, integer, critical, optional, loaded)
     if accepted and isinstance(accepted[0], tuple) and not accepted[0][0] <= row.value <= accepted[0][1]:
         raise ValueError(f"{row.name} {row.value:g} is outside what it accepts")
     return row

@@ -363,6 +363,17 @@ class Parameters(BaseModel):
             "SLZ_COMMIT_H", "m", OURS, "Height below which the landing is not broken off any more.", live=True
         ),
     ] = 1.5
+    off_point_m: Annotated[
+        float,
+        _in(0.3, 50),
+        Spec(
+            "SLZ_OFF_PT",
+            "m",
+            OURS,
+            "Farthest from the point in the autopilot's landing before it is broken off.",
+            live=True,
+        ),
+    ] = 1.0
     dust_height_m: Annotated[
         float,
         _in(0, 100),

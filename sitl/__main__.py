@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import socket
 import sys
 import tempfile
@@ -17,9 +16,11 @@ from sitl.key import read_key
 from sitl.lidar_port import Address
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
+from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
 
+DEFAULT_MAVLINK = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
 RANGES = {
     "duration": (0.0, 1e6),
     "speedup": (0.0, 1000.0),
@@ -43,52 +44,62 @@ class _UsageError(ValueError):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run until SIGTERM, SIGINT, the clock's client hanging up, or the duration; return the exit code."""
+    with Signals() as signals:
+        try:
+            return _run(sys.argv[1:] if arguments is None else arguments, signals)
+        except Ended as ended:
+            print("slz sim: ended by a signal; what was being done is left undone", file=sys.stderr)
+            return ended.code
+
+
+def _run(arguments: list[str], signals: Signals) -> int:
     try:
-        options = _parse(sys.argv[1:] if arguments is None else arguments)
+        options = _parse(arguments)
         _try_folder(options.truth)
         _write_metadata(options.lidar_metadata)
         program = _whole_vehicle(options) if options.autopilot is None else _lidar_alone(options)
     except (ValueError, WireError) as error:
         print(f"slz sim: {error}", file=sys.stderr)
         return 2
-    return program(_stop_on_signals())
+    return program(signals)
 
 
-def _whole_vehicle(options: argparse.Namespace) -> Callable[[list[bool]], int]:
+def _whole_vehicle(options: argparse.Namespace) -> Callable[[Signals], int]:
     simulation, server = _build(options)
-    return lambda stop: _simulate(simulation, server, options, stop)
+    return lambda signals: _simulate(simulation, server, options, signals)
 
 
-def _lidar_alone(options: argparse.Namespace) -> Callable[[list[bool]], int]:
+def _lidar_alone(options: argparse.Namespace) -> Callable[[Signals], int]:
     origin = None if options.origin is None else _origin(options.origin)
     attached = attach.build(options, origin, _lidar_to(options))
-    return lambda stop: attach.follow(attached, options, lambda: bool(stop))
+    return lambda signals: attach.follow(attached, options, signals)
 
 
 def _simulate(
-    simulation: Simulation, server: LockstepServer | None, options: argparse.Namespace, stop: list[bool]
+    simulation: Simulation, server: LockstepServer | None, options: argparse.Namespace, signals: Signals
 ) -> int:
     print(json.dumps(_ready(simulation, server)), flush=True)
     limit_ns = 1 << 62 if options.duration is None else round(options.duration * 1e9)
 
     def ended() -> bool:
-        return bool(stop) or simulation.now_ns >= limit_ns
+        return signals.came or simulation.now_ns >= limit_ns
 
     # A lock-step client sets the pace itself, unless a speed is asked for.
     speedup = options.speedup if options.speedup is not None else (1.0 if server is None else 0.0)
-    pace = Pace(speedup, _say)
+    pace = Pace(speedup, _say, ended)
     simulation.late_s = pace.late_s
 
     def step() -> int:
         return pace.keep(simulation.advance())
 
     try:
-        if server is not None:
-            server.serve(step, ended)
-            server.close()
-        else:
-            while not ended():
-                step()
+        with signals.awaited():
+            if server is not None:
+                server.serve(step, ended)
+                server.close()
+            else:
+                while not ended():
+                    step()
     finally:
         simulation.close()
     if options.truth is not None:
@@ -98,14 +109,6 @@ def _simulate(
             print(f"slz sim: --truth {options.truth}: {error.strerror or error}", file=sys.stderr)
             return 1
     return 0
-
-
-def _stop_on_signals() -> list[bool]:
-    """Return a list that holds something once SIGTERM or SIGINT has come."""
-    stop: list[bool] = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.append(True))
-    return stop
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
@@ -191,17 +194,26 @@ def _check(options: argparse.Namespace) -> None:
             )
     if options.lidar_metadata is not None and options.lidar != "ouster":
         raise _UsageError("--lidar-metadata: only --lidar ouster has metadata")
-    rate = options.point_rate
-    if not rate.is_integer() or 10**9 % int(rate):
-        raise _UsageError(f"--point-rate {rate:.10g}: must be a whole number that divides 10^9")
+    _check_rate(options.point_rate, options.lidar)
+
+
+def _check_rate(rate: float, lidar: str) -> None:
+    """Refuse a rate that the LiDAR cannot fire at, and name the nearest ones that it can."""
+    if not rate.is_integer():
+        raise _UsageError(f"--point-rate {rate:.10g}: must be a whole number")
+    if lidar in lidars.PERIODIC and 10**9 % int(rate):
+        below, above = lidars.rates_beside(int(rate))
+        raise _UsageError(
+            f"--point-rate {rate:.10g}: --lidar {lidar} fires every so many whole nanoseconds, so the rate "
+            f"must be one that divides 10^9: {below} or {above}"
+        )
 
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
     intruder = _intruder(options.intruder)
-    default = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
     simulation = Simulation.build(
         options.scene,
-        mavlink=options.mavlink or default,
+        mavlink=options.mavlink or DEFAULT_MAVLINK,
         seed=options.seed,
         origin_lla=_origin(options.origin),
         lidar="mid360" if options.lidar == "none" else options.lidar,
@@ -298,6 +310,7 @@ def _say(line: str) -> None:
 
 
 def _write_truth(simulation: Simulation, options: argparse.Namespace) -> None:
+    print(f"slz sim: writing {options.truth}; a signal ends it without", file=sys.stderr, flush=True)
     simulation.log.write(options.truth)
     truth.write(
         options.truth,

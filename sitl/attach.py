@@ -14,6 +14,7 @@ from sitl.attached import AttachedLidar
 from sitl.client_wire import open_client
 from sitl.lidar_port import Address
 from sitl.pose_source import Place
+from sitl.signals import Signals
 
 IDLE_S = 0.002
 # Options of the whole vehicle; the autopilot that is followed has its own.
@@ -49,21 +50,22 @@ def build(options: argparse.Namespace, origin: Place | None, lidar_to: Address |
         raise
 
 
-def follow(attached: AttachedLidar, options: argparse.Namespace, ended: Callable[[], bool]) -> int:
-    """Follow until `ended` or the duration is over; return the exit code."""
+def follow(attached: AttachedLidar, options: argparse.Namespace, signals: Signals) -> int:
+    """Follow until a signal comes or the duration is over; return the exit code."""
     _say(f"waiting for an autopilot at {attached.wire.name}")
     begun_s = time.monotonic()
     announced = False
     try:
-        while not ended():
-            now_s = time.monotonic()
-            if options.duration is not None and now_s - begun_s >= options.duration:
-                break
-            if not attached.advance(now_s):
-                time.sleep(IDLE_S)
-            if attached.ready and not announced:
-                announced = True
-                _announce(attached, options)
+        with signals.awaited():
+            while not signals.came:
+                now_s = time.monotonic()
+                if options.duration is not None and now_s - begun_s >= options.duration:
+                    break
+                if not attached.advance(now_s):
+                    time.sleep(IDLE_S)
+                if attached.ready and not announced:
+                    announced = True
+                    _announce(attached, options)
     finally:
         attached.close()
     return _write(attached, options)
@@ -95,6 +97,7 @@ def _write(attached: AttachedLidar, options: argparse.Namespace) -> int:
     if attached.origin_lla is None:
         _say(f"--truth {folder}: nothing is written, for no autopilot said where it is")
         return 1
+    _say(f"writing {folder}; a signal ends it without")
     try:
         attached.log.write(folder, attached.origin_lla)
         truth.write(

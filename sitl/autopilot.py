@@ -15,13 +15,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.commands import Commands
 from sitl.control import VelocityLoop, attitude_for, rate_command
-from sitl.modes import Mode, Navigator
+from sitl.failsafe import PERIOD_NS, Failsafes
+from sitl.modes import NEEDS_POSITION, PILOTED, Mode, Navigator
 from sitl.parameters import DEFAULTS
+from sitl.position_aiding import PositionAiding
 from sitl.precland import PrecisionLanding
 from sitl.proximity import Proximity
+from sitl.radio_receiver import RadioReceiver
 from sitl.rally import Rally
 from sitl.state import State, to_euler
 from sitl.telemetry import Telemetry
+from sitl.vehicle import GRAVITY_MS2
 
 F64 = NDArray[np.float64]
 Demand = tuple[F64, float]
@@ -29,6 +33,8 @@ Demand = tuple[F64, float]
 log = logging.getLogger(__name__)
 
 MAX_TURN_RAD_S = math.radians(60.0)
+MAX_LEAN_RAD = math.radians(20.0)
+FULL_V, EMPTY_V = 16.8, 14.0
 OUTER_LOOP_NS = 10_000_000
 AVOID_PROXIMITY = 2
 LANDED_NS = 1_000_000_000
@@ -36,7 +42,7 @@ RANGEFINDER_NS = 500_000_000
 
 
 class Autopilot:
-    """Modes, arming, guidance, precision landing, parameters and messages.
+    """Modes, arming, guidance, precision landing, failsafes, parameters and messages.
 
     Parameters
     ----------
@@ -69,11 +75,15 @@ class Autopilot:
         self.airborne = False
         self.battery_pct = 100.0
         self.late_ns: Callable[[], int] = lambda: 0
+        self.battery_sag_v = 0.0
         self.truth_source: Callable[[], State] | None = None
         self.precland = PrecisionLanding()
         self.proximity = Proximity()
+        self.aiding = PositionAiding()
+        self.receiver = RadioReceiver()
         self.navigator = Navigator(self.parameters, self.precland)
         self.rally = Rally(self)
+        self.failsafes = Failsafes(self)
         self.commands = Commands(self)
         self.telemetry = Telemetry(self)
         self.faults = 0
@@ -89,6 +99,7 @@ class Autopilot:
         self._yaw_rad: float | None = None
         self._wanted: tuple[F64, float] = (np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
         self._next_outer_ns = 0
+        self._next_check_ns = 0
         self._settled_since_ns: int | None = None
         self._silent_until_ns = 0
 
@@ -123,9 +134,24 @@ class Autopilot:
         return self._estimate_ns + self.boot_offset_ns
 
     @property
-    def position_ok(self) -> bool:
-        """Whether the estimator has a position good enough to arm on."""
+    def settled(self) -> bool:
+        """Whether the estimator has settled after its start."""
         return self._now_ns >= self._ready_ns
+
+    @property
+    def position_ok(self) -> bool:
+        """Whether there is a position good enough to arm and to navigate on."""
+        return self.settled and self.aiding.absolute and not self.failsafes.ekf
+
+    @property
+    def battery_v(self) -> float:
+        """Voltage of the battery."""
+        return EMPTY_V + (FULL_V - EMPTY_V) * self.battery_pct / 100 - self.battery_sag_v
+
+    @property
+    def battery_used_mah(self) -> float:
+        """Charge taken from the battery."""
+        return (100.0 - self.battery_pct) / 100 * self.parameters["BATT_CAPACITY"]
 
     def add_link(self, link: int) -> None:
         """Start the default streams on a link."""
@@ -181,14 +207,16 @@ class Autopilot:
 
     def set_mode(self, mode: Mode) -> bool:
         """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
-        needs_position = mode in (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
-        if self.estimate is None or (needs_position and not self.position_ok):
+        if self.estimate is None or (mode in NEEDS_POSITION and not self.position_ok):
             self.say(f"Mode change to {mode.name} failed: requires position", mavlink.MAV_SEVERITY_WARNING)
             return False
         if mode is not self.mode:
             self.mode = mode
             self.navigator.rally_enu_m = self.rally.points_enu_m()
             self.navigator.enter(mode, self.estimate)
+            self.navigator.blind = mode is Mode.LAND and not self.position_ok
+            self.failsafes.in_charge = False
+            self.failsafes.fence.recover(self._now_ns)
             self.mode_changes.append((self._now_ns, mode.name))
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return True
@@ -240,6 +268,7 @@ class Autopilot:
         self.boot_offset_ns = -self._now_ns
         self.precland = self.navigator.precland = PrecisionLanding()
         self.proximity = Proximity()
+        self.failsafes = Failsafes(self)
         self.rangefinder = None
         self.telemetry.restart()
         self._outgoing.clear()
@@ -271,6 +300,9 @@ class Autopilot:
         if first:
             self.navigator.home_enu_m = estimate.pos_enu_m.copy()
             self.navigator.enter(self.mode, estimate)
+        if now_ns >= self._next_check_ns:
+            self._next_check_ns = now_ns + PERIOD_NS
+            self._check()
         if not self.armed:
             self.airborne = False
             return np.zeros(3), 0.0
@@ -280,6 +312,15 @@ class Autopilot:
             self._outer(now_ns, estimate, on_ground)
         quat, thrust = self._wanted
         return rate_command(estimate.quat_wxyz, quat), thrust
+
+    def _check(self) -> None:
+        """Do what is done ten times a second, armed or not."""
+        jump_enu_m = self.aiding.take_reset()
+        if jump_enu_m is not None:
+            self.follow_reset(jump_enu_m)
+        self.failsafes.check()
+        for severity, text in self.precland.news(self._now_ns):
+            self.say(text, severity)
 
     def _outer(self, now_ns: int, estimate: State, on_ground: bool) -> None:
         dt_s = OUTER_LOOP_NS * 1e-9
@@ -292,12 +333,32 @@ class Autopilot:
             self._wanted = (_level(estimate), 2.0 if self.armed else 0.0)
             return
         self._settled_since_ns = None
+        self.navigator.sticks = self.receiver.sticks(now_ns)
         velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._range_down_m())
         velocity = self._avoid(velocity, estimate)
+        level = self._without_position()
+        if level:
+            velocity = np.array([*estimate.vel_enu_ms[:2], velocity[2]])
         acceleration = self._velocity.acceleration(
             velocity, estimate, dt_s, self.parameters["WPNAV_ACCEL"] / 100
         )
+        if level:
+            acceleration[:2] = self._lean(estimate)
         self._wanted = attitude_for(acceleration, self._slew_yaw(estimate, dt_s))
+
+    def _without_position(self) -> bool:
+        """Return whether the mode flies level, or as the sticks lean it, for want of a position."""
+        if self.mode is Mode.LAND:
+            return self.navigator.blind
+        return self.mode not in NEEDS_POSITION and self.settled and not self.aiding.absolute
+
+    def _lean(self, estimate: State) -> F64:
+        """Return the level acceleration (2,) east, north of the roll and pitch sticks."""
+        sticks, yaw = self.navigator.sticks, to_euler(estimate.quat_wxyz)[2]
+        most = GRAVITY_MS2 * math.tan(MAX_LEAN_RAD)
+        right, ahead = most * sticks.right, most * sticks.forward
+        east = ahead * math.sin(yaw) + right * math.cos(yaw)
+        return np.array([east, ahead * math.cos(yaw) - right * math.sin(yaw)])
 
     def _on_ground(self, now_ns: int) -> None:
         """Disarm after a second on the ground in a landing mode, else after DISARM_DELAY."""
@@ -349,6 +410,8 @@ class Autopilot:
                 error = math.remainder(guided.yaw_rad - self._yaw_rad, 2 * math.pi)
                 step = MAX_TURN_RAD_S * dt_s
                 self._yaw_rad += max(-step, min(step, error))
+        elif self.mode in PILOTED:
+            self._yaw_rad += MAX_TURN_RAD_S * self.navigator.sticks.clockwise * dt_s
         return self._yaw_rad
 
 

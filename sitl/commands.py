@@ -98,6 +98,8 @@ class Commands:
             "OBSTACLE_DISTANCE": self._obstacle_distance,
             "OBSTACLE_DISTANCE_3D": self._obstacle_distance_3d,
             "TIMESYNC": self._timesync,
+            "HEARTBEAT": self._heartbeat,
+            "RC_CHANNELS_OVERRIDE": self._override,
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
@@ -317,6 +319,16 @@ class Commands:
         if message.tc1 == 0:
             answer = mavlink.MAVLink_timesync_message(self._ap.clock_ns, message.ts1)
             self._ap.send(answer, link)
+
+    def _heartbeat(self, message: Any, _link: int) -> None:
+        if message.get_srcSystem() == self._ap.parameters["SYSID_MYGCS"]:
+            self._ap.failsafes.station_heard_ns = self._ap.now_ns
+
+    def _override(self, message: Any, _link: int) -> None:
+        """Take channels from the ground station, whose system SYSID_MYGCS names, and from nobody else."""
+        if message.get_srcSystem() == self._ap.parameters["SYSID_MYGCS"]:
+            channels = [getattr(message, f"chan{number}_raw") for number in range(1, 9)]
+            self._ap.receiver.override(channels, self._ap.now_ns)
 
     # ---- parameters ---------------------------------------------------------------------------------
 

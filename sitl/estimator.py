@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.jit import kernel
+from sitl.position_aiding import PositionAiding
 from sitl.state import State, multiply
 
 F64 = NDArray[np.float64]
@@ -52,11 +53,20 @@ def _drift(error: F64, smooth: F64, sigma: F64, tau: F64, dt: float, draw: F64) 
 
 
 class Estimator:
-    """Turns true states into estimated ones, tick by tick."""
+    """Turns true states into estimated ones, tick by tick.
 
-    def __init__(self, rng: np.random.Generator, errors: EstimateErrors | None = None) -> None:
+    `aiding` is shared with the autopilot, which reports it; by default GPS is never lost.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        errors: EstimateErrors | None = None,
+        aiding: PositionAiding | None = None,
+    ) -> None:
         e = errors or EstimateErrors()
         self._rng = rng
+        self._aiding = aiding or PositionAiding()
         tilt, yaw = np.radians(e.tilt_deg), np.radians(e.yaw_deg)
         self._sigma = np.array(
             [e.horizontal_m] * 2 + [e.vertical_m] + [e.velocity_ms] * 3 + [tilt] * 2 + [yaw]
@@ -82,11 +92,13 @@ class Estimator:
         self._next += 1
         _drift(self._error, self._smooth, self._sigma, self._tau, dt_s, draw[:9])
         off = self._smooth + self._white * draw[9:]
+        aiding = self._aiding
+        aiding.update(dt_s)
         turn = np.array([1.0, off[6] / 2, off[7] / 2, off[8] / 2])
         turn /= np.sqrt(float(turn @ turn))
         return State(
-            pos_enu_m=state.pos_enu_m + off[0:3] + self.jump_enu_m,
-            vel_enu_ms=state.vel_enu_ms + off[3:6],
+            pos_enu_m=state.pos_enu_m + off[0:3] + self.jump_enu_m + aiding.offset_enu_m,
+            vel_enu_ms=state.vel_enu_ms + off[3:6] + aiding.velocity_error_enu_ms,
             quat_wxyz=multiply(turn, state.quat_wxyz),
             rates_frd_rad_s=state.rates_frd_rad_s,
             acc_enu_ms2=state.acc_enu_ms2,

@@ -23,6 +23,15 @@ DEFAULTS = {
     "sf45": PTY,
 }
 """Name of each, and where its data go: to the port that the real one takes, or to a pseudo-terminal."""
+PERIODIC = frozenset({"mid360", "opal"})
+"""LiDARs with one pulse every so many whole nanoseconds; the others take any rate, or have their own."""
+
+
+def rates_beside(rate_hz: int) -> tuple[int, int]:
+    """Return the nearest rates below and above that divide 10^9."""
+    below = next(rate for rate in range(rate_hz, 0, -1) if 10**9 % rate == 0)
+    above = next(rate for rate in range(rate_hz, 10**9 + 1) if 10**9 % rate == 0)
+    return below, above
 
 
 def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Address) -> LidarPort:

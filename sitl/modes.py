@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from sitl.control import approach
 from sitl.precland import PrecisionLanding
-from sitl.state import State
+from sitl.radio_receiver import RESTING, Sticks
+from sitl.state import State, to_euler
 
 F64 = NDArray[np.float64]
 
@@ -25,6 +26,15 @@ class Mode(IntEnum):
     RTL = 6
     LAND = 9
     BRAKE = 17
+
+
+NEEDS_POSITION = (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
+PILOTED = (Mode.LOITER, Mode.ALT_HOLD, Mode.LAND)
+"""Modes in which the sticks do something."""
+REPOSITION_MS = 1.35
+"""Speed of land repositioning at full stick: 1 m/s at 1800 us."""
+PAUSE_NS = 4_000_000_000
+REPOSITION_AND_RESUME = 2
 
 
 @dataclass(slots=True)
@@ -70,6 +80,12 @@ class Navigator:
     climbing: bool = False
     descending: bool = False
     search: Search = field(default_factory=Search)
+    sticks: Sticks = RESTING
+    repositioned: bool = False
+    """The pilot moved this landing by roll or pitch: its target is given up."""
+    blind: bool = False
+    """This landing has no position: level, or as roll and pitch lean it."""
+    _paused_until_ns: int = 0
 
     def enter(self, mode: Mode, state: State) -> None:
         """Start a mode from where the vehicle is."""
@@ -80,8 +96,14 @@ class Navigator:
         self.climbing = mode is Mode.RTL
         self.descending = False
         self.search = Search()
+        self.repositioned = self.blind = False
+        self._paused_until_ns = 0
         if mode is Mode.RTL:
             self.return_enu_m = self._return_point(state)
+
+    def pause(self, now_ns: int) -> None:
+        """Let a landing wait for four seconds before it sinks, as one that a failsafe began."""
+        self._paused_until_ns = now_ns + PAUSE_NS
 
     def move(self, jump_enu_m: F64) -> None:
         """Follow a reset of the position estimate; home and rally points are places on Earth and stay."""
@@ -103,7 +125,31 @@ class Navigator:
             return self._land(state, now_ns, rangefinder_m)
         if mode is Mode.RTL:
             return self._return(state, now_ns, rangefinder_m)
+        if mode in PILOTED and self.sticks is not RESTING:
+            return self._steer(state)
         return self._hold(self.hold_enu_m, state)
+
+    def _steer(self, state: State) -> F64:
+        """Fly as the sticks say; what is centred holds where that brought the vehicle."""
+        p = self.parameters
+        climb = p["PILOT_SPEED_UP"] / 100 * self.sticks.up
+        return self._moved(state, p["LOIT_SPEED"] / 100, climb)
+
+    def _moved(self, state: State, speed_ms: float, climb_ms: float) -> F64:
+        """Return the velocity of deflected sticks, and hold from where the vehicle will stop."""
+        out = self._hold(self.hold_enu_m, state)
+        level_ms, most_ms2 = float(np.hypot(*state.vel_enu_ms[:2])), self.parameters["WPNAV_ACCEL"] / 100
+        braking_s = max(0.6, level_ms / (2 * most_ms2))
+        stop = state.pos_enu_m + braking_s * state.vel_enu_ms
+        if self.sticks.steering:
+            yaw = to_euler(state.quat_wxyz)[2]
+            ahead, right = np.array([np.sin(yaw), np.cos(yaw)]), np.array([np.cos(yaw), -np.sin(yaw)])
+            out[:2] = speed_ms * (self.sticks.forward * ahead + self.sticks.right * right)
+            self.hold_enu_m = np.array([stop[0], stop[1], self.hold_enu_m[2]])
+        if climb_ms:
+            out[2] = climb_ms
+            self.hold_enu_m = np.array([*self.hold_enu_m[:2], stop[2]])
+        return out
 
     def _hold(self, target_enu_m: F64, state: State) -> F64:
         p = self.parameters
@@ -133,16 +179,26 @@ class Navigator:
         return wanted
 
     def _land(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
-        """Sink over the precision-landing target while it is believed, else over where it is."""
+        """Sink over the precision-landing target while it is believed, else over where it is.
+
+        Roll or pitch moves the place, and for the rest of this landing the target is not followed.
+        """
         p = self.parameters
-        target = self.precland.target(now_ns) if p["PLND_ENABLED"] else None
+        steered = bool(p["LAND_REPOSITION"]) and self.sticks.steering
+        self.repositioned = self.repositioned or steered
+        resumes = not steered and int(p["PLND_OPTIONS"]) & REPOSITION_AND_RESUME
+        follows = p["PLND_ENABLED"] and not self.blind and (not self.repositioned or resumes)
+        target = self.precland.target(now_ns) if follows else None
         if target is not None:
             self.search.found(target, state)
             self.hold_enu_m = np.array([target[0], target[1], state.pos_enu_m[2]])
-        elif p["PLND_ENABLED"] and (elsewhere := self._lost(state, now_ns, rangefinder_m)) is not None:
+        elif follows and (elsewhere := self._lost(state, now_ns, rangefinder_m)) is not None:
             return self._hold(elsewhere, state)
         height = state.pos_enu_m[2] - self.home_enu_m[2] if rangefinder_m is None else rangefinder_m
-        out = self._hold(self.hold_enu_m, state)
+        out = self._moved(state, REPOSITION_MS, 0.0) if steered else self._hold(self.hold_enu_m, state)
+        if now_ns < self._paused_until_ns:
+            out[2] = 0.0
+            return out
         low = height < p["LAND_ALT_LOW"] / 100
         speed = p["LAND_SPEED"] if low else p["LAND_SPEED_HIGH"] or p["WPNAV_SPEED_DN"]
         out[2] = -speed / 100

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+LONGEST_SLEEP_S = 0.1
 SLIP_S = 2.0  # simulated, behind the pace, beyond which the time is given up
 
 
@@ -20,11 +21,19 @@ class Pace:
         Times real time; 0 is as fast as possible.
     say
         Takes lines for the user.
+    ended
+        Whether the simulation is over: a pause in slow motion must not hold it up.
     """
 
-    def __init__(self, pace: float, say: Callable[[str], None] = lambda line: None) -> None:
+    def __init__(
+        self,
+        pace: float,
+        say: Callable[[str], None] = lambda line: None,
+        ended: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._pace = pace
         self._say = say
+        self._ended = ended
         self._start_s: float | None = None
         self._slipped = False
 
@@ -40,10 +49,9 @@ class Pace:
             return now_ns
         if self._start_s is None:
             self._start_s = time.monotonic() - now_ns * 1e-9 / self._pace
-        late_s = self.late_s(now_ns)
-        if late_s < -1e-3 * self._pace:
-            time.sleep(-late_s / self._pace)
-        elif late_s > SLIP_S:
+        while (late_s := self.late_s(now_ns)) < -1e-3 * self._pace and not self._ended():
+            time.sleep(min(-late_s / self._pace, LONGEST_SLEEP_S))
+        if late_s > SLIP_S:
             self._start_s += late_s / self._pace
             if not self._slipped:
                 self._slipped = True

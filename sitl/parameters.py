@@ -5,21 +5,36 @@ from __future__ import annotations
 import math
 
 DEFAULTS: dict[str, float] = {
+    "SYSID_MYGCS": 255,
     "SYSID_THISMAV": 1,
     "ARMING_CHECK": 1,
     "AVOID_ENABLE": 3,
     "AVOID_MARGIN": 2,
     "BATT_CAPACITY": 5200,
-    "BATT_LOW_VOLT": 0,
+    "BATT_FS_LOW_ACT": 0,  # 0 warns, 1 lands, 2 returns
+    "BATT_LOW_MAH": 0,
+    "BATT_LOW_TIMER": 10,  # s
+    "BATT_LOW_VOLT": 10.5,
     "DISARM_DELAY": 10,
+    "FENCE_ACTION": 1,  # 0 reports, 1 returns or lands, 2 lands
+    "FENCE_ALT_MAX": 100,
+    "FENCE_ENABLE": 0,
+    "FENCE_RADIUS": 300,
+    "FENCE_TYPE": 3,  # 1 ceiling, 2 circle
     "FRAME_CLASS": 1,
     "FRAME_TYPE": 1,
     "FS_GCS_ENABLE": 0,
+    "FS_GCS_TIMEOUT": 5,
+    "FS_THR_ENABLE": 1,
     "GUID_TIMEOUT": 3.0,
     "LAND_ALT_LOW": 1000,  # cm
+    "LAND_REPOSITION": 1,
     "LAND_SPEED": 50,  # cm/s
     "LAND_SPEED_HIGH": 0,  # cm/s, 0 takes WPNAV_SPEED_DN
+    "LOIT_SPEED": 1250,  # cm/s
+    "PILOT_SPEED_UP": 250,
     "PLND_ENABLED": 1,
+    "PLND_OPTIONS": 0,
     "PLND_TYPE": 1,
     "PLND_EST_TYPE": 1,
     "PLND_LAG": 0.02,
@@ -49,14 +64,26 @@ DEFAULTS: dict[str, float] = {
 }
 
 _LIMITS: dict[str, tuple[float, float]] = {
+    "SYSID_MYGCS": (1, 255),
     "SYSID_THISMAV": (1, 255),
     "AVOID_ENABLE": (0, 7),
     "AVOID_MARGIN": (1, 10),
+    "BATT_FS_LOW_ACT": (0, 2),
     "DISARM_DELAY": (0, 127),
+    "FENCE_ACTION": (0, 2),
+    "FENCE_ALT_MAX": (10, 1000),
+    "FENCE_RADIUS": (30, 10_000),
+    "FENCE_TYPE": (0, 3),
+    "FS_GCS_ENABLE": (0, 1),
+    "FS_GCS_TIMEOUT": (2, 120),
+    "FS_THR_ENABLE": (0, 1),
     "GUID_TIMEOUT": (0.1, 60),
     "LAND_ALT_LOW": (100, 10_000),
+    "LAND_REPOSITION": (0, 1),
     "LAND_SPEED": (30, 200),
     "LAND_SPEED_HIGH": (0, 500),
+    "LOIT_SPEED": (20, 3500),
+    "PILOT_SPEED_UP": (10, 500),
     "PLND_EST_TYPE": (0, 1),
     "PLND_LAG": (0.02, 0.25),
     "PLND_TIMEOUT": (0, 20),

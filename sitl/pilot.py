@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -11,6 +12,7 @@ from sitl.modes import Mode
 from sitl.wire import MemoryWire
 
 RETRY_NS = 1_000_000_000
+CALLS = 64
 
 
 class Pilot:
@@ -30,6 +32,8 @@ class Pilot:
         self.landed_state = mavlink.MAV_LANDED_STATE_UNDEFINED
         self.done = False
         self.heard: list[str] = []
+        self.calls: deque[tuple[int, str]] = deque(maxlen=CALLS)
+        """Component and text of what was last said at CRITICAL or worse."""
         self.acks: list[tuple[int, int]] = []
         self.told: dict[str, float] = {}
         """Newest NAMED_VALUE_FLOAT of each name."""
@@ -87,7 +91,16 @@ class Pilot:
             self.landed_state = message.landed_state
         elif kind == "STATUSTEXT":
             self.heard.append(str(message.text))
+            if message.severity <= mavlink.MAV_SEVERITY_CRITICAL:
+                self._call(message)
         elif kind == "NAMED_VALUE_FLOAT":
             self.told[message.name] = float(message.value)
         elif kind == "COMMAND_ACK":
             self.acks.append((message.command, message.result))
+
+    def _call(self, message: Any) -> None:
+        """Keep a text, or add a chunk of a long one to what came before it from the same component."""
+        component, text = message.get_srcComponent(), str(message.text)
+        if message.chunk_seq and self.calls and self.calls[-1][0] == component:
+            text = self.calls.pop()[1] + text
+        self.calls.append((component, text))

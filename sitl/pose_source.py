@@ -66,13 +66,17 @@ def streams(kind: Kind) -> tuple[Stream, ...]:
     )
 
 
+# MAV_TYPE of other autopilots on a shared line: antenna tracker, station, rover, boat, submarine.
+NO_AIRCRAFT = frozenset({5, 6, 10, 11, 12})
+
+
 class PoseSource:
     """Takes messages, returns poses: the true ones where there are any, else the autopilot's estimate.
 
     Attributes
     ----------
     kind, sysid
-        The autopilot and its number; None before its first heartbeat. The first one heard counts.
+        The autopilot and its number; None before its first heartbeat. The first aircraft heard counts.
     source
         Name of the message that poses come from, "" before the first.
     armed, on_ground
@@ -118,6 +122,8 @@ class PoseSource:
 
     def _heartbeat(self, m: Any) -> None:
         if m.get_srcComponent() != 1 or m.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+            return
+        if self.sysid is None and m.type in NO_AIRCRAFT:
             return
         if self.sysid is None:
             self.sysid = int(m.get_srcSystem())

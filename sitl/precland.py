@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.state import State, ned, rotate
 
@@ -22,6 +23,10 @@ GAP_NS = 500_000_000
 PREDICTED_NS = 2_000_000_000
 BODY_FRD, LOCAL_FRD = 12, 20
 FILTER_SHARE = 0.25
+INFO, CRITICAL = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_CRITICAL
+NONE, SEEN, BELIEVED = range(3)
+RISING = {SEEN: "PrecLand: Target Found", BELIEVED: "PrecLand: Init Complete"}
+FALLING = {SEEN: "PrecLand: Init Failed", BELIEVED: "PrecLand: Target Lost"}
 
 
 class PrecisionLanding:
@@ -34,6 +39,7 @@ class PrecisionLanding:
         self._last_stamp: int | None = None
         self._target: F64 | None = None
         self.frame_refused = False
+        self._stage = NONE
 
     def remember(self, now_ns: int, estimate: State) -> None:
         """Keep the pose, so that a target can be placed with the pose of its own time."""
@@ -75,6 +81,19 @@ class PrecisionLanding:
             return False
         long_enough = self._last_ns - self._first_ns >= NEEDED_NS
         return long_enough and now_ns - self._last_ns <= PREDICTED_NS
+
+    def news(self, now_ns: int) -> list[tuple[int, str]]:
+        """Return severity and text of what became of the target since the last call, as ArduPilot says it."""
+        before, self._stage = self._stage, self._stage_now(now_ns)
+        if self._stage < before:
+            lost = [(CRITICAL, FALLING[before])]
+            return lost if self._stage == NONE else [*lost, (INFO, RISING[self._stage])]
+        return [(INFO, RISING[stage]) for stage in range(before + 1, self._stage + 1)]
+
+    def _stage_now(self, now_ns: int) -> int:
+        if self.acquired(now_ns):
+            return BELIEVED
+        return SEEN if self._last_ns is not None and now_ns - self._last_ns <= GAP_NS else NONE
 
     def target(self, now_ns: int) -> F64 | None:
         """Return the target (3,) east, north, up, or None while it is not believed."""

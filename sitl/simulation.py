@@ -69,8 +69,8 @@ class Simulation:
         self.origin_lla = origin_lla
         self.now_ns = 0
         self.vehicle = Vehicle(streams[0], (x, y, scene.world.height_m(x, y)), heading, wind_ms)
-        self.estimator = Estimator(streams[1], errors)
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
+        self.estimator = Estimator(streams[1], errors, self.autopilot.aiding)
         self.autopilot.late_ns = lambda: round(self.late_s(self.now_ns) * 1e9)
         self.autopilot.truth_source = lambda: self.vehicle.truth
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)

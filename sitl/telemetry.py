@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.modes import Mode
 from sitl.state import ned, rotate, to_euler
+from sitl.status_messages import StatusMessages
 from sitl.vehicle import GRAVITY_MS2
 
 if TYPE_CHECKING:
@@ -31,18 +32,29 @@ DEFAULT_MS = {
     ID.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1000,
     ID.MAVLINK_MSG_ID_BATTERY_STATUS: 1000,
     ID.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 500,
+    ID.MAVLINK_MSG_ID_RC_CHANNELS: 500,
+    ID.MAVLINK_MSG_ID_FENCE_STATUS: 1000,
     ID.MAVLINK_MSG_ID_TIMESYNC: 10_000,
     ID.MAVLINK_MSG_ID_HOME_POSITION: 10_000,
 }
 _STREAMS = {
-    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (ID.MAVLINK_MSG_ID_SYS_STATUS, ID.MAVLINK_MSG_ID_GPS_RAW_INT),
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        ID.MAVLINK_MSG_ID_SYS_STATUS,
+        ID.MAVLINK_MSG_ID_GPS_RAW_INT,
+        ID.MAVLINK_MSG_ID_FENCE_STATUS,
+    ),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (ID.MAVLINK_MSG_ID_RC_CHANNELS,),
     mavlink.MAV_DATA_STREAM_POSITION: (
         ID.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         ID.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
     ),
     mavlink.MAV_DATA_STREAM_EXTRA1: (ID.MAVLINK_MSG_ID_ATTITUDE,),
     mavlink.MAV_DATA_STREAM_EXTRA2: (ID.MAVLINK_MSG_ID_VFR_HUD,),
-    mavlink.MAV_DATA_STREAM_EXTRA3: (ID.MAVLINK_MSG_ID_SYSTEM_TIME, ID.MAVLINK_MSG_ID_BATTERY_STATUS),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (
+        ID.MAVLINK_MSG_ID_SYSTEM_TIME,
+        ID.MAVLINK_MSG_ID_BATTERY_STATUS,
+        ID.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+    ),
 }
 UTC_AT_ZERO_US = 1_750_000_000_000_000
 
@@ -55,18 +67,14 @@ class Telemetry:
         self._due: dict[int, dict[int, list[int]]] = {}
         self._next_ns = 0
         self._makers: dict[int, Callable[[], Any]] = {
-            ID.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
-            ID.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            **StatusMessages(autopilot).makers,
             ID.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
             ID.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
             ID.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
             ID.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
             ID.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
-            ID.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             ID.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
             ID.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
-            ID.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery,
-            ID.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
             ID.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
             ID.MAVLINK_MSG_ID_HOME_POSITION: self._home,
             ID.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._origin,
@@ -119,12 +127,12 @@ class Telemetry:
         self._next_ns = 0
 
     def send_once(self, number: int, link: int) -> bool:
-        """Send a message to one link; tell whether it is known."""
+        """Send a message to one link; tell whether it is known and there is one now."""
         maker = self._makers.get(number)
-        if maker is None or self._ap.estimate is None:
-            return False
-        self._ap.send(maker(), link)
-        return True
+        message = None if maker is None or self._ap.estimate is None else maker()
+        if message is not None:
+            self._ap.send(message, link)
+        return message is not None
 
     def emit(self, now_ns: int) -> None:
         """Queue everything that is due."""
@@ -138,7 +146,8 @@ class Telemetry:
                 if due <= now_ns:
                     if number not in made:
                         made[number] = self._makers[number]()
-                    self._ap.send(made[number], link)
+                    if made[number] is not None:
+                        self._ap.send(made[number], link)
                     entry[1] = max(due + interval, now_ns + interval // 2)
                 soonest = min(soonest, entry[1])
         self._next_ns = soonest
@@ -149,47 +158,6 @@ class Telemetry:
     def _boot_ms(self) -> int:
         """Time since boot of the estimate that is sent."""
         return self._ap.estimate_boot_ns // 1_000_000
-
-    def _heartbeat(self) -> Any:
-        ap = self._ap
-        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if ap.armed else 0
-        if ap.mode in (Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.LOITER, Mode.BRAKE):
-            flags |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
-        status = mavlink.MAV_STATE_ACTIVE if ap.armed else mavlink.MAV_STATE_STANDBY
-        return mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, flags, int(ap.mode), status, 3
-        )
-
-    def _sys_status(self) -> Any:
-        sensors = (
-            mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
-            | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
-            | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
-            | mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
-            | mavlink.MAV_SYS_STATUS_SENSOR_GPS
-            | mavlink.MAV_SYS_STATUS_AHRS
-            | mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        )
-        health = sensors if self._ap.position_ok else sensors & ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        return mavlink.MAVLink_sys_status_message(
-            sensors,
-            sensors,
-            health,
-            200,
-            self._volts_mv(),
-            1200,
-            round(self._ap.battery_pct),
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        )
-
-    def _volts_mv(self) -> int:
-        return round(14_000 + 2_800 * self._ap.battery_pct / 100)
 
     def _estimate(self) -> Any:
         return self._ap.estimate
@@ -234,16 +202,6 @@ class Telemetry:
             speed, speed, self._heading_cdeg() // 100, 40, alt_mm / 1000, float(e.vel_enu_ms[2])
         )
 
-    def _gps_raw(self) -> Any:
-        v = self._estimate().vel_enu_ms
-        lat, lon, alt, _ = self._geodetic()
-        course = round(math.degrees(math.atan2(float(v[0]), float(v[1]))) * 100) % 36000
-        fix = mavlink.GPS_FIX_TYPE_RTK_FLOAT if self._ap.position_ok else mavlink.GPS_FIX_TYPE_2D_FIX
-        speed = round(math.hypot(float(v[0]), float(v[1])) * 100)
-        return mavlink.MAVLink_gps_raw_int_message(
-            self._ap.estimate_boot_ns // 1000, fix, lat, lon, alt, 70, 110, speed, course, 17
-        )
-
     def _system_time(self) -> Any:
         ap = self._ap
         return mavlink.MAVLink_system_time_message(
@@ -258,16 +216,6 @@ class Telemetry:
         elif ap.airborne and ap.mode is Mode.LAND:
             landed = mavlink.MAV_LANDED_STATE_LANDING
         return mavlink.MAVLink_extended_sys_state_message(0, landed)
-
-    def _battery(self) -> Any:
-        used = round((100 - self._ap.battery_pct) / 100 * self._ap.parameters["BATT_CAPACITY"])
-        return mavlink.MAVLink_battery_status_message(
-            0, 0, 3, 2500, [self._volts_mv()] + [65535] * 9, 1200, used, -1, round(self._ap.battery_pct)
-        )
-
-    def _ekf_status(self) -> Any:
-        flags = 831 if self._ap.position_ok else 167
-        return mavlink.MAVLink_ekf_status_report_message(flags, 0.02, 0.02, 0.02, 0.02, 0.0)
 
     def _timesync(self) -> Any:
         return mavlink.MAVLink_timesync_message(0, self._ap.boot_ns)

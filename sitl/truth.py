@@ -7,6 +7,7 @@ that an error there cannot hide here.
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -202,14 +203,18 @@ def write(
     directory.mkdir(parents=True, exist_ok=True)
     names = ("cell_m", "footprint_m", "slope_limit_deg", "relief_limit_m")
     tags = {name: str(value) for name, value in zip(names, limits, strict=True)}
-    _write_tif(directory / "truth.tif", truth.safe, area, cell_m, origin_lla, tags, None)
     heights = {
         "height_reference": "metres above the origin altitude",
         "origin_altitude_m": str(origin_lla[2]),
     }
-    _write_tif(directory / "dsm_truth.tif", truth.height_m, area, cell_m, origin_lla, heights, np.nan)
     document = _document(scene, origin_lla, area) | dict(zip(names, limits, strict=True))
-    (directory / "scene.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    with tempfile.TemporaryDirectory(dir=directory, prefix=".unfinished-") as name:  # whole files, or none
+        folder = Path(name)
+        _write_tif(folder / "truth.tif", truth.safe, area, cell_m, origin_lla, tags, None)
+        _write_tif(folder / "dsm_truth.tif", truth.height_m, area, cell_m, origin_lla, heights, np.nan)
+        (folder / "scene.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        for file in ("dsm_truth.tif", "scene.json", "truth.tif"):
+            (folder / file).replace(directory / file)
     return truth
 
 

@@ -46,6 +46,11 @@ class LocalFrame:
             axis=-1,
         )
 
+    def turn_rad(self, lat_deg: float, lon_deg: float) -> float:
+        """Return the angle by which the axes east, north, up of a place are turned against the frame's."""
+        apart = np.linalg.norm(_axes(self.lat_deg, self.lon_deg) - _axes(lat_deg, lon_deg))
+        return 2 * math.asin(min(1.0, float(apart) / math.sqrt(8)))
+
     def shifted(self, east_m: float, north_m: float) -> LocalFrame:
         """Return the frame whose origin lies east and north of this one, at the same altitude."""
         lat, lon, _ = self.lla([east_m, north_m, 0.0])
@@ -70,3 +75,16 @@ class LocalFrame:
         lat = np.deg2rad(self.lat_deg) + enu[..., 1] / (EARTH_RADIUS_M + alt)
         lon = np.deg2rad(self.lon_deg) + enu[..., 0] / ((EARTH_RADIUS_M + alt) * np.cos(lat))
         return np.stack([np.rad2deg(lat), np.rad2deg(lon), alt], axis=-1)
+
+
+def _axes(lat_deg: float, lon_deg: float) -> Floats:
+    """Return east, north, up (rows) of a place in the axes of the Earth."""
+    lat, lon = math.radians(lat_deg), math.radians(lon_deg)
+    sin_lat, cos_lat, sin_lon, cos_lon = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
+    return np.array(
+        [
+            [-sin_lon, cos_lon, 0.0],
+            [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
+            [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
+        ]
+    )

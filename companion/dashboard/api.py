@@ -46,7 +46,9 @@ class Origin(BaseModel):
 class Status(BaseModel):
     """State of the flight; null where unknown."""
 
-    phase: str | None = Field(description="idle, survey, approach, descend, final, landed, climb or hold.")
+    phase: str | None = Field(
+        description="idle, survey, approach, descend, final, landed, climb, hold or failsafe."
+    )
     mode: str | None = Field(description="The autopilot's flight mode.")
     connected: bool
     armed: bool

@@ -99,6 +99,11 @@ class Board:
         """Show a text."""
         self.texts.append(Text(next(self._numbers), time.time(), severity, text))
 
+    def leave_path(self) -> None:
+        """Forget the path: it is of another map frame."""
+        self.path = []
+        self.path_number += 1
+
     def fly(self, enu_m: tuple[float, float, float]) -> None:
         """Lengthen the path, unless it ends there."""
         if self.path and self.path[-1] == enu_m:

@@ -1,15 +1,17 @@
-"""One connection: how long a request may take, and how many connections there may be."""
+"""One connection: how long a request may take, and whether there is room for it."""
 
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from companion.dashboard.crowd import make_room
+from companion.dashboard.incidents import CROWDED_OUT, Incidents
+
 LOOK_S = 5.0  # a connection on which nothing is asked for is let go at the second look
 MOST_LOOKS = 6  # so many looks may find the same request unanswered
-MOST_CONNECTIONS = 256  # the landing needs files and sockets of the same process, too
-MOST_OF_ONE_HOST = 128
 
 
 class Connection(H11Protocol):
@@ -17,21 +19,36 @@ class Connection(H11Protocol):
 
     Whoever sends a head or a body byte by byte, or takes an answer so, would hold a connection without
     a token.
+
+    Attributes
+    ----------
+    made_s
+        When it was made, on the loop's clock.
     """
 
+    made_s = 0.0
     _looking: asyncio.TimerHandle | None = None
     _looks = 0
     _looked_at: tuple[object, bool] = (None, False)
 
+    def __init__(self, *args: Any, incidents: Incidents, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self._incidents = incidents
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is being answered."""
+        return self.cycle is None or self.cycle.response_complete
+
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a connection, or refuse one too many."""
+        """Take a connection; where there are too many, end another one or this."""
         super().connection_made(transport)
-        host = _host(self)
-        of_host = sum(_host(other) == host for other in self.connections)
-        if len(self.connections) > MOST_CONNECTIONS or of_host > MOST_OF_ONE_HOST:
-            transport.abort()
-            return
-        self._looking = self.loop.call_later(LOOK_S, self._look)
+        self.made_s = self.loop.time()
+        ended = make_room(self, self.connections)
+        if ended is not None:
+            self._incidents.count(CROWDED_OUT, ended)
+        if not transport.is_closing():
+            self._looking = self.loop.call_later(LOOK_S, self._look)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Look no more."""
@@ -40,17 +57,12 @@ class Connection(H11Protocol):
         super().connection_lost(exc)
 
     def _look(self) -> None:
-        if self.transport.is_closing() or self.transport.get_protocol() is not self:
-            return  # it ended, or is a browser's channel now
-        idle = self.cycle is None or self.cycle.response_complete
-        same = self._looked_at[0] is self.cycle and self._looked_at[1] is idle
-        self._looks, self._looked_at = self._looks + 1 if same else 1, (self.cycle, idle)
-        if self._looks >= (2 if idle else MOST_LOOKS):
-            self.transport.abort()
+        if self.transport.get_protocol() is not self:
+            return  # it is a browser's channel now
+        state = self.cycle, self.is_idle
+        same = self._looked_at[0] is state[0] and self._looked_at[1] is state[1]
+        self._looks, self._looked_at = self._looks + 1 if same else 1, state
+        if self._looks >= (2 if self.is_idle else MOST_LOOKS):
+            self.transport.abort()  # even if it is closing: the other end may take the last answer never
             return
         self._looking = self.loop.call_later(LOOK_S, self._look)
-
-
-def _host(connection: object) -> str | None:
-    client = getattr(connection, "client", None)
-    return client[0] if client else None

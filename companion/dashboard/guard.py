@@ -1,4 +1,4 @@
-"""Stands before every route: refuses what does not come from this page, or without a token."""
+"""Guard before every route: refuses what does not come from this page, or without a token."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from starlette.datastructures import Headers
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from companion.dashboard.access import COOKIE, Access
+from companion.dashboard.access import COOKIE, Role
+from companion.dashboard.door import Door
+from companion.dashboard.throttle import LONGEST_S, TooManyGuessesError
 
 log = logging.getLogger(__name__)
 
 ROLE = "slz_role"
 OPEN = frozenset({"/login", "/static/login.js", "/static/style.css"})  # what needs no token
 MOST_BODY_BYTES = 1024
+WAIT = "too many wrong tokens came from this address: wait some seconds and try again"
 SAFE_METHODS = frozenset({"GET", "HEAD"})
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'"
@@ -30,26 +33,35 @@ HEADERS = {
 class Guard:
     """ASGI layer that lets a request through with its role in the scope."""
 
-    def __init__(self, app: ASGIApp, access: Access) -> None:
-        self._app, self._access = app, access
+    def __init__(self, app: ASGIApp, door: Door) -> None:
+        self._app, self._door = app, door
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         channel = scope["type"] == "websocket"
         acts = channel or scope["method"] not in SAFE_METHODS
-        why = self._access.refuses(headers, acts=acts)
-        role = self._access.role(token_of(headers))
-        if why:
-            await self._refuse(scope, receive, send, PlainTextResponse(why, 403))
-        elif role is None and scope["path"] not in OPEN:
-            page = scope["path"] == "/"
-            answer = RedirectResponse("/login", 303) if page else PlainTextResponse("a token is needed", 401)
-            await self._refuse(scope, receive, send, answer)
-        elif not _is_short(headers.get("content-length") or "0"):
-            await self._refuse(scope, receive, send, PlainTextResponse("too long", 413))
+        why = self._door.access.refuses(headers, acts=acts)
+        found = PlainTextResponse(why, 403) if why else await self._judge(scope, headers)
+        if isinstance(found, Response):
+            await self._refuse(scope, receive, send, found)
         else:
-            scope[ROLE] = role
+            scope[ROLE] = found
             await self._app(scope, receive, send if channel else _with_headers(send))
+
+    async def _judge(self, scope: Scope, headers: Headers) -> Role | Response | None:
+        """Return the role of a request, or why it is refused."""
+        is_open, role = scope["path"] in OPEN, None
+        if not is_open:
+            try:
+                role = await self._door.role(address_of(scope), token_of(headers))
+            except TooManyGuessesError:
+                return PlainTextResponse(WAIT, 429, {"retry-after": f"{LONGEST_S:.0f}"})
+        if role is None and not is_open:
+            page = scope["path"] == "/"
+            return RedirectResponse("/login", 303) if page else PlainTextResponse("a token is needed", 401)
+        if not _is_short(headers.get("content-length") or "0"):
+            return PlainTextResponse("too long", 413)
+        return role
 
     @staticmethod
     async def _refuse(scope: Scope, receive: Receive, send: Send, answer: Response) -> None:
@@ -57,6 +69,12 @@ class Guard:
             await send({"type": "websocket.close", "code": 1008})  # before accepting: HTTP 403
         else:
             await answer(scope, receive, _with_headers(send))
+
+
+def address_of(scope: Scope) -> str:
+    """Return the address of a request's sender, empty where it is unknown."""
+    client = scope.get("client")
+    return str(client[0]) if client else ""
 
 
 def token_of(headers: Headers) -> str | None:

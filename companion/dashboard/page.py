@@ -17,6 +17,7 @@ from companion.dashboard.access import Access, read_tokens
 from companion.dashboard.address import bound, listen, parse_address
 from companion.dashboard.board import Board
 from companion.dashboard.desk import Desk, FlightDesk
+from companion.dashboard.door import Door
 from companion.dashboard.orders import Command
 from companion.dashboard.server import Server
 from companion.dashboard.site import ANSWER_S, Site
@@ -58,7 +59,7 @@ class Front:
         Access(wanted, known)  # refuse before the port is opened
         self.socket = listen(wanted)
         self.address = bound(self.socket)
-        self.access = Access(self.address, known)
+        self.door = Door(Access(self.address, known))
 
     def close(self) -> None:
         """Free the port."""
@@ -73,7 +74,7 @@ def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Serv
         asked = carry_out_in_time(desk, order, time.monotonic() + ANSWER_S)
         return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(asked, loop))
 
-    server = Server(lambda: Site(board, front.access, carry_out, about), front.socket)
+    server = Server(lambda: Site(board, front.door, carry_out, about), front.socket)
     server.start()
     return server
 

@@ -12,8 +12,9 @@ from starlette.types import ASGIApp
 from companion.dashboard import api
 from companion.dashboard.access import COOKIE, Role
 from companion.dashboard.alarms import standing
-from companion.dashboard.guard import MOST_BODY_BYTES, ROLE, Guard
+from companion.dashboard.guard import MOST_BODY_BYTES, ROLE, Guard, address_of
 from companion.dashboard.site import Site
+from companion.dashboard.throttle import TooManyGuessesError
 from companion.dashboard.viewer import Viewer
 
 MOST_VIEWERS = 16
@@ -54,7 +55,11 @@ def make_app(site: Site) -> ASGIApp:
     @app.post("/login", include_in_schema=False)
     async def log_in(request: Request) -> Response:
         given = parse_qs((await _body(request)).decode("ascii", "replace")).get("token", [""])[0].strip()
-        if site.access.role(given) is None:
+        try:
+            role = await site.door.role(address_of(request.scope), given)
+        except TooManyGuessesError:
+            return RedirectResponse("/login?wait", 303)
+        if role is None:
             return RedirectResponse("/login?refused", 303)
         answer = RedirectResponse("/", 303)
         answer.set_cookie(COOKIE, given, max_age=86_400, httponly=True, samesite="strict")
@@ -102,7 +107,7 @@ def make_app(site: Site) -> ASGIApp:
         finally:
             site.board.viewers -= 1
 
-    return Guard(app, site.access)
+    return Guard(app, site.door)
 
 
 async def _body(request: Request) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 import socket
 import threading
@@ -81,7 +82,8 @@ class Server:
             timeout_keep_alive=10,
             timeout_graceful_shutdown=1,
             server_header=False,
-            http=Connection,
+            proxy_headers=False,  # whoever is on this computer could write any address into them
+            http=functools.partial(Connection, incidents=site.door.incidents),  # type: ignore[arg-type]
         )
         server = self._uvicorn = uvicorn.Server(config)
         server.should_exit = self._stopping

@@ -12,10 +12,10 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from companion.dashboard.access import Access
 from companion.dashboard.alarms import standing
 from companion.dashboard.atlas import LEVELS, Atlas
 from companion.dashboard.board import Board
+from companion.dashboard.door import Door
 from companion.dashboard.orders import Command, Facts
 from companion.dashboard.picture import Picture
 from companion.landing.situation import Reply
@@ -39,7 +39,7 @@ class Site:
     ----------
     board
         Written by the companion.
-    access
+    door
         Who may do what.
     carry_out
         Hands an order to the companion and waits for the answer.
@@ -60,11 +60,11 @@ class Site:
     def __init__(
         self,
         board: Board,
-        access: Access,
+        door: Door,
         carry_out: Callable[[Command], Awaitable[Reply]],
         about: dict[str, Any],
     ) -> None:
-        self.board, self.access, self.about = board, access, about
+        self.board, self.door, self.about = board, door, about
         self.atlas = Atlas()
         self.serving = secrets.token_hex(8)
         self.tick = 0
@@ -91,6 +91,7 @@ class Site:
             while True:
                 await self.give_way()
                 self.refresh()
+                self.door.incidents.report()
                 await asyncio.sleep(TICK_S)
 
     def refresh(self) -> None:

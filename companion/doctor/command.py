@@ -16,10 +16,15 @@ _STYLE = {"ok": "green", "warn": "yellow", "fail": "bold red", "skipped": "dim"}
 
 
 def examine(
-    mavlink_url: str, lidar_url: str, parameters: Parameters, seconds: float, signing: Signing | None = None
+    mavlink_url: str,
+    lidar_url: str,
+    parameters: Parameters,
+    seconds: float,
+    signing: Signing | None = None,
+    system: int | None = None,
 ) -> list[Finding]:
     """Listen for so many seconds and return the findings; raises UsageError for a URL that is none."""
-    return asyncio.run(Examination(mavlink_url, lidar_url, parameters, seconds, signing).run())
+    return asyncio.run(Examination(mavlink_url, lidar_url, parameters, seconds, signing, system).run())
 
 
 def document(findings: list[Finding]) -> dict[str, Any]:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import now_ns
 from companion.doctor.finding import Finding
 from companion.doctor.lidar_check import lidar_findings
 from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import machine_findings
-from companion.doctor.parameter_check import ParameterReader, parameter_findings
+from companion.doctor.neighbour_check import neighbour_findings
+from companion.doctor.parameter_check import parameter_findings
+from companion.doctor.version_check import Version, version_finding
 from companion.link.link import Link
+from companion.link.parameter_reader import ParameterReader
 from companion.link.signing import Signing
-from companion.link.streams import wanted
+from companion.link.streams import expected
+from companion.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.sensors.driver import Lidar, open_lidar
 from params import Parameters, required
 
@@ -23,7 +30,9 @@ log = logging.getLogger(__name__)
 STEP_S = 0.02
 TIMER_S = 0.01
 SETTLE_S = 2.0
+IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat comes within a second
 PARAMETERS_S = 20.0
+VERSION_TRIES, VERSION_S = 3, 0.3
 
 
 @dataclass(slots=True)
@@ -38,6 +47,8 @@ class Examination:
         How long to listen.
     signing
         Of a link that is signed.
+    system
+        The vehicle's MAVLink system; None: the only aircraft heard.
 
     Raises
     ------
@@ -50,11 +61,13 @@ class Examination:
     parameters: Parameters
     seconds: float = 10.0
     signing: Signing | None = None
+    system: int | None = None
     late_ms: list[float] = field(default_factory=list)
 
     async def run(self) -> list[Finding]:
         """Return all findings; open nothing that stays open."""
-        link = Link(self.mavlink_url, self.parameters, self.signing)
+        identity = VehicleIdentity(self.system, LISTEN_NS)
+        link = Link(self.mavlink_url, self.parameters, self.signing, identity, alone=False)
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
         begun_ns = now_ns()
         log.info("listening for %g s", self.seconds)
@@ -65,9 +78,11 @@ class Examination:
                     group.create_task(lidar.run(), name="lidar"),
                     group.create_task(self._watch_timer(), name="timer"),
                 ]
+                await self._identify(link)
                 await asyncio.sleep(self.seconds)
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
-                findings = [*self._link(link), *findings, *await self._parameters(link)]
+                firmware = version_finding(link.vehicle.autopilot, await self._version(link))
+                findings = [*self._link(link), firmware, *findings, *await self._parameters(link)]
                 await link.close()
                 for part in parts[1:]:
                     part.cancel()
@@ -78,12 +93,31 @@ class Examination:
         return [*findings, *machine_findings(self.parameters, self.late_ms)]
 
     def _link(self, link: Link) -> list[Finding]:
-        streams = wanted(link.vehicle.autopilot, self.parameters.pose_rate_hz)
-        return link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)
+        streams = expected(link.vehicle.autopilot, self.parameters.pose_rate_hz)
+        others = neighbour_findings(link.identity)
+        if others and link.vehicle.sysid is None:
+            return others
+        return [*others, *link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)]
 
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()
         return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
+
+    async def _version(self, link: Link) -> Version | None:
+        told: list[Version] = []
+        forget = link.subscribe(
+            "AUTOPILOT_VERSION", lambda message, _: told.append(Version.unpack(message.flight_sw_version))
+        )
+        wanted = float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        try:
+            for _ in range(VERSION_TRIES):  # its command may be answered, and the message lost
+                await link.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted, timeout_s=0.7, tries=2)
+                await asyncio.sleep(VERSION_S)
+                if told:
+                    break
+        finally:
+            forget()
+        return told[-1] if told else None
 
     async def _parameters(self, link: Link) -> list[Finding]:
         vehicle = link.vehicle
@@ -91,7 +125,8 @@ class Examination:
         if vehicle.sysid is None:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
         reader = ParameterReader(rows, vehicle.autopilot)
-        forget = link.subscribe("PARAM_VALUE", lambda message, _: reader.take(message))
+        names = ("PARAM_VALUE", "PARAM_ERROR")
+        forget = [link.subscribe(name, lambda message, _: reader.take(message)) for name in names]
         try:
             async with asyncio.timeout(PARAMETERS_S):
                 while not reader.done:
@@ -101,8 +136,17 @@ class Examination:
         except TimeoutError:
             pass  # what has not come is a finding
         finally:
-            forget()
-        return parameter_findings(rows, reader.values)
+            for unsubscribe in forget:
+                unsubscribe()
+        return parameter_findings(rows, reader.values, reader.absent)
+
+    async def _identify(self, link: Link) -> None:
+        """Wait until the vehicle is connected, which takes the time to listen for others; no longer."""
+        connected = asyncio.Event()
+        forget = link.on_connection.subscribe(lambda _: connected.set())
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(connected.wait(), IDENTIFY_S)
+        forget()
 
     async def _watch_timer(self) -> None:
         await asyncio.sleep(min(SETTLE_S, self.seconds / 2))

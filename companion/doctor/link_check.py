@@ -13,12 +13,14 @@ RESIDUAL_MS = 3.0
 LOSS = 0.01
 # A stream that arrives at less than this share of its rate is slow.
 SHARE = 0.8
+# Rates are of two seconds, in which one message more or less is chance.
+CHANCE_HZ = 0.5
 
 
 def link_findings(
     url: str, vehicle: VehicleState, statistics: LinkStatistics, streams: tuple[Stream, ...]
 ) -> list[Finding]:
-    """Judge what was heard; `streams` is what was asked for."""
+    """Judge what was heard; `streams` is what should arrive."""
     if vehicle.sysid is None:
         return [_silence(url, statistics)]
     known = vehicle.autopilot in ("ardupilot", "px4")
@@ -31,7 +33,7 @@ def link_findings(
             "ArduPilot or PX4",
             "connect a vehicle with ArduCopter or PX4",
         ),
-        *(_rate(stream, statistics.rates_hz.get(stream.name, 0.0)) for stream in streams),
+        *(_stream(stream, statistics) for stream in streams),
         _losses(statistics),
         *_clock(statistics),
     ]
@@ -53,22 +55,32 @@ def _silence(url: str, statistics: LinkStatistics) -> Finding:
     return Finding("autopilot", "fail", f"no heartbeat at {url}", "a heartbeat a second", remedy)
 
 
+def _stream(stream: Stream, statistics: LinkStatistics) -> Finding:
+    rate_hz = statistics.rates_hz.get(stream.name, 0.0)
+    if stream.name in statistics.refused or (rate_hz == 0.0 and not stream.needed):
+        return Finding(f"rate of {stream.name}", "skipped", "this autopilot does not send it")
+    return _rate(stream, rate_hz)
+
+
 def _rate(stream: Stream, rate_hz: float) -> Finding:
     needed = stream.rate_hz >= 10.0 or stream.name in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+    arrives_hz = stream.arrives_hz
+    less = _LESS if stream.needed else "what it tells (mode, estimator, sticks, fence) is seen late"
     return judged(
         f"rate of {stream.name}",
-        rate_hz >= SHARE * stream.rate_hz,
+        rate_hz >= min(SHARE * arrives_hz, arrives_hz - CHANCE_HZ),
         f"{rate_hz:.1f} Hz",
-        f"{stream.rate_hz:g} Hz",
-        "use a faster port (921600 baud), or send less to others on it"
-        if needed
-        else "without it the reaction to a low battery or a moved home is missing",
+        f"{arrives_hz:g} Hz",
+        "use a faster port (921600 baud), or send less to others on it" if needed else less,
         otherwise="fail" if needed else "warn",
     )
 
 
+_LESS = "without it the reaction to a low battery, a moved home or the first fix is missing"
+
+
 def _losses(statistics: LinkStatistics) -> Finding:
-    whole = statistics.received + statistics.lost
+    whole = statistics.from_vehicle + statistics.lost
     share = statistics.lost / whole if whole else 0.0
     return judged(
         "frames lost",

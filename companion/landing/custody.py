@@ -33,6 +33,11 @@ class Custody:
         """Note that the landing mode is to be left now."""
         self._lands = False
 
+    def adopt_landing(self, s: Situation) -> None:
+        """Take the landing mode that the vehicle is in as ours: a companion before this one asked for it."""
+        self.asks_to_land(s)
+        self._lands = self._shown = True
+
     def given_up(self) -> None:
         """Forget what was asked for."""
         self._land_ns, self._leaving, self._lands = None, None, False

@@ -6,6 +6,7 @@ before the operator handed over, and nothing after the mode changed under it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from companion.landing.aim import Aim, same_place
 from companion.landing.choice import choose, look_at, soonest
 from companion.landing.custody import Custody
 from companion.landing.guidance import level, towards
+from companion.landing.hand_over import HandOver
+from companion.landing.presumptions import Breach, Presumption, Presumptions, Reaction, Stage
 from companion.landing.route import Route, Way
 from companion.landing.situation import (
     FLYING,
@@ -41,6 +44,9 @@ STUCK_NS = 60 * SECOND  # longer than the way should take
 CALL_AGAIN_NS = 30 * SECOND  # with a low battery and no zone
 LANDING_MS = 0.5  # the slowest that autopilots sink at the end of a landing
 RECHARGED_PCT = 10.0
+OVER_NS = 3 * SECOND  # so long without it a failsafe is over
+BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which tells of a failsafe, comes each second
+RESUMED_NS = 8 * SECOND  # a landing taken up again may sink so long before its point must be seen safe
 
 STOPPED = np.zeros(3)
 
@@ -70,6 +76,14 @@ class Executive:
         self.tally = Tally()
         self.turns = 0
         self._custody = Custody()
+        self._presumed = Presumptions()
+        self._hand_over_seen = HandOver()
+        self._asked_up_ms: float | None = None
+        self._taken: tuple[str, int] | None = None  # the mode set by another, and when
+        self._mode_told = ""  # the mode of the failsafe as last told
+        self._calm_since_ns: int | None = None  # without failsafe
+        self._resumed_until_ns = 0
+        self._disarmed = False  # since the last landing
         self._since_ns = 0
         self._steady_since_ns: int | None = None
         self._wish: Wish | None = None
@@ -121,6 +135,8 @@ class Executive:
         refusal = _not_flying(situation)
         if refusal is not None:
             return refusal
+        if situation.estimate_lost:
+            return Reply(False, f"{situation.estimate_lost} lost: fly by hand")
         self._custody.asks_to_leave(situation)
         return self._start(situation, Wish(urgent=True))
 
@@ -159,6 +175,8 @@ class Executive:
             return Reply(False, "descending: abort first")
         if not s.guided:
             return Reply(False, "set GUIDED first")
+        if s.estimate_lost:
+            return Reply(False, f"{s.estimate_lost} lost: fly by hand")
         return self._start(s, wish)
 
     def _start(self, s: Situation, wish: Wish) -> Reply:
@@ -175,7 +193,10 @@ class Executive:
         """Return the orders of this moment (call it at 10 Hz or faster)."""
         self._follow_jumps(s)
         self._aim.measure(s.position_enu_m, s.selected)
+        self._hand_over_seen.follow(s)
         orders = self._act(s)
+        velocity = orders.velocity_enu_ms
+        self._asked_up_ms = None if velocity is None else float(velocity[2])
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             orders = replace(orders, mode=None)
         if orders.mode == "land":
@@ -192,6 +213,17 @@ class Executive:
         """The point (3,) that is flown to, on the ground as last measured; None while none is."""
         on_the_way = self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         return self._aim.on_ground_enu_m if on_the_way and self._aim.enu_m is not None else None
+
+    def carry(self, moved: Callable[[Vector], Vector]) -> None:
+        """Carry what is remembered into another map frame, in which `moved` gives the place of a point."""
+        self._last = None
+        asked = self._asked if self._pending_select is None else self._pending_select
+        if asked is not None:
+            self._asked = self._pending_select = moved(asked)
+        if self.tally.chosen_enu_m is not None:
+            self.tally.chosen_enu_m = moved(self.tally.chosen_enu_m)
+        if self._aim.enu_m is not None:
+            self._aim.take(moved(self._aim.on_ground_enu_m))
 
     def is_watching(self, situation: Situation, enu_m: Vector) -> bool:
         """Tell whether this is the point under watch: the one asked for last, and judged by now."""
@@ -211,11 +243,20 @@ class Executive:
 
     def _act(self, s: Situation) -> Orders:
         self._heed_battery(s)
+        if (blamed := self._blame_failsafe(s)) is not None:
+            return blamed
         if self.phase in FLYING:
-            if s.connected and (not s.armed or (s.on_ground is True and self.phase is Phase.FINAL)):
-                return self._finish(s)
-            if s.connected and self._custody.lost(s):
-                return self._hands_off(s)
+            breach = self._presumed.breach(
+                self._stage,
+                s,
+                self._aim,
+                self._custody,
+                asked_up_ms=self._asked_up_ms,
+                off_point_m=self._p.off_point_m,
+            )
+            reacted = None if breach is None else self._react(breach, s)
+            if reacted is not None:
+                return reacted
             if s.position_enu_m is None or s.velocity_enu_ms is None:
                 return self._without_pose(s)
             if self.phase not in (Phase.FINAL, Phase.CLIMB, Phase.HOLD) and self._custody.lands_for_us(s):
@@ -233,18 +274,124 @@ class Executive:
                 return self._final(s)
             case Phase.CLIMB | Phase.HOLD:
                 return self._climb(s)
+            case Phase.FAILSAFE:
+                return self._in_failsafe(s)
 
-    def _hands_off(self, s: Situation) -> Orders:
-        self._say(Severity.WARNING, f"pilot set {s.mode}: hands off")
+    @property
+    def _stage(self) -> Stage:
+        low = self._aim.height_left_m <= self._p.commit_height_m
+        return Stage.COMMITTED if self.phase is Phase.FINAL and low else Stage(self.phase.value)
+
+    def _react(self, breach: Breach, s: Situation) -> Orders | None:
+        """Carry out the reaction to a presumption that does not hold; None where the phase goes on."""
+        match breach.reaction:
+            case Reaction.ENDS:
+                return self._finish(s)
+            case Reaction.HANDS_OFF:
+                return self._hands_off(breach, s)
+            case Reaction.STAND_BACK:
+                return self._stand_back(breach, s)
+            case Reaction.BREAK_OFF if breach.presumption is not Presumption.POSITION:
+                return self._break_off(s, breach.what)
+            case Reaction.CALL:
+                self._say(Severity.CRITICAL, f"{breach.what}: take over")
+            case Reaction.TELL if breach.presumption is Presumption.GPS:
+                self._say(Severity.CRITICAL, "GPS lost: the estimate drifts, be ready")
+            case Reaction.TELL:
+                cause = f" ({breach.what})" if breach.what else ""
+                self._say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")
+        return None
+
+    def _hands_off(self, breach: Breach, s: Situation) -> Orders:
+        if breach.presumption is Presumption.STICKS:
+            text = f"pilot moves the sticks in {s.mode}: hands off"
+        else:
+            text = f"pilot set {s.mode}: hands off" if s.switched else f"{s.mode} set, not by SLZ: hands off"
+        self._say(Severity.WARNING, text)
         self.tally.hands_off += 1
         self._rest(Phase.IDLE, s)
+        self._taken = (s.mode, s.now_ns) if breach.presumption is Presumption.MODE else None
         return Orders()
 
-    def _finish(self, s: Situation) -> Orders:
-        landed = self.phase is Phase.FINAL
-        self._say(Severity.NOTICE, "landed" if landed else "disarmed")
-        self._rest(Phase.LANDED if landed else Phase.IDLE, s)
+    def _blame_failsafe(self, s: Situation) -> Orders | None:
+        """Stand back where a failsafe, reported only now, explains the mode taken away a moment ago."""
+        if self._taken is None or self.phase is not Phase.IDLE:
+            return None
+        mode, taken_ns = self._taken
+        if s.mode != mode or s.now_ns - taken_ns > BLAMED_NS:
+            self._taken = None
+        elif s.failsafe or s.breached or s.estimate_lost:
+            self.tally.hands_off -= 1
+            return self._stand_back(Breach(Presumption.MODE, Reaction.STAND_BACK, mode), s)
+        return None
+
+    # ---- the autopilot's failsafe ---------------------------------------------------------------
+
+    def _stand_back(self, breach: Breach, s: Situation) -> Orders:
+        """Command nothing more: the autopilot flies by its own failsafe, or without an estimate."""
+        self._taken = None
+        cause = breach.what if breach.presumption is Presumption.ESTIMATE else s.cause
+        self._say(Severity.CRITICAL, f"failsafe{f' ({cause})' if cause else ''}: {s.mode} flies, take over")
+        self.tally.failsafes.append(cause or "failsafe")
+        self._hand_over_seen.withdraw()
+        self._mode_told, self._calm_since_ns = s.mode, None
+        self._rest(Phase.FAILSAFE, s)
         return Orders()
+
+    def _in_failsafe(self, s: Situation) -> Orders:
+        """Wait for its end and tell which mode flies; then a new hand-over is needed."""
+        if s.connected and (not s.armed or s.on_ground is True):
+            self._say(Severity.WARNING, "on the ground by the autopilot's failsafe")
+            self._rest(Phase.IDLE, s)
+            return Orders()
+        if s.mode != self._mode_told:
+            self._mode_told = s.mode
+            self._say(Severity.CRITICAL, f"failsafe: {s.mode} flies, take over")
+        if s.failsafe or s.breached or s.estimate_lost or not s.connected:
+            self._calm_since_ns = None
+        elif self._calm_since_ns is None:
+            self._calm_since_ns = s.now_ns
+        elif s.now_ns - self._calm_since_ns > OVER_NS:
+            self._say(Severity.WARNING, f"failsafe over, {s.mode} flies: hand over again")
+            self._rest(Phase.IDLE, s)
+        return Orders()
+
+    # ---- a companion that was started again in flight -------------------------------------------
+
+    def resume_landing(self, s: Situation, enu_m: Vector) -> None:
+        """Watch the autopilot's landing at a point again, as a companion before this one did."""
+        self._aim.take(enu_m)
+        self._aim.measure(s.position_enu_m, s.selected)
+        self.tally.chosen_enu_m = self._pending_select = self._aim.enu_m
+        self._route.begin(_known(s.position_enu_m), s.height_above_home_m, -np.inf)
+        self._custody.adopt_landing(s)
+        self._say(Severity.WARNING, f"restarted in {s.mode}: watching the landing again")
+        self._go(Phase.FINAL, s)
+        self._resumed_until_ns = s.now_ns + RESUMED_NS
+
+    def tell_restart(self, s: Situation, how: str) -> None:
+        """Say that it was started in flight (`how`), and what becomes of that."""
+        if s.landing:
+            self._say(Severity.CRITICAL, f"{how} in {s.mode}: landing not watched, take over")
+        elif self._auto and s.guided and self._hand_over_seen.given:
+            self._say(Severity.WARNING, f"{how} in flight: going on")
+        else:
+            self._say(Severity.WARNING, f"{how} in flight, {s.mode}: hand over again")
+
+    def _finish(self, s: Situation) -> Orders:
+        if self.phase is not Phase.FINAL:
+            self._say(Severity.NOTICE, "disarmed")
+            self._rest(Phase.IDLE, s)
+            return Orders()
+        off_m = self._aim.away_m
+        self.tally.off_point_m = off_m if np.isfinite(off_m) else None
+        if off_m > self._p.off_point_m:
+            self._say(Severity.WARNING, f"landed {off_m:.1f} m off the point")
+        else:
+            self._say(Severity.NOTICE, f"landed, {off_m:.2f} m off the point")
+        self._rest(Phase.LANDED, s)
+        self._disarmed = False
+        return self._wait(s)
 
     def _rest(self, phase: Phase, s: Situation) -> None:
         self._wish = None
@@ -254,9 +401,18 @@ class Executive:
     # ---- phases ---------------------------------------------------------------------------------
 
     def _wait(self, s: Situation) -> Orders:
-        """In auto mode start when the vehicle has been airborne, guided and level for two seconds."""
+        """In auto mode start when the vehicle has been airborne, guided and level for two seconds.
+
+        After a landing the target is streamed until the vehicle is armed again: ArduPilot calls the end of
+        the stream "PrecLand: Target Lost" at CRITICAL, disarmed or not, which a pilot takes for a fault.
+        """
+        if self.phase is Phase.LANDED and self._rests(s):
+            return Orders(target_enu_m=self._aim.on_ground_enu_m)
         steady = (
             self._auto
+            and s.fit
+            and self._hand_over_seen.given
+            and not s.estimate_lost
             and s.connected
             and s.armed
             and s.guided
@@ -275,6 +431,11 @@ class Executive:
             self._wish = Wish(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
+
+    def _rests(self, s: Situation) -> bool:
+        """Tell whether it has stood where it landed since then, and was not armed again."""
+        self._disarmed = self._disarmed or (s.connected and not s.armed)
+        return s.on_ground is True and not (s.armed and self._disarmed)
 
     def _start_survey(self, s: Situation) -> None:
         if s.position_enu_m is None:
@@ -393,7 +554,11 @@ class Executive:
         """Watch the autopilot land; break off when the point turns unsafe, as long as it can be seen."""
         late = s.now_ns > self._late_ns
         if not self._committed:
-            reason = self._why_not(s) or ("does not land" if late else None)
+            unseen = (
+                s.now_ns < self._resumed_until_ns and self._aim.judgement(s.selected) is PointState.UNKNOWN
+            )
+            reason = None if unseen else self._why_not(s)
+            reason = reason or ("does not land" if late else None)
             if reason:
                 return self._break_off(s, reason)
         elif late:
@@ -411,7 +576,7 @@ class Executive:
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
         position = _known(s.position_enu_m)
-        if s.lidar_ok or self._lost == "position":
+        if s.lidar_ok or self._lost == "position lost":
             self._lost_since_ns = None
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         left_m = self._route.height_m - float(position[2])
@@ -440,7 +605,7 @@ class Executive:
 
     def _without_lidar(self, s: Situation) -> Orders:
         """Stop; after ten seconds tell the operator to take over."""
-        self._waits_for("LiDAR", s)
+        self._waits_for(s.blind, s)
         return Orders(velocity_enu_ms=STOPPED)
 
     def _without_pose(self, s: Situation) -> Orders:
@@ -451,7 +616,7 @@ class Executive:
             return self._take_over(s)
         if self.phase in (Phase.DESCEND, Phase.FINAL):
             self._break_off(s, "position lost")
-        self._waits_for("position", s)
+        self._waits_for("position lost", s)
         return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
     def _leave_landing(self, s: Situation) -> Orders:
@@ -498,9 +663,10 @@ class Executive:
         self._safe_since_ns = None
         if self._lost_since_ns is None or self._lost != what:
             self._lost, self._lost_since_ns = what, s.now_ns
-            self._say(Severity.WARNING, f"{what} lost: holding")
+            self._say(Severity.WARNING, f"{what}: holding")
         elif s.now_ns - self._lost_since_ns > LOST_NS and self.phase is not Phase.HOLD:
-            self._say(Severity.CRITICAL, f"{what} still lost: take over")
+            thing, _, state = what.partition(" ")
+            self._say(Severity.CRITICAL, f"{thing} still {state}: take over")
             self._go(Phase.HOLD, s)
 
     def _heed_battery(self, s: Situation) -> None:
@@ -558,7 +724,7 @@ class Executive:
     def _why_not(self, s: Situation) -> str | None:
         """Return why the descent must not go on, or None."""
         if not s.lidar_ok:
-            return "LiDAR lost"
+            return s.blind
         judged = self._aim.judgement(s.selected)
         return None if judged is PointState.SAFE else f"point {judged.value}"
 

@@ -25,6 +25,7 @@ class Phase(Enum):
     LANDED = "landed"
     CLIMB = "climb"
     HOLD = "hold"
+    FAILSAFE = "failsafe"  # the autopilot flies by itself, or its estimate is lost: nothing is commanded
 
 
 FLYING = frozenset({Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL, Phase.CLIMB, Phase.HOLD})
@@ -44,10 +45,16 @@ class Situation:
     """What is known now. Positions and velocities are east, north, up of the map frame.
 
     guided, landing: the autopilot's mode is the one that obeys us, or its landing mode. on_ground: None when
-    the autopilot does not say. lidar_ok: scans arrive and are placed. report: the newest one, or None.
-    battery_pct: charge left, None when the autopilot does not say. blocked: something stands in the way that
-    the last velocity led. heard: the mode is known to be this one, by a heartbeat a moment ago.
-    epoch: another one after each jump of the position estimate.
+    the autopilot does not say. lidar_ok: scans arrive and are placed; blind: what is wrong if they are not.
+    report: the newest one, or None. battery_pct: charge left, None when the autopilot does not say. blocked:
+    something stands in the way that the last velocity led. heard: the mode is known to be this one, by a
+    heartbeat a moment ago. epoch: another one after each jump of the position estimate.
+
+    failsafe: the autopilot says that it is in one. breached: outside its fence. estimate_lost: what its
+    estimator had and has lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: what the
+    failsafe is about. alarm, alarm_ns: the autopilot's newest text of severity WARNING or worse.
+    sticks_us: the pilot's roll and pitch stick, None where none are seen. switched: the pilot's transmitter
+    moved a switch within the last seconds. fit: the autopilot is known to be set up for a landing.
     """
 
     now_ns: int
@@ -67,6 +74,17 @@ class Situation:
     blocked: bool = False
     heard: bool = True
     epoch: int = 0
+    blind: str = "LiDAR lost"
+    failsafe: bool = False
+    breached: bool = False
+    estimate_lost: str = ""
+    gps_lost: bool = False
+    cause: str = ""
+    alarm: str = ""
+    alarm_ns: int = 0
+    sticks_us: tuple[int, int] | None = None
+    switched: bool = False
+    fit: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +113,16 @@ class Reply:
 
 @dataclass(slots=True)
 class Tally:
-    """What happened so far, for the summary."""
+    """What happened so far, for the summary.
+
+    failsafes: why it stood back from each. off_point_m: distance to the point at touchdown, None before.
+    """
 
     aborts: int = 0
     abort_reasons: list[str] = field(default_factory=list)
     hands_off: int = 0
+    failsafes: list[str] = field(default_factory=list)
+    off_point_m: float | None = None
     zone_id: int | None = None
     chosen_enu_m: Vector | None = None
 

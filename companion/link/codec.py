@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -37,9 +38,8 @@ class Codec:
 
     Attributes
     ----------
-    received, lost, undecodable
-        Frames decoded; gaps in autopilots' sequence numbers, since an autopilot passes on only some frames of
-        others; frames that are whole but make no message.
+    received, undecodable
+        Frames decoded; frames that are whole but make no message.
     sent
         Messages encoded.
     refused_orders
@@ -57,8 +57,9 @@ class Codec:
         self._warned: set[Verdict] = set()
         self._framer = Framer()
         self._sequences: dict[tuple[int, int], int] = {}
+        self._heard: Counter[int] = Counter()  # frames of each system's autopilot
+        self._lost: Counter[int] = Counter()
         self.received = 0
-        self.lost = 0
         self.undecodable = 0
         self.sent = 0
 
@@ -74,6 +75,16 @@ class Codec:
     @property
     def component_id(self) -> int:
         return int(self._mavlink.srcComponent)
+
+    @property
+    def from_vehicle(self) -> int:
+        """Frames decoded of the vehicle's autopilot."""
+        return self._heard[self.system_id]
+
+    @property
+    def lost(self) -> int:
+        """Gaps in the sequence numbers of the vehicle's autopilot; of others it passes on only some."""
+        return self._lost[self.system_id]
 
     @property
     def bad(self) -> int:
@@ -138,8 +149,8 @@ class Codec:
         sequence = message.get_seq()
         last = self._sequences.get(sender)
         step = 1 if last is None else (sequence - last) % 256
-        if 1 <= step <= LARGEST_GAP:
-            self.lost += step - 1 if sender[1] == mavlink.MAV_COMP_ID_AUTOPILOT1 else 0
-            self._sequences[sender] = sequence
-        elif LARGEST_GAP < step < 256 - OUT_OF_ORDER:
+        if sender[1] == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            self._heard[sender[0]] += 1
+            self._lost[sender[0]] += step - 1 if 1 <= step <= LARGEST_GAP else 0
+        if 1 <= step <= LARGEST_GAP or LARGEST_GAP < step < 256 - OUT_OF_ORDER:
             self._sequences[sender] = sequence

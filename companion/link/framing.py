@@ -10,6 +10,8 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+import companion.link.current_mode  # noqa: F401 - a message more in the dialect's table
+
 V1_MAGIC, V2_MAGIC = 0xFE, 0xFD
 SIGNATURE_BYTES = 13
 _SIGNED = 0x01

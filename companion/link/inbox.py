@@ -11,8 +11,10 @@ from companion.link.autopilot_clock import AutopilotClock
 from companion.link.codec import Codec
 from companion.link.event import Event
 from companion.link.operator import CommandServer
+from companion.link.position_fix import PositionGate
 from companion.link.timesync import answer
 from companion.link.vehicle import Quaternion, Vector, VehicleState, is_autopilot, reduce
+from companion.link.vehicle_identity import Candidate, VehicleIdentity
 
 log = logging.getLogger(__name__)
 
@@ -20,24 +22,41 @@ log = logging.getLogger(__name__)
 class Inbox:
     """Reads the wire: keeps the vehicle's state and clock, and says what happens as events.
 
-    The first autopilot heard is the vehicle for as long as the program runs: on a shared network another one
-    must never be commanded in its place.
+    Only what the autopilot of the vehicle sends counts, component 1 of its system: other components of the
+    same system, such as a gimbal, tell their own attitude and state by the same messages.
+
+    Parameters
+    ----------
+    identity
+        Which system is the vehicle. Poses are those of the system that it follows; whatever answers or
+        commands waits until that is the vehicle.
+    gate
+        Holds the first positions back until they are believed.
 
     Attributes
     ----------
     vehicle
-        Newest state.
+        Newest state of the vehicle, unknown until it is identified.
     foreign
         Messages of others that were not for us.
     """
 
-    def __init__(self, codec: Codec, server: CommandServer) -> None:
+    def __init__(
+        self,
+        codec: Codec,
+        server: CommandServer,
+        identity: VehicleIdentity | None = None,
+        gate: PositionGate | None = None,
+    ) -> None:
         self._codec = codec
         self._server = server
+        self.identity = VehicleIdentity() if identity is None else identity
+        self.gate = PositionGate() if gate is None else gate
         self.clock = AutopilotClock(salt=codec.component_id)
         self.vehicle = VehicleState()
+        self._followed = VehicleState()
+        self._bound = False
         self.foreign = 0
-        self._strangers: set[int] = set()
         self.outgoing: Event[[Any]] = Event()  # message to send in answer
         self.reason: Event[[str, bool]] = Event()  # why an operator's command was (not) accepted
         self.acknowledged: Event[[Any, int]] = Event()
@@ -47,39 +66,65 @@ class Inbox:
         self.attitude: Event[[int, Quaternion, Vector]] = Event()
         self.position: Event[[int, float, float, float, Vector]] = Event()
         self.certain: Event[[int | None, int]] = Event()  # up to when stamps are; how often they were mended
+        self.stranger: Event[[Candidate]] = Event()  # another vehicle, heard for the first time
+
+    @property
+    def followed(self) -> VehicleState:
+        """Newest state of the vehicle, or of the system that may be."""
+        return self.vehicle if self._bound else self._followed
 
     def take(self, message: Any, now_ns: int) -> bool:
-        """Take a message; return whether the vehicle's autopilot sent it."""
+        """Take a message; return whether the autopilot that is followed sent it."""
+        self.settle(now_ns)
         kind = message.get_type()
         if kind in ("COMMAND_LONG", "COMMAND_INT") and self._command(message, now_ns):
             return False
-        if self.vehicle.sysid is None and is_autopilot(message):
-            self._codec.system_id = message.get_srcSystem()
-            log.info("vehicle is system %d", message.get_srcSystem())
-        elif not self._is_ours(message):
-            self._stranger(message)
+        if kind == "HEARTBEAT":
+            self._identify(message, now_ns)
+        if not self.is_ours(message):
+            self.foreign += 1
             return False
         if kind == "TIMESYNC":
             self._timesync(message, now_ns)
         elif kind == "COMMAND_ACK":
             self._acknowledgement(message, now_ns)
         else:
-            self._state(message, now_ns)
+            self._reduce(message, now_ns)
+        self.settle(now_ns)
         return True
 
-    def _is_ours(self, message: Any) -> bool:
-        return bool(
-            message.get_srcSystem() == self.vehicle.sysid
-            and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
-        )
+    def settle(self, now_ns: int) -> None:
+        """Take the system that is followed for the vehicle once it was the only one for long enough."""
+        found = self._followed
+        if self._bound or found.sysid is None or not self.identity.settle(now_ns):
+            return
+        self._bound, old, self.vehicle = True, self.vehicle, found
+        self._codec.system_id = found.sysid
+        log.info("vehicle is system %d", found.sysid)
+        self.heartbeat.emit()
+        self.changed.emit(old, found)
 
-    def _stranger(self, message: Any) -> None:
-        self.foreign += 1
-        system = message.get_srcSystem()
-        if self.vehicle.sysid is not None and system != self.vehicle.sysid and is_autopilot(message):
-            if system not in self._strangers:
-                log.warning("autopilot of system %d ignored; ours is %d", system, self.vehicle.sysid)
-            self._strangers.add(system)
+    def _identify(self, message: Any, now_ns: int) -> None:
+        if not is_autopilot(message):
+            return
+        followed = self.identity.system
+        stranger = self.identity.hear(message, now_ns)
+        if stranger is not None:
+            log.warning("%s is heard too; ours is system %s", stranger, self.identity.system)
+            self.stranger.emit(stranger)
+        if followed is not None and self.identity.system != followed:
+            self._followed = VehicleState()
+            self.gate.close()
+            self.clock.reset()
+            self.rebooted.emit()
+
+    def is_ours(self, message: Any) -> bool:
+        """Tell whether the autopilot sent it; a heartbeat shows a program that calls itself component 1."""
+        return bool(
+            message.get_srcSystem() == self.identity.system
+            and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+            and (message.get_type() != "HEARTBEAT" or is_autopilot(message))
+        )
 
     def _command(self, message: Any, now_ns: int) -> bool:
         result = self._server.take(message, self._codec.system_id, self._codec.component_id, now_ns)
@@ -94,7 +139,7 @@ class Inbox:
         reply = answer(message.tc1, message.ts1, now_ns)
         if reply is None:
             self.clock.timesync.reply(message.tc1, message.ts1, now_ns)
-        else:
+        elif self._bound:
             self.outgoing.emit(mavlink.MAVLink_timesync_message(*reply))
 
     def _acknowledgement(self, message: Any, now_ns: int) -> None:
@@ -105,18 +150,24 @@ class Inbox:
         ):
             self.acknowledged.emit(message, now_ns)
 
-    def _state(self, message: Any, now_ns: int) -> None:
-        old = self.vehicle
-        new = self.vehicle = reduce(old, message, now_ns)
+    def _reduce(self, message: Any, now_ns: int) -> None:
+        old = self.followed
+        new = reduce(old, message, now_ns)
         if new is old:
             return
+        if self._bound:
+            self.vehicle = new
+        else:
+            self._followed = new
         if new.reboots != old.reboots:
             log.warning("the autopilot rebooted")
+            self.gate.close()
             self.clock.reset()
             self.rebooted.emit()
-        if message.get_type() == "HEARTBEAT":
-            self.heartbeat.emit()
-        self.changed.emit(old, new)
+        if self._bound:
+            if message.get_type() == "HEARTBEAT":
+                self.heartbeat.emit()
+            self.changed.emit(old, new)
         self._pose(old, new, message, now_ns)
 
     def _pose(self, old: VehicleState, new: VehicleState, message: Any, now_ns: int) -> None:
@@ -127,7 +178,8 @@ class Inbox:
                 self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
         if new.position_lla is not None and new.position_lla is not old.position_lla:
             stamp = self._stamp_ns(message, now_ns)
-            if stamp is not None and new.velocity_ned_ms is not None:
+            believed = self.gate.lets(new.fix, now_ns)
+            if believed and stamp is not None and new.velocity_ned_ms is not None:
                 self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
 
     def _stamp_ns(self, message: Any, now_ns: int) -> int | None:

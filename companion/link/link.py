@@ -19,6 +19,7 @@ from companion.link.event import Event, Unsubscribe
 from companion.link.inbox import Inbox
 from companion.link.modes import mode_parameters
 from companion.link.operator import CommandServer, Handler
+from companion.link.position_fix import PATIENCE_NS, PositionGate
 from companion.link.signing import Signing
 from companion.link.statistics import LinkStatistics, RateMeter, quantile_ms
 from companion.link.streams import Stream, StreamKeeper, wanted
@@ -26,6 +27,7 @@ from companion.link.timesync import TimeSync
 from companion.link.transport import Transport
 from companion.link.url import parse_url
 from companion.link.vehicle import Quaternion, Vector, VehicleState
+from companion.link.vehicle_identity import LISTEN_NS, Candidate, VehicleIdentity
 from companion.outputs.statustext import statustext
 from params import Parameters
 
@@ -49,9 +51,16 @@ class Link:
         Uses `component_id`, `pose_rate_hz` and `link_timeout_s`.
     signing
         Signs what is sent; what comes must be signed, too.
+    identity
+        Which system is the vehicle; the only aircraft heard in the first 2.5 s if None.
+    alone
+        Whether `run` ends with an error when two systems may be the vehicle; otherwise none is, and
+        `identity.ambiguous` says so.
 
     Attributes
     ----------
+    identity
+        Which system is the vehicle.
     connected
         Whether the autopilot's heartbeat was heard within `link_timeout_s`.
     system_status
@@ -81,12 +90,22 @@ class Link:
         If the URL is none.
     """
 
-    def __init__(self, url: str, parameters: Parameters, signing: Signing | None = None) -> None:
+    def __init__(
+        self,
+        url: str,
+        parameters: Parameters,
+        signing: Signing | None = None,
+        identity: VehicleIdentity | None = None,
+        *,
+        alone: bool = True,
+    ) -> None:
         self._parameters = parameters
         self._transport = Transport(parse_url(url))
         self._codec = Codec(parameters.component_id, signing)
         self._server = CommandServer()
-        self._inbox = Inbox(self._codec, self._server)
+        self.identity = VehicleIdentity(listen_ns=LISTEN_NS) if identity is None else identity
+        self._alone = alone
+        self._inbox = Inbox(self._codec, self._server, self.identity, PositionGate(PATIENCE_NS))
         self._streams = StreamKeeper()
         self._commander = Commander(self._send_command)
         self._rates = RateMeter()
@@ -112,6 +131,7 @@ class Link:
         self._inbox.acknowledged.subscribe(self._commander.acknowledge)
         self._inbox.heartbeat.subscribe(self._heard)
         self._inbox.rebooted.subscribe(self._streams.restart)
+        self._inbox.stranger.subscribe(self._warn_of)
 
     # ---- what is known --------------------------------------------------------------------------
 
@@ -119,6 +139,11 @@ class Link:
     def vehicle(self) -> VehicleState:
         """Newest state of the vehicle."""
         return self._inbox.vehicle
+
+    @property
+    def believes_position(self) -> bool:
+        """Whether the vehicle's position is told by now, and not held back for want of a fix."""
+        return self._inbox.gate.is_open
 
     @property
     def clock(self) -> AutopilotClock:
@@ -155,6 +180,7 @@ class Link:
         sync, signing = clock.timesync, codec.signing
         return LinkStatistics(
             received=codec.received,
+            from_vehicle=codec.from_vehicle,
             lost=codec.lost,
             bad=codec.bad,
             bad_bytes=codec.bad_bytes,
@@ -165,6 +191,7 @@ class Link:
             opened=self._transport.opened,
             rates_hz=self._rates.rates_hz(at_ns),
             missing=self._streams.missing(at_ns),
+            refused=self._streams.refused,
             time_source=clock.source,
             round_trip_ms=sync.round_trip_ns * 1e-6,
             residual_ms=sync.residual_ns * 1e-6,
@@ -256,7 +283,7 @@ class Link:
         Raises
         ------
         UsageError
-            If the address cannot be opened and never will be.
+            If the address cannot be opened and never will be, or two systems may be the vehicle.
         Exception
             Whatever a subscriber raised.
         """
@@ -329,6 +356,9 @@ class Link:
     async def _tick(self) -> None:
         while True:
             at_ns, timeout_ns = now_ns(), round(self._parameters.link_timeout_s * 1e9)
+            self._inbox.settle(at_ns)
+            if self._alone and self.identity.ambiguous:
+                raise self.identity.error()
             heard_ns = self.vehicle.last_heartbeat_ns
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
                 self._set_connected(False)
@@ -343,7 +373,8 @@ class Link:
             if stream is not None:
                 result = await self._ask(stream)
                 if result.outcome != "not_connected":
-                    self._streams.asked(stream, now_ns(), accepted=result.ok)
+                    answered = result.outcome in ("denied", "unsupported", "failed", "accepted")
+                    self._streams.asked(stream, now_ns(), accepted=result.ok, answered=answered)
                     continue
             await asyncio.sleep(STREAM_PAUSE_S)  # while the line is down a request ends without any waiting
 
@@ -372,6 +403,12 @@ class Link:
 
     def _tell_reason(self, reason: str, accepted: bool) -> None:
         self.statustext(reason, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING)
+
+    def _warn_of(self, stranger: Candidate) -> None:
+        ours = self.vehicle.sysid
+        self.statustext(
+            f"SLZ: vehicle {stranger.system} heard too, ours is {ours}", mavlink.MAV_SEVERITY_WARNING
+        )
 
     def _heard(self) -> None:
         if not self.connected:

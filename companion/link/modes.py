@@ -65,10 +65,6 @@ _PX4_NAMES = {pair: name for name, pair in PX4.items()}
 COPTER_TYPES = frozenset({2, 3, 4, 13, 14, 15, 29, 35})
 
 GUIDED: dict[str, str] = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
-LANDING: dict[str, frozenset[str]] = {
-    "ardupilot": frozenset({"LAND"}),
-    "px4": frozenset({"AUTO.LAND", "AUTO.PRECLAND"}),
-}
 PRECISION_LANDING: dict[str, str] = {"ardupilot": "LAND", "px4": "AUTO.PRECLAND"}
 
 

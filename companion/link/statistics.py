@@ -16,8 +16,8 @@ class LinkStatistics:
 
     Attributes
     ----------
-    lost
-        Frames missing by the senders' sequence numbers.
+    from_vehicle, lost
+        Frames of the vehicle's autopilot, and those missing by its sequence numbers.
     bad, bad_bytes, unknown
         Broken frames; bytes outside any frame; messages that the dialect lacks.
     dropped
@@ -36,9 +36,12 @@ class LinkStatistics:
         Frames refused because a key is set: without signature, with a wrong one, with an old timestamp.
     orders_refused
         Commands and parameter changes among them.
+    refused
+        Streams that the autopilot does not have.
     """
 
     received: int
+    from_vehicle: int
     lost: int
     bad: int
     bad_bytes: int
@@ -64,6 +67,7 @@ class LinkStatistics:
     forged: int
     replayed: int
     orders_refused: int
+    refused: tuple[str, ...] = ()
 
 
 def quantile_ms(values_ns: Collection[int], share: float) -> float | None:

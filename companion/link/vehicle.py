@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.modes import GUIDED, LANDING, Autopilot, mode_name
+from companion.link import health
+from companion.link.health import FAILSAFE_STATES, Health
+from companion.link.modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
+from companion.link.position_fix import MESSAGES as FIX_MESSAGES
+from companion.link.position_fix import PositionFix
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -17,7 +21,8 @@ Quaternion = tuple[float, float, float, float]
 
 # Boot time that goes back by less is a frame overtaken on the way.
 REBOOT_MS = 1000
-OVERTAKEN_NS = 400_000_000  # in which an autopilot sends less than 128 messages
+OVERTAKEN_NS = {"px4": 200_000_000}  # in which an autopilot sends less than 128 messages
+OVERTAKEN_DEFAULT_NS = 400_000_000
 # Height over home from which an armed vehicle flies for certain, when it does not say so itself.
 AIRBORNE_M = 2.0
 
@@ -38,8 +43,18 @@ class VehicleState:
         Autopilot's time of the position, of the local position, and of its newest message.
     reboots
         Times the autopilot's clock went back.
-    heartbeat_seq
-        Number of the newest heartbeat among all messages of the autopilot, 8 bits.
+    fix
+        What it says of its position's source.
+    heartbeat_seq, mode_seq
+        Number of the newest heartbeat, and of the newest message that told the mode, among all messages of
+        the autopilot, 8 bits.
+    mode_heard_ns
+        When the mode was told last, by HEARTBEAT or CURRENT_MODE.
+    displaced
+        Whether the mode is not the one that its pilot chose, as CURRENT_MODE tells a second before the
+        heartbeat speaks of a failsafe.
+    health
+        What it says of its estimator, its sensors, its fence and the pilot's sticks.
     """
 
     sysid: int | None = None
@@ -51,10 +66,14 @@ class VehicleState:
     system_status: int = 0
     last_heartbeat_ns: int | None = None
     heartbeat_seq: int = 0
+    mode_heard_ns: int | None = None
+    mode_seq: int = 0
+    displaced: bool = False
     reported_landed: Landed = "unknown"
     battery_pct: float | None = None
     battery_v: float | None = None
     home_lla: Vector | None = None
+    fix: PositionFix = PositionFix()  # noqa: RUF009 - it is frozen
     position_lla: Vector | None = None
     position_boot_ms: int = 0
     relative_alt_m: float | None = None
@@ -67,6 +86,7 @@ class VehicleState:
     boot_ms: int | None = None
     suspect_boot_ms: int | None = None
     reboots: int = 0
+    health: Health = field(default_factory=Health)
 
     @property
     def landed(self) -> Landed:
@@ -88,8 +108,13 @@ class VehicleState:
 
     @property
     def landing(self) -> bool:
-        """Whether the vehicle is in a mode that lands it where it is."""
-        return self.mode in LANDING.get(self.autopilot, frozenset())
+        """Whether the vehicle is in the mode that lands it at our target."""
+        return self.mode == PRECISION_LANDING.get(self.autopilot)
+
+    @property
+    def failsafe(self) -> bool:
+        """Whether the autopilot says that it is in a failsafe of its own."""
+        return self.system_status in FAILSAFE_STATES or (self.displaced and self.armed)
 
 
 def is_autopilot(message: Any) -> bool:
@@ -106,7 +131,7 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
     """Return the state after a message of the vehicle's autopilot.
 
     A message from before a reboot, or overtaken on its way by more than a second, changes nothing; nor does a
-    heartbeat that a later one has overtaken.
+    heartbeat or a mode that a later one has overtaken.
     """
     kind = message.get_type()
     if kind in _STAMPED:
@@ -114,8 +139,12 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
         if timed is None:
             return replace(state, suspect_boot_ms=message.time_boot_ms)
         state = timed
+    if kind in FIX_MESSAGES:
+        state = replace(state, fix=state.fix.after(message))
     reducer = _REDUCERS.get(kind)
-    return state if reducer is None else reducer(state, message, now_ns)
+    state = state if reducer is None else reducer(state, message, now_ns)
+    found = health.reduce(state.health, message, now_ns)
+    return state if found is state.health else replace(state, health=found)
 
 
 def boot_step_ms(old_ms: int, new_ms: int) -> int:
@@ -142,42 +171,62 @@ def _follow_boot_time(state: VehicleState, boot_ms: int) -> VehicleState | None:
         mode=state.mode,
         custom_mode=state.custom_mode,
         last_heartbeat_ns=state.last_heartbeat_ns,
+        mode_heard_ns=state.mode_heard_ns,
         boot_ms=boot_ms,
         reboots=state.reboots + 1,
     )
 
 
 def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    if _overtaken(state, m, now_ns):
+    if _overtaken(state.autopilot, m, state.heartbeat_seq, state.last_heartbeat_ns, now_ns):
         return state
     autopilot: Autopilot = "other"
     if m.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         autopilot = "ardupilot"
     elif m.autopilot == mavlink.MAV_AUTOPILOT_PX4:
         autopilot = "px4"
-    return replace(
+    heard = replace(
         state,
         sysid=m.get_srcSystem(),
         autopilot=autopilot,
         vehicle_type=m.type,
         armed=bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
-        mode=mode_name(autopilot, m.type, m.custom_mode),
-        custom_mode=m.custom_mode,
         system_status=m.system_status,
         last_heartbeat_ns=now_ns,
         heartbeat_seq=m.get_seq(),
     )
+    return _mode(heard, m, now_ns)
 
 
-def _overtaken(state: VehicleState, m: Any, now_ns: int) -> bool:
-    """Tell whether a heartbeat was sent before the last one: it was held up, or is delivered a second time.
+def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    told = _mode(state, m, now_ns)
+    if told is state:
+        return state
+    return replace(told, displaced=m.intended_custom_mode not in (0, m.custom_mode))
+
+
+def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    """Take the mode of a HEARTBEAT or CURRENT_MODE, whichever was sent later."""
+    if state.sysid is None or _overtaken(state.autopilot, m, state.mode_seq, state.mode_heard_ns, now_ns):
+        return state
+    return replace(
+        state,
+        mode=mode_name(state.autopilot, state.vehicle_type, m.custom_mode),
+        custom_mode=m.custom_mode,
+        mode_heard_ns=now_ns,
+        mode_seq=m.get_seq(),
+    )
+
+
+def _overtaken(autopilot: Autopilot, m: Any, last_seq: int, last_ns: int | None, now_ns: int) -> bool:
+    """Tell whether a message was sent before the last one: it was held up, or is delivered a second time.
 
     Its mode is an old one, and would look as if the pilot had set it. After `OVERTAKEN_NS` the numbers, of
     eight bits, say nothing any more.
     """
-    if state.last_heartbeat_ns is None or now_ns - state.last_heartbeat_ns > OVERTAKEN_NS:
+    if last_ns is None or now_ns - last_ns > OVERTAKEN_NS.get(autopilot, OVERTAKEN_DEFAULT_NS):
         return False
-    return bool((m.get_seq() - state.heartbeat_seq) % 256 > 128)
+    return bool((m.get_seq() - last_seq) % 256 > 128)
 
 
 _LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}
@@ -207,7 +256,7 @@ def _home_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def _global_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    lla = _lla(m.lat, m.lon, m.alt)
+    lla = _lla(m.lat, m.lon, m.alt, zero=state.fix.good is True)
     if lla is None:
         return state
     return replace(
@@ -243,9 +292,12 @@ def unit_quaternion(w: float, x: float, y: float, z: float) -> Quaternion | None
     return w / norm, x / norm, y / norm, z / norm
 
 
-def _lla(lat_e7: int, lon_e7: int, alt_mm: int) -> Vector | None:
-    """Return degrees and metres; None for 0, 0, which autopilots send before they know where they are."""
-    if (lat_e7 == 0 and lon_e7 == 0) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
+def _lla(lat_e7: int, lon_e7: int, alt_mm: int, *, zero: bool = False) -> Vector | None:
+    """Return degrees and metres; None for 0, 0, which autopilots send before they know where they are.
+
+    zero: 0, 0 is a place, as any other.
+    """
+    if (lat_e7 == 0 and lon_e7 == 0 and not zero) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
         return None
     return lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm / 1000
 
@@ -255,6 +307,7 @@ _STAMPED = frozenset(
 )
 _REDUCERS: dict[str, Callable[[VehicleState, Any, int], VehicleState]] = {
     "HEARTBEAT": _heartbeat,
+    "CURRENT_MODE": _current_mode,
     "EXTENDED_SYS_STATE": _extended_sys_state,
     "SYS_STATUS": _sys_status,
     "BATTERY_STATUS": _battery_status,

@@ -8,9 +8,11 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.vehicle import VehicleState
+from companion.link.vehicle import VehicleState, boot_step_ms
 from companion.outputs.axes import Floats
 
+# A place told longer ago is not where the vehicle is.
+SIGNAL_MS = 500
 _POSITION = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
@@ -63,6 +65,33 @@ def velocity_setpoint(
         *(north, east, -up),
         *(0.0, 0.0, 0.0),
         0.0 if yaw_rad is None else math.remainder(yaw_rad, 2 * math.pi),
+        0.0,
+    )
+
+
+def offboard_signal(vehicle: VehicleState) -> Any | None:
+    """Return what lets PX4 enter its offboard mode, or None while it has told no fresh local position.
+
+    PX4 refuses OFFBOARD unless setpoints arrive, at more than 1 Hz, with a position, velocity or acceleration
+    that is not ignored (all ignored is an error, an attitude would take its height control away). In OFFBOARD
+    it is told to stop. In every other mode the signal is the place where it is, velocities and accelerations
+    ignored: a version that mixes a companion's velocities into the pilot's modes has none to mix in.
+    """
+    if vehicle.guided:
+        return hold_setpoint(vehicle)
+    local, boot_ms = vehicle.local_ned_m, vehicle.boot_ms
+    if local is None or boot_ms is None or boot_step_ms(vehicle.local_boot_ms, boot_ms) > SIGNAL_MS:
+        return None
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        boot_ms,
+        vehicle.sysid or 0,
+        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        _VELOCITY | _ACCELERATION | _YAW,
+        *local,
+        *(0.0, 0.0, 0.0),
+        *(0.0, 0.0, 0.0),
+        0.0,
         0.0,
     )
 

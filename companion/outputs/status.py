@@ -8,7 +8,7 @@ from typing import Any
 
 from companion.outputs.statustext import named_value
 
-PHASES = ("idle", "survey", "approach", "descend", "final", "landed", "climb", "hold")
+PHASES = ("idle", "survey", "approach", "descend", "final", "landed", "climb", "hold", "failsafe")
 POINTS = ("none", "safe", "unsafe", "unknown")
 
 

@@ -8,7 +8,7 @@ on the companion's clock, moved to the time of day by `clock_offset_ns` of the f
 | /raw/mavlink/in | one MAVLink frame that was believed |
 | /raw/mavlink/out | one MAVLink frame that was sent |
 | /raw/lidar | a batch of the sensor's packets with their arrivals |
-| /raw/event | JSON: a request for the autopilot's time; a window that was processed |
+| /raw/event | JSON: a request for the autopilot's time; a map frame that began; a window that was processed |
 | /raw/report | JSON: the zones and the landing point that came of a window |
 | /raw/gap | JSON: so many of the messages above were lost here |
 """
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from companion.window_event import WindowEvent
-from slz import Report, SelectedPoint, Zone
+from slz import LocalFrame, Report, SelectedPoint, Zone
 
 VERSION = 1
 METADATA = "slz"
@@ -73,18 +73,26 @@ def pack_window(event: WindowEvent) -> bytes:
     return json.dumps({"window": asdict(event)}).encode()
 
 
-def unpack_event(data: bytes) -> WindowEvent | int:
-    """Return a window's event, or when the autopilot was asked for its time (ns).
+def pack_frame(frame: LocalFrame) -> bytes:
+    """Return the beginning of a map frame as one message."""
+    return json.dumps({"frame": [frame.lat_deg, frame.lon_deg, frame.alt_m]}).encode()
+
+
+def unpack_event(data: bytes) -> WindowEvent | LocalFrame | int:
+    """Return a window's event, a map frame that began, or when the autopilot was asked for its time (ns).
 
     Raises
     ------
     BadRecordError
-        It is neither, or a field is missing or of another type.
+        It is none of these, or a field is missing or of another type.
     """
     try:
         value = json.loads(data)
         if "time_asked_ns" in value:
             return int(value["time_asked_ns"])
+        if "frame" in value:
+            lat_deg, lon_deg, alt_m = map(float, value["frame"])
+            return LocalFrame(lat_deg, lon_deg, alt_m)
         window = value["window"]
         return WindowEvent(
             int(window["number"]),

@@ -11,6 +11,7 @@ from typing import Any
 
 from companion.clock import now_ns
 from companion.fusion.pose import Pose
+from companion.link.vehicle_identity import VehicleIdentity
 from companion.recorder import journal, scene
 from companion.recorder.writer import MIB, Entry, McapWriter
 from companion.window_event import WindowEvent
@@ -42,6 +43,10 @@ class Recorder:
         jump.
     setup
         What beside the sensor's packets decodes them.
+    identity
+        Which system is the vehicle, as far as it is known.
+    gated
+        Positions are held back until one comes with a fix.
 
     Raises
     ------
@@ -57,6 +62,8 @@ class Recorder:
         wall_offset_ns: int,
         setup: str = "",
         scans: int = 0,
+        identity: VehicleIdentity | None = None,
+        gated: bool = False,
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
@@ -69,7 +76,10 @@ class Recorder:
             "parameters": json.dumps(values),
             "clock_offset_ns": str(wall_offset_ns),
             "scans": str(scans),
+            "gated": str(int(gated)),
         }
+        if identity is not None:
+            metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
         self._writer = McapWriter(path, scene.channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)
         logging.getLogger("companion").addHandler(self._handler)
@@ -98,6 +108,11 @@ class Recorder:
         at_ns = now_ns()
         self._raw(journal.EVENT, journal.pack_window(event), at_ns)
         self._put(scene.POINTS, lambda: scene.cloud(window, self._wall_ns(at_ns)), at_ns, CLOUD_BYTES)
+
+    def frame_begun(self, frame: LocalFrame) -> None:
+        """Record that another map frame begins."""
+        at_ns = now_ns()
+        self._raw(journal.EVENT, journal.pack_frame(frame), at_ns)
 
     def report(self, report: Report) -> None:
         """Record what came of a window."""

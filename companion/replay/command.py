@@ -13,9 +13,9 @@ import numpy as np
 from companion import folder
 from companion.errors import UsageError
 from companion.replay.flown import Beside, kind_of, opened
+from companion.replay.losses import lost_for_time, not_mapped, why_no_zone, why_nothing
 from companion.replay.reading import Recording
 from companion.replay.replay import Outcome, Replay
-from companion.replay.rerun import Feed, Rerun
 from companion.summary import choice_summary, zone_summary
 from params import Parameters
 from slz import Report, TerrainMaps
@@ -59,7 +59,9 @@ def run(
     if kind_of(path) != "own":
         return _run_others(path, settings, out, speed, span_s, step, beside)
     if not beside.is_empty:
-        raise UsageError(f"{path}: a recording of slz holds all it needs: leave out --points and the like")
+        raise UsageError(
+            f"{path}: a recording of slz holds all it needs: leave out --points, --system and the like"
+        )
     recording = Recording(path)
     parameters = recording.header.parameters(settings)
     replay = Replay(recording.header, parameters)
@@ -70,7 +72,9 @@ def run(
     if not _play(steps, speed, span_s, step):
         raise UsageError(f"{path} holds no message to replay")
     files = {} if out is None else _draw(out, replay.maps(), replay.report, replay.outcome, parameters)
-    return _summary(path, recording.cut, replay.outcome, replay.report, settings, files)
+    summary = _summary(path, recording.cut, replay.outcome, replay.report, settings, files)
+    why = "" if summary["zones"] else why_no_zone(replay.outcome, replay.maps(), parameters)
+    return summary | {"why_no_zones": why, "warnings": []}
 
 
 def _run_others(
@@ -89,12 +93,19 @@ def _run_others(
     _play(steps, speed, span_s, step)
     rerun.finish()
     if not (rerun.assembler.scans or rerun.outcome.windows):
-        raise UsageError(f"{path}: {_why_nothing(feed, rerun)}")
+        raise UsageError(f"{path}: {why_nothing(feed, rerun)}")
     outcome = rerun.outcome
     outcome.bad = feed.bad
     files = {} if out is None else _draw(out, rerun.maps(), rerun.report, outcome, rerun.parameters)
-    told = {"source": feed.told(), "returns": {"read": rerun.returns} | rerun.assembler.statistics()}
-    return _summary(path, feed.cut, outcome, rerun.report, settings, files) | told
+    summary = _summary(path, feed.cut, outcome, rerun.report, settings, files)
+    source, returns = feed.told(), {"read": rerun.returns} | rerun.assembler.statistics()
+    why = [] if summary["zones"] else [why_no_zone(outcome, rerun.maps(), rerun.parameters)]
+    return summary | {
+        "why_no_zones": "; ".join([*why, *(not_mapped(feed, rerun) if why else [])]),
+        "warnings": lost_for_time(source, returns),
+        "source": source,
+        "returns": returns,
+    }
 
 
 def _play(
@@ -114,33 +125,6 @@ def _play(
         if report is not None:
             step(at_s, f"{len(report.zones)} zones")
     return begun_ns is not None
-
-
-def _why_nothing(feed: Feed, rerun: Rerun) -> str:
-    """Say why no return could be placed."""
-    spoiled = f"; {feed.bad} messages cannot be read" if feed.bad else ""
-    if not rerun.returns or rerun.span_ns is None:
-        return f"it holds no return of the LiDAR{spoiled}"
-    if rerun.poses_ns is None:
-        return f"it holds no attitude, or no position, of the vehicle{spoiled}"
-    (first, last), (begun, ended) = rerun.span_ns, rerun.poses_ns
-    if last < begun or first > ended:
-        return (
-            f"returns of {_clock(first)} to {_clock(last)} have no poses, which are of {_clock(begun)} to"
-            f" {_clock(ended)}: their clocks are not the same"
-        )
-    counts = rerun.assembler.statistics()
-    return (
-        f"none of {rerun.returns} returns could be placed: {counts['out_of_range']} out of range,"
-        f" {counts['without_pose']} without poses around them, {counts['stale']} too far from any pose"
-    )
-
-
-def _clock(at_ns: int) -> str:
-    """Return a time of day (UTC), or seconds where it is none."""
-    if at_ns < 10**18:
-        return f"{at_ns * 1e-9:.3f} s"
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(at_ns // 1_000_000_000))
 
 
 def _summary(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from mcap.exceptions import McapError
 from mcap.stream_reader import StreamReader
 
@@ -14,6 +15,7 @@ import params
 from companion.errors import UsageError
 from companion.replay.captured import CapturedPackets
 from companion.replay.cloud_folder import CloudFolder
+from companion.replay.logged_vehicle import tells_fix, vehicle_of
 from companion.replay.rerun import Feed, Rerun
 from companion.replay.rosbag import LEVEL_MOUNT, RosFeed
 from companion.replay.stored_cloud import StoredCloud
@@ -34,7 +36,8 @@ class Beside:
     """What a recording of another program needs besides itself.
 
     points: topic of the points, or what lies beside a log. poses: topics. lidar: kind of the sensor.
-    origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters.
+    origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters. system: the
+    vehicle's in a log of several. vertical_unit: of the heights of a cloud beside a log.
     """
 
     points: str | None = None
@@ -42,6 +45,8 @@ class Beside:
     lidar: str | None = None
     origin: str | None = None
     profile: str = "quadcopter"
+    system: int | None = None
+    vertical_unit: str | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -76,6 +81,8 @@ def opened(path: Path, settings: Iterable[str], beside: Beside) -> tuple[Feed, R
 def _bag(path: Path, settings: tuple[str, ...], beside: Beside, parameters: Parameters) -> tuple[Feed, Rerun]:
     if beside.lidar is not None:
         raise UsageError(f"{path}: --lidar goes with packets, not with the points of a bag")
+    if beside.system is not None:
+        raise UsageError(f"{path}: --system goes with a telemetry log, not with a bag")
     feed = RosFeed(path, beside.points, beside.poses)
     if feed.is_local and beside.origin is None:
         raise UsageError(
@@ -98,13 +105,21 @@ def _telemetry(path: Path, beside: Beside) -> Feed:
     placed, folder = points.suffix.lower() in PLACED, points.is_dir()
     if beside.lidar is not None and (placed or folder):
         raise UsageError(f"{points}: --lidar goes with packets, not with points")
+    system = vehicle_of(path, log, beside.system)
+    vehicle = system, tells_fix(log, system)
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, next(log.messages()).at_ns))
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), beside.vertical_unit), *vehicle)
     if folder:
-        return TelemetryFeed(log, CloudFolder(points))
+        return TelemetryFeed(log, CloudFolder(points), *vehicle)
     if points.suffix.lower() in CLOUDS:
         raise UsageError(f"{points}: it does not say when it was measured: give {BESIDE_LOG}")
-    return TelemetryFeed(log, CapturedPackets(points, beside.lidar))
+    return TelemetryFeed(log, CapturedPackets(points, beside.lidar), *vehicle)
+
+
+def _span_ns(log: TelemetryLog) -> tuple[int, int]:
+    """Return the first and the last time of a log."""
+    times = np.fromiter((logged.at_ns for logged in log.messages()), np.int64)
+    return int(times.min()), int(times.max())
 
 
 def _frame(text: str) -> LocalFrame:

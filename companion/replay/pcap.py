@@ -6,11 +6,12 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import dpkt
 
 from companion.errors import UsageError
+from companion.replay import pcapng
 
 UDP = 17
 UNFINISHED = 64  # datagrams whose other fragments are waited for
@@ -49,7 +50,10 @@ class Capture:
         self.other = self.bad = 0
         try:
             with path.open("rb") as file:
-                dpkt.pcap.UniversalReader(file)
+                self._next_generation = file.read(len(pcapng.MAGIC)) == pcapng.MAGIC
+                file.seek(0)
+                if not self._next_generation:
+                    dpkt.pcap.Reader(file)
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from None
         except (ValueError, dpkt.dpkt.Error):
@@ -60,9 +64,7 @@ class Capture:
         pieces = _Fragments()
         self.other = self.bad = 0
         with self._path.open("rb") as file:
-            reader = dpkt.pcap.UniversalReader(file)
-            link = reader.datalink()
-            for at_s, frame in self._frames(reader):
+            for link, at_ns, frame in self._frames(file):
                 try:
                     found = pieces.add(_network(link, frame))
                 except Exception:  # dpkt lets errors of any kind through
@@ -71,19 +73,28 @@ class Capture:
                 if found is None:
                     self.other += 1
                 else:
-                    yield Datagram(round(at_s * 1e6) * 1000, found[0], found[1])
+                    yield Datagram(at_ns, found[0], found[1])
 
-    def _frames(self, reader: Any) -> Iterator[tuple[float, bytes]]:
-        frames = iter(reader)
+    def _frames(self, file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
+        """Return link type, time since 1970 (ns) and bytes of every frame."""
+        frames = pcapng.packets(file) if self._next_generation else _of_one_interface(file)
         while True:
             try:
-                at_s, frame = next(frames)
+                frame = next(frames)
             except StopIteration:
                 return
             except Exception as error:  # dpkt lets errors of struct and of itself through
                 self.cut = f"{self._path.name} is damaged or cut off: {error!r}"
                 return
-            yield float(at_s), bytes(frame)
+            yield frame
+
+
+def _of_one_interface(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
+    """Return the frames of the older format, whose link type its header tells for all."""
+    reader = dpkt.pcap.Reader(file)
+    link = reader.datalink()
+    for at_s, frame in reader:
+        yield link, round(float(at_s) * 1e6) * 1000, bytes(frame)
 
 
 def _network(link: int, frame: bytes) -> Any:

@@ -1,12 +1,16 @@
-"""Messages sensor_msgs/PointCloud2 as batches of returns."""
+"""Clouds of a recording as batches of returns, from records such as those of sensor_msgs/PointCloud2."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.replay.point_clock import PointClock, Sample, judge, sample
 from companion.sensors.returns import Returns
 
 # PointField.datatype
@@ -15,53 +19,113 @@ TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 TIMES = ("time", "t", "timestamp", "offset_time", "time_stamp", "time_offset")
 INTENSITIES = ("intensity", "reflectivity")
 RINGS = ("ring", "line", "channel")
-MOST_NS = 10_000_000_000  # a point is never farther than this from its message's stamp
+JUDGED, LOOKED_AT = 50, 500  # clouds with points, and all, by which their times are judged
+
+Table = NDArray[np.void]
 
 
 class BadCloudError(ValueError):
     """A point cloud contradicts itself; says how."""
 
 
-def decode(message: Any, stamp_ns: int) -> tuple[Returns, bool]:
-    """Return a cloud's points in the order of their times, and whether they have times of their own.
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """A recorded cloud.
 
-    stamp_ns: the message's; points without a time get it. A time is taken as it can only be meant: whole
-    numbers are nanoseconds, others seconds or nanoseconds, since 1970 or since the stamp, whichever is within
-    ten seconds of it.
-
-    Raises
-    ------
-    BadCloudError
-        A field is missing, no number or outside of the point, or data are missing.
+    stamp_ns: of its message, since 1970. frame: name of the frame of its points. table: (n,) records.
+    doubtful: points left out because the sensor says so.
     """
-    table = _table(message)
-    names = table.dtype.names or ()
-    missing = [name for name in "xyz" if name not in names]
-    if missing:
-        raise BadCloudError(f"it has no {' and no '.join(missing)}")
+
+    stamp_ns: int
+    frame: str
+    table: Table
+    doubtful: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """Returns of a cloud in the order of their times.
+
+    timed: they have times of their own; else all have the cloud's stamp. no_return: points without a
+    measurement, left out. false_times: returns left out because their time is far from those of their cloud.
+    """
+
+    returns: Returns
+    timed: bool
+    no_return: int
+    false_times: int
+
+
+def decode(table: Table, stamp_ns: int, clock: PointClock | None) -> Decoded:
+    """Return the returns of a cloud.
+
+    Parameters
+    ----------
+    table
+        (n,) records with the fields x, y, z (m) and any of `TIMES`, `INTENSITIES` and `RINGS`.
+    stamp_ns
+        The cloud's.
+    clock
+        Meaning of the points' times; None if they have none that can be used.
+    """
+    xyz = coordinates(table)
+    real = is_return(xyz)
+    n_absent = int(np.count_nonzero(~real))
+    if n_absent:
+        table, xyz = table[real], xyz[real]
+    dated = None
+    if clock is not None and clock.field in (table.dtype.names or ()):
+        dated = clock.stamps(table[clock.field], stamp_ns)
+    stamps, sound = dated or (np.full(len(table), stamp_ns, np.int64), np.ones(len(table), bool))
+    order = np.argsort(stamps, kind="stable")
+    order = order[sound[order]]
+    intensity, ring = (_bytes(table, names)[order] for names in (INTENSITIES, RINGS))
+    one = np.ones(len(order), np.uint8)
+    returns = Returns(xyz[order], stamps[order], intensity, ring, one, one.copy())
+    return Decoded(returns, dated is not None, n_absent, len(table) - len(order))
+
+
+def clock_of(clouds: Iterable[Cloud]) -> PointClock | str:
+    """Return what the times of points of a recording's first clouds mean, or why they cannot be used."""
+    samples: dict[str, list[Sample]] = {}
+    stamps_ns: list[int] = []
+    for cloud in islice(clouds, LOOKED_AT):
+        names = cloud.table.dtype.names or ()
+        stamps_ns.append(cloud.stamp_ns)
+        real = is_return(coordinates(cloud.table))
+        for name in TIMES:
+            found = sample(cloud.table[name][real], cloud.stamp_ns) if name in names else None
+            if found is not None:
+                samples.setdefault(name, []).append(found)
+        if max(map(len, samples.values()), default=0) >= JUDGED:
+            break
+    verdicts = [judge(name, samples[name], stamps_ns) for name in TIMES if name in samples]
+    known = (verdict for verdict in verdicts if isinstance(verdict, PointClock))
+    return next(known, verdicts[0] if verdicts else "the points have no times")
+
+
+def coordinates(table: Table) -> NDArray[np.float32]:
+    """Return (n, 3) coordinates of records."""
     xyz = np.empty((len(table), 3), np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         for k, name in enumerate("xyz"):
             xyz[:, k] = table[name]
-    stamps = _stamps(table, stamp_ns)
-    timed = stamps is not None
-    if stamps is None:
-        stamps = np.full(len(table), stamp_ns, np.int64)
-    order = np.argsort(stamps, kind="stable")
-    one = np.ones(len(table), np.uint8)
-    returns = Returns(
-        xyz[order],
-        stamps[order],
-        _bytes(table, INTENSITIES)[order],
-        _bytes(table, RINGS)[order],
-        one,
-        one.copy(),
-    )
-    return returns, timed
+    return xyz
 
 
-def _table(message: Any) -> NDArray[np.void]:
-    """Return the points (n,) as records of their fields."""
+def is_return(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Tell which of (n, 3) points were measured: where nothing was, drivers write NaN or zeros."""
+    return np.asarray(np.isfinite(xyz).all(axis=1) & xyz.any(axis=1))
+
+
+def table_of(message: Any) -> Table:
+    """Return the points (n,) of a sensor_msgs/PointCloud2 as records of their fields.
+
+    Raises
+    ------
+    BadCloudError
+        A field is missing or outside of the point, or data are missing.
+    """
     step, width, height = int(message.point_step), int(message.width), int(message.height)
     order = ">" if message.is_bigendian else "<"
     fields: dict[str, tuple[str, int]] = {}
@@ -72,6 +136,9 @@ def _table(message: Any) -> NDArray[np.void]:
         if int(field.offset) + np.dtype(form).itemsize > step:
             raise BadCloudError(f"its field {field.name} lies outside of its points of {step} bytes")
         fields[str(field.name)] = order + form, int(field.offset)
+    missing = [name for name in "xyz" if name not in fields]
+    if missing:
+        raise BadCloudError(f"it has no {' and no '.join(missing)}")
     data = np.ascontiguousarray(message.data, np.uint8)
     row = int(message.row_step) if height > 1 else step * width
     if step <= 0 or row < step * width or len(data) < row * (height - 1) + step * width:
@@ -89,28 +156,7 @@ def _table(message: Any) -> NDArray[np.void]:
     return np.frombuffer(dense.tobytes(), kinds)
 
 
-def _stamps(table: NDArray[np.void], stamp_ns: int) -> NDArray[np.int64] | None:
-    """Return the times of points (ns), None where there are none or they make no sense."""
-    name = next((name for name in TIMES if name in (table.dtype.names or ())), None)
-    if name is None or not len(table):
-        return None
-    values = table[name]
-    if values.dtype.kind in "iu":
-        values = values.astype(np.int64)
-    scales: tuple[float, ...] = (1.0,) if values.dtype.kind == "i" else (1e9, 1.0)
-    for scale in scales:
-        for since_ns in (0, stamp_ns):
-            with np.errstate(invalid="ignore", over="ignore"):
-                scaled = (
-                    values if scale == 1.0 and values.dtype.kind == "i" else values.astype(np.float64) * scale
-                )
-                away = scaled.astype(np.float64) + float(since_ns - stamp_ns)
-            if np.isfinite(away).all() and (np.abs(away) < MOST_NS).all():
-                return np.asarray(scaled).astype(np.int64) + since_ns
-    return None
-
-
-def _bytes(table: NDArray[np.void], wanted: tuple[str, ...]) -> NDArray[np.uint8]:
+def _bytes(table: Table, wanted: tuple[str, ...]) -> NDArray[np.uint8]:
     """Return the first of the fields wanted as bytes, zero where there is none."""
     name = next((name for name in wanted if name in (table.dtype.names or ())), None)
     if name is None:

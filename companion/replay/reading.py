@@ -23,7 +23,9 @@ class Header:
     """What a recording says of itself: kind of sensor, parameters, time of day less the companion's clock.
 
     lidar_setup: the sensor's own description, where its packets alone do not tell. scans: how many there
-    were before the recording was begun.
+    were before the recording was begun. system, remembered: the vehicle's as far as it was known by then, and
+    the one of the run before (`VehicleIdentity`).
+    gated: positions were held back until one came with a fix (`PositionGate`).
     """
 
     lidar: str
@@ -31,6 +33,9 @@ class Header:
     clock_offset_ns: int
     lidar_setup: str = ""
     scans: int = 0
+    system: int | None = None
+    remembered: int | None = None
+    gated: bool = False
 
     def parameters(self, settings: Iterable[str] = ()) -> Parameters:
         """Return the flight's parameters, some replaced by `name=value`.
@@ -118,7 +123,17 @@ class Recording:
             values = json.loads(metadata["parameters"])
             setup = metadata.get("lidar_setup", "")
             scans = int(metadata.get("scans", "0"))
-            header = Header(metadata["lidar"], values, int(metadata["clock_offset_ns"]), setup, scans)
+            system, remembered = (int(metadata.get(name) or 0) or None for name in ("system", "remembered"))
+            header = Header(
+                metadata["lidar"],
+                values,
+                int(metadata["clock_offset_ns"]),
+                setup,
+                scans,
+                system,
+                remembered,
+                gated=metadata.get("gated") == "1",
+            )
             params.build(values)
         except ParameterError as error:
             raise UsageError(f"{self._path}: {error}") from None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.fusion.assembler import ScanAssembler
 from companion.fusion.pose_history import PoseHistory
@@ -19,7 +20,7 @@ from companion.replay.senses import Senses
 from companion.sensors.returns import Returns
 from companion.window_event import WindowEvent
 from params import Parameters
-from slz import Pipeline, Report, Scan, TerrainMaps
+from slz import LocalFrame, Pipeline, Report, Scan, TerrainMaps
 from slz.window import join
 
 log = logging.getLogger(__name__)
@@ -34,7 +35,7 @@ class Outcome:
     windows: processed. same, other: reports equal to the flight's to the last bit, and not. first_other_ns:
     stamp of the first that is not. without_scans: windows of which scans were missing. failed: windows at
     which the pipeline raised. lost: messages that the recorder had to drop. bad: messages that could not be
-    read. path_enu_m: where the sensor was.
+    read. path_enu_m: where the sensor was, in the frame of the newest window.
     """
 
     windows: int = 0
@@ -46,6 +47,14 @@ class Outcome:
     lost: int = 0
     bad: int = 0
     path_enu_m: list[Any] = field(default_factory=list)
+    _frame: LocalFrame | None = None
+
+    def fly(self, sensor_enu_m: NDArray[np.float64], frame: LocalFrame) -> None:
+        """Lengthen the path; the one so far follows into another frame."""
+        if self._frame is not None and self._frame != frame and self.path_enu_m:
+            self.path_enu_m = list(frame.enu_m(*self._frame.lla(self.path_enu_m).T))
+        self._frame = frame
+        self.path_enu_m.append(sensor_enu_m)
 
 
 class Replay:
@@ -136,7 +145,7 @@ class Replay:
             self.outcome.failed += 1
             log.exception("the pipeline failed on a window")
             return None
-        self.outcome.path_enu_m.append(scans[-1].sensor_enu_m)
+        self.outcome.fly(scans[-1].sensor_enu_m, scans[-1].frame)
         self._document = journal.report_document(self.report)
         return self.report
 

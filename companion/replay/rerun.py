@@ -46,7 +46,7 @@ class Rerun:
     Parameters
     ----------
     frame
-        Of the map; if None, the first position becomes its origin.
+        Of the map; if None, the first position becomes its origin. Far from it another one begins.
 
     Attributes
     ----------
@@ -54,6 +54,8 @@ class Rerun:
         The vehicle's poses; to be filled from outside.
     standing
         The vehicle stands on the ground, and sees it at grazing angles only: nothing is mapped.
+    standing_scans
+        Scans made meanwhile.
     returns, span_ns
         Returns taken, and the oldest and newest stamp of them.
     poses_ns
@@ -67,6 +69,7 @@ class Rerun:
         self.outcome = Outcome()
         self.report: Report | None = None
         self.standing = False
+        self.standing_scans = 0
         self.returns = 0
         self.span_ns: tuple[int, int] | None = None
         self.poses_ns: tuple[int, int] | None = None
@@ -126,12 +129,17 @@ class Rerun:
     # ---- what comes of it -----------------------------------------------------------------------
 
     def _on_scan(self, scan: Scan) -> None:
+        why = "the position estimate jumped"
+        if self.history.is_far:
+            self.history.begin_frame()
+            why = "the vehicle is far from the map's origin"
         if self.history.epoch != self._epoch:
             self._epoch = self.history.epoch
-            log.warning("the position estimate jumped: mapping anew")
+            log.warning("%s: mapping anew", why)
             self._pipeline, self._windower = Pipeline(self.parameters), Windower(self._windower.window_s)
             self.report = None
             return
+        self.standing_scans += self.standing
         if self._mapping and not self.standing:
             self._process(self._windower.add(scan))
 
@@ -147,4 +155,4 @@ class Rerun:
             return
         self.report = self._fresh = report
         self._windower.window_s = report.choice.window_s
-        self.outcome.path_enu_m.append(window.sensor_enu_m)
+        self.outcome.fly(window.sensor_enu_m, window.frame)

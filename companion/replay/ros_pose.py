@@ -31,6 +31,7 @@ class LocalPoses:
 
     def __init__(self, history: PoseHistory) -> None:
         self._history = history
+        self._frame = history.frame  # the map's may be another one later
         self._velocity = _Velocity(self._placed)
         self.refused = 0
 
@@ -50,10 +51,9 @@ class LocalPoses:
         self._velocity.finish()
 
     def _placed(self, stamp_ns: int, place: Place, velocity_enu: Place) -> None:
-        frame = self._history.frame
-        if frame is None:
+        if self._frame is None:
             raise RuntimeError("poses of a local frame need an origin")
-        lat, lon, alt = (float(v) for v in frame.lla(place))
+        lat, lon, alt = (float(v) for v in self._frame.lla(place))
         east, north, up = velocity_enu
         self._history.add_position(stamp_ns, lat, lon, alt, (north, east, -up))
 

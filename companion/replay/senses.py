@@ -10,7 +10,9 @@ from companion.fusion.pose_history import CAPACITY, PoseHistory
 from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
+from companion.link.position_fix import PATIENCE_NS, PositionGate
 from companion.link.vehicle import VehicleState
+from companion.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.recorder import journal
 from companion.recorder.journal import BadRecordError
 from companion.replay.reading import Header, Raw
@@ -19,6 +21,7 @@ from companion.sensors.mavlink_ranges import MavlinkRanges
 from companion.sensors.stream import OnReturns
 from companion.window_event import WindowEvent
 from params import Parameters
+from slz import LocalFrame
 
 ORDERS = ("COMMAND_LONG", "COMMAND_INT")
 
@@ -43,7 +46,9 @@ class Senses:
         self, header: Header, parameters: Parameters, on_returns: OnReturns, capacity: int = CAPACITY
     ) -> None:
         self._reader = mavlink.MAVLink(None)
-        self._inbox = Inbox(Codec(parameters.component_id), CommandServer())
+        identity = VehicleIdentity(header.system, LISTEN_NS, header.remembered)
+        gate = PositionGate(PATIENCE_NS if header.gated else None)
+        self._inbox = Inbox(Codec(parameters.component_id), CommandServer(), identity, gate)
         self._stream = self._ranges = None
         if header.lidar == "mavlink":
             self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
@@ -59,7 +64,7 @@ class Senses:
     @property
     def vehicle(self) -> VehicleState:
         """What the autopilot said of the vehicle so far."""
-        return self._inbox.vehicle
+        return self._inbox.followed
 
     def take(self, message: Raw) -> WindowEvent | None:
         """Take the next message; return the window's event if it is one.
@@ -85,6 +90,9 @@ class Senses:
                 self._stream.flush(message.at_ns)
             case journal.EVENT:
                 event = journal.unpack_event(message.data)
+                if isinstance(event, LocalFrame):
+                    self.history.begin_frame(event)
+                    return None
                 if isinstance(event, WindowEvent):
                     return event
                 self._inbox.clock.timesync.request(event)

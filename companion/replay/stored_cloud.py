@@ -12,24 +12,14 @@ from numpy.typing import NDArray
 from pyproj import Transformer
 
 from companion.errors import UsageError
+from companion.replay.gps_time import NAMES, dated, first_by_header
 from companion.replay.rerun import Act, Rerun
+from companion.replay.time_of_day import time_of_day
 from companion.survey.cloud import Cloud, read
 from companion.survey.las import open_las
-from companion.survey.source import Clock
 from slz import Scan
 
 SCAN_NS = 50_000_000
-GPS_EPOCH_S = 315_964_800  # 1980-01-06 since 1970
-# From a time of day on (s since 1970), GPS time is so far ahead of UTC (IERS Bulletin C).
-LEAPS_S = (
-    (1_136_073_600, 14),
-    (1_230_768_000, 15),
-    (1_341_100_800, 16),
-    (1_435_708_800, 17),
-    (1_483_228_800, 18),
-)
-WEEK_S = 604_800
-STANDARD_LESS_S = 1_000_000_000  # standard GPS time of LAS is given less this
 
 
 class StoredCloud:
@@ -39,32 +29,50 @@ class StoredCloud:
 
     Parameters
     ----------
-    near_ns
-        A time of day of the flight: tells the week, where the cloud's times are of the week.
+    span_ns
+        First and last time of day of the flight's log.
+    vertical_unit
+        Unit of the heights that the user named, m, ft or us-ft: overrides what the file says.
 
     Raises
     ------
     UsageError
-        The file cannot be used, or its points have no times.
+        The file cannot be used, its points have no times, or none of these lies within the flight.
     """
 
     cut = ""
     bad = 0
 
-    def __init__(self, path: Path, near_ns: int) -> None:
-        clock = open_las(path, None).clock
-        cloud = read([path])
-        if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).all():
+    def __init__(self, path: Path, span_ns: tuple[int, int], vertical_unit: str | None = None) -> None:
+        clock = open_las(path, None, vertical_unit).clock
+        cloud = read([path], vertical_unit=vertical_unit)
+        if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).any():
             raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
-        stamps = since_1970_ns(cloud.gps_s, clock, near_ns)
-        order = np.argsort(stamps, kind="stable")
-        self._stamp_ns = stamps[order]
+        times = dated(cloud.gps_s, clock, span_ns)
+        if not times.fits.any():
+            raise UsageError(
+                f"{path}: none of its {len(cloud.gps_s)} points was measured during the flight, which the log"
+                f" tells to be from {' to '.join(map(time_of_day, span_ns))}: by its header its times begin"
+                f" with {first_by_header(cloud.gps_s, clock, span_ns)}"
+            )
+        order = np.argsort(times.stamp_ns, kind="stable")
+        order = order[times.fits[order]]
+        self._stamp_ns = times.stamp_ns[order]
         self._lla = _lla(path, cloud)[order]
+        self._outside = len(times.fits) - len(order)
+        self._clock, self._header = times.kind, clock
         self._reference = cloud.reference.name
         self._without_frame = 0
 
     def told(self) -> dict[str, Any]:
-        return {"crs": self._reference, "points": len(self._stamp_ns), "before_position": self._without_frame}
+        return {
+            "crs": self._reference,
+            "points": len(self._stamp_ns) + self._outside,
+            "points_outside_log": self._outside,
+            "before_position": self._without_frame,
+            "times": NAMES[self._clock],
+            "times_in_header": NAMES[self._header],
+        }
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         begin = 0
@@ -84,19 +92,6 @@ class StoredCloud:
         sensor = np.full(3, np.nan) if pose is None else np.array(pose.position_enu_m)
         points = np.ascontiguousarray(frame.enu_m(*self._lla[part].T))
         rerun.add_placed(Scan(points, stamps, sensor, frame))
-
-
-def since_1970_ns(gps_s: NDArray[np.float64], clock: Clock, near_ns: int) -> NDArray[np.int64]:
-    """Return the times of day, ns since 1970, of times of GPS; `near_ns` is one of the same week."""
-    near_s = near_ns // 1_000_000_000
-    begin_s = GPS_EPOCH_S - max((leap for since, leap in LEAPS_S if since <= near_s), default=LEAPS_S[0][1])
-    if clock == "standard":
-        begin_s += STANDARD_LESS_S
-    else:
-        begin_s += round((near_s - begin_s - float(np.median(gps_s))) / WEEK_S) * WEEK_S
-    whole = np.floor(gps_s)
-    part_ns = np.rint((gps_s - whole) * 1e9).astype(np.int64)
-    return (whole.astype(np.int64) + begin_s) * 1_000_000_000 + part_ns
 
 
 def _lla(path: Path, cloud: Cloud) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import sys
 from collections.abc import Iterator
 from functools import partial
 from operator import itemgetter
@@ -14,6 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.codec import Codec
 from companion.link.inbox import Inbox
 from companion.link.operator import CommandServer
+from companion.link.position_fix import PositionGate
+from companion.link.vehicle_identity import VehicleIdentity
 from companion.replay.rerun import Act, Rerun
 from companion.replay.senses import ORDERS
 from companion.replay.tlog import Logged, TelemetryLog
@@ -38,11 +41,23 @@ class LoggedPoints(Protocol):
 
 
 class TelemetryFeed:
-    """A flight from FLIGHT.tlog and what lies beside it."""
+    """A flight from FLIGHT.tlog and what lies beside it.
 
-    def __init__(self, log: TelemetryLog, points: LoggedPoints) -> None:
+    Parameters
+    ----------
+    system
+        The vehicle's, None if the log holds none.
+    tells_fix
+        The log says whether positions are to be believed.
+    """
+
+    def __init__(
+        self, log: TelemetryLog, points: LoggedPoints, system: int | None = None, tells_fix: bool = False
+    ) -> None:
         self._log = log
         self._points = points
+        self._system = system
+        self._gate = PositionGate(sys.maxsize if tells_fix else 0)
 
     @property
     def cut(self) -> str:
@@ -53,10 +68,12 @@ class TelemetryFeed:
         return self._log.bad + self._points.bad
 
     def told(self) -> dict[str, Any]:
-        return self._points.told()
+        return {"system": self._system, "positions_without_fix": self._gate.refused} | self._points.told()
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        inbox = Inbox(Codec(rerun.parameters.component_id), CommandServer())
+        inbox = Inbox(
+            Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
+        )
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
         inbox.rebooted.subscribe(rerun.history.begin_anew)
@@ -70,15 +87,16 @@ class _Ear:
 
     def __init__(self, inbox: Inbox, rerun: Rerun) -> None:
         self._inbox, self._rerun = inbox, rerun
-        self._quaternions = False
+        self._quaternions = False  # of the autopilot: those of a gimbal say nothing of the vehicle
 
     def __call__(self, logged: Logged) -> None:
         message, kind = logged.message, logged.message.get_type()
         if kind in ORDERS:
             return
-        if kind == "ATTITUDE_QUATERNION":
+        ours = self._inbox.is_ours(message)
+        if ours and kind == "ATTITUDE_QUATERNION":
             self._quaternions = True
-        elif kind == "ATTITUDE" and not self._quaternions:
+        elif ours and kind == "ATTITUDE" and not self._quaternions:
             message = quaternion_of(message)
         self._inbox.take(message, logged.at_ns)
         self._rerun.standing = self._inbox.vehicle.landed == "on_ground"

@@ -15,6 +15,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import UsageError
+from companion.link.framing import message_id
 
 STAMP = struct.Struct(">Q")
 EARLIEST_US, LATEST_US = 10**15, 4 * 10**15  # 2001 to 2096
@@ -56,19 +57,26 @@ class TelemetryLog:
 
     def messages(self) -> Iterator[Logged]:
         """Return the messages in the order of the file."""
+        yield from self._all(None)
+
+    def only(self, *message_ids: int) -> Iterator[Logged]:
+        """Return the messages of some types, which is much quicker than all."""
+        yield from self._all(frozenset(message_ids))
+
+    def _all(self, only: frozenset[int] | None) -> Iterator[Logged]:
         self.bad, self.cut = 0, ""
         try:
             with (
                 self._path.open("rb") as file,
                 mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
             ):
-                yield from self._read(data)
+                yield from self._read(data, only)
         except OSError as error:
             raise UsageError(f"{self._path}: cannot be read: {error.strerror or error}") from None
         except ValueError:  # of mmap
             raise UsageError(f"{self._path}: it is empty") from None
 
-    def _read(self, data: mmap.mmap) -> Iterator[Logged]:
+    def _read(self, data: mmap.mmap, only: frozenset[int] | None) -> Iterator[Logged]:
         decoder = mavlink.MAVLink(None)
         at, lost = 0, False
         while at + STAMP.size < len(data):
@@ -81,13 +89,18 @@ class TelemetryLog:
             if end > len(data):
                 self.cut = f"{self._path.name} ends in the middle"
                 return
-            message = _decoded(decoder, data[at + STAMP.size : end])
+            frame = data[at + STAMP.size : end]
+            if not lost and only is not None and message_id(frame) not in only:
+                at = end
+                continue
+            message = _decoded(decoder, frame)
             if message is None:
                 self.bad += not lost
                 at, lost = (at + 1, True) if lost else (end, False)
                 continue
             (at_us,) = STAMP.unpack_from(data, at)
-            yield Logged(at_us * 1000, message)
+            if only is None or message.get_msgId() in only:
+                yield Logged(at_us * 1000, message)
             at, lost = end, False
 
 

@@ -19,7 +19,6 @@ from companion.survey.cloud import open_source
 from companion.survey.findings import Maps
 from companion.survey.las import LasSource, coordinates, pieces
 from companion.survey.metric import Metric
-from companion.survey.reference import Reference
 from companion.survey.source import Source, translated
 from slz import SAFE, UNSAFE, Box
 
@@ -34,19 +33,17 @@ SUFFIX = ".laz"
 SQUARE = 1024  # cells read at a time
 
 
-def write_classified(
-    folder: Path, files: Sequence[Path], crs: Reference | None, maps: Maps, metric: Metric
-) -> list[Path]:
+def write_classified(folder: Path, files: Sequence[Path], maps: Maps, metric: Metric) -> list[Path]:
     """Write classified.laz, of several files classified-1-NAME.laz and so on, and return their paths.
 
     Coordinates, scales and all dimensions of LAS input stay; other input gets scales of a millimetre (1e-9
-    degrees). crs: what the user named. Every point of a file is written, those too that the survey left out.
+    degrees). Every point of a file is written, those too that the survey left out.
     """
     written = []
     for k, path in enumerate(files, start=1):
         name = "classified" if len(files) == 1 else f"classified-{k}-{path.stem}"
         written.append(folder / f"{name}{SUFFIX}")
-        source = open_source(path, crs)
+        source = open_source(path, metric.reference)
         with translated(path):
             if isinstance(source, LasSource):
                 _of_las(written[-1], source, maps, metric)

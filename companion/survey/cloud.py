@@ -39,7 +39,10 @@ class Cloud:
 
 
 def read(
-    files: Sequence[Path], crs: str | None = None, progress: Callable[[float], None] = lambda share: None
+    files: Sequence[Path],
+    crs: str | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+    vertical_unit: str | None = None,
 ) -> Cloud:
     """Read files of one CRS, whatever kinds they are of.
 
@@ -51,6 +54,8 @@ def read(
         Overrides what the files say, and says what PCD, PLY and text cannot.
     progress
         Called with the share of points read.
+    vertical_unit
+        Unit of the heights, m, ft or us-ft: overrides what the files say.
 
     Raises
     ------
@@ -61,8 +66,8 @@ def read(
     if not files:
         raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
     refuse_twice(files)
-    given = from_option(crs) if crs else None
-    sources = [open_source(path, given) for path in files]
+    given = from_option(crs, vertical_unit) if crs else None
+    sources = [open_source(path, given, vertical_unit) for path in files]
     refuse_mixed(sources)
     n_points = sum(source.n_points for source in sources)
     memory.check_points(n_points)
@@ -94,8 +99,8 @@ def read(
     )
 
 
-def open_source(path: Path, given: Reference | None) -> Source:
-    """Open a cloud of any kind; `given` is the CRS that the user named.
+def open_source(path: Path, given: Reference | None, vertical_unit: str | None = None) -> Source:
+    """Open a cloud of any kind; `given` and `vertical_unit` are the CRS and unit that the user named.
 
     Raises
     ------
@@ -104,7 +109,7 @@ def open_source(path: Path, given: Reference | None) -> Source:
     """
     kind = kind_of(path)
     if kind == "las":
-        return open_las(path, given)
+        return open_las(path, given, vertical_unit)
     if given is None:
         name = "text" if kind == "text" else f"a {kind.upper()} file"
         raise UsageError(f"{path}: {name} names no CRS: name it by --crs, such as --crs EPSG:2992")

@@ -36,12 +36,14 @@ class Plan:
 
     crs overrides the CRS of the files, and names that of files that cannot. classified: write the points with
     their classes, too. tile_m: side of a tile, which changes no result. engine: who carries out the tasks.
+    vertical_unit: unit of the heights (m, ft, us-ft), whatever the files say.
     """
 
     crs: str | None = None
     classified: bool = False
     tile_m: float | None = None
     engine: Engine = InProcess()  # noqa: RUF009 - it has no state
+    vertical_unit: str | None = None
 
 
 def run(
@@ -102,6 +104,7 @@ def _in_tiles(
             lambda *told: _scaled(progress, *told),
             plan.crs,
             plan.tile_m,
+            plan.vertical_unit,
         )
         return _written(files, out, of_tiles(tiled.run()), progress, plan)
 
@@ -115,7 +118,7 @@ def _in_one_window(
             "mode=source maps one window in one piece: leave --tile-m, --workers, --scheduler out"
         )
     progress("reading", 0.0)
-    cloud = read(files, plan.crs, lambda share: progress("reading", 0.5 * share))
+    cloud = read(files, plan.crs, lambda share: progress("reading", 0.5 * share), plan.vertical_unit)
     progress("mapping", 0.5)
     found = of_window(survey(cloud, parameters), cloud.n_read, cloud.step)
     return _written(files, out, found, progress, plan)
@@ -137,7 +140,7 @@ def _written(
         if plan.classified:
             progress("classifying", 0.92)
             used = [path for path in files if str(path) not in left_out]
-            written += outputs.points(folder, used, plan.crs, found)
+            written += outputs.points(folder, used, found)
         rows_, cols = found.maps.grid.rows, found.maps.grid.cols
         if rows_ * cols <= MOST_DRAWN and len(found.zones) <= MOST_DRAWN_ZONES:
             progress("drawing", 0.95)

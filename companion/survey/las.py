@@ -103,8 +103,8 @@ class LasSource:
             raise UsageError(f"{self.path}: it is truncated, {n} of {stop} points: copy it again")
 
 
-def open_las(path: Path, given: Reference | None) -> LasSource:
-    """Read and examine the header of a LAS or LAZ file.
+def open_las(path: Path, given: Reference | None, vertical_unit: str | None = None) -> LasSource:
+    """Read and examine the header of a LAS or LAZ file; given, vertical_unit: as in `of_header`.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def open_las(path: Path, given: Reference | None) -> LasSource:
         return LasSource(
             path,
             n_points,
-            given or of_header(header, path),
+            of_header(header, path, given, vertical_unit),
             clock,
             seekable=seekable,
             low=corners[0],

@@ -35,7 +35,7 @@ def nearest(
     Returns
     -------
     Zones with distance_m and bearing_deg (from the position to the landing point) and holds (whether the
-    position lies in the zone); query_ms.
+    position lies in the zone); no_zone, why there is none; query_ms.
 
     Raises
     ------
@@ -64,6 +64,7 @@ def nearest(
         "lon": lon,
         "radius_m": radius_m,
         "zones": found[:most],
+        "no_zone": None if found else f"the survey holds none within {reach:g} m",
         "query_ms": round((time.perf_counter() - began) * 1e3, 2),
     }
 

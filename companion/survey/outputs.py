@@ -12,7 +12,6 @@ from companion.survey.findings import Findings
 from companion.survey.flatgeobuf import write_flatgeobuf
 from companion.survey.kml import write_kml
 from companion.survey.page import write_page
-from companion.survey.reference import from_option
 from companion.survey.tables import write_csv, write_survey
 from companion.survey.zones import write_geojson
 
@@ -40,7 +39,6 @@ def zones(
     return [geojson, kml, fgb, csv, page, survey]
 
 
-def points(folder: Path, files: Sequence[Path], crs: str | None, found: Findings) -> list[Path]:
+def points(folder: Path, files: Sequence[Path], found: Findings) -> list[Path]:
     """Write the points with their classes, and return the paths."""
-    given = from_option(crs) if crs else None
-    return write_classified(folder, files, given, found.maps, found.metric)
+    return write_classified(folder, files, found.maps, found.metric)

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,24 @@ MOST_COUNT = 1 << 20  # numbers in a field
 
 
 @dataclass(frozen=True, slots=True)
+class Field:
+    """A number of each point.
+
+    form: as NumPy writes types. offset: in the record, in bytes. column: on a line of text.
+    """
+
+    name: str
+    form: str
+    offset: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
 class PcdSource:
-    """A PCD file, see `Source`. data: as its header says. start: where its points begin."""
+    """A PCD file, see `Source`.
+
+    data: as its header says. start: where its points begin. fields: those of one number, the first of a name.
+    """
 
     path: Path
     n_points: int
@@ -50,6 +66,7 @@ class PcdSource:
     layout: Layout
     data: str
     start: int
+    fields: tuple[Field, ...] = ()
     clock: None = None
 
     @property
@@ -67,6 +84,37 @@ class PcdSource:
             else:
                 yield from self._unpacked(file)
 
+    def records(self) -> NDArray[np.void]:
+        """Read all points with all fields of one number, (n,) records; of text all are float64.
+
+        Raises
+        ------
+        UsageError
+            The file is truncated or corrupt.
+        """
+        names = [field.name for field in self.fields]
+        with translated(self.path), self.path.open("rb") as file:
+            file.seek(self.start)
+            if self.data == "ascii":
+                columns = np.loadtxt(file, usecols=[field.column for field in self.fields], ndmin=2)
+                if len(columns) < self.n_points:
+                    raise truncated(self.path, len(columns), self.n_points)
+                return _table(names, list(columns[: self.n_points].T))
+            if self.data == "binary":
+                offsets, forms = (
+                    [field.offset for field in self.fields],
+                    [field.form for field in self.fields],
+                )
+                whole = np.dtype(
+                    {"names": names, "formats": forms, "offsets": offsets, "itemsize": self.layout.step}
+                )
+                data = file.read(self.n_points * self.layout.step)
+                if len(data) < self.n_points * self.layout.step:
+                    raise truncated(self.path, len(data) // self.layout.step, self.n_points)
+                return np.frombuffer(data, whole)
+            plain = self._plain(file)
+            return _table(names, [self._axis(plain, field.offset, field.form) for field in self.fields])
+
     def _lines(self, file: BinaryIO) -> Iterator[Chunk]:
         n = 0
         lines = (line.decode("ascii", "replace") for line in file)
@@ -77,6 +125,21 @@ class PcdSource:
             raise truncated(self.path, n, self.n_points)
 
     def _unpacked(self, file: BinaryIO) -> Iterator[Chunk]:
+        plain = self._plain(file)
+        axes = [
+            self._axis(plain, at, form)
+            for at, form in zip(self.layout.offsets, self.layout.formats, strict=True)
+        ]
+        for begin in range(0, self.n_points, CHUNK):
+            yield finite(_columns([axis[begin : begin + CHUNK] for axis in axes]))
+
+    def _axis(self, plain: NDArray[np.uint8], offset: int, form: str) -> NDArray[Any]:
+        """Return a field of all points, which binary_compressed keeps together."""
+        size = self.n_points * np.dtype(form).itemsize
+        return plain[offset * self.n_points :][:size].view(form)
+
+    def _plain(self, file: BinaryIO) -> NDArray[np.uint8]:
+        """Return the unpacked points of binary_compressed."""
         from companion.survey.lzf import MOST_RATIO, unpack
 
         head = file.read(8)
@@ -92,12 +155,7 @@ class PcdSource:
         plain = np.empty(plain_bytes, np.uint8)
         if unpack(np.frombuffer(packed, np.uint8), plain) != plain_bytes:
             raise UsageError(f"{self.path}: it is corrupt, its points cannot be unpacked: copy it again")
-        axes = [
-            plain[at * self.n_points :][: self.n_points * np.dtype(form).itemsize].view(form)
-            for at, form in zip(self.layout.offsets, self.layout.formats, strict=True)
-        ]
-        for begin in range(0, self.n_points, CHUNK):
-            yield finite(_columns([axis[begin : begin + CHUNK] for axis in axes]))
+        return plain
 
 
 def open_pcd(path: Path, reference: Reference) -> PcdSource:
@@ -133,7 +191,8 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
                 f"{path}: it is truncated, {size} bytes where its header asks for {start + least}:"
                 " copy it again"
             )
-        return PcdSource(path, n_points, reference, layout, data, start)
+        fields = _fields(names, forms, counts)
+        return PcdSource(path, n_points, reference, layout, data, start, fields)
 
 
 def _header(file: BinaryIO, path: Path) -> dict[str, list[str]]:
@@ -174,6 +233,25 @@ def _numbers(words: dict[str, list[str]], name: str, path: Path, default: list[i
 
 def _corrupt(path: Path, why: str) -> UsageError:
     return UsageError(f"{path}: its header is corrupt, {why}: copy it again")
+
+
+def _fields(names: list[str], forms: list[str], counts: list[int]) -> tuple[Field, ...]:
+    found: dict[str, Field] = {}
+    offset = column = 0
+    for name, form, count in zip(names, forms, counts, strict=True):
+        if count == 1:
+            found.setdefault(name, Field(name, form, offset, column))
+        offset += np.dtype(form).itemsize * count
+        column += count
+    return tuple(found.values())
+
+
+def _table(names: list[str], columns: list[NDArray[Any]]) -> NDArray[np.void]:
+    kinds = [(name, column.dtype) for name, column in zip(names, columns, strict=True)]
+    table = np.empty(len(columns[0]), kinds)
+    for name, column in zip(names, columns, strict=True):
+        table[name] = column
+    return table
 
 
 def _columns(axes: list[NDArray[np.floating]]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from rasterio.windows import Window
 
 from companion.survey.findings import Maps
 from companion.survey.metric import Metric
-from companion.survey.reference import unit_name
+from companion.survey.statements import unit_name
 from slz import UNKNOWN, Box
 
 TILE = 256  # cells

@@ -99,7 +99,9 @@ def from_lines(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # only empty lines
             try:
-                points = np.loadtxt(some, np.float64, None, separator, usecols=columns, ndmin=2)
+                points = np.loadtxt(
+                    some, np.float64, None, separator, usecols=columns, ndmin=2, quotechar='"'
+                )
             except ValueError:
                 raise UsageError(_bad_line(path, some, columns, separator)) from None
         n += len(points)

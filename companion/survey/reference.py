@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from companion.errors import UsageError
+from companion.survey import geokeys
+from companion.survey.geokeys import GeoKeys
+from companion.survey.heights import BY_UNIT, Heights, Origin, heights_of, unit_of_option, with_heights
+from companion.survey.statements import (
+    SAME,
+    Statement,
+    refuse_datums,
+    refuse_projections,
+    refuse_units,
+)
 
-# EPSG codes of lengths that GeoTIFF keys name, in metres.
-LENGTHS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
-PROJECTED, GEOGRAPHIC, PROJECTED_UNIT, VERTICAL, VERTICAL_UNIT = 3072, 2048, 3076, 4096, 4099
-Origin = Literal["crs", "geokeys", "horizontal unit", "metre"]
+BY_CRS = "name the right CRS by --crs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +29,9 @@ class Reference:
     """A CRS with x east and y north, and the length of its height unit.
 
     horizontal: its two-dimensional part. unit_m: metres per unit of x and y, None for degrees.
-    vertical_m: metres per unit of z. vertical_from: who says so; `horizontal unit` and `metre` are the
-    convention for files whose CRS has no vertical part (projected and geographic ones).
+    vertical_m: metres per unit of z. vertical_from: who says so, `option` being `--vertical-unit`;
+    `horizontal unit` and `metre` are the convention for files that say nothing of heights (of a projected and
+    of a geographic CRS).
     """
 
     crs: CRS
@@ -53,45 +61,66 @@ class Reference:
         mine, theirs = self.vertical, other.vertical
         return (
             self.horizontal.equals(other.horizontal, ignore_axis_order=True)
-            and self.vertical_m == other.vertical_m
+            and abs(self.vertical_m / other.vertical_m - 1) < SAME
             and (mine is None or theirs is None or bool(mine.equals(theirs)))
         )
 
 
-def from_option(text: str) -> Reference:
-    """Read `--crs`: anything PROJ understands, such as EPSG:2992 or EPSG:2992+6360."""
+def from_option(text: str, vertical_unit: str | None = None) -> Reference:
+    """Read `--crs`: anything PROJ understands, such as EPSG:2992 or EPSG:2992+6360; and `--vertical-unit`."""
     try:
         crs = CRS.from_user_input(text)
     except CRSError:
         raise UsageError(f"--crs {text!r} is unknown: write it as EPSG:2992 or EPSG:2992+5703") from None
-    return of_crs(crs, f"--crs {text!r}")
+    reference = _of_crs(crs, f"--crs {text!r}", None)
+    if vertical_unit is None:
+        return reference
+    stated = [Statement("itself", reference.vertical_m)] if reference.vertical_from == "crs" else []
+    asked = Statement("--vertical-unit", unit_of_option(vertical_unit))
+    refuse_units(f"--crs {text!r}", "heights", [*stated, asked], "leave one of them out")
+    return _of_crs(crs, f"--crs {text!r}", vertical_unit)
 
 
-def of_header(header: Any, path: Path) -> Reference:
+def of_header(
+    header: Any, path: Path, given: Reference | None = None, vertical_unit: str | None = None
+) -> Reference:
     """Read the CRS of a LAS header's records, WKT before GeoTIFF keys, and its units.
+
+    Parameters
+    ----------
+    given
+        CRS that the user named. What the file says of its heights counts where this says nothing.
+    vertical_unit
+        Unit of the heights that the user named, a key of `UNITS_M`.
 
     Raises
     ------
     UsageError
-        No CRS, one that cannot be read or used, or one that contradicts itself about its unit.
+        No CRS, one that cannot be read or used, or one that contradicts itself about a unit or datum.
     """
+    if given is not None and given.vertical_from not in ("horizontal unit", "metre"):
+        return given
     try:
         crs = header.parse_crs(prefer_wkt=True)
-        keys = _geokeys(header)
-        if crs is not None and not crs.is_compound and len(crs.axis_info) == 2 and _epsg(keys.get(VERTICAL)):
-            crs = CRS.from_user_input(f"{_code(crs)}+{keys[VERTICAL]}") if _code(crs) else crs
+        keys = geokeys.of_records(header)
     except Exception as error:  # laspy lets errors of several libraries through
+        if given is not None:
+            return given
         raise UsageError(f"{path}: its CRS cannot be read ({_line(error)}): name it by --crs") from None
+    wkt = geokeys.has_wkt(header)
+    if given is not None:
+        heights = heights_of(crs if wkt else None, keys, str(path), vertical_unit)
+        return _joined(given.crs, heights, str(path), given.unit_m) if heights.stated else given
     if crs is None:
-        user_defined = _epsg(keys.get(PROJECTED)) is False or _epsg(keys.get(GEOGRAPHIC)) is False
+        user_defined = keys.user_defined(geokeys.PROJECTED) or keys.user_defined(geokeys.GEOGRAPHIC)
         what = "its CRS is written as user-defined GeoTIFF keys" if user_defined else "it names no CRS"
         raise UsageError(f"{path}: {what}: name it by --crs, such as --crs EPSG:2992")
-    return of_crs(crs, str(path), keys)
+    return _of_crs(crs, str(path), vertical_unit, keys)
 
 
-def of_crs(crs: CRS, owner: str, geokeys: dict[int, int] | None = None) -> Reference:
+def _of_crs(crs: CRS, owner: str, vertical_unit: str | None, keys: GeoKeys | None = None) -> Reference:
     """Work out the parts and units of a CRS; `owner` names it in errors."""
-    keys = geokeys or {}
+    keys = keys or GeoKeys({}, {})
     horizontal = _horizontal(crs)
     if not (horizontal.is_projected or horizontal.is_geographic):
         kind = horizontal.type_name.lower()
@@ -101,25 +130,77 @@ def of_crs(crs: CRS, owner: str, geokeys: dict[int, int] | None = None) -> Refer
     if directions not in ({"east", "north"}, {"north"}, {"south"}):  # around a pole both run north or south
         ways = " and ".join(sorted(directions))
         raise UsageError(f"{owner}: the axes of {crs.name!r} run {ways}, not east and north: reproject it")
-    unit_m = None
-    if horizontal.is_projected:
-        unit_m = float(axes[0].unit_conversion_factor)
-        stated = LENGTHS_M.get(keys.get(PROJECTED_UNIT, 0))
-        if stated is not None and abs(stated / unit_m - 1) > 1e-9:
-            raise UsageError(
-                f"{owner}: it says its unit is {stated:.6g} m, but that of {crs.name!r} is {unit_m:.6g} m:"
-                " name the right CRS by --crs"
-            )
-    vertical_m, vertical_from = _vertical(crs, keys, unit_m, owner)
-    return Reference(crs, horizontal, unit_m, vertical_m, vertical_from)
+    _refuse_contradictions(horizontal, owner, keys)
+    unit_m = float(axes[0].unit_conversion_factor) if horizontal.is_projected else None
+    heights = heights_of(crs, keys, owner, vertical_unit)
+    return _joined(crs, heights, owner, unit_m)
 
 
-def unit_name(length_m: float) -> str:
-    """Return the name that GDAL gives a length."""
-    for name, metres in (("m", 1.0), ("ft", 0.3048), ("US survey foot", 1200 / 3937)):
-        if abs(length_m / metres - 1) < 1e-9:
-            return name
-    return f"{length_m:.9g} m"
+def _joined(crs: CRS, heights: Heights, owner: str, unit_m: float | None) -> Reference:
+    """Return a CRS with the heights that are stated, or those of the convention."""
+    horizontal = _horizontal(crs)
+    if heights.unit_m is not None:
+        vertical_m, origin = heights.unit_m, heights.origin
+    elif unit_m is None or unit_m == 1.0 or not heights.stated:
+        vertical_m = 1.0 if unit_m is None else unit_m
+        origin = "metre" if unit_m is None else "horizontal unit"
+    else:
+        raise UsageError(
+            f"{owner}: it names the datum of its heights ({heights.datum}), but no unit, and x and y are not"
+            f" in metres: {BY_UNIT}"
+        )
+    return Reference(
+        with_heights(crs, horizontal, heights, vertical_m), horizontal, unit_m, vertical_m, origin
+    )
+
+
+def _refuse_contradictions(horizontal: CRS, owner: str, keys: GeoKeys) -> None:
+    """Refuse a horizontal CRS that its own code, or GeoTIFF keys beside it, contradict."""
+    name = f"its CRS {horizontal.name!r}"
+    coded = [(name, horizontal)]
+    own = geokeys.crs_of(geokeys.own_code(horizontal))
+    if own is not None:
+        coded.append((f"its code EPSG:{geokeys.own_code(horizontal)}", _horizontal(own)))
+    geographic = geokeys.crs_of(keys.epsg(geokeys.GEOGRAPHIC))
+    for key, label in ((geokeys.PROJECTED, "projected"), (geokeys.GEOGRAPHIC, "geographic")):
+        found = geokeys.crs_of(keys.epsg(key))
+        if found is not None and (found.is_projected or not keys.epsg(geokeys.PROJECTED)):
+            coded.append((f"its GeoTIFF key of the {label} CRS, {keys.epsg(key)}", _horizontal(found)))
+    datums = [Statement(who, datum=_datum(crs)) for who, crs in coded]
+    datums.append(
+        Statement(
+            f"its GeoTIFF key of the geographic CRS, {keys.epsg(geokeys.GEOGRAPHIC)}",
+            datum=None if geographic is None else _datum(geographic),
+        )
+    )
+    code = keys.epsg(geokeys.GEODETIC_DATUM)
+    datums.append(Statement(f"its GeoTIFF key of the datum, {code}", datum=geokeys.datum_of(code)))
+    refuse_datums(owner, "x and y", datums, BY_CRS)
+    kinds = [Statement(who, 1.0 if crs.is_projected else 2.0) for who, crs in coded]
+    if len({one.unit for one in kinds}) > 1:
+        other = next(one for one in kinds if one.unit != kinds[0].unit)
+        raise UsageError(f"{owner}: {kinds[0].who} and {other.who} are of two kinds: {BY_CRS}")
+    units = [Statement(who, float(crs.axis_info[0].unit_conversion_factor)) for who, crs in coded]
+    refuse_units(owner, "x and y", [*units, *_keyed_units(keys, horizontal.is_projected)], BY_CRS)
+    for one in coded[1:]:
+        refuse_projections(owner, coded[0], one, BY_CRS)
+
+
+def _keyed_units(keys: GeoKeys, projected: bool) -> list[Statement]:
+    """Return what GeoTIFF keys say of the unit of x and y."""
+    key = geokeys.PROJECTED_UNIT if projected else geokeys.ANGULAR_UNIT
+    code = keys.code(key)
+    table = geokeys.lengths_m() if projected else geokeys.angles_rad()
+    stated = [Statement(f"its GeoTIFF key of their unit, {code}", table.get(code or 0))]
+    if projected:
+        size = keys.doubles.get(geokeys.PROJECTED_UNIT_SIZE)
+        stated.append(Statement(f"its GeoTIFF key of their unit's size, {size}", size or None))
+    return stated
+
+
+def _datum(crs: CRS) -> str | None:
+    geodetic = crs.geodetic_crs
+    return None if geodetic is None or geodetic.datum is None else str(geodetic.datum.name)
 
 
 def _horizontal(crs: CRS) -> CRS:
@@ -127,38 +208,6 @@ def _horizontal(crs: CRS) -> CRS:
     if part.is_bound and part.source_crs is not None:
         return _horizontal(part.source_crs)
     return part.to_2d() if len(part.axis_info) == 3 and not part.is_geocentric else part
-
-
-def _vertical(crs: CRS, keys: dict[int, int], unit_m: float | None, owner: str) -> tuple[float, Origin]:
-    if crs.is_bound and crs.source_crs is not None:
-        return _vertical(crs.source_crs, keys, unit_m, owner)
-    axes = crs.sub_crs_list[1].axis_info if crs.is_compound else crs.axis_info[2:]
-    if axes:
-        if axes[0].direction.lower() != "up":
-            raise UsageError(f"{owner}: heights of {crs.name!r} do not count upwards: convert them")
-        return float(axes[0].unit_conversion_factor), "crs"
-    if keys.get(VERTICAL_UNIT) in LENGTHS_M:
-        return LENGTHS_M[keys[VERTICAL_UNIT]], "geokeys"
-    return (unit_m, "horizontal unit") if unit_m is not None else (1.0, "metre")
-
-
-def _geokeys(header: Any) -> dict[int, int]:
-    """Return the GeoTIFF keys whose value stands in the directory itself."""
-    records = [*header.vlrs, *(header.evlrs or [])]
-    directory = next((r for r in records if r.record_id == 34735 and hasattr(r, "geo_keys")), None)
-    if directory is None:
-        return {}
-    return {int(key.id): int(key.value_offset) for key in directory.geo_keys if key.tiff_tag_location == 0}
-
-
-def _epsg(key: int | None) -> bool | None:
-    """Tell whether a key holds a code of the EPSG registry; None where there is no key."""
-    return None if key is None else 1024 <= key <= 32766
-
-
-def _code(crs: CRS) -> str | None:
-    code = crs.to_epsg()
-    return f"EPSG:{code}" if code else None
 
 
 def _line(error: BaseException) -> str:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from companion.survey.findings import Findings
-from companion.survey.reference import unit_name
+from companion.survey.no_zone import reason
+from companion.survey.statements import unit_name
 from params import Parameters
 
 COARSE = 0.25  # of a cell
@@ -37,6 +38,7 @@ def summary(
         "cells": {"cell_m": found.parameters.cell_m, **found.cells},
         "coverage_m": found.parameters.coverage_m,
         "zones": described,
+        "no_zone": reason(found),
         "outputs": [str(path) for path in outputs],
         "warnings": [*_warnings(found), *_coarse(found)],
         "stage_ms": {name: round(ms, 1) for name, ms in found.stage_ms.items()},

@@ -1,6 +1,7 @@
 """What goes wrong between vehicle, sensors and companion: by name, begun and ended in flight.
 
-One family a file: `link` (the companion's line), `autopilot`, `neighbours` (others on the line), `lidar`.
+One family a file: `link` (the companion's line), `autopilot`, `stick` (the pilot's hand), `losses` (what its
+failsafes answer), `neighbours` (others on the line), `lidar`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sitl.faults import autopilot, lidar, link, neighbours
+from sitl.faults import autopilot, lidar, link, losses, neighbours, stick
 from sitl.faults.fault import Fault
 from sitl.faults.line import SpoiltWire
 
@@ -26,8 +27,14 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "ekf_jump": autopilot.EstimateJump,
     "gps_drift": autopilot.EstimateDrift,
     "pilot_mode": autopilot.PilotMode,
+    "pilot_stick": stick.PilotStick,
+    "gps_loss": losses.GpsLoss,
+    "battery_failsafe": losses.BatteryFailsafe,
+    "radio_failsafe": lambda rng: losses.RadioFailsafe(),
+    "fence_breach": losses.FenceBreach,
     "second_vehicle": neighbours.SecondVehicle,
     "second_station": neighbours.SecondStation,
+    "gimbal": neighbours.Gimbal,
     "lidar_stop": lambda rng: lidar.Stop(),
     "lidar_half": lambda rng: lidar.PacketFault(lidar.Halved()),
     "lidar_stuck": lambda rng: lidar.PacketFault(lidar.Stuck()),

@@ -1,4 +1,4 @@
-"""Others on the companion's line: a second vehicle, a second ground station."""
+"""Others on the companion's line: a second vehicle, a second ground station, a gimbal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sitl.wire import MemoryWire
 if TYPE_CHECKING:
     from sitl.simulation import Simulation
 
-VEHICLE, STATION = 2, 254
+OURS, VEHICLE, STATION = 1, 2, 254
 COMPANION = 191
 FAST_NS, SLOW_NS = 100_000_000, 1_000_000_000
 
@@ -114,4 +114,43 @@ class SecondStation(_Neighbour):
                 mavlink.MAV_CMD_DO_SET_MODE, refused, 0, 0, STATION, mavlink.MAV_COMP_ID_MISSIONPLANNER
             ),
             mavlink.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1),
+        ]
+
+
+class Gimbal(_Neighbour):
+    """A gimbal of the vehicle's own system, component 154, with an attitude and a state of its own.
+
+    It looks ahead and down, turns all the time, knows only the position it was made at, and refuses what
+    nobody asked of it.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        super().__init__(OURS, mavlink.MAV_COMP_ID_GIMBAL)
+        self._every_ns = FAST_NS
+        self._boot_ms = int(rng.integers(1_000, 10_000_000))
+        self._lat_e7, self._lon_e7 = (int(v) for v in rng.integers(100_000_000, 400_000_000, 2))
+        self._pitch_rad = float(rng.uniform(-1.2, -0.4))
+        self._yaw_rad = 0.0
+
+    def words(self, now_ns: int) -> list[Any]:
+        self._boot_ms += FAST_NS // 1_000_000
+        self._yaw_rad += 0.1
+        cp, sp = np.cos(self._pitch_rad / 2), np.sin(self._pitch_rad / 2)
+        cy, sy = np.cos(self._yaw_rad / 2), np.sin(self._yaw_rad / 2)
+        unasked = mavlink.MAV_RESULT_FAILED
+        return [
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_GIMBAL, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+            ),
+            mavlink.MAVLink_attitude_quaternion_message(
+                self._boot_ms, cp * cy, -sp * sy, sp * cy, cp * sy, 0, 0, 1.0
+            ),
+            mavlink.MAVLink_attitude_message(self._boot_ms, 0, self._pitch_rad, self._yaw_rad, 0, 0, 1.0),
+            mavlink.MAVLink_global_position_int_message(
+                self._boot_ms, self._lat_e7, self._lon_e7, 90_000, 0, 500, 500, 0, 0
+            ),
+            mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND),
+            mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 10_000, 0, 1, 0, 0, 0, 0, 0, 0),
+            mavlink.MAVLink_timesync_message(self._boot_ms * 1_000_000, now_ns),
+            mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, unasked, 0, 0, OURS, COMPANION),
         ]

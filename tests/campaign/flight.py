@@ -14,6 +14,7 @@ from unittest import mock
 from companion import app
 from tests.campaign.plan import Plan
 from tests.campaign.sortie import Sortie
+from tests.campaign.witness import COMPANION
 
 CPU_LIMIT_S = 120.0
 
@@ -54,6 +55,10 @@ def _result(sortie: Sortie, error: str) -> dict[str, Any]:
         "safe": sortie.touchdown_safe() if touchdown is not None else None,
         "touchdown": touchdown,
         "collision": collision,
+        "taken_by": witness.taken_by,
+        "taken_s": witness.taken_s,
+        "over_s": witness.over_s,
+        "landed_by": witness.landed_by,
         "chosen": _chosen(sortie),
         "aborts": tally.abort_reasons,
         "hands_off": tally.hands_off,
@@ -61,6 +66,7 @@ def _result(sortie: Sortie, error: str) -> dict[str, Any]:
         "phase": sortie.phase.value,
         "mode": sortie.sim.autopilot.mode_name,
         "commands_while_pilot_flies": witness.commands_while_pilot_flies,
+        "calls": [text for component, text in sortie.calls if component == COMPANION],
         "heard": sortie.heard[witness.heard_before :] if witness.began_s is not None else sortie.heard,
         "error": error,
         "path": [

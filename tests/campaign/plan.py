@@ -17,7 +17,9 @@ SCENES = ("landing_site", "landing_site", "streets", "buildings", "plain")
 # How long after a state is told the fault begins, at most: as long as the state usually lasts.
 LATEST_S = {Phase.SURVEY: 2.0, Phase.APPROACH: 4.0, Phase.DESCEND: 2.0, Phase.FINAL: 6.5, Phase.CLIMB: 2.0}
 STRIDE = 37  # shares no factor with the number of cells: neighbours in number are different faults
-SHORTEST_S, LONGEST_S = 4.0, 16.0
+LASTS_S = (4.0, 16.0)
+# A hand on the stick is short; the filter gives its position up 7.4 s after the last fix.
+OTHERS_LAST_S = {"pilot_stick": (3.0, 6.0), "gps_loss": (5.0, 20.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +45,7 @@ def plan(number: int) -> Plan:
         state=state,
         scene=SCENES[int(rng.integers(len(SCENES)))],
         after_s=float(rng.uniform(0.0, LATEST_S[state])),
-        lasts_s=float(rng.uniform(SHORTEST_S, LONGEST_S)),
+        lasts_s=float(rng.uniform(*OTHERS_LAST_S.get(fault, LASTS_S))),
         wind_ms=float(rng.uniform(0.0, 6.0)),
     )
 

@@ -5,15 +5,19 @@ A reaction looks at what was seen of a flight from outside and returns what was 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from companion.landing.situation import Phase
 from tests.campaign.log import Flown
-from tests.campaign.witness import Sight
+from tests.campaign.witness import FAILSAFE, NOBODY, PILOT, Sight
 
 COMMITTED_M = 3.0  # from here the rest of the way is shorter than any reaction
 STOPPED_MS = 1.0
+LETS_GO_S, STANDS_BACK_S = 1.5, 2.0
+ON_GROUND_M = 0.3
+BY_PILOT = ("pilot_mode", "pilot_stick")
 Reaction = Callable[[Flown], str]
 
 
@@ -75,6 +79,53 @@ def hands_off(flight: Flown) -> str:
     return "landed all the same" if flight["landed"] else ""
 
 
+def lets_go(flight: Flown) -> str:
+    """Within 1.5 s of the stick that moves its landing it has given the vehicle to the pilot, in words too.
+
+    A stick that moves nothing, as in GUIDED, changes nothing: it goes on.
+    """
+    if flight["taken_by"] != PILOT:
+        return goes_on(flight)
+    if _down_within(flight, LETS_GO_S):
+        return ""
+    late = [
+        s for s in _since_taken(flight, LETS_GO_S) if s.phase not in (Phase.IDLE.value, Phase.LANDED.value)
+    ]
+    if late:
+        return f"still in {late[0].phase} {late[0].t_s - flight['taken_s']:.1f} s after the stick moved it"
+    said = any("hands off" in text for text in flight["heard"])
+    return "" if said and flight["hands_off"] else "did not say that it gave the vehicle to the pilot"
+
+
+def stands_back(*lost: str) -> Reaction:
+    """Return the reaction to a failsafe of the autopilot: phase failsafe, and a call that says what is lost.
+
+    What the autopilot then does with the vehicle is its own; a loss that it answers by nothing is survived.
+    """
+
+    def check(flight: Flown) -> str:
+        if flight["taken_by"] != FAILSAFE:
+            return lands_or_calls(flight)
+        if _down_within(flight, STANDS_BACK_S):
+            return ""
+        over_s = math.inf if flight["over_s"] is None else flight["over_s"]
+        late = [
+            s
+            for s in _since_taken(flight, STANDS_BACK_S)
+            if s.phase != Phase.FAILSAFE.value
+            and not (s.phase == Phase.IDLE.value and s.t_s >= over_s)
+            and s.height_m > ON_GROUND_M
+        ]
+        if late:
+            return f"in {late[0].phase} {late[0].t_s - flight['taken_s']:.1f} s after the failsafe took it"
+        calls = [text.lower() for text in flight["calls"] if "take over" in text]
+        said = any(word in text for text in calls for word in lost)
+        return "" if said else f"did not call the pilot for {' or '.join(lost)}"
+
+    check.__doc__ = "Within 2 s it stands back and calls the pilot."
+    return check
+
+
 def stops(after_s: float) -> Reaction:
     """Return the reaction to stand still from some seconds after the beginning until the end of the fault."""
 
@@ -108,6 +159,17 @@ def _reached_ground_at_once(flight: Flown) -> bool:
     return touchdown is not None and touchdown["t_ns"] * 1e-9 < flight["began_s"] + 2.5
 
 
+def _since_taken(flight: Flown, after_s: float) -> list[Sight]:
+    """Return what was seen from so long after somebody else took the vehicle, to the end."""
+    sights = (Sight(*row) for row in flight["path"])
+    return [s for s in sights if s.t_s >= flight["taken_s"] + after_s]
+
+
+def _down_within(flight: Flown, seconds: float) -> bool:
+    touchdown = flight["touchdown"]
+    return touchdown is not None and touchdown["t_ns"] * 1e-9 < flight["taken_s"] + seconds + 0.5
+
+
 # ---- the table ------------------------------------------------------------------------------------
 
 
@@ -139,8 +201,14 @@ TABLE: dict[str, Row] = {
     "ekf_jump": _always(lands),
     "gps_drift": _always(lands),
     "pilot_mode": _always(hands_off),
+    "pilot_stick": _always(lets_go),
+    "gps_loss": _always(stands_back("ekf", "position", "gps", "velocity")),
+    "battery_failsafe": _always(stands_back("battery")),
+    "radio_failsafe": _always(stands_back("radio", "rc lost")),
+    "fence_breach": _always(stands_back("fence")),
     "second_vehicle": _always(goes_on),
     "second_station": _always(goes_on),
+    "gimbal": _always(goes_on),
     "lidar_stop": _BLIND,
     "lidar_half": _always(goes_on),
     "lidar_stuck": _always(lands_or_calls),
@@ -164,8 +232,8 @@ def faults_of(flight: Flown) -> list[str]:
     if flight["error"]:
         wrong.append(flight["error"])
     if flight["commands_while_pilot_flies"]:
-        wrong.append(f"{flight['commands_while_pilot_flies']} commands in a mode of the pilot's")
-    if flight["hands_off"] and flight["fault"] != "pilot_mode":
+        wrong.append(f"{flight['commands_while_pilot_flies']} commands {_against(flight)}")
+    if flight["hands_off"] and flight["fault"] not in BY_PILOT:
         wrong.append("gave the vehicle to a pilot who had not touched it")
     if flight["began_s"] is None:
         return [*wrong, "the state was never reached"]
@@ -174,9 +242,21 @@ def faults_of(flight: Flown) -> list[str]:
 
 
 def unsafe(flight: Flown) -> list[str]:
-    """Return whether it touched unsafe ground, or flew into something."""
+    """Return whether it touched unsafe ground, or flew into something, by the companion's doing.
+
+    Not by a failsafe of the autopilot or by the pilot's stick: the report counts these apart.
+    """
+    return [] if flight["landed_by"] != NOBODY else bad_end(flight)
+
+
+def bad_end(flight: Flown) -> list[str]:
+    """Return whether it touched unsafe ground, or flew into something, whoever had it."""
     wrong = ["touched unsafe ground"] if flight["safe"] is False else []
     return [*wrong, "collided"] if flight["collision"] is not None else wrong
+
+
+def _against(flight: Flown) -> str:
+    return "in the autopilot's failsafe" if flight["taken_by"] == FAILSAFE else "in a mode of the pilot's"
 
 
 def _state(flight: Flown) -> Phase:

@@ -11,6 +11,7 @@ import numpy as np
 from tests.campaign import picture, reactions
 from tests.campaign.log import Flown
 from tests.campaign.plan import FAULTS, STATES
+from tests.campaign.witness import FAILSAFE, PILOT
 
 MOST_PICTURES = 40
 
@@ -32,6 +33,7 @@ def _summary(flights: Sequence[Flown], wrong: dict[int, list[str]]) -> list[str]
     ends = Counter(_end(f) for f in flights)
     cpu = [f["cpu_s"] for f in flights] or [0.0]
     unsafe = sum(bool(reactions.unsafe(f)) for f in flights)
+    against = sum(f["commands_while_pilot_flies"] for f in flights)
     reached = sum(f["began_s"] is not None for f in flights)
     return [
         f"{len(flights)} flights, {reached} with the fault begun in its state; **{unsafe} unsafe touchdowns "
@@ -39,18 +41,35 @@ def _summary(flights: Sequence[Flown], wrong: dict[int, list[str]]) -> list[str]
         "",
         f"Ends: {', '.join(f'{count} {end}' for end, count in ends.most_common())}. "
         f"Aborts: {sum(len(f['aborts']) for f in flights)}. "
-        f"Commands in a mode of the pilot's: {sum(f['commands_while_pilot_flies'] for f in flights)}. "
+        f"Commands while the pilot or a failsafe flies: {against}. "
+        f"{_of_others(flights)}. "
         f"Processor time a flight: median {np.median(cpu):.1f} s, greatest {max(cpu):.1f} s.",
     ]
 
 
+def _of_others(flights: Sequence[Flown]) -> str:
+    """Return how many came down by the autopilot's failsafe and by the pilot, and how many of these badly."""
+    texts = []
+    for who, name in ((FAILSAFE, "the autopilot's failsafe"), (PILOT, "the pilot's stick")):
+        ended = [f for f in flights if f["landed_by"] == who]
+        bad = sum(bool(reactions.bad_end(f)) for f in ended)
+        texts.append(f"by {name} {len(ended)} ({bad} on unsafe ground or into something)")
+    return f"Landed not by the companion: {', '.join(texts)}"
+
+
 def _end(flight: Flown) -> str:
+    if flight["landed_by"] == FAILSAFE:
+        return "landed by the autopilot's failsafe"
+    if flight["landed_by"] == PILOT:
+        return "landed by the pilot's stick"
     if flight["collision"] is not None:
         return "collided"
     if flight["landed"]:
         return "landed on safe ground" if flight["safe"] else "landed on unsafe ground"
     if flight["phase"] == "hold":
         return "hover, pilot called"
+    if flight["taken_by"] == FAILSAFE:
+        return "left to the autopilot's failsafe"
     return "left to the pilot" if flight["hands_off"] else f"flying ({flight['phase']})"
 
 

@@ -102,6 +102,12 @@ class Sortie(Mission):
         """Whether the flight is over: on the ground with motors off, or crashed."""
         return not self.sim.autopilot.armed
 
+    @property
+    def calls(self) -> list[tuple[int, str]]:
+        """Component and text of what the pilot was told at CRITICAL."""
+        assert self.sim.pilot is not None
+        return list(self.sim.pilot.calls)
+
     async def script(self, _: Mission) -> None:
         """Wait for the state, let the fault begin, end it, and see what becomes of the flight."""
         self.sim.every_tick.append(lambda _: self.witness.look())
@@ -137,9 +143,9 @@ class Sortie(Mission):
         return faults.build(name, self._rng)
 
     def _settled(self) -> bool:
-        """Whether the flight is over, or it has hovered for a while for the pilot or the operator."""
-        hands_off = self.witness.pilot_has_it_s > HANDS_OFF_S
-        return self.down or hands_off or self.witness.held_s > HELD_S
+        """Whether the flight is over, somebody else has had it for a while, or it waits for somebody."""
+        taken = self.witness.taken_for_s > HANDS_OFF_S
+        return self.down or taken or self.witness.held_s > HELD_S
 
     async def _until(self, done: object, limit_s: float) -> bool:
         assert self.task is not None

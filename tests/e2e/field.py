@@ -205,12 +205,22 @@ class Field(ABC):
     def urls(self) -> tuple[str, str]:
         """Return where the LiDAR and where the companion find the autopilot."""
 
-    def __enter__(self) -> Self:
-        folder = self.folder
-        folder.mkdir(parents=True, exist_ok=True)
+    @contextmanager
+    def autopilot_alone(self) -> Iterator[Pilot]:
+        """Start the autopilot and give its pilot; all else is up to the test."""
+        with self._stack:
+            self._start_autopilot()
+            yield self.pilot
+
+    def _start_autopilot(self) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
         self.autopilot = self._start("autopilot", self.autopilot_words(), self.autopilot_environment())
         self.pilot = self.new_pilot()
         self._stack.callback(self.pilot.close)
+
+    def __enter__(self) -> Self:
+        folder = self.folder
+        self._start_autopilot()
         self.lidar = self._python(
             "lidar",
             *("sitl", "--autopilot", self.urls()[0], "--scene", self.scene),

@@ -27,14 +27,6 @@ RALLY = mavlink.MAV_MISSION_TYPE_RALLY
 GROUND_STATION_PORT = 18570
 COMPANION_PORT = 14540
 TRUTH_PORT = 19410
-# No stick and no stick lost, a battery that lasts, and an estimator that knows how noisy SIH's gyroscopes
-# (0.14 rad/s) and accelerometers (1.7 m/s²) are: with the defaults its height wanders 1 m and its tilt 1.5°.
-FRAME = {
-    "COM_RC_IN_MODE": "4",
-    "SIM_BAT_MIN_PCT": "60",
-    "EKF2_GYR_NOISE": "0.1",
-    "EKF2_ACC_NOISE": "1.0",
-}
 # SIH waits 64 us too long in each step of 4 ms: 1.6 % slow, which is much for a clock to be followed.
 SPEED = "1.016"
 # What the companion must know of that: the tilt still errs by half a degree to a whole one.
@@ -133,7 +125,8 @@ class Px4Field(Field):
 
     def autopilot_environment(self) -> Mapping[str, str]:
         place = dict(zip(("PX4_HOME_LAT", "PX4_HOME_LON", "PX4_HOME_ALT"), map(str, HOME), strict=True))
-        ours = {f"PX4_PARAM_{name}": value for name, value in (FRAME | our_parameters()).items()}
+        files = file_parameters("px4.params") | file_parameters("px4_sih.params")
+        ours = {f"PX4_PARAM_{name}": value for name, value in files.items()}
         return {"PX4_SIM_MODEL": "sihsim_quadx", "PX4_SIM_SPEED_FACTOR": SPEED, **place, **ours}
 
     def new_pilot(self) -> Pilot:
@@ -144,8 +137,8 @@ class Px4Field(Field):
         return f"udpin:127.0.0.1:{truth}", f"udpin:127.0.0.1:{companion}"
 
 
-def our_parameters() -> dict[str, str]:
-    """Return what our own parameter file sets, by name."""
-    text = resources.files("params").joinpath("autopilot/px4.params").read_text("utf-8")
+def file_parameters(name: str) -> dict[str, str]:
+    """Return what a parameter file of ours sets, by name."""
+    text = resources.files("params").joinpath(f"autopilot/{name}").read_text("utf-8")
     rows = [line.split("\t") for line in text.splitlines() if line and not line.startswith("#")]
     return {name: value for _, _, name, value, _ in rows}

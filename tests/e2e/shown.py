@@ -22,7 +22,8 @@ RENEW_S = 0.05
 START_S = 30.0
 FLYING = {
     **QUIET, "phase": "hold", "mode": "GUIDED", "guided": True, "armed": True, "on_ground": False,
-    "lidar_ok": True, "flying": False, "battery_pct": 80.0, "east_m": 0.0, "north_m": 0.0, "up_m": 20.0,
+    "lidar_ok": True, "blind": "", "failsafe": False, "estimate_lost": "",
+    "flying": False, "battery_pct": 80.0, "east_m": 0.0, "north_m": 0.0, "up_m": 20.0,
     "height_m": 20.0, "yaw_deg": 0.0, "pitch_deg": 0.0, "roll_deg": 0.0, "velocity_enu_ms": [0.0, 0.0, 0.0],
     "aim_enu_m": None,
 }  # fmt: skip

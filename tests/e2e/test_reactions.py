@@ -89,3 +89,46 @@ def test_below_the_dust_height_nothing_is_mapped() -> None:
     mission.fly(script)
     assert mission.companion.executive.tally.aborts == 0
     assert mission.touchdown_safe()
+
+
+def test_an_autopilot_that_is_not_set_up_is_not_landed_without_an_order() -> None:
+    """An operator's order is carried out, and warned of."""
+    mission = Mission(seed=13, simulated={"parameters": {"GUID_TIMEOUT": 30.0}})
+
+    async def script(m: Mission) -> None:
+        assert m.sim.pilot is not None
+        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: m.height_m > 16)
+        await asyncio.sleep(20)
+        assert m.phase is Phase.IDLE
+        assert "SLZ: GUID_TIMEOUT is 30, needs 0.5 to 5" in m.heard
+        assert "SLZ: no landing by itself: GUID_TIMEOUT" in m.heard
+        m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
+        await m.until_phase(Phase.LANDED, 180)
+
+    mission.fly(script)
+    assert "SLZ: landing is at risk: GUID_TIMEOUT" in mission.heard
+    assert mission.touchdown_safe()
+    told = mission.companion.summary["autopilot_parameters"]
+    assert (told["read"], told["fit"]) == (True, False)
+    assert [fault["name"] for fault in told["wrong"]] == ["GUID_TIMEOUT"]
+
+
+def test_a_parameter_set_right_in_the_air_lets_it_land_by_itself() -> None:
+    mission = Mission(seed=14, simulated={"parameters": {"PLND_ENABLED": 0.0}})
+
+    async def script(m: Mission) -> None:
+        assert m.sim.pilot is not None
+        await m.until(lambda: m.height_m > 16)
+        await asyncio.sleep(5)
+        assert m.phase is Phase.IDLE
+        m.sim.autopilot.parameters["PLND_ENABLED"] = 1.0
+        m.sim.pilot.set_mode(Mode.LOITER)
+        await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
+        await asyncio.sleep(2)
+        m.sim.pilot.set_mode(Mode.GUIDED)
+        await m.until_phase(Phase.LANDED, 180)
+
+    mission.fly(script)
+    assert "SLZ: autopilot's parameters are right now" in mission.heard
+    assert mission.touchdown_safe()

@@ -11,6 +11,7 @@ import params
 from companion import settings as stored
 from companion.dashboard.access import Access, Role, read_tokens
 from companion.dashboard.address import parse_address
+from companion.dashboard.door import Door
 from companion.dashboard.guard import Guard
 from companion.dashboard.orders import BadMessageError, parse
 from companion.dashboard.viewer import _split
@@ -89,14 +90,18 @@ def at_once(work: Coroutine[object, None, object]) -> None:
     raise AssertionError("it waits")
 
 
+async def _no_wait(_seconds: float) -> None:
+    """Return at once."""
+
+
 class _Requests:
     """The page's guard before an application that says yes."""
 
     def __init__(self, _folder: Path) -> None:
         address = parse_address("0.0.0.0:8080")
         tokens = {"o" * 20: Role.OPERATOR, "v" * 20: Role.VIEWER}
-        self.guards = [Guard(self._yes, Access(address, tokens)),
-                       Guard(self._yes, Access(parse_address("127.0.0.1:8080"), None))]  # fmt: skip
+        self.guards = [Guard(self._yes, Door(Access(address, tokens), sleep=_no_wait)),
+                       Guard(self._yes, Door(Access(parse_address("127.0.0.1:8080"), None)))]  # fmt: skip
 
     async def _yes(self, _scope: object, _receive: object, send: Callable[[object], object]) -> None:
         await send({"type": "http.response.start", "status": 200})  # type: ignore[misc]

@@ -94,9 +94,9 @@ class Autopilot:
                 self.send(self._heartbeat())
                 next_heartbeat = now + 1.0
             for message_id, interval_s in self.intervals_s.items():
-                if now >= due.setdefault(message_id, now) and message_id in _STREAMS:
+                if now >= due.setdefault(message_id, now) and (message := self._stream(message_id)):
                     due[message_id] += interval_s
-                    self.send(_STREAMS[message_id](self.boot_ms))
+                    self.send(message)
             await asyncio.sleep(0.005)
 
     def reboot(self) -> None:
@@ -144,6 +144,10 @@ class Autopilot:
             self.mode = int(m.param2)
         self.send(mavlink.MAVLink_command_ack_message(m.command, 0))
 
+    def _stream(self, message_id: int) -> Any:
+        """Return a message of a stream, None if it is none of ours."""
+        return _STREAMS[message_id](self.boot_ms) if message_id in _STREAMS else None
+
     def heard(self, name: str) -> list[Any]:
         """Return all messages of a type so far."""
         return [m for m in self.received if m.get_type() == name]
@@ -187,11 +191,11 @@ class UdpWire(asyncio.DatagramProtocol):
 
 
 @asynccontextmanager
-async def autopilot_over_udp(port: int, **vices: Any) -> Any:
+async def autopilot_over_udp(port: int, kind: type[Autopilot] = Autopilot, **vices: Any) -> Any:
     """Give an autopilot that speaks to a UDP port of this machine."""
     loop = asyncio.get_running_loop()
     transport, wire = await loop.create_datagram_endpoint(UdpWire, remote_addr=("127.0.0.1", port))
-    autopilot = Autopilot(wire, **vices)
+    autopilot = kind(wire, **vices)
     wire.hear = autopilot.hear
     task = asyncio.create_task(autopilot.fly())
     try:

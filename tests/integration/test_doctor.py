@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 import params
@@ -11,6 +13,7 @@ from companion.doctor import examination
 from companion.doctor.examination import Examination
 from companion.doctor.finding import Finding, healthy
 from companion.simulated import LockstepLoop
+from sitl import faults
 from sitl.simulation import Simulation
 from tests.ports import free_port
 
@@ -21,7 +24,14 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(examination, "machine_findings", lambda parameters, late_ms: [])
 
 
-def examined(height_m: float | None = None, lidar: bool = True, **autopilot: float) -> list[Finding]:
+def examined(
+    height_m: float | None = None,
+    lidar: bool = True,
+    beside: Callable[[Simulation], object] = lambda _sim: None,
+    system: int | None = None,
+    seconds: float = 8.0,
+    **autopilot: float,
+) -> list[Finding]:
     """Examine a simulated vehicle with some of its parameters changed."""
     mavlink, points = free_port(), free_port()
     more: dict[str, Any] = {"parameters": autopilot, "pilot_height_m": height_m}
@@ -32,10 +42,11 @@ def examined(height_m: float | None = None, lidar: bool = True, **autopilot: flo
         point_rate_hz=20_000,
         **more,
     )
+    beside(sim)
     loop = LockstepLoop(sim.advance)
     urls = f"udpin:127.0.0.1:{mavlink}", f"livox:127.0.0.1:{points}"
     try:
-        return loop.run_until_complete(Examination(*urls, params.load(), 8.0).run())
+        return loop.run_until_complete(Examination(*urls, params.load(), seconds, system=system).run())
     finally:
         sim.close()
         loop.close()
@@ -46,7 +57,12 @@ def test_a_vehicle_set_up_for_us_is_healthy() -> None:
     assert healthy(findings), [finding for finding in findings if finding.state != "ok"]
     checks = {finding.check for finding in findings}
     assert {"autopilot", "rate of ATTITUDE_QUATERNION", "residual of the clocks", "PLND_TYPE"} <= checks
-    assert {row.name for row in params.required("ardupilot")} <= checks
+    assert {row.name for row in params.required("ardupilot") if row.loaded} <= checks
+
+
+def test_the_time_to_identify_the_vehicle_is_not_taken_off_the_time_to_listen() -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0, seconds=5.5)
+    assert healthy(findings), [finding for finding in findings if finding.state != "ok"]
 
 
 def test_what_is_set_wrong_is_named_with_its_remedy() -> None:
@@ -62,3 +78,23 @@ def test_a_lidar_that_is_silent_fails() -> None:
     findings = {finding.check: finding for finding in examined(lidar=False)}
     assert findings["LiDAR packets"].state == "fail"
     assert findings["PLND_TYPE"].state == "ok"
+
+
+class OtherVehicle:
+    """Another copter on the line from the beginning."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.fault = faults.build("second_vehicle", np.random.default_rng(1))
+        self.fault.begin(sim)
+        sim.every_tick.append(self.fault.step)
+
+
+def test_two_vehicles_fail_by_name_and_the_named_one_is_examined() -> None:
+    findings = {finding.check: finding for finding in examined(height_m=10.0, beside=OtherVehicle)}
+    assert findings["autopilot"].state == "fail"
+    assert "system 1 (quadrotor) and system 2 (quadrotor)" in findings["autopilot"].found
+    assert "--system" in findings["autopilot"].remedy
+    assert findings["LiDAR packets"].state == "ok"
+    assert findings["parameters"].state == "skipped"
+    named = examined(height_m=10.0, beside=OtherVehicle, system=1, PRX1_TYPE=2.0)
+    assert healthy(named), [finding for finding in named if finding.state != "ok"]

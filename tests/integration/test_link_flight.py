@@ -12,8 +12,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clock import now_ns
+from companion.errors import UsageError
 from companion.link.link import Link
 from companion.link.operator import CommandReply, OperatorCommand
+from companion.link.streams import wanted
+from companion.link.vehicle_identity import VehicleIdentity
 from params import Parameters
 from tests.integration.link_bench import (
     GUIDED,
@@ -28,6 +31,7 @@ from tests.ports import free_port
 
 USER, DO_SET_MODE = mavlink.MAV_CMD_USER_1, mavlink.MAV_CMD_DO_SET_MODE
 MS = 1_000_000
+ALL_STREAMS = len(wanted("ardupilot", 50.0))
 
 
 def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None:
@@ -43,7 +47,7 @@ def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None
             assert statistics.rates_hz["GLOBAL_POSITION_INT"] == pytest.approx(50, abs=3)
             assert vehicle.landed == "in_air"
             assert statistics.lost == statistics.bad == statistics.bad_bytes == 0
-            assert statistics.missing == ("HOME_POSITION", "SYS_STATUS", "BATTERY_STATUS")
+            assert statistics.missing == ("HOME_POSITION", "GPS_RAW_INT", "SYS_STATUS", "BATTERY_STATUS")
 
     virtually(flight)
 
@@ -119,7 +123,7 @@ def test_silence_is_noticed_after_the_time_out_and_the_streams_are_asked_for_whe
             autopilot.mute = False
             autopilot.intervals_s.clear()
             await until(lambda: link.connected)
-            await until(lambda: len(autopilot.intervals_s) == 7, 3)
+            await until(lambda: len(autopilot.intervals_s) == ALL_STREAMS, 3)
 
     virtually(flight)
 
@@ -137,7 +141,7 @@ def test_after_a_reboot_the_clock_and_the_streams_begin_anew() -> None:
             autopilot.intervals_s[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = 0.25
             await until(lambda: link.vehicle.reboots == 1)
             assert not link.timesync.synced
-            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == 7)
+            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == ALL_STREAMS)
             await asyncio.sleep(1)
             assert now_ns() - 50 * MS <= stamps[-1] <= now_ns()
             assert stamps == sorted(stamps)
@@ -157,6 +161,51 @@ def test_another_vehicle_on_the_wire_is_ignored_even_when_ours_is_lost() -> None
                 await asyncio.sleep(5)
             assert (link.vehicle.sysid, link.vehicle.mode, link.connected) == (1, "LOITER", False)
             assert link.statistics().foreign >= 10
+
+    virtually(flight)
+
+
+def test_two_vehicles_at_the_start_end_the_link_by_name_before_anything_is_asked_of_either() -> None:
+    async def flight() -> None:
+        port = free_port()
+        link = Link(f"udpin:127.0.0.1:{port}", Parameters())
+        async with autopilot_over_udp(port) as ours, autopilot_over_udp(port, system=2) as other:
+            with pytest.raises(
+                UsageError, match=r"system 1 \(quadrotor\) and system 2 \(quadrotor\).*--system"
+            ):
+                await link.run()
+            asked = {m.get_type() for pilot in (ours, other) for m in pilot.received}
+            assert asked <= {"HEARTBEAT"}
+
+    virtually(flight)
+
+
+def test_the_vehicle_that_was_named_is_flown_beside_another() -> None:
+    async def flight() -> None:
+        port = free_port()
+        link = Link(f"udpin:127.0.0.1:{port}", Parameters(), identity=VehicleIdentity(2))
+        async with autopilot_over_udp(port), autopilot_over_udp(port, system=2, mode=LAND):
+            task = asyncio.create_task(link.run())
+            await until(lambda: link.connected)
+            await asyncio.sleep(5)
+            assert (link.vehicle.sysid, link.vehicle.mode, link.system_id) == (2, "LAND", 2)
+            await link.close()
+            await task
+
+    virtually(flight)
+
+
+def test_a_vehicle_that_comes_later_is_told_to_the_pilot_once() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port):
+            await until(lambda: link.connected)
+            told: list[str] = []
+            link.on_text.subscribe(lambda text, _severity: told.append(text))
+            async with autopilot_over_udp(port, system=2):
+                await asyncio.sleep(10)
+            assert told == ["SLZ: vehicle 2 heard too, ours is 1"]
+            assert (link.vehicle.sysid, link.connected) == (1, True)
 
     virtually(flight)
 

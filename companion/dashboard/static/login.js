@@ -1,1 +1,3 @@
-document.getElementById("refused").hidden = !location.search.includes("refused");
+for (const why of ["refused", "wait"]) {
+  document.getElementById(why).hidden = !location.search.includes(why);
+}

@@ -44,7 +44,9 @@ class Skipped:
         return {"file": str(self.path), "reason": self.reason}
 
 
-def opened(files: Sequence[Path], crs: str | None) -> tuple[list[Source], list[Skipped]]:
+def opened(
+    files: Sequence[Path], crs: str | None, vertical_unit: str | None = None
+) -> tuple[list[Source], list[Skipped]]:
     """Open clouds of one CRS; those that cannot be used are left out, when any can.
 
     Raises
@@ -55,14 +57,14 @@ def opened(files: Sequence[Path], crs: str | None) -> tuple[list[Source], list[S
     if not files:
         raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
     refuse_twice(files)
-    given = from_option(crs) if crs else None
+    given = from_option(crs, vertical_unit) if crs else None
     sources: list[Source] = []
     skipped: list[Skipped] = []
     for path in files:
         if not path.exists():
             raise UsageError(f"{path}: no such file")
         try:
-            sources.append(open_source(path, given))
+            sources.append(open_source(path, given, vertical_unit))
         except UsageError as error:
             if len(files) == 1:
                 raise
@@ -73,7 +75,13 @@ def opened(files: Sequence[Path], crs: str | None) -> tuple[list[Source], list[S
     return sources, skipped
 
 
-def pieces(files: Sequence[Path], sources: Sequence[Source], crs: str | None, folder: Path) -> list[Piece]:
+def pieces(
+    files: Sequence[Path],
+    sources: Sequence[Source],
+    crs: str | None,
+    folder: Path,
+    vertical_unit: str | None = None,
+) -> list[Piece]:
     """Cut LAS and LAZ files into pieces; other files, and those with an index (COPC), are one piece.
 
     Their names come from their files' places among all files, whichever of these can be opened this time.
@@ -85,7 +93,7 @@ def pieces(files: Sequence[Path], sources: Sequence[Source], crs: str | None, fo
         for first in range(0, source.n_points, step):
             stop = min(first + step, source.n_points)
             name = f"{place[source.path]}-{first}.sorted"
-            out.append(Piece(len(out), source.path, crs, first, stop, folder / name))
+            out.append(Piece(len(out), source.path, crs, first, stop, folder / name, vertical_unit))
     return out
 
 
@@ -99,7 +107,12 @@ def tile_side(tile_m: float | None, cell_m: float) -> int:
 
 
 def manifest(
-    files: Sequence[Path], crs: str | None, parameters: Parameters, lattice: Lattice, side: int
+    files: Sequence[Path],
+    crs: str | None,
+    parameters: Parameters,
+    lattice: Lattice,
+    side: int,
+    vertical_unit: str | None = None,
 ) -> dict[str, Any]:
     """Return what the files of a work folder depend on."""
     states = [(path.resolve(), path.stat()) for path in files]
@@ -107,6 +120,7 @@ def manifest(
         "version": VERSION,
         "files": [[str(path), state.st_size, state.st_mtime_ns] for path, state in states],
         "crs": crs,
+        "vertical_unit": vertical_unit,
         "parameters": parameters.model_dump(),
         "set": sorted(parameters.model_fields_set & {"coverage_m", "max_zones"}),
         "lattice": lattice.document(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from companion.errors import UsageError
 from companion.survey.las import LasSource
 from companion.survey.metric import Metric, about
+from companion.survey.reference import Reference
 from companion.survey.source import Source
 from companion.survey.tiled.census import Census
 from companion.survey.tiled.lattice import UNIT_M, Lattice
@@ -19,15 +21,29 @@ def first_guess(sources: Sequence[Source], cell_m: float) -> Lattice:
     reference = sources[0].reference
     if reference.unit_m is not None:
         return Lattice(reference.unit_m, reference.unit_m, reference.vertical_m, cell_m)
-    x, y = _any_point(sources[0])
-    corner = np.array([x, y, 0.0])
-    metric = about(reference, corner, corner, cell_m)
+    middle = _middle_of_header(sources[0])
+    try:
+        metric = None if middle is None else _metric_at(reference, middle, cell_m)
+    except UsageError:  # headers hold whatever was left there: the points count
+        metric = None
+    metric = metric or _metric_at(reference, _any_point(sources[0]), cell_m)
     return Lattice(metric.x_m, metric.y_m, metric.z_m, cell_m)
 
 
+def _metric_at(reference: Reference, place: tuple[float, float], cell_m: float) -> Metric:
+    corner = np.array([*place, 0.0])
+    return about(reference, corner, corner, cell_m)
+
+
+def _middle_of_header(source: Source) -> tuple[float, float] | None:
+    """Return the middle of the bounding box that a header names, if it names one of numbers."""
+    if not isinstance(source, LasSource) or source.low is None or source.high is None:
+        return None
+    x, y = (source.low[0] + source.high[0]) / 2, (source.low[1] + source.high[1]) / 2
+    return (x, y) if math.isfinite(x) and math.isfinite(y) else None
+
+
 def _any_point(source: Source) -> tuple[float, float]:
-    if isinstance(source, LasSource) and source.low is not None and source.high is not None:
-        return (source.low[0] + source.high[0]) / 2, (source.low[1] + source.high[1]) / 2
     for chunk in source.chunks():
         if len(chunk.points):
             x, y = np.median(chunk.points[:, :2], axis=0).tolist()

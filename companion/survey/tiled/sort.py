@@ -34,6 +34,7 @@ class Piece:
     first: int
     stop: int
     sorted: Path
+    vertical_unit: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,8 @@ def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> Outcome:
         return Outcome(piece.number, None)
     sorter = _Sorter(lattice)
     try:
-        source = open_source(piece.path, from_option(piece.crs) if piece.crs else None)
+        given = from_option(piece.crs, piece.vertical_unit) if piece.crs else None
+        source = open_source(piece.path, given, piece.vertical_unit)
         for columns in _columns(source, piece):
             sorter.add(columns)
     except UsageError as error:

@@ -84,8 +84,10 @@ class Survey:
         tell: Callable[[str, float], None],
         crs: str | None = None,
         tile_m: float | None = None,
+        vertical_unit: str | None = None,
     ) -> None:
         self._files, self._work, self._crs = files, work, crs
+        self._vertical_unit = vertical_unit
         self._parameters = parameters
         self._engine = engine
         self._progress = Progress(tell)
@@ -102,10 +104,11 @@ class Survey:
             A file, their CRS or the work folder cannot be used, or no point is left.
         """
         p = self._parameters
-        sources, skipped = plan.opened(self._files, self._crs)
+        sources, skipped = plan.opened(self._files, self._crs, self._vertical_unit)
         guess = first_guess(sources, p.cell_m)
         self._check_room(sources)
-        plan.claim(self._work, plan.manifest(self._files, self._crs, p, guess, self._side))
+        wanted = plan.manifest(self._files, self._crs, p, guess, self._side, self._vertical_unit)
+        plan.claim(self._work, wanted)
         sorted_, census, metric, broken = self._sorted(sources, guess)
         skipped += broken
         _check_cells(census.box, p.cell_m)
@@ -181,7 +184,7 @@ class Survey:
         self, sources: Sequence[Source], lattice: Lattice, folder: str
     ) -> tuple[list[Path], Census, list[plan.Skipped]]:
         (self._work / folder).mkdir(exist_ok=True)
-        pieces = plan.pieces(self._files, sources, self._crs, self._work / folder)
+        pieces = plan.pieces(self._files, sources, self._crs, self._work / folder, self._vertical_unit)
         done = sum(piece.sorted.exists() for piece in pieces)
         outcomes = self._each("sorting", sort_piece, pieces, done, lattice, self._bin_m)
         reasons = {piece.path: outcome.broken for piece, outcome in outcomes if outcome.broken}

@@ -26,6 +26,11 @@ def flight(path: list[list[Any]] | None = None, **more: Any) -> dict[str, Any]:
         "safe": True,
         "touchdown": {"t_ns": 25_000_000_000, "e": 0.0, "n": 0.0},
         "collision": None,
+        "taken_by": "",
+        "taken_s": 0.0,
+        "over_s": None,
+        "landed_by": "",
+        "calls": [],
         "chosen": [0.0, 0.0],
         "aborts": [],
         "hands_off": 0,
@@ -104,6 +109,79 @@ def test_a_flight_is_judged_by_what_was_seen_of_it(more: dict[str, Any], wrong: 
     found = "; ".join(reactions.faults_of(flight(**more)))
     assert found.startswith(wrong)
     assert bool(found) == bool(wrong)
+
+
+STICK = {
+    "fault": "pilot_stick",
+    "path": way("idle"),
+    "taken_by": "pilot",
+    "taken_s": 11.0,
+    "landed_by": "pilot",
+    "hands_off": 1,
+    "heard": ["SLZ: pilot moves the sticks in LAND: hands off"],
+}
+GPS = {
+    "fault": "gps_loss",
+    "path": way("failsafe"),
+    "taken_by": "failsafe",
+    "taken_s": 11.0,
+    "landed_by": "failsafe",
+    "safe": False,
+    "calls": ["SLZ: failsafe (position lost): LAND flies, take over"],
+}
+
+
+@pytest.mark.parametrize(
+    ("more", "wrong"),
+    [
+        (STICK, ""),
+        (STICK | {"safe": False}, ""),
+        (STICK | {"path": way("final")}, "still in final 1.6 s after the stick moved it"),
+        (STICK | {"path": way("final"), "touchdown": {"t_ns": 12_000_000_000, "e": 0.0, "n": 0.0}}, ""),
+        (STICK | {"heard": []}, "did not say that it gave the vehicle to the pilot"),
+        (STICK | {"hands_off": 0}, "did not say that it gave the vehicle to the pilot"),
+        (STICK | {"commands_while_pilot_flies": 1}, "1 commands in a mode of the pilot's"),
+        (STICK | {"taken_by": "", "landed_by": "", "hands_off": 0, "heard": []}, ""),
+        (STICK | {"taken_by": "", "landed_by": "", "hands_off": 1}, ""),
+        (GPS, ""),
+        (GPS | {"landed_by": ""}, "touched unsafe ground"),
+        (GPS | {"path": way("final")}, "in final 2.0 s after the failsafe took it"),
+        (GPS | {"path": way("idle")}, "in idle 2.0 s after the failsafe took it"),
+        (GPS | {"path": way("idle"), "over_s": 12.5}, ""),
+        (GPS | {"path": way("final"), "over_s": 12.5}, "in final 2.0 s after the failsafe took it"),
+        (GPS | {"path": way("idle", height_m=0.1)}, ""),
+        (GPS | {"calls": []}, "did not call the pilot for ekf or position or gps or velocity"),
+        (GPS | {"calls": ["SLZ: failsafe: LAND flies, take over"]}, "did not call the pilot for"),
+        (GPS | {"commands_while_pilot_flies": 3}, "3 commands in the autopilot's failsafe"),
+        (GPS | {"hands_off": 1}, "gave the vehicle to a pilot who had not touched it"),
+        (GPS | {"taken_by": "", "landed_by": "", "safe": True}, ""),
+        (GPS | {"taken_by": "", "landed_by": ""}, "touched unsafe ground"),
+        (GPS | {"landed": False, "safe": None, "collision": {"e": 0.0, "n": 0.0}}, ""),
+        (GPS | {"fault": "fence_breach"}, "did not call the pilot for fence"),
+        (GPS | {"fault": "radio_failsafe", "calls": ["SLZ: failsafe (RC lost): RTL flies, take over"]}, ""),
+    ],
+)  # fmt: skip
+def test_what_pilot_or_failsafe_do_is_their_own_and_commands_against_them_are_not(
+    more: dict[str, Any], wrong: str
+) -> None:
+    found = "; ".join(reactions.faults_of(flight(**more)))
+    assert found.startswith(wrong)
+    assert bool(found) == bool(wrong)
+
+
+def test_the_report_counts_landings_by_others_apart(tmp_path: Path) -> None:
+    assert report.write([flight(), flight(number=2, **GPS), flight(number=3, **STICK)], tmp_path) == 0
+    text = (tmp_path / "report.md").read_text("utf-8")
+    assert "**0 unsafe touchdowns or collisions**" in text
+    assert "1 landed by the autopilot's failsafe" in text
+    assert "by the autopilot's failsafe 1 (1 on unsafe ground or into something)" in text
+    assert "by the pilot's stick 1 (0 on unsafe ground or into something)" in text
+
+
+@pytest.mark.parametrize(("fault", "shortest_s", "longest_s"), [("pilot_stick", 3, 6), ("gps_loss", 5, 20)])
+def test_a_fault_lasts_as_long_as_its_kind(fault: str, shortest_s: float, longest_s: float) -> None:
+    lasting = [plan(number_of(fault, Phase.FINAL, turn)).lasts_s for turn in range(20)]
+    assert shortest_s <= min(lasting) < max(lasting) <= longest_s
 
 
 def test_the_report_counts_and_draws_what_failed(tmp_path: Path) -> None:

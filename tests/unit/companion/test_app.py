@@ -169,21 +169,70 @@ async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
     companion.worker.close()
 
 
+PX4 = replace(FLYING, autopilot="px4", local_ned_m=(3.0, -4.0, -12.0), local_boot_ms=9_900, boot_ms=10_000)
+VELOCITIES, PLACE = 0b000111000, 0b000000111  # what a mask of the message ignores
+ACCELERATIONS = 0b111000000
+
+
 async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It enters that mode only while they arrive; few are enough, and on the ground none are due."""
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(f"{__name__}.FLYING", replace(FLYING, autopilot="px4"))
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
         await seat.tick("AUTO.LOITER")
         await seat.tick("AUTO.LOITER")
-        assert seat.velocities() == [(0.0, 0.0, 0.0)]
-        monkeypatch.setattr(
-            f"{__name__}.FLYING", replace(FLYING, autopilot="px4", reported_landed="on_ground")
-        )
+        assert len(seat.velocities()) == 1
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, reported_landed="on_ground"))
         seat.companion._last_open_ns = 0
         await seat.tick("AUTO.LOITER")
         assert len(seat.velocities()) == 1
+
+
+@pytest.mark.parametrize("mode", ["POSCTL", "AUTO.MISSION", "AUTO.LOITER", "AUTO.RTL"])
+async def test_px4_is_told_no_velocity_in_a_mode_of_the_pilot(
+    monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    """A version that mixes a companion's velocities into Position mode and missions would be braked."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick(mode)
+        (signal,) = [m for m in seat.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+        assert signal.type_mask & VELOCITIES == VELOCITIES
+        assert signal.type_mask & ACCELERATIONS == ACCELERATIONS
+        assert signal.type_mask & PLACE == 0  # all ignored would not open OFFBOARD
+        assert (signal.x, signal.y, signal.z) == (3.0, -4.0, -12.0)
+
+
+async def test_px4_is_told_to_stop_in_offboard_until_an_order_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick("OFFBOARD")
+        (signal,) = [m for m in seat.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+        assert (signal.vx, signal.vy, signal.vz) == (0.0, 0.0, 0.0)
+        assert signal.type_mask & VELOCITIES == 0
+        assert signal.type_mask & PLACE == PLACE
+
+
+@pytest.mark.parametrize("stale", [{"local_ned_m": None}, {"local_boot_ms": 9_000}])
+async def test_px4_is_told_no_place_that_is_not_its_own(
+    monkeypatch: pytest.MonkeyPatch, stale: dict[str, Any]
+) -> None:
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, **stale))
+        await seat.tick("AUTO.LOITER")
+        assert seat.velocities() == []
+
+
+@pytest.mark.parametrize(("heard_s_ago", "known"), [(1.0, True), (2.1, True), (2.6, False)])
+async def test_the_mode_is_known_at_one_heartbeat_a_second_of_which_one_is_lost(
+    monkeypatch: pytest.MonkeyPatch, heard_s_ago: float, known: bool
+) -> None:
+    """PX4's heartbeat cannot be made faster."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick("OFFBOARD", heard_s_ago)
+        assert seat.companion.situation().heard is known
 
 
 def scan(stamp_ns: int) -> Scan:

@@ -200,6 +200,7 @@ def test_a_log_that_no_terminal_shows_is_plain_lines(tmp_path: Path) -> None:
         ("--point-rate", "inf", "from 1000 to 2000000"),
         ("--point-rate", "1e12", "from 1000 to 2000000"),
         ("--point-rate", "9600", "divides 10^9"),
+        ("--point-rate", "30000", "25000 or 31250"),
         ("--limit-s", "nan", "from 1 to 86400"),
         ("--limit-s", "0", "from 1 to 86400"),
         ("--limit-s", "inf", "from 1 to 86400"),
@@ -295,6 +296,29 @@ def test_replay_tells_the_zones_as_a_table_or_as_json(flown: Path, capsys: Captu
     assert told["zones"]
 
 
+def test_replay_takes_the_system_that_is_named(flown: Path, capfd: Capture) -> None:
+    words = ["replay", str(flown / "flight.tlog"), "--points", str(flown / "lidar.pcap"), "--system"]
+    assert ended(*words, "7") == 2
+    assert "no autopilot of system 7; of others: system 1 (quadrotor)" in capfd.readouterr().err
+    assert ended(*words, "0") == 2
+    assert "'--system'" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["run", "doctor"])
+def test_run_and_doctor_hand_the_named_system_on(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from companion.doctor import command as consultation
+
+    named: list[object] = []
+    monkeypatch.setattr("companion.flight.run", lambda *_, **given: named.append(given["system"]) or {})
+    monkeypatch.setattr(consultation, "examine", lambda *given: named.append(given[-1]) or [])
+    words = ["--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0", "--state-dir", str(tmp_path)]
+    assert ended(command, *words, "--system", "42") == 0
+    assert ended(command, *words) == 0
+    assert named == [42, None]
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_calibrate_prints_what_to_correct(
     as_json: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
@@ -338,6 +362,9 @@ ZONE = {
 }  # fmt: skip
 
 
+SAID: dict[str, Any] = {"warnings": [], "why_no_zones": ""}
+
+
 @pytest.mark.parametrize(
     ("told", "words", "code"),
     [
@@ -352,7 +379,7 @@ ZONE = {
 def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
     told: dict[str, Any], words: list[str], code: int, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    summary = {"windows": 5, "zones": [ZONE], "cut": "", "lost_messages": 0, **told}
+    summary = {"windows": 5, "zones": [ZONE], "cut": "", "lost_messages": 0, **SAID, **told}
     monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
     assert ended("replay", "a.mcap", *words) == code
     out = capsys.readouterr().out
@@ -365,10 +392,20 @@ def test_replay_ends_with_1_where_the_same_flight_has_other_zones(
 
 def test_replay_says_what_the_recording_lacks(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     lacking = {"cut": "it ends within a chunk", "lost_messages": 3}
-    summary = {"windows": 0, "identical": 0, "different": 0, "zones": [], **lacking}
+    said = {"warnings": ["9 of 99 returns have no poses around them"], "why_no_zones": "no window was mapped"}
+    summary = {"windows": 0, "identical": 0, "different": 0, "zones": [], **lacking, **said}
     monkeypatch.setattr("companion.replay.command.run", lambda *_: summary)
+    assert ended("replay", "a.mcap", "--json") == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out) == summary
+    lost = [
+        "slz: a.mcap: 9 of 99 returns have no poses around them",
+        "slz: a.mcap: no zone: no window was mapped",
+    ]
+    assert told.err.splitlines() == lost
     assert ended("replay", "a.mcap") == 0
     assert capsys.readouterr().err.splitlines() == [
+        *lost,
         "slz: a.mcap: it is not whole: it ends within a chunk",
         "slz: a.mcap: 3 messages were lost in flight",
     ]
@@ -393,7 +430,8 @@ def test_map_tells_zones_and_what_it_left_out(
 ) -> None:
     def found(_files: object, _out: object, parameters: Parameters, *_: object) -> dict[str, Any]:
         cells_m.append(parameters.cell_m)
-        return {"zones": [ZONE], "skipped": [{"file": "b.las", "reason": "b.las: it is truncated"}]}
+        skipped = [{"file": "b.las", "reason": "b.las: it is truncated"}]
+        return {"zones": [ZONE], "no_zone": None, "skipped": skipped}
 
     cells_m: list[float] = []
     monkeypatch.setattr("companion.survey.run", found)
@@ -406,10 +444,22 @@ def test_map_tells_zones_and_what_it_left_out(
     assert cells_m == [0.5, 0.25]
 
 
+def test_map_tells_why_there_is_no_zone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    answer = {"zones": [], "no_zone": "all is too steep", "skipped": []}
+    monkeypatch.setattr("companion.survey.run", lambda *_: answer)
+    assert ended("map", "a.las", "--out", str(tmp_path)) == 0
+    assert capsys.readouterr().out.endswith("no zone: all is too steep\n")
+
+
 def test_nearest_tells_a_table_or_that_there_is_none(
     monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    answers: list[dict[str, Any]] = [{"zones": [ZONE, {**ZONE, "id": 9, "slope_deg": None}]}, {"zones": []}]
+    answers: list[dict[str, Any]] = [
+        {"zones": [ZONE, {**ZONE, "id": 9, "slope_deg": None}]},
+        {"zones": [], "no_zone": "none here"},
+    ]
     monkeypatch.setattr("companion.survey.nearest.nearest", lambda *_: answers[0])
     assert ended("nearest", "46.1", "-122.8", "--json") == 0
     assert json.loads(capsys.readouterr().out) == answers[0]
@@ -419,7 +469,7 @@ def test_nearest_tells_a_table_or_that_there_is_none(
     assert "2.3" not in second  # a slope that nobody measured is not told
     answers.pop(0)
     assert ended("nearest", "46.1", "-122.8") == 0
-    assert capsys.readouterr().out == "no zone there\n"
+    assert capsys.readouterr().out == "no zone: none here\n"
 
 
 def test_reproduce_tells_where_the_page_is(

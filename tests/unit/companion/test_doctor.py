@@ -19,16 +19,18 @@ from companion.doctor.finding import Finding, healthy
 from companion.doctor.lidar_check import lidar_findings
 from companion.doctor.link_check import link_findings
 from companion.doctor.machine_check import speed_finding, timer_finding, window_ms
-from companion.doctor.parameter_check import RETRY_NS, TRIES, ParameterReader, parameter_findings
+from companion.doctor.parameter_check import parameter_findings
+from companion.link.parameter_reader import RETRY_NS, TRIES, ParameterReader
 from companion.link.statistics import LinkStatistics
-from companion.link.streams import wanted
+from companion.link.streams import expected, wanted
 from companion.link.vehicle import VehicleState
 from params import build, load, required
 from params.required import parse
 
 STREAMS = wanted("ardupilot", 50.0)
 GOOD = LinkStatistics(
-    received=5000,
+    received=6000,
+    from_vehicle=5000,
     lost=2,
     bad=0,
     bad_bytes=0,
@@ -70,6 +72,36 @@ def test_a_good_link_has_nothing_to_remedy() -> None:
     findings = link_findings("udpin:x", VEHICLE, GOOD, STREAMS)
     assert {finding.state for finding in findings} == {"ok"}
     assert not any(finding.remedy for finding in findings)
+
+
+PX4_STREAMS = expected("px4", 50.0)
+PX4_GOOD = replace(GOOD, rates_hz={stream.name: stream.arrives_hz for stream in PX4_STREAMS})
+
+
+@pytest.mark.parametrize(
+    ("rates", "refused", "state"),
+    [
+        ({}, (), "ok"),
+        ({"CURRENT_MODE": 1.5}, (), "ok"),
+        ({"CURRENT_MODE": 0.5}, (), "warn"),
+        ({"CURRENT_MODE": 0.0}, (), "skipped"),
+        ({"CURRENT_MODE": 0.0}, ("CURRENT_MODE",), "skipped"),
+    ],
+)
+def test_a_px4_with_its_heartbeat_once_a_second_is_healthy(
+    rates: dict[str, float], refused: tuple[str, ...], state: str
+) -> None:
+    statistics = replace(PX4_GOOD, rates_hz=PX4_GOOD.rates_hz | rates, refused=refused)
+    findings = link_findings("udpin:x", replace(VEHICLE, autopilot="px4"), statistics, PX4_STREAMS)
+    assert healthy(findings)
+    assert states(findings)["rate of HEARTBEAT"] == "ok"
+    assert states(findings)["rate of CURRENT_MODE"] == state
+
+
+def test_a_px4_without_heartbeats_is_not() -> None:
+    statistics = replace(PX4_GOOD, rates_hz=PX4_GOOD.rates_hz | {"HEARTBEAT": 0.0})
+    findings = link_findings("udpin:x", replace(VEHICLE, autopilot="px4"), statistics, PX4_STREAMS)
+    assert states(findings)["rate of HEARTBEAT"] == "fail"
 
 
 @pytest.mark.parametrize(

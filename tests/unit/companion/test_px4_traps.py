@@ -30,7 +30,12 @@ IN_FLIGHT = VehicleState(
     boot_ms=90_000,
 )
 # Setting a mode, asking for streams, and the operator's orders to ourselves.
-KNOWN = {"MAV_CMD_DO_SET_MODE", "MAV_CMD_SET_MESSAGE_INTERVAL", "MAV_CMD_USER_1"}
+KNOWN = {
+    "MAV_CMD_DO_SET_MODE",
+    "MAV_CMD_REQUEST_MESSAGE",  # for the version, by the doctor alone
+    "MAV_CMD_SET_MESSAGE_INTERVAL",
+    "MAV_CMD_USER_1",
+}
 
 
 @pytest.fixture

@@ -260,3 +260,15 @@ def test_what_is_worth_a_transfer() -> None:
     assert moved(MINE, (point(0),))
     assert moved(MINE, (point(0), point(53)))
     assert moved(MINE, (point(0), point(50, 23)))
+
+
+@pytest.mark.parametrize(
+    ("sender", "to", "waits"), [(STATION, 1, True), (STATION, 2, False), ((2, 1), 255, False)]
+)
+def test_only_transfers_with_the_vehicle_itself_hold_ours_up(
+    sender: tuple[int, int], to: int, waits: bool
+) -> None:
+    rally = Rally()
+    other = mavlink.MAVLink_mission_count_message(to, 1, 2, RALLY)
+    rally.hear(received(other, *sender), S, 1, US)
+    assert bool(rally.poll(2 * S, (point(10),), 1, US)) is not waits

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import params
-from companion.invariants import Invariants
+from companion.clock import now_ns
+from companion.invariants import Invariants, Verdicts
 from companion.worker import PipelineWorker
 from slz import LocalFrame, Pipeline, Report, Scan, Window
 
@@ -18,17 +19,15 @@ FRAME = LocalFrame(47.0, 8.0, 400.0)
 SMALL = params.load("quadcopter", ["zone_m=40", "window_s=1", "adaptive=off"])
 
 
-def scan(second: float) -> Scan:
+def scan(second: float, begin_ns: int = BEGIN_NS) -> Scan:
     rng = np.random.default_rng(round(second * 10))
     points = np.column_stack([rng.uniform(-8, 8, (3000, 2)), rng.normal(0, 0.01, 3000)])
-    stamps = (BEGIN_NS + second * 1e9 + np.linspace(0, 0.4e9, 3000)).astype(np.int64)
+    stamps = (begin_ns + second * 1e9 + np.linspace(0, 0.4e9, 3000)).astype(np.int64)
     return Scan(points, stamps, np.array([0.0, 0.0, 20.0]), FRAME)
 
 
 def worker_to(reports: list[Report]) -> PipelineWorker:
-    worker = PipelineWorker(SMALL, reports.append)
-    worker._invariants = Invariants(oldest_ns=3600_000_000_000)  # however slow the test is
-    return worker
+    return PipelineWorker(SMALL, reports.append, oldest_ns=3600_000_000_000)  # however slow the test is
 
 
 async def drive(worker: PipelineWorker, until: Callable[[], bool]) -> None:
@@ -235,3 +234,44 @@ async def test_a_point_selected_before_the_map_was_forgotten_is_forgotten_with_i
         worker.offer(scan(second))
     await drive(worker, lambda: bool(reports))
     assert reports[0].selected is None
+
+
+async def test_a_window_left_half_gathered_by_an_outage_is_dropped_and_counted_not_called_invalid() -> None:
+    reports: list[Report] = []
+    told: list[str] = []
+    worker = PipelineWorker(SMALL, reports.append)
+    worker.on_invalid.subscribe(told.append)
+    begin_ns = now_ns() - 30_000_000_000
+    worker.offer(scan(0.0, begin_ns))
+    worker.offer(scan(29.0, begin_ns))  # the link is back
+    await drive(worker, lambda: worker.late > 0)
+    assert (worker.late, worker.failed, worker.invalid, told, reports) == (1, 0, False, [], [])
+
+
+async def test_a_report_that_comes_too_late_leaves_the_last_one_and_calls_no_map_invalid(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    reports: list[Report] = []
+    told: list[str] = []
+    worker = worker_to(reports)
+    worker.on_invalid.subscribe(told.append)
+    check = Invariants.check
+
+    def late(self: Invariants, report: Report, verdicts: Verdicts, now_ns: int) -> None:
+        monkeypatch.setattr(Invariants, "check", check)
+        check(self, report, verdicts, now_ns + 4_000_000_000_000)
+
+    monkeypatch.setattr(Invariants, "check", late)
+    worker.offer(scan(0))
+    worker.offer(scan(1))
+    task = asyncio.create_task(worker.run())
+    async with asyncio.timeout(60):
+        while not worker.late:
+            await asyncio.sleep(0)
+        worker.offer(scan(2))
+        while not reports:
+            await asyncio.sleep(0)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()
+    assert (worker.failed, worker.invalid, told) == (0, False, [])

@@ -9,7 +9,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 SOURCES = (
     "companion/app.py",
+    "companion/fitness.py",
     "companion/invariants.py",
+    "companion/map_frame.py",
     "companion/recordings.py",
     "companion/settings.py",
     "companion/dashboard/alarms.py",
@@ -21,7 +23,9 @@ SOURCES = (
     "companion/landing/executive.py",
     "companion/landing/operator.py",
     "companion/landing/order_parameters.py",
+    "companion/landing/presumptions.py",
     "companion/landing/watch.py",
+    "companion/link/link.py",
     "companion/link/parameter_server.py",
 )
 # Where the text stands among a call's arguments.
@@ -76,12 +80,19 @@ def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
 def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
     """Yield what functions return, or put together, to be said by others."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.name in ("news", "_why_not"):
+        if isinstance(node, ast.FunctionDef) and node.name in ("news", "_why_not", "_blind"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from _returned(part.value)
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("text", "reason"):
+        if isinstance(node, ast.Assign) and _is_of_words(node.targets[0]):
             yield from ((text, "") for text in _texts(node.value))
+
+
+def _is_of_words(target: ast.expr) -> bool:
+    """Tell whether what is assigned here is said: to a text, a reason, or a presumption that is broken."""
+    if isinstance(target, ast.Subscript):
+        return getattr(target.value, "id", "") == "broken"
+    return getattr(target, "id", "") in ("text", "reason")
 
 
 def _returned(value: ast.expr) -> Iterator[tuple[str, str]]:

@@ -47,7 +47,7 @@ def test_mavproxy_reads_the_same_values(capsys: pytest.CaptureFixture[str]) -> N
     with resources.as_file(file) as path:
         assert read.load(str(path))
     assert "Invalid" not in capsys.readouterr().out
-    assert dict(read) == {row.name: row.value for row in required("ardupilot")}
+    assert dict(read) == {row.name: row.value for row in required("ardupilot") if row.loaded}
 
 
 def test_qgroundcontrol_s_columns_are_five_between_tabs() -> None:
@@ -58,6 +58,18 @@ def test_qgroundcontrol_s_columns_are_five_between_tabs() -> None:
         assert (vehicle, component) == ("1", "1")
         assert (kind == "6") == ("." not in value), name
         assert kind in ("6", "9")
+
+
+def test_what_some_versions_do_not_have_is_optional_and_what_others_replace_is_not_loaded() -> None:
+    ardupilot, px4 = by_name("ardupilot"), by_name("px4")
+    assert (ardupilot["RNGFND1_MAX"].optional, ardupilot["RNGFND1_MAX"].loaded) == (True, True)
+    old = ardupilot["RNGFND1_MAX_CM"]  # up to 4.6
+    assert (old.optional, old.loaded, old.value) == (True, False, 100 * ardupilot["RNGFND1_MAX"].value)
+    assert {name for name, row in px4.items() if not row.loaded} == {
+        "COM_RC_OVERRIDE", "MAN_OVERRIDE_SPD", "EAV_EN",
+    }  # fmt: skip
+    assert not any(row.critical and row.optional for row in (*ardupilot.values(), *px4.values()))
+    assert [px4["RTL_TYPE"].accepts(value) for value in (5, 2)] == [True, False]
 
 
 def test_an_autopilot_that_is_not_known_needs_nothing() -> None:

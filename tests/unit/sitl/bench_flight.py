@@ -23,8 +23,8 @@ class Bench:
     def __init__(self, errors: EstimateErrors | None = None, wind_ms: float = 3.0, seed: int = 1) -> None:
         rng = np.random.default_rng(seed)
         self.vehicle = Vehicle(rng, (0.0, 0.0, 0.0), 0.7, wind_ms)
-        self.estimator = Estimator(rng, errors or EstimateErrors.none())
         self.autopilot = Autopilot(ORIGIN)
+        self.estimator = Estimator(rng, errors or EstimateErrors.none(), self.autopilot.aiding)
         self.autopilot.add_link(0)
         self.now_ns = 0
         self.sent: list[Any] = []

@@ -119,3 +119,13 @@ def test_it_keeps_what_it_was_told_and_answered() -> None:
     vehicle.wire.received.append(b"\xfd garbage")
     vehicle.commands()
     assert (vehicle.pilot.heard, vehicle.pilot.acks) == (["SLZ: landing"], [(22, 4)])
+
+
+def test_it_keeps_who_called_it_at_critical() -> None:
+    vehicle = Vehicle()
+    vehicle.tell(mavlink.MAVLink_statustext_message(2, b"EKF variance", 0, 0))
+    vehicle.tell(mavlink.MAVLink_statustext_message(2, b"SLZ: ta", 1, 0), component=191)
+    vehicle.tell(mavlink.MAVLink_statustext_message(2, b"ke over", 1, 1), component=191)
+    vehicle.tell(mavlink.MAVLink_statustext_message(4, b"SLZ: LiDAR lost", 0, 0), component=191)
+    vehicle.commands()
+    assert list(vehicle.pilot.calls) == [(1, "EKF variance"), (191, "SLZ: take over")]

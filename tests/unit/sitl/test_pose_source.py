@@ -117,3 +117,12 @@ def test_places_survive_the_wire() -> None:
     place = beside_home(12.0, -7.0, 30.0)
     (pose,) = poses(source, sender.heartbeat(), sender.attitude(1), sender.sim_state(place))
     assert pose.lla == pytest.approx(place, abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", [5, 10])
+def test_a_tracker_or_rover_heard_first_is_not_followed(kind: int) -> None:
+    source, tracker, sender = PoseSource(), Sender(system=2), Sender()
+    beat = tracker.pack(mavlink.MAVLink_heartbeat_message(kind, 3, 81, 0, 4, 3))
+    assert poses(source, beat, tracker.attitude(5000), tracker.sim_state(HOME)) == []
+    assert len(poses(source, sender.heartbeat(), sender.attitude(5000), sender.sim_state(HOME))) == 1
+    assert source.sysid == 1

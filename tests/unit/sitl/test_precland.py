@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.precland import PrecisionLanding
 from sitl.state import State, from_euler
+from tests.unit.sitl.bench_flight import Bench
 
 F64 = NDArray[np.float64]
 MS = 1_000_000
@@ -165,3 +166,51 @@ def test_local_frd_is_taken_and_leads_elsewhere() -> None:
     wrong = landing.latest_enu_m
     assert wrong is not None
     np.testing.assert_allclose(wrong, [101.0, 52.0, 0.0], atol=1e-9)
+
+
+def told(
+    landing: PrecisionLanding, start_ms: int, end_ms: int, every_ms: int | None
+) -> list[tuple[int, str]]:
+    """Return the texts of a stretch of time, ten looks a second, with targets at an interval or none."""
+    out = []
+    for now in range(start_ms, end_ms, 10):
+        landing.remember(now * MS, state())
+        if every_ms is not None and (now - start_ms) % every_ms == 0:
+            landing.receive(seen(now * 1000), now * MS, 0.0)
+        if now % 100 == 0:
+            out += landing.news(now * MS)
+    return out
+
+
+FOUND, COMPLETE = (6, "PrecLand: Target Found"), (6, "PrecLand: Init Complete")
+LOST, FAILED = (2, "PrecLand: Target Lost"), (2, "PrecLand: Init Failed")
+
+
+def test_the_target_is_announced_and_its_loss_is_critical() -> None:
+    landing = PrecisionLanding()
+    assert told(landing, 0, 1000, 50) == [FOUND]
+    assert told(landing, 1000, 4000, 50) == [COMPLETE]
+    assert told(landing, 4000, 5900, None) == []
+    assert told(landing, 5900, 9000, None) == [LOST]
+    assert told(landing, 9000, 12000, 50) == [FOUND, COMPLETE]
+
+
+def test_a_target_that_comes_too_seldom_is_found_and_fails_again_and_again() -> None:
+    assert told(PrecisionLanding(), 0, 2050, 700) == [FOUND, FAILED] * 3
+
+
+def test_without_a_target_nothing_is_said() -> None:
+    assert told(PrecisionLanding(), 0, 3000, None) == []
+
+
+def test_the_autopilot_says_so_also_when_the_stream_ends_before_it_disarms() -> None:
+    bench = Bench().airborne(5)
+    bench.run(3, lambda: bench.landing_target(0, 0))
+    assert bench.command(mavlink.MAV_CMD_NAV_LAND) == 0
+    bench.run(2, lambda: bench.landing_target(0, 0))
+    said = [(m.severity, m.text) for m in bench.sent if m.get_type() == "STATUSTEXT"]
+    assert said[-2:] == [FOUND, COMPLETE]
+    bench.run(3)
+    said = [(m.severity, m.text) for m in bench.sent if m.get_type() == "STATUSTEXT"]
+    assert said[-1] == LOST
+    assert bench.autopilot.armed

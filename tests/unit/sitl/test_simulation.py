@@ -247,6 +247,7 @@ def signals() -> Iterator[None]:
     ("--point-rate 1e12", "from 1000 to 2000000"), ("--point-rate inf", "from 1000"),
     ("--point-rate 20000.5", "20000.5"), ("--lidar-to nowhere.invalid:1", "nowhere.invalid"),
     ("--lidar-metadata os1.json", "only --lidar ouster"), ("--radar-to nowhere", "--radar-to"),
+    ("--point-rate 30000", "25000 or 31250"), ("--point-rate 30000 --lidar opal", "25000 or 31250"),
     ("--lidar ouster --lidar-metadata /no/such/folder/os1.json", "/no/such/folder"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(
@@ -334,7 +335,7 @@ def test_a_lockstep_client_sets_the_pace_unless_a_speed_is_asked_for(
 ) -> None:
     paces: list[float] = []
 
-    def paced(wanted: float, _: Any) -> Pace:
+    def paced(wanted: float, *_: Any) -> Pace:
         paces.append(wanted)
         return Pace(0.0)
 

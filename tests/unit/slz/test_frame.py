@@ -138,3 +138,22 @@ def test_height_counts_in_both_forms() -> None:
 def test_an_origin_that_is_not_on_the_earth_is_refused(lat_deg: float, lon_deg: float, alt_m: float) -> None:
     with pytest.raises(ValueError, match="not on the Earth"):
         LocalFrame(lat_deg, lon_deg, alt_m)
+
+
+@pytest.mark.parametrize(
+    ("origin", "there", "turn_deg"),
+    [
+        ((47.0, 8.0), (47.0, 8.0), 0.0),
+        ((47.0, 8.0), (48.0, 8.0), 1.0),
+        ((0.0, 0.0), (0.0, 0.02), 0.02),
+        ((0.0, 179.99), (0.0, -179.99), 0.02),
+        ((60.0, 8.0), (60.0, 8.02), 0.02),
+        ((90.0, 0.0), (90.0, 30.0), 30.0),  # the same place, its east another
+        ((-45.0, 10.0), (45.0, -170.0), 180.0),
+    ],
+)
+def test_the_turn_of_the_axes_is_that_of_latitude_and_longitude(
+    origin: tuple[float, float], there: tuple[float, float], turn_deg: float
+) -> None:
+    frame = LocalFrame(*origin, 0.0)
+    assert math.degrees(frame.turn_rad(*there)) == pytest.approx(turn_deg, abs=1e-6)

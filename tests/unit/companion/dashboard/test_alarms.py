@@ -11,9 +11,15 @@ QUIET: dict[str, Any] = {
     "heard": True,
     "armed": True,
     "on_ground": False,
+    "phase": "idle",
+    "mode": "GUIDED",
     "lidar_ok": True,
+    "blind": "LiDAR lost",
+    "failsafe": False,
+    "estimate_lost": "",
     "east_m": 0.0,
     "battery_low": False,
+    "unfit": [],
     "pipeline_failed": False,
     "blocked": False,
 }
@@ -46,10 +52,14 @@ def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
         ({"connected": False}, "no-autopilot"),
         ({"heard": False}, "mode-unknown"),
         ({"lidar_ok": False}, "no-lidar"),
+        ({"failsafe": True}, "failsafe"),
+        ({"phase": "failsafe", "mode": "RTL"}, "failsafe"),
+        ({"estimate_lost": "position"}, "estimate"),
         ({"east_m": None}, "no-position"),
         ({"battery_low": True}, "battery"),
         ({"pipeline_failed": True}, "pipeline"),
         ({"blocked": True}, "blocked"),
+        ({"unfit": ["COM_OBL_RC_ACT is 0, needs 5"]}, "unfit"),
     ],
 )
 def test_each_trouble_has_its_alarm(change: dict[str, Any], key: str) -> None:
@@ -59,3 +69,9 @@ def test_each_trouble_has_its_alarm(change: dict[str, Any], key: str) -> None:
 def test_a_lidar_that_is_silent_on_the_ground_is_none() -> None:
     assert keys({**QUIET, "lidar_ok": False, "on_ground": True}) == []
     assert keys({**QUIET, "lidar_ok": False, "armed": False}) == []
+
+
+def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> None:
+    (alarm,) = standing({**QUIET, "unfit": ["A is 0, needs 5", "B could not be read", "C is missing"]}, None)
+    assert alarm["level"] == "warning"
+    assert alarm["text"] == "Autopilot not set up: A is 0, needs 5 and 2 more: see slz doctor"

@@ -8,6 +8,7 @@ import params
 from companion.dashboard.access import Access
 from companion.dashboard.address import parse_address
 from companion.dashboard.board import Board
+from companion.dashboard.door import Door
 from companion.dashboard.orders import Command, Facts
 from companion.dashboard.site import MOST_WAIT_S, Site
 from companion.landing.situation import Reply
@@ -23,7 +24,7 @@ async def refuse(order: Command) -> Reply:
 
 
 def site_of(board: Board) -> Site:
-    return Site(board, Access(parse_address("127.0.0.1:8080"), None), refuse, {})
+    return Site(board, Door(Access(parse_address("127.0.0.1:8080"), None)), refuse, {})
 
 
 def waited_s(busy_s: float) -> float:

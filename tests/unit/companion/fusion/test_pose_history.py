@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from companion.fusion.pose_history import PoseHistory
 from params import Parameters
+from slz import LocalFrame
 from tests.unit.companion.fusion.flights import ENU_FROM_NED, HOME, MS, Flight
 
 P = Parameters()
@@ -77,12 +78,9 @@ def test_without_samples_there_is_no_pose() -> None:
 
 def test_the_first_position_is_the_origin_of_the_map() -> None:
     history = PoseHistory(P)
-    history.add_position(0, 0.0, 0.0, 0.0, STILL)  # an autopilot before its first fix
-    assert history.frame is None
     history.add_position(1, 47.0, 8.0, 400.0, STILL)
     history.add_position(2, 47.0, 8.00001, 401.0, STILL)
-    assert (history.frame.lat_deg, history.frame.lon_deg, history.frame.alt_m) == (47.0, 8.0, 400.0)
-    assert history.refused == 1
+    assert history.frame == LocalFrame(47.0, 8.0, 400.0)
 
 
 @pytest.mark.parametrize(
@@ -230,3 +228,84 @@ def test_the_latest_pose_is_carried_on_by_a_tenth_of_a_second_at_most() -> None:
 @pytest.mark.parametrize("now_ns", [2501 * MS, 1400 * MS, 10**15])
 def test_a_pose_of_another_time_is_not_the_latest(now_ns: int) -> None:
     assert Flight().history(P).latest(now_ns) is None
+
+
+# ---- another frame ------------------------------------------------------------------------------
+
+
+def far_from_home(north_m: float, east_m: float = 0.0) -> PoseHistory:
+    """Return a history of a straight flight that began at HOME and ends so far from it, at 50 m/s."""
+    history = PoseHistory(P, HOME)
+    way = math.hypot(north_m, east_m)
+    north, east = north_m / way, east_m / way
+    for k in range(-50, 1):
+        along = way + k * 1.0
+        lat, lon, alt = HOME.lla([along * east, along * north, 0.0])
+        history.add_attitude((k + 50) * 20 * MS, UPRIGHT, STILL)
+        history.add_position((k + 50) * 20 * MS, lat, lon, alt, (50.0 * north, 50.0 * east, 0.0))
+    return history
+
+
+@pytest.mark.parametrize(
+    ("north_m", "east_m", "far"),
+    [(2100.0, 0.0, False), (2300.0, 0.0, True), (0.0, 1400.0, False), (0.0, 1600.0, True), (30e3, 0.0, True)],
+)
+def test_a_frame_reaches_as_far_as_its_axes_are_turned_by_a_fiftieth_of_a_degree(
+    north_m: float, east_m: float, far: bool
+) -> None:
+    assert far_from_home(north_m, east_m).is_far is far
+
+
+def test_poses_follow_into_another_frame_without_a_gap() -> None:
+    history = far_from_home(30e3)
+    stamps = np.arange(100, 900, 7) * MS
+    before = HOME.lla(history.interpolate(stamps).position_enu_m)
+    epoch = history.epoch
+    frame = history.begin_frame()
+    assert history.frame == frame != HOME
+    assert not history.is_far
+    assert history.epoch == epoch + 1
+    poses = history.interpolate(stamps)
+    assert poses.valid.all()
+    lat, lon, alt = before.T
+    np.testing.assert_allclose(poses.position_enu_m, frame.enu_m(lat, lon, alt), atol=1e-3)
+    latest = history.latest(1000 * MS)
+    assert latest is not None
+    assert latest.epoch == history.epoch
+    np.testing.assert_allclose(latest.position_enu_m, 0.0, atol=1e-6)
+    lat, lon, alt = frame.lla([0.0, 1.0, 0.0])
+    history.add_position(1020 * MS, lat, lon, alt, (50.0, 0.0, 0.0))
+    assert history.jumps == 0
+
+
+def test_another_frame_does_not_bridge_a_jump_before_it() -> None:
+    history = far_from_home(3e3)
+    lat, lon, alt = HOME.lla([0.0, 3006.0, 0.0])
+    history.add_attitude(1020 * MS, UPRIGHT, STILL)
+    history.add_position(1020 * MS, lat, lon, alt, (50.0, 0.0, 0.0))
+    assert history.jumps == 1
+    history.begin_frame()
+    assert history.interpolate(np.array([990, 1010]) * MS).valid.tolist() == [True, False]
+
+
+def test_a_jump_to_far_away_begins_another_frame_and_a_near_one_does_not() -> None:
+    for north_m, begins in ((5.0, False), (111e3, True)):
+        history = far_from_home(1.0)
+        lat, lon, alt = HOME.lla([0.0, north_m, 0.0])
+        history.add_position(1020 * MS, float(lat), float(lon), float(alt), STILL)
+        assert history.jumps == 1
+        assert history.frame == (LocalFrame(float(lat), float(lon), float(alt)) if begins else HOME)
+        assert not history.is_far
+
+
+def test_a_frame_cannot_begin_without_a_position() -> None:
+    with pytest.raises(ValueError, match="without a position"):
+        PoseHistory(P, HOME).begin_frame()
+
+
+def test_places_around_0_0_are_places() -> None:
+    history = PoseHistory(P)
+    for k, (lat, lon) in enumerate([(-1e-6, 0.0), (0.0, 0.0), (0.0, 1e-6)]):
+        history.add_position(k * 20 * MS, lat, lon, 10.0, STILL)
+    assert (history.refused, history.jumps) == (0, 0)
+    assert history.frame == LocalFrame(-1e-6, 0.0, 10.0)

@@ -78,8 +78,19 @@ class Flight:
         self.blind = False
         self.battery_pct: float | None = 80.0
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
+        self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
+        self.failsafe = self.breached = self.switched = False
+        self.estimate_lost = self.cause = self.alarm = ""
+        self.alarm_ns = 0
+        self.gps_lost = False
+        self.sticks_us: tuple[int, int] | None = None
+        self.lost = "LiDAR lost"
         self.far_zones: list[Zone] = []
         self.prior_zones: list[Zone] = []
+
+    @property
+    def now_ns(self) -> int:
+        return round(self.time_s * 1e9)
 
     def situation(self) -> Situation:
         selected = None
@@ -91,7 +102,7 @@ class Flight:
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, False, 0, 0, False, {})
         report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)))
         return Situation(
-            now_ns=round(self.time_s * 1e9),
+            now_ns=self.now_ns,
             connected=self.connected,
             armed=self.armed,
             guided=self.mode == "GUIDED",
@@ -108,6 +119,16 @@ class Flight:
             blocked=self.blocked(self),
             heard=self.heard,
             epoch=self.epoch,
+            blind=self.lost,
+            failsafe=self.failsafe,
+            breached=self.breached,
+            estimate_lost=self.estimate_lost,
+            gps_lost=self.gps_lost,
+            cause=self.cause,
+            alarm=self.alarm,
+            alarm_ns=self.alarm_ns,
+            sticks_us=self.sticks_us,
+            switched=self.switched,
         )
 
     def step(self) -> Orders:
@@ -129,6 +150,7 @@ class Flight:
             self.velocity = np.array([0.0, 0.0, -1.0 if self.sinks else 0.0])
         elif self.mode not in ("GUIDED", "LAND"):
             self.velocity = np.zeros(3)
+        self.velocity = self.velocity + self.push
         self.position = self.position + self.velocity * STEP_S
         self.position[2] = max(0.0, self.position[2])
         self.time_s += STEP_S

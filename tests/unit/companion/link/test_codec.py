@@ -88,6 +88,15 @@ def test_lost_frames_are_counted_per_sender_and_late_ones_are_not() -> None:
     assert codec.lost == 3
 
 
+def test_frames_that_another_vehicle_loses_are_not_lost_of_ours() -> None:
+    codec = Codec(191)
+    codec.system_id = 3
+    ours, other = frames(10, sender(3)), frames(40, sender(2))
+    for frame in (*other[::4], *ours[:4], *ours[5:]):
+        list(codec.decode(frame))
+    assert (codec.received, codec.from_vehicle, codec.lost) == (19, 9, 1)
+
+
 def test_frames_of_a_station_that_the_autopilot_does_not_pass_on_are_not_lost() -> None:
     codec = Codec(191)
     station, autopilot = frames(40, sender(255, 190)), frames(40, sender(1))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from companion.link.streams import StreamKeeper, wanted
+import pytest
+
+from companion.link.streams import StreamKeeper, expected, wanted
 
 MS, S = 1_000_000, 1_000_000_000
 
@@ -81,6 +83,51 @@ def test_px4_is_asked_for_its_local_frame_too() -> None:
     names = {stream.name for stream in wanted("px4", 50.0)}
     assert "LOCAL_POSITION_NED" in names
     assert "GPS_GLOBAL_ORIGIN" not in names  # sent once and when it changes: no stream that could be missing
+
+
+def test_px4_is_asked_for_its_mode_and_not_for_the_heartbeat_whose_rate_is_fixed() -> None:
+    asked = {stream.name: stream for stream in wanted("px4", 50.0)}
+    assert "HEARTBEAT" not in asked
+    assert (asked["CURRENT_MODE"].message_id, asked["CURRENT_MODE"].interval_us) == (436, 200_000)
+    arriving = {stream.name: stream.arrives_hz for stream in expected("px4", 50.0)}
+    assert (arriving["HEARTBEAT"], arriving["CURRENT_MODE"]) == (1.0, 2.0)
+    assert expected("ardupilot", 50.0) == wanted("ardupilot", 50.0)
+
+
+def px4_keeper() -> StreamKeeper:
+    made = StreamKeeper()
+    made.want(wanted("px4", 50.0))
+    return made
+
+
+PX4 = {stream.name: round(1e9 / stream.arrives_hz) for stream in wanted("px4", 50.0)}
+
+
+def test_a_mode_that_comes_twice_a_second_is_not_asked_for_again() -> None:
+    kept = px4_keeper()
+    assert asked_until(kept, 0, 60 * S, PX4).count("CURRENT_MODE") == 1
+    assert kept.missing(60 * S) == ()
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_a_stream_that_is_not_needed_and_refused_is_not_asked_for_again_until_a_reboot(
+    answered: bool,
+) -> None:
+    kept = px4_keeper()
+    rest = {name: ns for name, ns in PX4.items() if name != "CURRENT_MODE"}
+    asked = 0
+    for now in range(0, 60 * S, 10 * MS):
+        for name, interval_ns in rest.items():
+            if now % interval_ns == 0:
+                kept.heard(name, now)
+        while stream := kept.due(now):
+            refused = stream.name == "CURRENT_MODE"
+            asked += refused
+            kept.asked(stream, now, accepted=not refused, answered=answered or not refused)
+    assert (asked == 1) == answered  # no answer is no refusal
+    assert kept.refused == (("CURRENT_MODE",) if answered else ())
+    kept.restart()
+    assert kept.refused == ()
 
 
 def test_intervals_are_in_microseconds() -> None:

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.link.current_mode import MAVLink_current_mode_message
 from companion.link.modes import ARDUCOPTER, PX4, mode_name, mode_parameters
 from companion.link.vehicle import VehicleState, boot_step_ms, is_autopilot, reduce
 from tests.unit.companion.link.messages import ARMED, attitude, heartbeat, position, received
 
-S = 1_000_000_000
+MS, S = 1_000_000, 1_000_000_000
 
 
 def after(*messages: Any, state: VehicleState | None = None) -> VehicleState:
@@ -53,13 +54,63 @@ def test_a_heartbeat_that_a_later_one_overtook_changes_no_mode(
     assert reduce(state, late, 5 * S + later_ms * 1_000_000).mode == mode
 
 
-@pytest.mark.parametrize(("main", "sub", "name"), [(6, 0, "OFFBOARD"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")])
+PX4_LOITER, PX4_OFFBOARD = 4 << 16 | 3 << 24, 6 << 16
+
+
+def px4_heartbeat(custom_mode: int, sequence: int = 0, base_mode: int = 1) -> Any:
+    kind = mavlink.MAV_AUTOPILOT_PX4
+    return heartbeat(autopilot=kind, custom_mode=custom_mode, sequence=sequence, base_mode=base_mode)
+
+
+def current_mode(custom_mode: int, sequence: int = 0, chosen: int | None = None) -> Any:
+    chosen = custom_mode if chosen is None else chosen
+    return received(MAVLink_current_mode_message(0, custom_mode, chosen), sequence=sequence)
+
+
+def test_current_mode_tells_the_mode_between_two_heartbeats() -> None:
+    state = reduce(VehicleState(), px4_heartbeat(PX4_LOITER, 10, ARMED), 5 * S)
+    state = reduce(state, current_mode(PX4_OFFBOARD, 60), 5 * S + 300 * MS)
+    assert (state.mode, state.guided, state.armed) == ("OFFBOARD", True, True)
+    assert (state.mode_heard_ns, state.last_heartbeat_ns) == (5 * S + 300 * MS, 5 * S)
+    state = reduce(state, px4_heartbeat(PX4_LOITER, 160, ARMED), 6 * S)
+    assert state.mode == "AUTO.LOITER"
+
+
+def test_a_heartbeat_sent_before_a_current_mode_changes_arming_but_no_mode() -> None:
+    state = reduce(VehicleState(), px4_heartbeat(PX4_LOITER, 10), 5 * S)
+    state = reduce(state, current_mode(PX4_OFFBOARD, 60), 6 * S)
+    state = reduce(state, px4_heartbeat(PX4_LOITER, 55, ARMED), 6 * S + 20 * MS)
+    assert (state.mode, state.armed, state.last_heartbeat_ns) == ("OFFBOARD", True, 6 * S + 20 * MS)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "failsafe"),
+    [(PX4_OFFBOARD, True), (PX4_LOITER, False), (0, False)],  # 0: it does not say
+)
+def test_a_mode_that_the_pilot_did_not_choose_is_a_failsafe_before_the_heartbeat_says_so(
+    chosen: int, failsafe: bool
+) -> None:
+    state = reduce(VehicleState(), px4_heartbeat(PX4_OFFBOARD, 10, ARMED), 5 * S)
+    state = reduce(state, current_mode(PX4_LOITER, 60, chosen), 5 * S + 300 * MS)
+    assert (state.mode, state.failsafe) == ("AUTO.LOITER", failsafe)
+    state = reduce(state, current_mode(PX4_OFFBOARD, 90), 6 * S)
+    assert not state.failsafe
+
+
+def test_a_mode_before_the_first_heartbeat_is_of_no_known_autopilot() -> None:
+    assert after(current_mode(PX4_OFFBOARD)) == VehicleState()
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "name"),
+    [(6, 0, "OFFBOARD"), (4, 9, "AUTO.PRECLAND"), (4, 6, "AUTO.LAND"), (3, 0, "POSCTL")],
+)
 def test_px4_modes_have_main_and_sub(main: int, sub: int, name: str) -> None:
     custom = main << 16 | sub << 24
     state = after(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_PX4, custom_mode=custom))
     assert state.mode == name
     assert state.guided == (name == "OFFBOARD")
-    assert state.landing == (name == "AUTO.LAND")
+    assert state.landing == (name == "AUTO.PRECLAND")  # AUTO.LAND goes to no target: it is another's
 
 
 def test_every_mode_that_can_be_asked_for_is_recognised_when_it_comes() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from companion.fusion.pose import Pose
+from companion.link.vehicle_identity import VehicleIdentity
 from companion.recorder import journal, scene
 from companion.recorder.recorder import Recorder
 from companion.recorder.writer import McapWriter
@@ -56,7 +57,9 @@ async def test_the_place_is_recorded_a_few_times_a_second_however_often_it_is_to
 
 def recordings() -> Recordings:
     heard = SimpleNamespace(subscribe=lambda _take: lambda: None)
-    link = SimpleNamespace(on_frame=heard, on_sent=heard, on_time_asked=heard)
+    link = SimpleNamespace(
+        on_frame=heard, on_sent=heard, on_time_asked=heard, identity=None, believes_position=True
+    )
     stream = SimpleNamespace(kind="livox", setup="", batches=heard)
     worker = SimpleNamespace(on_window=heard)
     settings = SimpleNamespace(running=Parameters(), on_change=heard)
@@ -86,3 +89,16 @@ async def test_what_cannot_be_recorded_is_flown_all_the_same(
     assert made.recorder is None
     assert "this flight is not recorded: --record" in caplog.text
     assert not os.listdir(tmp_path)
+
+
+async def test_a_recording_tells_which_system_is_the_vehicle_and_whether_positions_waited_for_a_fix(
+    tmp_path: Path,
+) -> None:
+    identity = VehicleIdentity(7, remembered=3)
+    Recorder(tmp_path / "a.mcap", "livox", Parameters(), 0, "", 12, identity, gated=True).close()
+    Recorder(tmp_path / "b.mcap", "livox", Parameters(), 0, "", 12, VehicleIdentity()).close()
+    told = [Recording(tmp_path / name).header for name in ("a.mcap", "b.mcap")]
+    assert [(h.scans, h.system, h.remembered, h.gated) for h in told] == [
+        (12, 7, 3, True),
+        (12, None, None, False),
+    ]

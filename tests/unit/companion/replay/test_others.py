@@ -8,27 +8,28 @@ from pathlib import Path
 from typing import Any
 
 import dpkt
+import laspy
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from companion.errors import UsageError
 from companion.link.operator import CommandServer
 from companion.replay import command
-from companion.replay.cloud_folder import stamp_of
 from companion.replay.flown import Beside, kind_of, opened
-from companion.replay.point_cloud import BadCloudError, decode
 from companion.replay.rerun import Rerun
 from companion.replay.ros_pose import ned_from_frd
-from companion.replay.stored_cloud import StoredCloud, since_1970_ns
+from companion.replay.stored_cloud import StoredCloud
 from companion.replay.tlog import TelemetryLog
 from tests.unit.companion.replay import flights
 from tests.unit.companion.replay.flights import BEGIN_NS, HOME, Bag
-from tests.unit.companion.survey import clouds
+from tests.unit.companion.survey import clouds, packing
 
 ORIGIN = f"{HOME.lat_deg},{HOME.lon_deg},{HOME.alt_m}"
 GROUND_M = HOME.alt_m  # of the plain
+SPAN_NS = (BEGIN_NS, BEGIN_NS + round(flights.SECONDS * 1e9))
 
 
 @pytest.fixture(scope="module")
@@ -85,24 +86,9 @@ def test_a_placed_cloud_is_mapped_by_its_times_beside_the_log(
     check_zones(summary)
     assert summary["source"]["crs"] == "EPSG:32632"
     assert summary["source"]["points"] == summary["returns"]["read"] + summary["source"]["before_position"]
-    late = again(files / "yesterday.tlog", points=str(cloud))  # poses of no help, but none is needed
-    assert late["windows"] == summary["windows"]
-
-
-@pytest.mark.parametrize(
-    ("day", "gps_s"),
-    [
-        ("2020-01-01T00:00:00", 1_261_872_018),
-        ("2010-06-01T00:00:00", 959_385_615),
-        ("2017-01-01T00:00:00", 1_167_264_018),
-    ],
-)
-def test_times_of_gps_are_ahead_of_the_time_of_day_by_leap_seconds(day: str, gps_s: int) -> None:
-    at_ns = int(np.datetime64(day, "ns").astype(np.int64))
-    assert since_1970_ns(np.array([gps_s - 1e9]), "standard", at_ns) == at_ns
-    for near_s in (0, 200_000):
-        found = since_1970_ns(np.array([gps_s % 604_800.0]), "week", at_ns + near_s * 10**9)
-        assert found == at_ns
+    assert (summary["source"]["points_outside_log"], summary["source"]["before_position"]) == (0, 0)
+    with pytest.raises(UsageError, match="none of its .* points was measured during the flight"):
+        again(files / "yesterday.tlog", points=str(cloud))
 
 
 def test_a_placed_cloud_without_times_is_refused(files: Path, tmp_path: Path) -> None:
@@ -117,25 +103,29 @@ def test_a_folder_of_scans_is_placed_by_their_names(files: Path, tmp_path: Path)
     assert summary["source"]["clouds"] == 50
 
 
-@pytest.mark.parametrize(
-    ("name", "stamp_ns"),
-    [
-        ("1750000000.pcd", 1_750_000_000 * 10**9),
-        ("1750000000.5.pcd", 1_750_000_000 * 10**9 + 500_000_000),
-        ("1750000000_000000001.pcd", 1_750_000_000 * 10**9 + 1),
-        ("1750000000123.pcd", 1_750_000_000 * 10**9 + 123_000_000),
-        ("1750000000123456.pcd", 1_750_000_000 * 10**9 + 123_456_000),
-        ("1750000000123456789.pcd", 1_750_000_000 * 10**9 + 123_456_789),
-    ],
-)
-def test_names_of_scans_are_times(name: str, stamp_ns: int) -> None:
-    assert stamp_of(Path(name)) == stamp_ns
-
-
-@pytest.mark.parametrize("name", ["000001.pcd", "scan.pcd", "17500000001.pcd", "1750000000123.5.pcd"])
-def test_a_name_that_is_no_time_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match="its name is no time"):
-        stamp_of(Path(name))
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+def test_scans_whose_points_have_times_are_taken_as_the_clouds_of_a_bag(
+    files: Path, tmp_path: Path, data: str
+) -> None:
+    after_ns = np.linspace(0, 97_000_000, 50).round()
+    false = np.isin(np.arange(50), (5, 31))
+    columns = {
+        "intensity": np.full(50, 7.0),
+        "x": np.full(50, 1.0),
+        "y": after_ns * 1e-8,
+        "z": np.full(50, 20.0),
+    }
+    columns["t"] = np.where(false, FALSE, after_ns * 1e-3)
+    for k in range(5):
+        name = f"{BEGIN_NS // 10**9 + 1}.{k}00000000.pcd"
+        (tmp_path / name).write_bytes(packing.pcd_of(columns, data))
+    feed, rerun = opened(files / "flight.tlog", (), Beside(str(tmp_path)))
+    for _, act in feed.steps(rerun):
+        rerun.take(act)
+    told = feed.told()
+    assert (told["point_times"], told["points_with_false_times"]) == ("t: us since the stamp", 10)
+    assert (told["clouds"], told["clouds_without_point_times"], rerun.returns) == (5, 0, 240)
+    assert rerun.span_ns == (BEGIN_NS + 10**9, BEGIN_NS + 10**9 + 4 * 10**8 + 97_000_000)
 
 
 def test_bags_give_the_map_of_the_same_flight(files: Path) -> None:
@@ -291,74 +281,6 @@ POINTS = np.array([[1.0, 2, 3], [4, 5, 6]], np.float32)
 AFTER = np.array([5_000, 90_000_000])
 
 
-def with_time(name: str, form: str, code: int, times: np.ndarray) -> Any:
-    """Return a cloud of two points whose times are of another type."""
-    message = flights.cloud(POINTS, AFTER, BEGIN_NS)
-    table = np.zeros(2, [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), (name, form)])
-    for k, axis in enumerate("xyz"):
-        table[axis] = POINTS[:, k]
-    table[name] = times
-    (field,) = {type(f) for f in message.fields}
-    message.fields = [*message.fields[:3], field(name, 12, code, 1)]
-    message.point_step = table.itemsize
-    message.data = np.frombuffer(table.tobytes(), np.uint8)
-    return message
-
-
-@pytest.mark.parametrize(
-    ("name", "form", "code", "times", "within_ns"),
-    [
-        ("t", "<u4", 6, AFTER, 0),
-        ("time", "<f4", 7, AFTER * 1e-9, 10),
-        ("time", "<f4", 7, (AFTER - 90_000_000) * 1e-9, 10),
-        ("timestamp", "<f8", 8, (BEGIN_NS + AFTER) * 1e-9, 500),
-        ("timestamp", "<f8", 8, BEGIN_NS + AFTER, 500),
-        ("offset_time", "<u4", 6, AFTER, 0),
-    ],
-)
-def test_times_of_points_are_taken_as_they_can_only_be_meant(
-    name: str, form: str, code: int, times: np.ndarray, within_ns: int
-) -> None:
-    returns, timed = decode(with_time(name, form, code, times), BEGIN_NS)
-    assert timed
-    wanted = AFTER if times[0] >= 0 else AFTER - 90_000_000
-    np.testing.assert_allclose(returns.stamp_ns - BEGIN_NS, wanted, atol=max(within_ns, 1))
-    np.testing.assert_array_equal(returns.xyz_sensor_m, POINTS)
-
-
-def test_times_that_make_no_sense_are_not_used() -> None:
-    returns, timed = decode(with_time("timestamp", "<f8", 8, np.array([1e300, np.nan])), BEGIN_NS)
-    assert not timed
-    assert (returns.stamp_ns == BEGIN_NS).all()
-
-
-def test_clouds_that_contradict_themselves_are_refused() -> None:
-    for name, value in (("width", 3), ("point_step", 10), ("point_step", 0), ("height", 7), ("fields", [])):
-        message = flights.cloud(POINTS, AFTER, BEGIN_NS)
-        setattr(message, name, value)
-        with pytest.raises(BadCloudError):
-            decode(message, BEGIN_NS)
-
-
-def test_rows_with_padding_are_read() -> None:
-    message = flights.cloud(np.repeat(POINTS, 2, axis=0), np.arange(4), BEGIN_NS)
-    rows = message.data.reshape(2, -1)
-    message.data = np.concatenate([rows, np.full((2, 8), 255, np.uint8)], axis=1).ravel()
-    message.height, message.width, message.row_step = 2, 2, 48
-    returns, _ = decode(message, BEGIN_NS)
-    np.testing.assert_array_equal(returns.xyz_sensor_m, np.repeat(POINTS, 2, axis=0))
-
-
-def test_fields_of_a_cloud_that_are_no_numbers_are_passed_over() -> None:
-    message = flights.cloud(POINTS, AFTER, BEGIN_NS)
-    (field,) = {type(f) for f in message.fields}
-    vector, strange = field("normal", 0, 7, 3), field("label", 10**6, 99, 1)
-    message.fields = [vector, strange, *message.fields]
-    returns, timed = decode(message, BEGIN_NS)
-    assert timed
-    np.testing.assert_array_equal(returns.xyz_sensor_m, POINTS)
-
-
 # ---- topics of a bag ------------------------------------------------------------------------------
 
 ODOMETRY, POSE = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"
@@ -424,6 +346,38 @@ def test_messages_that_cannot_be_read_are_counted_and_the_others_are_taken(tmp_p
         rerun.take(act)
     assert feed.bad == 2
     assert (feed.told()["clouds"], rerun.returns) == (2, 4)
+
+
+FALSE = 3_604_361_924  # written by a driver where a column's packet was lost
+
+
+@pytest.mark.parametrize(
+    ("unit_ns", "false", "unit"), [(1, (), "ns"), (1000, (), "us"), (1, (5, 31), "ns"), (1000, (5, 31), "us")]
+)
+def test_points_of_a_bag_have_their_own_times(
+    tmp_path: Path, unit_ns: int, false: tuple[int, ...], unit: str
+) -> None:
+    after_ns = np.linspace(0, 97_000_000, 50).round().astype(np.int64)
+    times = after_ns // unit_ns
+    times[list(false)] = FALSE
+    points = np.full((50, 3), [1.0, 2.0, 20.0], np.float32)
+    stamps = [BEGIN_NS + k * 10**8 for k in range(5)]
+    clouds = [(stamp, flights.cloud(points, times, stamp)) for stamp in stamps]
+    odometry = [(BEGIN_NS + ms * 10**6, flights.pose(ODOMETRY, ms)) for ms in range(-100, 700, 50)]
+    path = flights.write_messages(
+        tmp_path / "bag", {"/odom": (ODOMETRY, odometry), "/points": (CLOUD, clouds)}
+    )
+    feed, rerun = opened(path, (), Beside(origin=ORIGIN))
+    for _, act in feed.steps(rerun):
+        rerun.take(act)
+    assert rerun.span_ns == (BEGIN_NS, BEGIN_NS + 4 * 10**8 + 97_000_000)
+    assert (rerun.returns, rerun.assembler.stale) == (5 * (50 - len(false)), 0)
+    told = feed.told()
+    assert (told["point_times"], told["points_with_false_times"]) == (
+        f"t: {unit} since the stamp",
+        5 * len(false),
+    )
+    assert told["clouds_without_point_times"] == 0
 
 
 # ---- a log and what lies beside it ----------------------------------------------------------------
@@ -497,7 +451,7 @@ def test_a_folder_without_scans_is_one_line(files: Path, tmp_path: Path) -> None
 
 
 def test_placed_points_before_the_first_position_are_counted_and_left_out(tmp_path: Path) -> None:
-    cloud = StoredCloud(flights.write_laz(tmp_path / "cloud.laz"), BEGIN_NS)
+    cloud = StoredCloud(flights.write_laz(tmp_path / "cloud.laz"), SPAN_NS)
     rerun = Rerun(flights.PARAMETERS)
     steps = list(cloud.steps(rerun))
     for _, act in steps[:3]:
@@ -511,8 +465,44 @@ def test_placed_points_before_the_first_position_are_counted_and_left_out(tmp_pa
     assert rerun.returns == cloud.told()["points"] - before
 
 
+def test_points_of_a_cloud_that_were_measured_before_the_flight_are_left_out_and_counted(
+    files: Path, tmp_path: Path
+) -> None:
+    path = flights.write_laz(tmp_path / "cloud.laz")
+    las = laspy.read(path)
+    times = np.array(las.gps_time)
+    times[::10] -= 7 * 86_400
+    times[1] = np.nan
+    las.gps_time = times
+    las.write(path)
+    summary = again(files / "flight.tlog", points=str(path))
+    check_zones(summary)
+    left_out = len(times[::10]) + 1
+    assert summary["source"]["points_outside_log"] == left_out
+    assert summary["returns"]["read"] == len(times) - left_out
+
+
 def test_a_cloud_whose_points_are_not_on_the_earth_is_one_line(tmp_path: Path) -> None:
     points = np.array([[1e9, 5e6, 0.0], [1e9 + 1, 5e6, 0.0]])
-    path = clouds.write(tmp_path / "far.las", points, "EPSG:32632", gps_time=AFTER * 1.0)
+    gps_s = BEGIN_NS * 1e-9 + AFTER * 1e-9
+    path = clouds.write(tmp_path / "far.las", points, "EPSG:32632", gps_time=gps_s)
     with pytest.raises(UsageError, match="points are not on the Earth in EPSG:32632"):
-        StoredCloud(path, BEGIN_NS)
+        StoredCloud(path, SPAN_NS)
+
+
+def test_a_cloud_whose_heights_contradict_themselves_asks_for_their_unit(tmp_path: Path) -> None:
+    """Its CRS says US feet; the record of GeoTIFF keys beside it says metres."""
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.add_crs(CRS("EPSG:32632+6360"))
+    keys = [(1024, 1), (3072, 32632), (4099, 9001)]
+    record = struct.pack("<4H", 1, 1, 0, len(keys))
+    record += b"".join(struct.pack("<4H", key, 0, 1, value) for key, value in keys)
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "", record))
+    header.scales, header.offsets = np.full(3, 0.001), np.array([5e5, 5e6, 0.0])
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = np.array([[5e5, 5e6, 100.0], [5e5 + 1, 5e6, 100.0]]).T
+    las.gps_time = BEGIN_NS * 1e-9 + AFTER * 1e-9
+    las.write(tmp_path / "a.las")
+    with pytest.raises(UsageError, match=r"US survey foot by .*, but m by .*9001: .*--vertical-unit"):
+        StoredCloud(tmp_path / "a.las", SPAN_NS)
+    assert StoredCloud(tmp_path / "a.las", SPAN_NS, "m").told()["points"] == 2

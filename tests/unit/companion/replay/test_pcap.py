@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -104,3 +105,104 @@ def test_an_empty_fragment_that_promises_more_completes_nothing(tmp_path: Path) 
     read, found = capture(tmp_path / "a.pcap", RAW, ip(b"", id=1, mf=1), ip(b"", id=1, mf=1))
     assert not found
     assert read.other == 2
+
+
+# ---- pcapng -----------------------------------------------------------------------------------------------
+
+SECTION, INTERFACE, PACKET, SIMPLE, OLD = 0x0A0D0D0A, 1, 6, 3, 2
+COOKED, LOOP = 113, 0
+MICRO, NANO, BINARY = 6, 9, 0x80 | 20  # what times count: 10^-6 s, 10^-9 s, 2^-20 s
+
+
+def block(kind: int, body: bytes, order: str = "<") -> bytes:
+    body += bytes(-len(body) % 4)
+    length = struct.pack(order + "I", 12 + len(body))
+    return struct.pack(order + "I", kind) + length + body + length
+
+
+def section(order: str = "<") -> bytes:
+    return block(SECTION, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1), order)
+
+
+def interface(link: int, resolution: int | None, offset_s: int = 0, order: str = "<") -> bytes:
+    body = struct.pack(order + "HHI", link, 0, 0)
+    if resolution is not None:
+        body += struct.pack(order + "HHB3x", 9, 1, resolution)
+    if offset_s:
+        body += struct.pack(order + "HHq", 14, 8, offset_s)
+    return block(INTERFACE, body + struct.pack(order + "HH", 0, 0), order)
+
+
+def packet(number: int, count: int, frame: bytes, order: str = "<", kind: int = PACKET) -> bytes:
+    first = struct.pack(
+        order + ("I" if kind == PACKET else "HH"), *([number] if kind == PACKET else [number, 0])
+    )
+    rest = struct.pack(order + "IIII", count >> 32, count % 2**32, len(frame), len(frame))
+    return block(kind, first + rest + frame, order)
+
+
+ETHERNET_HEAD, COOKED_HEAD, LOOP_HEAD = FRAMES["Ethernet"][1], FRAMES["Linux cooked"][1], b"\x02\0\0\0"
+BEGIN_US = BEGIN_NS // 1000
+
+
+def of_several_interfaces(order: str = "<") -> bytes:
+    """Return five packets a millisecond apart, of interfaces that differ in link type and clock."""
+    end = BEGIN_NS + 3_000_000
+    return b"".join(
+        [
+            section(order),
+            interface(ETHERNET, None, order=order),
+            interface(COOKED, NANO, order=order),
+            packet(0, BEGIN_US, ETHERNET_HEAD + ip(udp(b"one")), order),
+            packet(1, BEGIN_NS + 1_000_000, COOKED_HEAD + ip(udp(b"two")), order),
+            interface(RAW, MICRO, BEGIN_NS // 10**9, order),
+            packet(2, 2000, ip(udp(b"three")), order),
+            block(5, bytes(12), order),  # statistics of an interface
+            block(SIMPLE, struct.pack(order + "I", 4) + bytes(4), order),  # has no time
+            section(),
+            interface(LOOP, BINARY),
+            packet(0, (end * 2**20 + 10**9 - 1) // 10**9, LOOP_HEAD + ip(udp(b"four"))),
+            packet(0, ((end + 1_000_000) * 2**20) // 10**9, LOOP_HEAD + ip(udp(b"five")), kind=OLD),
+        ]
+    )
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_packets_are_read_by_link_type_and_clock_of_their_own_interface(tmp_path: Path, order: str) -> None:
+    path = tmp_path / "a.pcapng"
+    path.write_bytes(of_several_interfaces(order))
+    read = Capture(path)
+    found = list(read.datagrams())
+    assert [d.data for d in found] == [b"one", b"two", b"three", b"four", b"five"]
+    times = [d.at_ns - BEGIN_NS for d in found]
+    assert times[:3] == [0, 1_000_000, 2_000_000]
+    assert times[3:] == pytest.approx([3_000_000, 4_000_000], abs=1000)
+    assert (read.other, read.bad, read.cut) == (0, 0, "")
+
+
+def test_a_pcapng_file_that_is_cut_off_gives_what_is_before(tmp_path: Path) -> None:
+    path, whole = tmp_path / "a.pcapng", of_several_interfaces()
+    for length in range(len(section()), len(whole), 7):
+        path.write_bytes(whole[:length])
+        read = Capture(path)
+        data = [d.data for d in read.datagrams()]
+        assert data == [b"one", b"two", b"three", b"four", b"five"][: len(data)]
+    assert "ends within a block" in read.cut
+
+
+@pytest.mark.parametrize(
+    ("damaged", "says"),
+    [
+        (packet(7, BEGIN_US, b""), "of no interface"),
+        (block(PACKET, struct.pack("<IIIII", 0, 0, 0, 99, 99)), "longer than its block"),
+        (struct.pack("<III", PACKET, 2**31, 0), "a block has 2147483648 bytes"),
+        (struct.pack("<III", SECTION, 28, 0), "no byte order"),
+    ],
+)
+def test_a_damaged_block_ends_the_reading_and_is_told(tmp_path: Path, damaged: bytes, says: str) -> None:
+    path = tmp_path / "a.pcapng"
+    good = packet(0, BEGIN_US, ETHERNET_HEAD + ip(udp(b"one")))
+    path.write_bytes(section() + interface(ETHERNET, MICRO) + good + damaged + good)
+    read = Capture(path)
+    assert [d.data for d in read.datagrams()] == [b"one"]
+    assert says in read.cut

@@ -37,6 +37,23 @@ def pcd(points: Floats, data: str = "binary", form: str = "<f8") -> bytes:
     return head + struct.pack("<II", len(packed), len(plain)) + packed
 
 
+def pcd_of(columns: dict[str, Floats], data: str = "binary") -> bytes:
+    """Return a PCD file of float64 fields."""
+    table = np.column_stack(list(columns.values()))
+    many = len(columns)
+    head = (
+        f"VERSION 0.7\nFIELDS {' '.join(columns)}\nSIZE{' 8' * many}\nTYPE{' F' * many}\nCOUNT{' 1' * many}\n"
+        f"WIDTH {len(table)}\nHEIGHT 1\nPOINTS {len(table)}\nDATA {data}\n"
+    ).encode()
+    if data == "ascii":
+        return head + "\n".join(" ".join(map(repr, row)) for row in table.tolist()).encode() + b"\n"
+    if data == "binary":
+        return head + table.astype("<f8").tobytes()
+    plain = np.ascontiguousarray(table.T, "<f8").tobytes()
+    packed = lzf(plain)
+    return head + struct.pack("<II", len(packed), len(plain)) + packed
+
+
 def lzf(plain: bytes) -> bytes:
     """Pack runs of one byte as references, all else as it is."""
     out, literal, i = bytearray(), bytearray(), 0

@@ -104,14 +104,16 @@ def test_the_pilot_asks_until_the_mode_shows(hovering: tuple[Simulation, Station
     assert sim.autopilot.mode in (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
 
 
-@pytest.mark.parametrize(("name", "system"), [("second_vehicle", 2), ("second_station", 254)])
+@pytest.mark.parametrize(
+    ("name", "sender"), [("second_vehicle", (2, 1)), ("second_station", (254, 190)), ("gimbal", (1, 154))]
+)
 def test_a_neighbour_is_heard_by_all_and_changes_nothing(
-    hovering: tuple[Simulation, Station], name: str, system: int
+    hovering: tuple[Simulation, Station], name: str, sender: tuple[int, int]
 ) -> None:
     sim, end = hovering
     before_m = sim.vehicle.truth.pos_enu_m
     during(sim, fault(name), 3.0)
-    spoken = [m for m in messages(end) if m.get_srcSystem() == system]
+    spoken = [m for m in messages(end) if (m.get_srcSystem(), m.get_srcComponent()) == sender]
     assert {"HEARTBEAT"} < {m.get_type() for m in spoken}
     assert sim.autopilot.mode is Mode.GUIDED
     assert np.linalg.norm(sim.vehicle.truth.pos_enu_m - before_m) < 0.6

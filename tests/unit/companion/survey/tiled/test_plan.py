@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from companion.survey.tiled.scale import first_guess
 from companion.survey.tiled.zones import batches
 from slz import Box
 from tests.unit.companion.survey import packing
-from tests.unit.companion.survey.clouds import LAT, LON, field, placed
+from tests.unit.companion.survey.clouds import LAT, LON, field, placed, write
 
 DEGREES = placed(field(5.0), "EPSG:4326")
 
@@ -49,6 +50,17 @@ def test_degrees_have_the_length_they_have_where_the_first_point_lies(tmp_path: 
     assert lattice.x_m == pytest.approx(111_412 * math.cos(math.radians(LAT)), rel=2e-3)
     assert lattice.y_m == pytest.approx(111_110, rel=2e-3)
     assert (lattice.z_m, lattice.cell_m) == (1.0, 0.5)
+
+
+@pytest.mark.parametrize("edge", [math.nan, math.inf, 1e300, 900.0])
+def test_a_bounding_box_that_is_no_place_leaves_it_to_the_points(tmp_path: Path, edge: float) -> None:
+    path = write(tmp_path / "a.laz", DEGREES, "EPSG:4326")
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<6d", data, 179, *[edge] * 6)  # max x, min x, max y, min y, max z, min z
+    path.write_bytes(data)
+    lattice = first_guess([open_source(path, None)], 0.5)
+    assert lattice.x_m == pytest.approx(111_412 * math.cos(math.radians(LAT)), rel=2e-3)
+    assert lattice.y_m == pytest.approx(111_110, rel=2e-3)
 
 
 def test_a_cloud_in_degrees_without_a_usable_point_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,93 @@
+"""Growing delay for wrong tokens, by address of the sender."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+FREE = 3  # wrong tokens without a delay: a person mistypes
+FIRST_S, LONGEST_S = 0.5, 8.0
+FORGET_S = 300.0
+MOST_WAITING = 4  # tokens of one address that wait at a time
+MOST_ADDRESSES = 1024
+MOST_REPEATED = 4  # wrong tokens of one address that are recognised when they come again
+
+
+class TooManyGuessesError(Exception):
+    """Another token of the same address has to be judged first."""
+
+
+@dataclass(slots=True)
+class _Record:
+    """Wrong tokens of one address."""
+
+    last_s: float
+    wrong: int = 0
+    repeated: OrderedDict[bytes, int] = field(default_factory=OrderedDict)
+    waiting: set[bytes] = field(default_factory=set)
+
+
+class Throttle:
+    """Delays of tokens that are not known yet to be right.
+
+    An address pays for its own wrong tokens only. A token that comes again and again, as from a page left
+    open with the token of another day, delays itself and no other token of its address: the pilot at the
+    same computer types the right one without a wait.
+
+    Parameters
+    ----------
+    now
+        Monotonic clock in seconds.
+    """
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self._records: OrderedDict[str, _Record] = OrderedDict()
+
+    def delay_s(self, address: str, token: bytes) -> float:
+        """Return the seconds that a token waits before it is judged."""
+        record = self._records.get(address)
+        if record is None:
+            return 0.0
+        if self._now() - record.last_s > FORGET_S and not record.waiting:
+            self.forget(address)
+            return 0.0
+        steps = max(record.wrong + len(record.waiting), record.repeated.get(token, 0)) - FREE
+        return 0.0 if steps < 0 else float(min(LONGEST_S, FIRST_S * 2 ** min(steps, 10)))
+
+    @contextmanager
+    def waiting(self, address: str, token: bytes) -> Iterator[None]:
+        """Count a token as waiting; raise `TooManyGuessesError` if too many do, or the same one does."""
+        record = self._record(address)
+        if token in record.waiting or len(record.waiting) >= MOST_WAITING:
+            raise TooManyGuessesError
+        record.waiting.add(token)
+        try:
+            yield
+        finally:
+            record.waiting.discard(token)
+
+    def count_wrong(self, address: str, token: bytes) -> None:
+        """Count a token that was judged wrong."""
+        record = self._record(address)
+        record.last_s = self._now()
+        if token not in record.repeated:
+            record.wrong += 1
+        record.repeated[token] = record.repeated.get(token, 0) + 1
+        record.repeated.move_to_end(token)
+        while len(record.repeated) > MOST_REPEATED:
+            record.repeated.popitem(last=False)
+
+    def forget(self, address: str) -> None:
+        """Delay an address no more."""
+        self._records.pop(address, None)
+
+    def _record(self, address: str) -> _Record:
+        """Return the record of an address; the one unused for longest gives way to one too many."""
+        record = self._records.setdefault(address, _Record(self._now()))
+        self._records.move_to_end(address)
+        while len(self._records) > MOST_ADDRESSES:
+            self._records.popitem(last=False)
+        return record

@@ -1,0 +1,158 @@
+"""What the autopilot says of its own health: estimator, sensors, fence, failsafe, and the pilot's sticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+# EKF_STATUS_REPORT (ArduPilot) and ESTIMATOR_STATUS (PX4) give these flags the same bits.
+ATTITUDE: int = mavlink.EKF_ATTITUDE
+VELOCITY: int = mavlink.EKF_VELOCITY_HORIZ
+POSITION: int = mavlink.EKF_POS_HORIZ_ABS
+HEIGHT: int = mavlink.EKF_POS_VERT_ABS
+NEEDED = {ATTITUDE: "attitude", POSITION: "position", VELOCITY: "velocity", HEIGHT: "height"}
+
+# SYS_STATUS: what a pilot would call each sensor, in the order of what matters most.
+SENSORS: dict[int, str] = {
+    mavlink.MAV_SYS_STATUS_AHRS: "attitude",
+    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "GPS",
+    mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "battery",
+    mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER: "RC",
+    mavlink.MAV_SYS_STATUS_GEOFENCE: "fence",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "compass",
+}
+FAILSAFE_STATES = frozenset(
+    {mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY, mavlink.MAV_STATE_FLIGHT_TERMINATION}
+)
+ALARM_NS = 5_000_000_000  # a text this old no longer tells why
+ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_WARNING  # ArduCopter names battery and radio failsafes so
+TARGET_LOST = "target lost"  # no cause of a failsafe: it follows from the landing broken off
+MOVED_US = 100  # a switch moved by the pilot, not the noise of a receiver
+NO_CHANNEL = frozenset({0, 0xFFFF})
+NO_AXIS = 0x7FFF
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """Health as last reported; None is not reported.
+
+    Attributes
+    ----------
+    estimator, estimator_had
+        Flags of the estimator now, and all that it ever had since the autopilot booted.
+    unhealthy
+        Bits of SYS_STATUS: sensors that are enabled and do not work.
+    fix, had_fix
+        GPS_FIX_TYPE of the first receiver, and whether it ever was a fix in three dimensions.
+    breached
+        Whether the vehicle is outside its fence.
+    alarm, alarm_ns
+        Newest text of the autopilot of severity WARNING or worse, and when it came.
+    sticks_us
+        Roll and pitch stick, microseconds of a transmitter's pulse.
+    switches_us, switched_ns
+        Channels 5 to 16, and when one of them last moved.
+    """
+
+    estimator: int | None = None
+    estimator_had: int = 0
+    unhealthy: int = 0
+    fix: int | None = None
+    had_fix: bool = False
+    breached: bool = False
+    alarm: str = ""
+    alarm_ns: int = 0
+    sticks_us: tuple[int, int] | None = None
+    switches_us: tuple[int, ...] = ()
+    switched_ns: int | None = None
+
+    @property
+    def estimate_lost(self) -> str:
+        """What the estimator had and has lost; empty while its estimate can be trusted."""
+        if self.estimator is None:
+            return ""
+        lost = self.estimator_had & ~self.estimator
+        names = [name for flag, name in NEEDED.items() if lost & flag]
+        return names[0] if names else ""
+
+    @property
+    def gps_lost(self) -> bool:
+        """Whether the receiver had a fix in three dimensions and has none now."""
+        return self.had_fix and self.fix is not None and self.fix < mavlink.GPS_FIX_TYPE_3D_FIX
+
+    def cause(self, now_ns: int) -> str:
+        """Return what a failsafe is about, as far as the autopilot said; empty if it did not."""
+        named = self.alarm and TARGET_LOST not in self.alarm.lower()
+        if named and now_ns - self.alarm_ns <= ALARM_NS:
+            return self.alarm
+        if self.breached:
+            return "fence breached"
+        if self.estimate_lost:
+            return f"{self.estimate_lost} lost"
+        if self.gps_lost:
+            return "GPS lost"
+        return next((f"{name} lost" for bit, name in SENSORS.items() if self.unhealthy & bit), "")
+
+
+def reduce(health: Health, message: Any, now_ns: int) -> Health:
+    """Return the health after a message of the autopilot."""
+    reducer = _REDUCERS.get(message.get_type())
+    return health if reducer is None else reducer(health, message, now_ns)
+
+
+def _estimator(health: Health, m: Any, now_ns: int) -> Health:
+    return replace(health, estimator=m.flags, estimator_had=health.estimator_had | m.flags)
+
+
+def _sys_status(health: Health, m: Any, now_ns: int) -> Health:
+    enabled = m.onboard_control_sensors_present & m.onboard_control_sensors_enabled
+    return replace(health, unhealthy=enabled & ~m.onboard_control_sensors_health)
+
+
+def _gps(health: Health, m: Any, now_ns: int) -> Health:
+    has_fix = m.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX
+    return replace(health, fix=m.fix_type, had_fix=health.had_fix or has_fix)
+
+
+def _fence(health: Health, m: Any, now_ns: int) -> Health:
+    return replace(health, breached=m.breach_status != 0)
+
+
+def _text(health: Health, m: Any, now_ns: int) -> Health:
+    if m.severity > ALARM_SEVERITY or getattr(m, "chunk_seq", 0) != 0:
+        return health
+    return replace(health, alarm=str(m.text).strip(), alarm_ns=now_ns)
+
+
+def _channels(health: Health, m: Any, now_ns: int) -> Health:
+    if m.chan1_raw not in NO_CHANNEL and m.chan2_raw not in NO_CHANNEL:
+        health = replace(health, sticks_us=(m.chan1_raw, m.chan2_raw))
+    switches = tuple(getattr(m, f"chan{number}_raw") for number in range(5, 17))
+    moved = any(
+        abs(new - old) > MOVED_US
+        for old, new in zip(health.switches_us, switches, strict=False)
+        if old not in NO_CHANNEL and new not in NO_CHANNEL
+    )
+    return replace(health, switches_us=switches, switched_ns=now_ns if moved else health.switched_ns)
+
+
+def _manual_control(health: Health, m: Any, now_ns: int) -> Health:
+    """Take PX4's sticks: -1000 to 1000, x pitch, y roll."""
+    if NO_AXIS in (m.x, m.y):
+        return health
+    return replace(health, sticks_us=(1500 + m.y // 2, 1500 + m.x // 2))
+
+
+_REDUCERS: dict[str, Callable[[Health, Any, int], Health]] = {
+    "EKF_STATUS_REPORT": _estimator,
+    "ESTIMATOR_STATUS": _estimator,
+    "SYS_STATUS": _sys_status,
+    "GPS_RAW_INT": _gps,
+    "FENCE_STATUS": _fence,
+    "STATUSTEXT": _text,
+    "RC_CHANNELS": _channels,
+    "MANUAL_CONTROL": _manual_control,
+}

@@ -1,0 +1,96 @@
+"""Requests for an autopilot's parameters, one by one, without I/O."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from params import Required
+
+TRIES = 4
+RETRY_NS = 700_000_000
+# At most so many requests under way: a telemetry port has a small buffer.
+AT_ONCE = 4
+_BYTES = {
+    mavlink.MAV_PARAM_TYPE_UINT8: "<B3x",
+    mavlink.MAV_PARAM_TYPE_INT8: "<b3x",
+    mavlink.MAV_PARAM_TYPE_UINT16: "<H2x",
+    mavlink.MAV_PARAM_TYPE_INT16: "<h2x",
+    mavlink.MAV_PARAM_TYPE_UINT32: "<I",
+    mavlink.MAV_PARAM_TYPE_INT32: "<i",
+}
+
+
+class ParameterReader:
+    """Asks for parameters one by one and keeps what comes.
+
+    Attributes
+    ----------
+    values
+        By name, as they come.
+    absent
+        Names that the autopilot says it does not have (PARAM_ERROR, in newer ones).
+    """
+
+    def __init__(self, rows: tuple[Required, ...], autopilot: str) -> None:
+        self._rows = rows
+        self._bytewise = autopilot == "px4"
+        self._asked: dict[str, tuple[int, int]] = {}  # name -> times, when last
+        self.values: dict[str, float] = {}
+        self.absent: set[str] = set()
+
+    @property
+    def done(self) -> bool:
+        """Whether every parameter has come or was asked for often enough."""
+        return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in self._rows)
+
+    @property
+    def settled(self) -> bool:
+        """Whether this holds of all that every version has: what some lack is never answered for."""
+        rows = (row for row in self._rows if not row.optional)
+        return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in rows)
+
+    def knows(self, name: str) -> bool:
+        """Tell whether the autopilot has answered for a parameter."""
+        return name in self.values or name in self.absent
+
+    def due(self, system: int, now_ns: int) -> list[Any]:
+        """Return the requests to send now."""
+        waiting = [row.name for row in self._rows if not self.knows(row.name)]
+        under_way = [name for name in waiting if self._tries(name) and not self._is_late(name, now_ns)]
+        due = [name for name in waiting if self._tries(name) <= TRIES and self._is_late(name, now_ns)]
+        chosen = due[: max(0, AT_ONCE - len(under_way))]
+        for name in chosen:
+            self._asked[name] = (self._tries(name) + 1, now_ns)
+        return [
+            mavlink.MAVLink_param_request_read_message(
+                system, mavlink.MAV_COMP_ID_AUTOPILOT1, name.encode(), -1
+            )
+            for name in chosen
+            if self._tries(name) <= TRIES
+        ]
+
+    def take(self, message: Any) -> None:
+        """Keep a PARAM_VALUE, or note a PARAM_ERROR."""
+        name = str(message.param_id).rstrip("\0")
+        if message.get_type() == "PARAM_ERROR":
+            if message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
+                self.absent.add(name)
+            return
+        value = float(message.param_value)
+        if self._bytewise and message.param_type in _BYTES:
+            raw = struct.pack("<f", message.param_value)
+            value = float(struct.unpack(_BYTES[message.param_type], raw)[0])
+        if math.isfinite(value):
+            self.values[name] = value
+            self.absent.discard(name)
+
+    def _tries(self, name: str) -> int:
+        return self._asked.get(name, (0, 0))[0]
+
+    def _is_late(self, name: str, now_ns: int) -> bool:
+        times, when = self._asked.get(name, (0, 0))
+        return times == 0 or now_ns - when >= RETRY_NS

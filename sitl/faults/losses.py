@@ -1,0 +1,76 @@
+"""What makes the autopilot's own failsafes act: lost GPS, low battery, lost radio, a fence left behind."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sitl.faults.fault import Fault
+
+if TYPE_CHECKING:
+    from sitl.simulation import Simulation
+
+LOW_V = (9.6, 10.4)
+FENCES = ("FENCE_ALT_MAX", "FENCE_RADIUS")
+SHARE = (0.3, 0.9)
+RETURN = 2.0
+
+
+class GpsLoss(Fault):
+    """The GPS receiver loses its fix; the estimate wanders in a direction that is drawn."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._bearing_rad = float(rng.uniform(0.0, 2 * math.pi))
+
+    def begin(self, simulation: Simulation) -> None:
+        simulation.autopilot.aiding.lose_gps(self._bearing_rad)
+
+    def end(self, simulation: Simulation) -> None:
+        simulation.autopilot.aiding.regain_gps()
+
+
+class BatteryFailsafe(Fault):
+    """The battery's voltage falls below its limit, and the autopilot is set to return a second later."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._volts = float(rng.uniform(*LOW_V))
+
+    def begin(self, simulation: Simulation) -> None:
+        autopilot = simulation.autopilot
+        autopilot.parameters.update({"BATT_FS_LOW_ACT": RETURN, "BATT_LOW_TIMER": 1.0})
+        autopilot.battery_sag_v += autopilot.battery_v - self._volts
+
+    def end(self, simulation: Simulation) -> None:
+        simulation.autopilot.battery_sag_v = 0.0
+
+
+class RadioFailsafe(Fault):
+    """The receiver hears the pilot's transmitter no more: the autopilot returns after a second."""
+
+    def begin(self, simulation: Simulation) -> None:
+        simulation.autopilot.receiver.transmitting = False
+
+    def end(self, simulation: Simulation) -> None:
+        simulation.autopilot.receiver.transmitting = True
+
+
+class FenceBreach(Fault):
+    """The vehicle is outside a ceiling or a circle around home, drawn in to where it has already left it."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._fence = FENCES[int(rng.integers(len(FENCES)))]
+        self._share = float(rng.uniform(*SHARE))
+
+    def begin(self, simulation: Simulation) -> None:
+        autopilot = simulation.autopilot
+        estimate = autopilot.estimate
+        if estimate is None:
+            raise ValueError("fence breach: this simulation has not begun")
+        east, north, up = (float(v) for v in estimate.pos_enu_m - autopilot.navigator.home_enu_m)
+        reached_m = up if self._fence == "FENCE_ALT_MAX" else math.hypot(east, north)
+        autopilot.parameters.update({"FENCE_ENABLE": 1.0, self._fence: self._share * reached_m})
+
+    def end(self, simulation: Simulation) -> None:
+        simulation.autopilot.parameters["FENCE_ENABLE"] = 0.0

@@ -1,0 +1,37 @@
+"""A flight on which the map's frame begins anew: landed where it was chosen, and run again bit for bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from companion.fusion import pose_history
+from companion.landing.situation import Phase
+from companion.replay import command
+from slz import LocalFrame
+from tests.e2e.harness import Mission
+
+A_STEP_RAD = 3e-8  # 0.2 m: what a climbing vehicle drifts
+
+
+def test_frames_that_begin_before_the_hand_over_change_neither_the_landing_nor_its_replay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pose_history, "MOST_TURN_RAD", A_STEP_RAD)
+    frames: list[LocalFrame | None] = []
+
+    async def flight(mission: Mission) -> None:
+        for phase in (Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
+            await mission.until_phase(phase)
+            frames.append(mission.companion.history.frame)
+        await mission.until_phase(Phase.LANDED)
+
+    mission = Mission(record=tmp_path / "flight.mcap").fly(flight)
+    assert sum("far from the map's origin" in text for text in mission.heard) >= 2
+    assert len(set(frames)) == 1  # that of the hand-over
+    assert mission.touchdown_safe()
+    assert mission.touchdown_error_m() < 0.5
+    again = command.run(tmp_path / "flight.mcap", [], None, 0.0, (0.0, 1e9))
+    assert again["windows"] == again["identical"] > 10
+    assert (again["different"], again["without_scans"], again["unreadable_messages"]) == (0, 0, 0)

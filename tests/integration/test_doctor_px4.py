@@ -1,0 +1,60 @@
+"""The doctor beside a PX4, on simulated time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import params
+from companion.doctor import examination
+from companion.doctor.examination import Examination
+from companion.doctor.finding import Finding
+from tests.integration.link_bench import autopilot_over_udp, virtually
+from tests.integration.px4_bench import Px4, good_values
+from tests.ports import free_port
+
+
+@pytest.fixture(autouse=True)
+def machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the speed of the machine that runs the tests out of them."""
+    monkeypatch.setattr(examination, "machine_findings", lambda parameters, late_ms: [])
+
+
+def examined(**px4: Any) -> dict[str, Finding]:
+    """Examine a PX4 on the bench; its LiDAR is silent."""
+    found: list[Finding] = []
+
+    async def examine() -> None:
+        port = free_port()
+        async with autopilot_over_udp(port, Px4, **px4):
+            urls = f"udpin:127.0.0.1:{port}", f"livox:127.0.0.1:{free_port()}"
+            found.extend(await Examination(*urls, params.load(), 20.0).run())
+
+    virtually(examine)
+    return {finding.check: finding for finding in found if not finding.check.startswith("LiDAR")}
+
+
+@pytest.mark.parametrize("offers_mode", [True, False])
+def test_a_px4_set_up_for_us_fails_nothing(offers_mode: bool) -> None:
+    findings = examined(offers_mode=offers_mode)
+    assert [finding for finding in findings.values() if finding.state in ("fail", "warn")] == []
+    assert findings["rate of HEARTBEAT"].found in ("0.5 Hz", "1.0 Hz", "1.5 Hz")
+    assert findings["rate of CURRENT_MODE"].state == ("ok" if offers_mode else "skipped")
+    assert findings["firmware"].found == "PX4 1.17.0 release"
+    assert "EAV_EN" not in findings  # it has none, and needs none
+    assert {row.name for row in params.required("px4") if row.loaded} <= findings.keys()
+
+
+def test_px4_s_dangers_are_named() -> None:
+    values = good_values() | {"COM_OBL_RC_ACT": 0.0, "EAV_EN": 1.0, "MAN_OVERRIDE_SPD": -1.0}
+    findings = examined(values=values)
+    assert (findings["COM_OBL_RC_ACT"].state, findings["COM_OBL_RC_ACT"].found) == ("fail", "0")
+    assert (findings["EAV_EN"].state, findings["MAN_OVERRIDE_SPD"].state) == ("warn", "warn")
+
+
+def test_lost_answers_are_asked_for_again_and_what_never_comes_is_told() -> None:
+    findings = examined(lose={"COM_OBL_RC_ACT": 2, "PLD_BTOUT": 99}, version=None)
+    assert findings["COM_OBL_RC_ACT"].state == "ok"
+    assert (findings["PLD_BTOUT"].state, findings["PLD_BTOUT"].found) == ("fail", "could not be read")
+    assert findings["firmware"].found == "PX4, version not told"
