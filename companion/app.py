@@ -180,6 +180,7 @@ class Companion:
             self.recordings.begin_flight(self._record_into)
         if self._foxglove_port is not None:
             self.live = _live_view(self, self._foxglove_port)
+        self.link.on_certain.subscribe(self.history.trust)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
         try:

@@ -7,7 +7,6 @@ import json
 import socket
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,12 +15,12 @@ from sitl.intruder import HIGHEST_M, Intruder
 from sitl.key import read_key
 from sitl.lidar_port import Address
 from sitl.lockstep import LockstepServer
+from sitl.pace import Pace
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.wire import WireError
 
 DEFAULT_MAVLINK = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
-LONGEST_SLEEP_S = 0.1
 RANGES = {
     "duration": (0.0, 1e6),
     "speedup": (0.0, 1000.0),
@@ -87,7 +86,12 @@ def _simulate(
 
     # A lock-step client sets the pace itself, unless a speed is asked for.
     speedup = options.speedup if options.speedup is not None else (1.0 if server is None else 0.0)
-    step = _paced(simulation.advance, speedup, ended)
+    pace = Pace(speedup, _say, ended)
+    simulation.late_s = pace.late_s
+
+    def step() -> int:
+        return pace.keep(simulation.advance())
+
     try:
         with signals.awaited():
             if server is not None:
@@ -301,24 +305,8 @@ def _ready(simulation: Simulation, server: LockstepServer | None) -> dict[str, o
     }
 
 
-def _paced(step: Callable[[], int], pace: float, ended: Callable[[], bool]) -> Callable[[], int]:
-    """Slow a step down to a multiple of real time, until `ended`; 0 leaves it as fast as it can."""
-    if pace == 0:
-        return step
-    start: list[float] = []
-
-    def paced() -> int:
-        now_ns = step()
-        if not start:
-            start.append(time.monotonic() - now_ns * 1e-9 / pace)
-        due = start[0] + now_ns * 1e-9 / pace
-        while (ahead := due - time.monotonic()) > 1e-3 and not ended():
-            time.sleep(min(ahead, LONGEST_SLEEP_S))
-        if ahead < -0.5:
-            start[0] -= ahead  # too slow to keep the pace: do not race to catch up
-        return now_ns
-
-    return paced
+def _say(line: str) -> None:
+    print(f"slz sim: {line}", file=sys.stderr, flush=True)
 
 
 def _write_truth(simulation: Simulation, options: argparse.Namespace) -> None:

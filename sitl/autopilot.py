@@ -74,6 +74,7 @@ class Autopilot:
         self.armed = False
         self.airborne = False
         self.battery_pct = 100.0
+        self.late_ns: Callable[[], int] = lambda: 0
         self.battery_sag_v = 0.0
         self.truth_source: Callable[[], State] | None = None
         self.precland = PrecisionLanding()
@@ -121,6 +122,11 @@ class Autopilot:
     def boot_ns(self) -> int:
         """Time since boot."""
         return self._now_ns + self.boot_offset_ns
+
+    @property
+    def clock_ns(self) -> int:
+        """Time since boot that its clock shows; it goes on while a busy computer holds up the simulation."""
+        return self.boot_ns + self.late_ns()
 
     @property
     def estimate_boot_ns(self) -> int:

@@ -317,7 +317,7 @@ class Commands:
 
     def _timesync(self, message: Any, link: int) -> None:
         if message.tc1 == 0:
-            answer = mavlink.MAVLink_timesync_message(self._ap.boot_ns, message.ts1)
+            answer = mavlink.MAVLink_timesync_message(self._ap.clock_ns, message.ts1)
             self._ap.send(answer, link)
 
     def _heartbeat(self, message: Any, _link: int) -> None:

@@ -22,6 +22,8 @@ from sitl.vehicle import Vehicle
 from sitl.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
+LATE_S = 0.02  # behind the pace, beyond which scanning gives way: one scan of so many is left
+LATE_SCANS = 5
 IN_DUST = Reach(0.1, 0.9, 0.5, 0.9), Noise(dust=0.3)
 """How far and how well a LiDAR sees in rotor dust: less than a metre, with echoes of the dust itself."""
 DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
@@ -32,6 +34,13 @@ class Simulation:
 
     `advance` first answers everything that has arrived, then steps one tick. `every_tick` holds functions
     called after each. The LiDAR's packets are sent together every `lidar_ms`.
+
+    Attributes
+    ----------
+    late_s
+        Tells the seconds that a simulated time is behind the pace. While it is late it scans little.
+    skipped_ns
+        Simulated time not scanned for that.
     """
 
     def __init__(
@@ -62,10 +71,13 @@ class Simulation:
         self.vehicle = Vehicle(streams[0], (x, y, scene.world.height_m(x, y)), heading, wind_ms)
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
         self.estimator = Estimator(streams[1], errors, self.autopilot.aiding)
+        self.autopilot.late_ns = lambda: round(self.late_s(self.now_ns) * 1e9)
         self.autopilot.truth_source = lambda: self.vehicle.truth
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
         self.lidar = lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to) if lidar_to else None
         self.lidar_on = True
+        self.late_s: Callable[[int], float] = lambda now_ns: 0.0
+        self.skipped_ns = 0
         self._tick_ns = tick_ns
         self._lidar_ticks = max(1, lidar_ms * 1_000_000 // tick_ns)
         self.radar = lidars.open_port("radar", streams[4], point_rate_hz, radar_to) if radar_to else None
@@ -79,7 +91,7 @@ class Simulation:
             self.pilot = Pilot(wire, pilot_height_m, mavlink_key)
         self.every_tick: list[Callable[[Simulation], None]] = [lambda s: s.log.note()]
         self._track = PoseTrack()
-        self._ticks = 0
+        self._ticks = self._scans = 0
         self._ground_m = self.vehicle.truth.pos_enu_m[2]
 
     @classmethod
@@ -151,6 +163,11 @@ class Simulation:
         if self.scene.dust_below_m > 0:
             self._raise_dust()
         span = self._track.stamps[0], self.now_ns
+        self._scans += 1
+        if self._scans % LATE_SCANS and self.late_s(self.now_ns) > LATE_S:
+            self.skipped_ns += span[1] - span[0]
+            self._track.keep_last()
+            return
         for port in (self.lidar if self.lidar_on else None, self.radar):
             if port is not None:
                 port.scan(*span, self._track.at, self.scene.world)

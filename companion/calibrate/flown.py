@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from companion.fusion.motion import EPOCH
+from companion.fusion.motion import STRETCH
 from companion.fusion.mount import FRD_FROM_FLU, Mount
 from companion.fusion.placement import place
 from companion.fusion.pose_history import PoseHistory
@@ -74,7 +74,7 @@ class FlownReturns:
         """Tell around which stamps, to the margin, all poses are near enough and without a jump between."""
         attitude_ns, _, position_ns, positions, gap_ns = self._samples
         steady = np.zeros(max(len(attitude_ns) - 1, 0), bool)
-        jumps = positions[1:, EPOCH] != positions[:-1, EPOCH]
+        jumps = positions[1:, STRETCH] != positions[:-1, STRETCH]
         kept = np.ones(len(stamps), bool)
         for track, broken in ((attitude_ns, steady), (position_ns, jumps)):
             first = np.searchsorted(track, stamps - margin_ns, side="left") - 1

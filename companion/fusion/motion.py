@@ -17,9 +17,10 @@ from slz.kernels.jit import kernel
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-# Columns of a position sample: east, north, up; their rates; epoch.
+# Columns of a position sample: east, north, up; their rates; a number that changes where the estimate or the
+# clock that dates it jumped.
 POSITION_WIDTH = 7
-EPOCH = 6
+STRETCH = 6
 SMALL_RAD = 0.5  # below which a sine is taken from its series
 
 
@@ -136,7 +137,7 @@ def interpolate(
             and jp >= 0
             and attitude_ns[ja + 1] - attitude_ns[ja] <= gap_ns
             and position_ns[jp + 1] - position_ns[jp] <= gap_ns
-            and positions[jp, EPOCH] == positions[jp + 1, EPOCH]
+            and positions[jp, STRETCH] == positions[jp + 1, STRETCH]
         )
         if not valid[j]:
             position_enu_m[j, :] = np.nan

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.fusion.motion import (
-    EPOCH,
     SMALL_RAD,
+    STRETCH,
     Floats,
     Stamps,
     hermite_cubic,
@@ -176,7 +176,7 @@ def place(
             p = segment(position_ns, t, p)
             if p >= 0:
                 p_from, p_to = position_ns[p], position_ns[p + 1]
-                if p_to - p_from > gap_ns or positions[p, EPOCH] != positions[p + 1, EPOCH]:
+                if p_to - p_from > gap_ns or positions[p, STRETCH] != positions[p + 1, STRETCH]:
                     p = -1
                 else:
                     p_share = 1.0 / (p_to - p_from)

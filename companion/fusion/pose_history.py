@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.fusion.motion import EPOCH, POSITION_WIDTH, interpolate
+from companion.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
 from companion.fusion.pose import Pose, turned
 from companion.fusion.track import Track
 from params import Parameters
@@ -62,8 +62,9 @@ class PoseHistory:
         Map frame, None until known.
     epoch
         Rises by one whenever the position estimate jumps, the clocks start anew or another frame begins.
-    jumps, refused
-        Jumps of the estimate; samples that were out of order, repeated or not finite.
+    jumps, refused, misdated
+        Jumps of the estimate; samples that were out of order, repeated or not finite; samples dropped because
+        the autopilot's clock proved to be another one than that they were dated by.
     """
 
     def __init__(
@@ -78,6 +79,25 @@ class PoseHistory:
         self.jumps = 0
         self.refused = 0
         self._newest_lla: tuple[float, float, float] | None = None
+        self.misdated = 0
+        self._certain_ns: int | None = None
+        self._trusts_all = True
+        self._mappings = 0
+        self._stretch = 0  # between jumps of the estimate or of the autopilot's clock
+
+    def trust(self, until_ns: int | None, mappings: int) -> None:
+        """Place nothing by poses after a stamp: their stamps may be wrong; see `AutopilotClock`.
+
+        Where stamps are mapped anew, those after it were: they are forgotten, and nothing is interpolated
+        from before to after.
+        """
+        self._certain_ns, self._trusts_all = until_ns, False
+        if mappings == self._mappings:
+            return
+        self._mappings = mappings
+        self._stretch += 1
+        if until_ns is not None:
+            self.misdated += self._attitudes.drop_after(until_ns) + self._positions.drop_after(until_ns)
 
     def add_attitude(self, stamp_ns: int, quat_wxyz: Sequence[float], rates: Sequence[float]) -> None:
         """Take an attitude (body forward-right-down to north-east-down) and body rates in rad/s."""
@@ -105,11 +125,12 @@ class PoseHistory:
         if self._has_jumped(stamp_ns, position, velocity):
             self.jumps += 1
             self.epoch += 1
+            self._stretch += 1
             if self.frame.turn_rad(lat_deg, lon_deg) > MOST_TURN_RAD:
                 self._change_frame(LocalFrame(lat_deg, lon_deg, alt_m))
                 position = np.zeros(3)
         self._newest_lla = lat_deg, lon_deg, alt_m
-        self._positions.append(stamp_ns, (*position, *velocity, self.epoch))
+        self._positions.append(stamp_ns, (*position, *velocity, self._stretch))
 
     @property
     def is_far(self) -> bool:
@@ -132,8 +153,6 @@ class PoseHistory:
             if self._newest_lla is None:
                 raise ValueError("a frame cannot begin without a position")
             frame = LocalFrame(*self._newest_lla)
-        epochs = self._positions.values[:, EPOCH]
-        epochs[epochs == self.epoch] += 1
         self.epoch += 1
         self._change_frame(frame)
         return frame
@@ -150,12 +169,17 @@ class PoseHistory:
         self._attitudes.clear()
         self._positions.clear()
         self.epoch += 1
+        self._stretch += 1
 
     @property
     def bracketed_until_ns(self) -> int | None:
-        """Newest time that both attitude and position cover, None without either."""
+        """Newest time that both attitude and position cover for certain, None without either."""
         attitude, position = self._attitudes.newest_ns, self._positions.newest_ns
-        return None if attitude is None or position is None else min(attitude, position)
+        if attitude is None or position is None:
+            return None
+        if self._trusts_all:
+            return min(attitude, position)
+        return None if self._certain_ns is None else min(attitude, position, self._certain_ns)
 
     def samples(self) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64], Floats, int]:
         """Return what kernels read: stamps and samples of attitude and position, and the longest gap."""
@@ -193,7 +217,7 @@ class PoseHistory:
             position_enu_m=sample[:3] + velocity * _bounded_s(stamp_ns - position_ns),
             velocity_enu_ms=velocity,
             quat_wxyz=turned(self._attitudes.values[-1], self._rates, _bounded_s(stamp_ns - attitude_ns)),
-            epoch=int(sample[EPOCH]),
+            epoch=self.epoch,
         )
 
     # ---- what is taken --------------------------------------------------------------------------
@@ -219,8 +243,11 @@ class PoseHistory:
             return False
         last = self._positions.values[-1]
         elapsed_s = (stamp_ns - int(self._positions.stamp_ns[-1])) * 1e-9
-        expected = last[:3] + (last[3:6] + velocity) * (elapsed_s / 2)
-        return bool(np.linalg.norm(position - expected) > motion_m(elapsed_s, self._limit_ns * 1e-9))
+        way = (last[3:6] + velocity) * (elapsed_s / 2)
+        allowed_m = motion_m(elapsed_s, self._limit_ns * 1e-9)
+        if last[STRETCH] != self._stretch:  # the clock jumped between: nobody knows how much time passed
+            allowed_m += float(np.linalg.norm(way))
+        return bool(np.linalg.norm(position - last[:3] - way) > allowed_m)
 
 
 def motion_m(elapsed_s: float, timeout_s: float) -> float:

@@ -50,6 +50,13 @@ class Track:
         self._values[self._end] = values
         self._end += 1
 
+    def drop_after(self, stamp_ns: int) -> int:
+        """Forget the samples newer than a stamp; return how many."""
+        kept = int(np.searchsorted(self.stamp_ns, stamp_ns, side="right"))
+        dropped = len(self) - kept
+        self._end -= dropped
+        return dropped
+
     def clear(self) -> None:
         """Forget all samples."""
         self._end = 0

@@ -17,6 +17,10 @@ FUTURE_NS = 20_000_000
 PAST_NS = 10_000_000_000
 DOUBTS = 20
 DELAYS = 1000
+# A pose that was under way for so much longer than the quickest is late, or its stamp is wrong.
+LATE_NS = 20_000_000
+# An autopilot that no longer answers TIMESYNC is believed by least delay after so long.
+UNANSWERED_NS = 5_000_000_000
 
 
 class LeastDelay:
@@ -52,6 +56,10 @@ class LeastDelay:
 class AutopilotClock:
     """Maps the autopilot's boot time to the companion's clock, by TIMESYNC or else by least delay.
 
+    A clock that falls behind (a simulated autopilot's on a busy computer) shows at once: its poses seem to be
+    under way for longer. So do poses that wait to be read. Which of the two it is, the next exchange tells;
+    until then stamps are not certain.
+
     Attributes
     ----------
     timesync
@@ -60,6 +68,11 @@ class AutopilotClock:
         Stamps refused because they would lie in the future, or too far back.
     delays_ns
         How long the newest messages were under way, from their stamps to their arrival; by TIMESYNC only.
+    certain_ns
+        Our time up to which stamps are certain, None before the first.
+    mappings
+        How often stamps began to be mapped anew after the clock had proved to be another one: those after
+        `certain_ns` were wrong.
     """
 
     def __init__(self, salt: int = 0) -> None:
@@ -70,6 +83,11 @@ class AutopilotClock:
         self._resets = 0
         self._doubts = 0
         self._heard = False
+        self._least = LeastDelay()
+        self._mapping: tuple[int, bool] = (0, False)
+        self._unanswered_since_ns: int | None = None
+        self.certain_ns: int | None = None
+        self.mappings = 0
 
     @property
     def source(self) -> Source:
@@ -84,6 +102,7 @@ class AutopilotClock:
         The clock learns from it, and starts over after many that cannot be.
         """
         self._heard = True
+        self._note_mapping()
         if (
             self.timesync.resets != self._resets
         ):  # the least delay so far is that of the clock before its jump
@@ -96,12 +115,38 @@ class AutopilotClock:
             self._doubts = 0
             if self.timesync.synced:
                 self.delays_ns.append(max(0, now_ns - stamp))
+            self._judge(min(stamp, now_ns), now_ns)
             return min(stamp, now_ns)
         self.implausible += 1
         self._doubts += 1
         if self._doubts >= DOUBTS:  # the autopilot's clock is no longer the one we synchronised with
             self.reset()
         return None
+
+    def _note_mapping(self) -> None:
+        """Notice that stamps are mapped by another offset than before."""
+        mapping = self.timesync.resets, self.timesync.synced
+        if mapping != self._mapping and self.timesync.resets > 0:
+            self.mappings += 1
+            self._least = LeastDelay()
+        self._mapping = mapping
+
+    def _judge(self, stamp_ns: int, now_ns: int) -> None:
+        """Move `certain_ns` on to a stamp that came as quickly as others, or to the newest good exchange."""
+        sync = self.timesync
+        known = [] if self.certain_ns is None else [self.certain_ns]
+        if sync.synced:
+            self._unanswered_since_ns = None
+            late = now_ns - stamp_ns - self._least.add(stamp_ns, now_ns) > LATE_NS
+            known += [] if late else [stamp_ns]
+            known += [] if sync.confirmed_ns is None else [min(sync.confirmed_ns, stamp_ns)]
+        else:
+            since_ns = self._unanswered_since_ns = self._unanswered_since_ns or now_ns
+            late = sync.resets > 0 and now_ns - since_ns < UNANSWERED_NS
+            known += [] if late else [stamp_ns]
+        self.certain_ns = max(known, default=None)
+        if late and (self.certain_ns is None or stamp_ns - self.certain_ns > LATE_NS):
+            sync.hurry()
 
     def look_up_ns(self, boot_ms: int, now_ns: int) -> int | None:
         """Return our time of any other message; the clock learns nothing from it, nor doubts itself for it.

@@ -65,6 +65,7 @@ class Inbox:
         self.changed: Event[[VehicleState, VehicleState]] = Event()
         self.attitude: Event[[int, Quaternion, Vector]] = Event()
         self.position: Event[[int, float, float, float, Vector]] = Event()
+        self.certain: Event[[int | None, int]] = Event()  # up to when stamps are; how often they were mended
         self.stranger: Event[[Candidate]] = Event()  # another vehicle, heard for the first time
 
     @property
@@ -167,13 +168,22 @@ class Inbox:
             if message.get_type() == "HEARTBEAT":
                 self.heartbeat.emit()
             self.changed.emit(old, new)
-        # A tuple that is another object was in this message, and was valid.
+        self._pose(old, new, message, now_ns)
+
+    def _pose(self, old: VehicleState, new: VehicleState, message: Any, now_ns: int) -> None:
+        """Hand on the pose of a message: a tuple that is another object was in it, and was valid."""
         if new.attitude_wxyz is not None and new.attitude_wxyz is not old.attitude_wxyz:
-            stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
+            stamp = self._stamp_ns(message, now_ns)
             if stamp is not None and new.rates_rad_s is not None:
                 self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
         if new.position_lla is not None and new.position_lla is not old.position_lla:
-            stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
+            stamp = self._stamp_ns(message, now_ns)
             believed = self.gate.lets(new.fix, now_ns)
             if believed and stamp is not None and new.velocity_ned_ms is not None:
                 self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
+
+    def _stamp_ns(self, message: Any, now_ns: int) -> int | None:
+        """Return our time of a pose; first tell how far stamps are certain."""
+        stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
+        self.certain.emit(self.clock.certain_ns, self.clock.mappings)
+        return stamp

@@ -73,6 +73,9 @@ class Link:
         Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
     on_position
         Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
+    on_certain
+        Event (until_ns, mappings) before each pose: up to which of our times stamps of poses are certain, and
+        how often those after it proved wrong, see `AutopilotClock`.
     on_reboot
         Event when the autopilot's clock began anew.
     on_text
@@ -117,6 +120,7 @@ class Link:
         self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
         self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
         self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
+        self.on_certain: Event[[int | None, int]] = self._inbox.certain
         self.on_reboot: Event[[]] = self._inbox.rebooted
         self.on_text: Event[[str, int]] = Event()
         self.on_frame: Event[[Any, int]] = Event()

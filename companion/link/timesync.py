@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from statistics import median
 
 FAST_NS = 200_000_000
+HURRY_NS = 50_000_000  # between requests while something says that the offset has changed
 SLOW_NS = 1_000_000_000
 # Exchanges at the fast rate before the slow one, and those needed before the offset is believed.
 FAST_COUNT = 25
@@ -48,6 +49,8 @@ class TimeSync:
     ----------
     resets, strays
         Times it started over; replies that answer none of our requests.
+    confirmed_ns
+        Our time of the newest exchange that agreed with the offset in use; None without any.
     """
 
     def __init__(self, salt: int = 0) -> None:
@@ -55,6 +58,7 @@ class TimeSync:
         self._pending: dict[int, int] = {}  # stamp sent -> when
         self._next_ns: int | None = None
         self._sent = 0
+        self._asked_ns: int | None = None
         self.resets = 0
         self.strays = 0
         self._clear()
@@ -68,6 +72,7 @@ class TimeSync:
         self._residual_ns = 0.0
         self._worst_ns = 0.0
         self._sent = 0
+        self.confirmed_ns: int | None = None
 
     # ---- exchange -------------------------------------------------------------------------------
 
@@ -77,11 +82,17 @@ class TimeSync:
             return None
         self._next_ns = now_ns + (FAST_NS if self._sent < FAST_COUNT or self._jumps else SLOW_NS)
         self._sent += 1
+        self._asked_ns = now_ns
         stamp = now_ns - now_ns % 1000 + self._salt
         for old in [old for old, sent in self._pending.items() if now_ns - sent > REPLY_TIMEOUT_NS]:
             del self._pending[old]
         self._pending[stamp] = now_ns
         return stamp
+
+    def hurry(self) -> None:
+        """Let the next request be due 50 ms after the last: the offset is in doubt."""
+        if self._asked_ns is not None and self._next_ns is not None:
+            self._next_ns = min(self._next_ns, self._asked_ns + HURRY_NS)
 
     def reply(self, tc1: int, ts1: int, now_ns: int) -> None:
         """Take the autopilot's answer: its time `tc1` and our stamp `ts1`, back at `now_ns`."""
@@ -106,7 +117,7 @@ class TimeSync:
         if self.synced and self._contradicts(exchange):
             self._jumps.append(exchange)
             if len(self._jumps) < JUMP_COUNT:
-                self._next_ns = exchange.local_ns + FAST_NS  # stamps are wrong until the jump is believed
+                self.hurry()  # stamps are wrong until the jump is believed
                 return
             jumps = self._jumps
             self.resets += 1
@@ -116,6 +127,8 @@ class TimeSync:
             self._jumps.clear()
             self._window.append(exchange)
         self._fit()
+        if self.synced:
+            self.confirmed_ns = exchange.local_ns
 
     def _contradicts(self, exchange: Exchange) -> bool:
         error = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -94,8 +95,8 @@ def test_a_signal_ends_a_pause_of_slow_motion(monkeypatch: pytest.MonkeyPatch) -
         if slept[0] > 1.0:
             os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr(program.time, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(program.time, "sleep", sleep)
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(time, "sleep", sleep)
     assert program.main([*FLY[:-1], "1e-6"]) == 0
     assert slept[0] < 1.2
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -20,6 +19,7 @@ from sitl import scenes
 from sitl.estimator import EstimateErrors
 from sitl.intruder import Intruder
 from sitl.modes import Mode
+from sitl.pace import Pace
 from sitl.simulation import TICK_NS, PoseTrack, Simulation
 from sitl.state import from_euler
 from sitl.wire import MemoryWire
@@ -335,35 +335,10 @@ def test_a_lockstep_client_sets_the_pace_unless_a_speed_is_asked_for(
 ) -> None:
     paces: list[float] = []
 
-    def paced(step: Any, wanted: float, ended: Any) -> Any:
+    def paced(wanted: float, *_: Any) -> Pace:
         paces.append(wanted)
-        return step
+        return Pace(0.0)
 
-    monkeypatch.setattr(program, "_paced", paced)
+    monkeypatch.setattr(program, "Pace", paced)
     assert program.main([*QUIET, "--duration", "0", *asked, *(["--lockstep", "0"] if lockstep else [])]) == 0
     assert paces == [pace]
-
-
-def test_pacing_sleeps_off_what_the_clock_is_ahead_and_does_not_race_after_a_stall(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    wall, now, slept = [100.0], [0], [0.0]
-
-    def sleep(seconds: float) -> None:
-        slept[0] += seconds
-        wall[0] += seconds
-
-    def step() -> int:
-        now[0] += TICK_NS
-        return now[0]
-
-    monkeypatch.setattr(time, "monotonic", lambda: wall[0])
-    monkeypatch.setattr(time, "sleep", sleep)
-    paced = program._paced(step, 2.0, lambda: False)
-    for _ in range(4000):
-        paced()
-    assert slept[0] == pytest.approx(5.0, abs=0.01)  # ten simulated seconds at twice real time
-    wall[0] += 60.0
-    for _ in range(400):
-        paced()
-    assert slept[0] == pytest.approx(5.5, abs=0.02)

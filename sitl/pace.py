@@ -1,0 +1,59 @@
+"""Real time, or a multiple of it, for a simulation that runs by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+LONGEST_SLEEP_S = 0.1
+SLIP_S = 2.0  # simulated, behind the pace, beyond which the time is given up
+
+
+class Pace:
+    """Ratio of simulated to real time.
+
+    A simulation that a busy computer held up catches up, so that the clocks of its autopilot and sensors keep
+    to real time as those of a vehicle do.
+
+    Parameters
+    ----------
+    pace
+        Times real time; 0 is as fast as possible.
+    say
+        Takes lines for the user.
+    ended
+        Whether the simulation is over: a pause in slow motion must not hold it up.
+    """
+
+    def __init__(
+        self,
+        pace: float,
+        say: Callable[[str], None] = lambda line: None,
+        ended: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._pace = pace
+        self._say = say
+        self._ended = ended
+        self._start_s: float | None = None
+        self._slipped = False
+
+    def late_s(self, now_ns: int) -> float:
+        """Return how far a simulated time is behind its pace (simulated s); negative where it is ahead."""
+        if self._pace == 0 or self._start_s is None:
+            return 0.0
+        return (time.monotonic() - self._start_s) * self._pace - now_ns * 1e-9
+
+    def keep(self, now_ns: int) -> int:
+        """Sleep while a simulated time, just reached, is ahead of its pace; return it."""
+        if self._pace == 0:
+            return now_ns
+        if self._start_s is None:
+            self._start_s = time.monotonic() - now_ns * 1e-9 / self._pace
+        while (late_s := self.late_s(now_ns)) < -1e-3 * self._pace and not self._ended():
+            time.sleep(min(-late_s / self._pace, LONGEST_SLEEP_S))
+        if late_s > SLIP_S:
+            self._start_s += late_s / self._pace
+            if not self._slipped:
+                self._slipped = True
+                self._say("too slow for real time: the simulated clocks fall behind")
+        return now_ns
