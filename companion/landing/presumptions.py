@@ -90,7 +90,7 @@ PATIENCE_NS = {
 }
 CALL_AGAIN_NS = 30 * SECOND
 STICK_US = 80  # beyond the dead zones of both autopilots
-HELD_US = 140  # from the middle of the pulse: no calibrated transmitter rests so far off, a stick is held
+HELD_US = 150  # from the middle of the pulse: no calibrated transmitter rests so far off, a stick is held
 MIDDLE_US = 1500
 CLIMBING_MS = 0.5  # upwards in a landing: not the moment of the change to LAND
 SINKING_MS = 0.5  # faster downwards than asked
