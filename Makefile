@@ -7,7 +7,7 @@ PROGRAM := $(VENV)/.program
 TOOLS := $(VENV)/.installed
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz audit clean
+.PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz audit constraints fresh clean
 
 demo: $(PROGRAM)
 	$(BIN)/slz demo --headless --out out/demo
@@ -64,6 +64,16 @@ audit: setup
 	@$(INSTALL) --editable '.[audit]' 2>/dev/null \
 	    || echo 'dependency audit: pip-audit cannot be installed'
 	@$(BIN)/python -m tests.audit
+
+# Can all that constraints.txt pins be had for every Python and machine we name, and is nothing unpinned?
+constraints: setup
+	@$(INSTALL) --upgrade pip
+	$(BIN)/python -m tests.constraints
+
+# Both commands of the README on new Debian systems, in folders; needs root, debootstrap and some gigabytes.
+RELEASES ?= bookworm trixie
+fresh:
+	tests/fresh.sh $(RELEASES)
 
 bench: setup
 	$(BIN)/python -m pytest -m bench
