@@ -183,6 +183,7 @@ class Companion:
         self.link.on_certain.subscribe(self.history.trust)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
+        failed: BaseException | None = None
         try:
             async with asyncio.TaskGroup() as group:
                 parts: dict[str, Coroutine[Any, Any, None]] = {
@@ -202,7 +203,7 @@ class Companion:
         except* _Stopped:
             pass
         except* Exception as errors:
-            raise _first(errors) from None
+            failed = _first(errors)  # raised here, Python before 3.11.4 would wrap it in a group
         finally:
             gc.unfreeze()
             if self.page is not None:
@@ -212,6 +213,8 @@ class Companion:
                 self.live.close()
             self.recordings.close()
             self.summary = flight_summary(self)
+        if failed is not None:
+            raise failed from None
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""

@@ -46,13 +46,16 @@ class SerialLidar:
         UsageError
             The device cannot be had.
         """
+        failed: BaseException | None = None
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._transport.run(self._take), name="lidar line")
                 group.create_task(self._ask(), name="lidar requests")
                 group.create_task(self._flush(), name="lidar batches")
         except* CompanionError as failures:
-            raise failures.exceptions[0] from None
+            failed = failures.exceptions[0]  # raised here, Python before 3.11.4 would wrap it in a group
+        if failed is not None:
+            raise failed from None
 
     def _take(self, data: bytes) -> None:
         self.stream.take(data, "", now_ns())
