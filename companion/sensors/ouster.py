@@ -22,7 +22,8 @@ from companion.errors import UsageError
 from companion.sensors.ouster_points import place_pixels
 from companion.sensors.returns import RawReturns, nothing
 
-INSTALL = "LiDAR ouster: reads packets with ouster-sdk, which is not installed: pip install 'slz[ouster]'"
+READER = "LiDAR ouster: reads packets with ouster-sdk, which"
+INSTALL = f"{READER} is not installed: pip install 'slz[ouster]'"
 LEGACY = "LEGACY"
 LIDAR_TYPE = 1
 MOST_NS = 2**62
@@ -64,8 +65,12 @@ class _Format:
     def __init__(self, metadata: str) -> None:
         try:
             sdk = import_module("ouster.sdk.core")
-        except ImportError:
+        except ModuleNotFoundError:
             raise UsageError(INSTALL) from None
+        except ImportError as error:  # a library of the system, such as OpenGL's, that the package asks for
+            library = str(error).partition(":")[0]
+            hint = " (Debian: sudo apt install libgl1)" if library.startswith("libGL.") else ""
+            raise UsageError(f"{READER} cannot be loaded without {library}{hint}") from None
         try:
             info = sdk.SensorInfo(metadata)
             _check_size(info.format)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,13 +14,14 @@ from sitl.pulse_lidar import PulseLidar, Shots
 from sitl.sensor_clock import Clock
 from sitl.velodyne_packets import ReturnMode
 from sitl.vlp16 import Vlp16
+from tests.unit.companion.sensors.ouster_packets import MISSING
 from tests.unit.sitl.still_world import flat_world, hover
 
 F64 = NDArray[np.float64]
 MS = 1_000_000
 CLOCK = Clock(offset_ns=4_000_000_000, drift_ppb=0)
 SPAN_NS = 120 * MS  # over a whole turn
-needs_ouster = pytest.mark.skipif(find_spec("ouster") is None, reason="ouster-sdk is not installed")
+needs_ouster = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 
 
 def polar(points: F64, up_m: F64) -> tuple[F64, F64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable
+from importlib import import_module
 
 ROWS, COLUMNS, PACKET_COLUMNS = 16, 512, 16
 SINGLE, DUAL, LOW, LEGACY = (
@@ -16,6 +17,18 @@ SINGLE, DUAL, LOW, LEGACY = (
 TOP_DEG, STEP_DEG = 45.0, 6.0
 Measure = Callable[[int, int], tuple[int, int]]
 """Row from the top, column of the packet -> range in mm, reflectivity."""
+
+
+def _missing() -> str:
+    try:
+        import_module("ouster.sdk._bindings.client")
+    except ImportError as error:
+        return f"ouster-sdk cannot be loaded: {error}"
+    return ""
+
+
+MISSING = _missing()
+"""Why the package that reads packets cannot be used here, empty where it can."""
 
 
 def nothing(_row: int, _column: int) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.errors import UsageError
+from companion.sensors import ouster
 from companion.sensors.driver import open_lidar
 from companion.sensors.ouster import OusterDecoder
 from params import Parameters
@@ -21,6 +22,7 @@ from tests.unit.companion.sensors.ouster_packets import (
     DUAL,
     LEGACY,
     LOW,
+    MISSING,
     SINGLE,
     metadata,
     only,
@@ -28,7 +30,7 @@ from tests.unit.companion.sensors.ouster_packets import (
 )
 from tests.unit.companion.sensors.recordings import recording
 
-pytest.importorskip("ouster.sdk", reason="ouster-sdk is not installed: pip install 'slz[ouster]'")
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 
 PROFILES = (SINGLE, DUAL, LOW, LEGACY)
 PACKETS = 32  # a frame
@@ -198,6 +200,27 @@ def test_a_url_without_metadata_is_one_clear_line(query: str, says: str) -> None
 def test_without_the_package_one_line_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ouster.sdk.core", None)
     with pytest.raises(UsageError, match=r"pip install 'slz\[ouster\]'"):
+        OusterDecoder("any")
+
+
+@pytest.mark.parametrize(
+    ("said", "line"),
+    [
+        (
+            "libGL.so.1: cannot open shared object file",
+            r"without libGL.so.1 \(Debian: sudo apt install libgl1\)",
+        ),
+        ("libstdc++.so.6: version not found", r"without libstdc\+\+.so.6$"),
+    ],
+)
+def test_without_a_library_of_the_system_one_line_names_it(
+    monkeypatch: pytest.MonkeyPatch, said: str, line: str
+) -> None:
+    def refused(name: str) -> None:
+        raise ImportError(said)
+
+    monkeypatch.setattr(ouster, "import_module", refused)
+    with pytest.raises(UsageError, match=line):
         OusterDecoder("any")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import random
 from collections.abc import Callable
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -47,7 +46,7 @@ Packet = Callable[[int, int], bytes]
 """Number and time on the sensor's clock -> a packet of one return, taken at that time."""
 SENSORS: dict[str, Packet] = {"livox": livox, "velodyne": velodyne}
 SETUPS = {"ouster": ouster_packets.metadata()}
-if find_spec("ouster") is not None:
+if not ouster_packets.MISSING:
     SENSORS["ouster"] = ouster
 SLOW = settings(derandomize=True, max_examples=12, deadline=None)
 kinds = pytest.mark.parametrize("kind", SENSORS)
