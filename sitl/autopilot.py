@@ -259,6 +259,10 @@ class Autopilot:
             self.disarm(force=True)
             self.say("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
 
+    def lose(self, elapsed_ns: int) -> None:
+        """Stand still for so long: the time since boot does not go on."""
+        self.boot_offset_ns -= elapsed_ns
+
     def reboot(self, silent_s: float) -> None:
         """Begin anew in flight, as after a watchdog's reset: armed and in the same mode, all else forgotten.
 

@@ -41,6 +41,8 @@ class Simulation:
         Tells the seconds that a simulated time is behind the pace. While it is late it scans little.
     skipped_ns
         Simulated time not scanned for that.
+    held_up
+        Whether pilot, autopilot and vehicle stand still while time and the sensors go on.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Simulation:
         self.lidar_on = True
         self.late_s: Callable[[int], float] = lambda now_ns: 0.0
         self.skipped_ns = 0
+        self.held_up = False
         self._tick_ns = tick_ns
         self._lidar_ticks = max(1, lidar_ms * 1_000_000 // tick_ns)
         self.radar = lidars.open_port("radar", streams[4], point_rate_hz, radar_to) if radar_to else None
@@ -117,6 +120,26 @@ class Simulation:
 
     def advance(self) -> int:
         """Answer what has arrived, step one tick, send what is due; return the simulated time."""
+        if not self.held_up:
+            self._fly()
+        else:
+            self.autopilot.lose(self._tick_ns)
+            self.now_ns += self._tick_ns
+        self._ticks += 1
+        truth = self.vehicle.truth
+        self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
+        if self.intruder is not None:
+            self.intruder.step(self)
+        if self._ticks % self._lidar_ticks == 0:
+            self._scan()
+        if not self.held_up:
+            self._send()
+        for hook in self.every_tick:
+            hook(self)
+        return self.now_ns
+
+    def _fly(self) -> None:
+        """Let pilot, autopilot and vehicle step one tick."""
         self.router.read(self.now_ns)
         if self.pilot is not None:
             self.pilot.step(self.now_ns)
@@ -127,27 +150,19 @@ class Simulation:
         estimate = self.estimator.update(dt, truth)
         demand = self.autopilot.step(dt, self.now_ns, estimate, self.vehicle.on_ground)
         self.now_ns += self._tick_ns
-        self._ticks += 1
-        if self._ticks % 4 == 0 or truth.pos_enu_m[2] - self._ground_m < 3.0:
+        if self._ticks % 4 == 3 or truth.pos_enu_m[2] - self._ground_m < 3.0:
             ground = self.scene.world.height_m(float(truth.pos_enu_m[0]), float(truth.pos_enu_m[1]))
             self._ground_m = ground if np.isfinite(ground) else -1e6
         if self.autopilot.armed or not self.vehicle.on_ground:
             self.vehicle.step(dt, self.now_ns, demand, self._ground_m)
             if self.vehicle.collision is not None:
                 self.autopilot.crash()
-        truth = self.vehicle.truth
-        self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
-        if self.intruder is not None:
-            self.intruder.step(self)
-        if self._ticks % self._lidar_ticks == 0:
-            self._scan()
+
+    def _send(self) -> None:
         for peer in self.router.peers():
             self.autopilot.add_link(self.router.number(peer))
         for link, message in self.autopilot.take_outgoing(self.now_ns):
             self.router.send(link, message)
-        for hook in self.every_tick:
-            hook(self)
-        return self.now_ns
 
     def run(self, seconds: float) -> Self:
         """Advance for so many simulated seconds."""

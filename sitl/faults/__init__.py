@@ -26,6 +26,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "reboot": lambda rng: autopilot.Reboot(),
     "ekf_jump": autopilot.EstimateJump,
     "gps_drift": autopilot.EstimateDrift,
+    "autopilot_held_up": autopilot.HeldUp,
     "pilot_mode": autopilot.PilotMode,
     "pilot_stick": stick.PilotStick,
     "gps_loss": losses.GpsLoss,

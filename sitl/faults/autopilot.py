@@ -1,4 +1,4 @@
-"""Faults of the autopilot: a reboot in flight, an estimate that moves, a pilot who takes over."""
+"""Faults of the autopilot: a reboot in flight, an estimate that moves, lost time, a pilot who takes over."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ REBOOT_S = 2.0
 JUMP_M = 5.0
 DRIFT_MS, DRIFT_M = 0.3, 5.0
 TICK_LIMIT_S = 0.1
+HELD_S, GOES_ON_S = (0.02, 0.3), (0.04, 0.6)
 PILOTS = (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
 RETRY_NS = 1_000_000_000
 
@@ -64,6 +65,29 @@ class EstimateDrift(Fault):
         self._moved_m += DRIFT_MS * elapsed_s
         estimator = simulation.estimator
         estimator.jump_enu_m = estimator.jump_enu_m + self._velocity_enu_ms * elapsed_s
+
+
+class HeldUp(Fault):
+    """A busy computer holds up a simulated autopilot again and again, so that its clock loses time.
+
+    It and its vehicle stand still for up to 0.3 s, a third of the time; sensors and the companion go on.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._until_ns = 0
+
+    def begin(self, simulation: Simulation) -> None:
+        self._until_ns = simulation.now_ns
+
+    def step(self, simulation: Simulation) -> None:
+        if simulation.now_ns >= self._until_ns:
+            simulation.held_up = not simulation.held_up
+            spans_s = HELD_S if simulation.held_up else GOES_ON_S
+            self._until_ns = simulation.now_ns + round(float(self._rng.uniform(*spans_s)) * 1e9)
+
+    def end(self, simulation: Simulation) -> None:
+        simulation.held_up = False
 
 
 class PilotMode(Fault):

@@ -125,3 +125,17 @@ def test_a_fault_of_what_is_not_there_says_so(name: str) -> None:
     sim = Simulation(scenes.build("landing_site", 1), [MemoryWire()])
     with pytest.raises(ValueError, match="this simulation has no"):
         fault(name).begin(sim)
+
+
+def test_a_held_up_autopilot_loses_time_that_its_sensors_do_not(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, end = hovering
+    boot_ns, now_ns = sim.autopilot.boot_ns, sim.now_ns
+    during(sim, fault("autopilot_held_up"), 6.0)
+    elapsed_s, shown_s = (sim.now_ns - now_ns) * 1e-9, (sim.autopilot.boot_ns - boot_ns) * 1e-9
+    assert elapsed_s == pytest.approx(6.0)
+    assert 0.5 * elapsed_s < shown_s < 0.8 * elapsed_s
+    heard = [m.time_boot_ms for m in messages(end) if m.get_type() == "GLOBAL_POSITION_INT"]
+    assert heard == sorted(heard)
+    assert (heard[-1] - heard[0]) * 1e-3 == pytest.approx(shown_s, abs=0.1)
