@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import deque
 from typing import Literal
 
+from companion.link.least_delay import LeastDelay
 from companion.link.timesync import TimeSync
 
 Source = Literal["none", "arrival", "timesync"]
 
 # Boot times are 32 bits of milliseconds; TIMESYNC's are 64 bits and do not go round.
 TURN_NS = 2**32 * 1_000_000
-BUCKET_NS = 15_000_000_000
 # A mapped stamp cannot lie in the future by more than the error of the mapping, nor be older than any queue.
 FUTURE_NS = 20_000_000
 PAST_NS = 10_000_000_000
@@ -21,36 +21,6 @@ DELAYS = 1000
 LATE_NS = 20_000_000
 # An autopilot that no longer answers TIMESYNC is believed by least delay after so long.
 UNANSWERED_NS = 5_000_000_000
-
-
-class LeastDelay:
-    """Offset from the message that took least time on its way, over the last 15 to 30 seconds.
-
-    Its stamps are late by that least delay; it is what remains until TIMESYNC is answered.
-    """
-
-    def __init__(self) -> None:
-        self._begun_ns: int | None = None
-        self._current_ns: int | None = None
-        self._previous_ns: int | None = None
-
-    def add(self, autopilot_ns: int, now_ns: int) -> int:
-        """Take an arrival and return the offset to add to the autopilot's time."""
-        if self._begun_ns is None or now_ns - self._begun_ns > BUCKET_NS:
-            self._begun_ns, self._previous_ns, self._current_ns = now_ns, self._current_ns, None
-        offset = now_ns - autopilot_ns
-        self._current_ns = offset if self._current_ns is None else min(self._current_ns, offset)
-        return self._current_ns if self._previous_ns is None else min(self._current_ns, self._previous_ns)
-
-    @property
-    def offset_ns(self) -> int | None:
-        """Offset to add to the autopilot's time, None before the first arrival."""
-        known = [offset for offset in (self._current_ns, self._previous_ns) if offset is not None]
-        return min(known, default=None)
-
-    def autopilot_ns(self, now_ns: int) -> int | None:
-        """Return what the autopilot's clock shows about now, None before the first arrival."""
-        return None if self._current_ns is None else now_ns - self._current_ns
 
 
 class AutopilotClock:
@@ -85,7 +55,6 @@ class AutopilotClock:
         self._heard = False
         self._least = LeastDelay()
         self._mapping: tuple[int, bool] = (0, False)
-        self._unanswered_since_ns: int | None = None
         self.certain_ns: int | None = None
         self.mappings = 0
 
@@ -102,7 +71,7 @@ class AutopilotClock:
         The clock learns from it, and starts over after many that cannot be.
         """
         self._heard = True
-        self._note_mapping()
+        anew = self._note_mapping()
         if (
             self.timesync.resets != self._resets
         ):  # the least delay so far is that of the clock before its jump
@@ -115,7 +84,8 @@ class AutopilotClock:
             self._doubts = 0
             if self.timesync.synced:
                 self.delays_ns.append(max(0, now_ns - stamp))
-            self._judge(min(stamp, now_ns), now_ns)
+            if not anew:  # whoever dates by this learns first up to when it was right
+                self._judge(min(stamp, now_ns), now_ns)
             return min(stamp, now_ns)
         self.implausible += 1
         self._doubts += 1
@@ -123,26 +93,25 @@ class AutopilotClock:
             self.reset()
         return None
 
-    def _note_mapping(self) -> None:
-        """Notice that stamps are mapped by another offset than before."""
+    def _note_mapping(self) -> bool:
+        """Notice that stamps are mapped by another offset than before, which it returns."""
         mapping = self.timesync.resets, self.timesync.synced
-        if mapping != self._mapping and self.timesync.resets > 0:
-            self.mappings += 1
-            self._least = LeastDelay()
+        anew = mapping != self._mapping and self.timesync.resets > 0
+        self.mappings += anew
         self._mapping = mapping
+        return anew
 
     def _judge(self, stamp_ns: int, now_ns: int) -> None:
         """Move `certain_ns` on to a stamp that came as quickly as others, or to the newest good exchange."""
         sync = self.timesync
         known = [] if self.certain_ns is None else [self.certain_ns]
         if sync.synced:
-            self._unanswered_since_ns = None
             late = now_ns - stamp_ns - self._least.add(stamp_ns, now_ns) > LATE_NS
             known += [] if late else [stamp_ns]
             known += [] if sync.confirmed_ns is None else [min(sync.confirmed_ns, stamp_ns)]
         else:
-            since_ns = self._unanswered_since_ns = self._unanswered_since_ns or now_ns
-            late = sync.resets > 0 and now_ns - since_ns < UNANSWERED_NS
+            answered_ns = sync.answered_ns
+            late = sync.resets > 0 and answered_ns is not None and now_ns - answered_ns < UNANSWERED_NS
             known += [] if late else [stamp_ns]
         self.certain_ns = max(known, default=None)
         if late and (self.certain_ns is None or stamp_ns - self.certain_ns > LATE_NS):

@@ -11,6 +11,8 @@ from collections import deque
 from dataclasses import dataclass
 from statistics import median
 
+from companion.link.least_delay import LeastDelay
+
 FAST_NS = 200_000_000
 HURRY_NS = 50_000_000  # between requests while something says that the offset has changed
 SLOW_NS = 1_000_000_000
@@ -49,16 +51,21 @@ class TimeSync:
     ----------
     resets, strays
         Times it started over; replies that answer none of our requests.
+    answered_ns
+        Our time of the newest answer, None before any.
     confirmed_ns
-        Our time of the newest exchange that agreed with the offset in use; None without any.
+        Our time of the newest exchange that confirmed the offset in use; None without any. One that took
+        longer than the quickest by more than `JUMP_NS` tells less than that and confirms nothing.
     """
 
     def __init__(self, salt: int = 0) -> None:
         self._salt = salt
+        self._trips = LeastDelay()
         self._pending: dict[int, int] = {}  # stamp sent -> when
         self._next_ns: int | None = None
         self._sent = 0
         self._asked_ns: int | None = None
+        self.answered_ns: int | None = None
         self.resets = 0
         self.strays = 0
         self._clear()
@@ -103,17 +110,20 @@ class TimeSync:
         round_trip = now_ns - sent_ns
         if not 0 <= round_trip <= REPLY_TIMEOUT_NS or tc1 <= 0:
             return
+        self.answered_ns = now_ns
         middle = sent_ns + round_trip // 2
-        self._add(Exchange(middle, middle - tc1, round_trip))
+        quick = round_trip - self._trips.add(sent_ns, now_ns) <= JUMP_NS
+        self._add(Exchange(middle, middle - tc1, round_trip), quick)
 
     def reset(self) -> None:
         """Forget everything: the autopilot rebooted, or its clock is another one."""
         self._pending.clear()
         self._next_ns = None
         self.resets += 1
+        self._trips = LeastDelay()
         self._clear()
 
-    def _add(self, exchange: Exchange) -> None:
+    def _add(self, exchange: Exchange, quick: bool) -> None:
         if self.synced and self._contradicts(exchange):
             self._jumps.append(exchange)
             if len(self._jumps) < JUMP_COUNT:
@@ -122,13 +132,23 @@ class TimeSync:
             jumps = self._jumps
             self.resets += 1
             self._clear()
-            self._window.extend(jumps)
-        else:
+            self._begin_with(jumps, exchange)
+        elif self.synced or not self.resets:
             self._jumps.clear()
             self._window.append(exchange)
+        elif quick:  # the clock may have jumped again meanwhile
+            self._begin_with([*self._window, exchange], exchange)
+        if not self._window:
+            return
         self._fit()
-        if self.synced:
+        error_ns = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
+        if self.synced and quick and error_ns <= JUMP_NS:
             self.confirmed_ns = exchange.local_ns
+
+    def _begin_with(self, exchanges: list[Exchange], newest: Exchange) -> None:
+        """Take those of some exchanges that agree with the newest as the first of another clock."""
+        self._window.clear()
+        self._window.extend(e for e in exchanges if abs(e.offset_ns - newest.offset_ns) <= JUMP_NS)
 
     def _contradicts(self, exchange: Exchange) -> bool:
         error = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))

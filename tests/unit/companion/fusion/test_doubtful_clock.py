@@ -58,6 +58,10 @@ class Flight:
     def boot_ns(self, at_ns: int) -> int:
         return at_ns + BOOT_NS - self._lost_ns(at_ns)
 
+    def is_held_up(self, at_ns: int) -> bool:
+        """Tell whether its clock stands still: then it neither sends nor answers."""
+        return self._lost_ns(at_ns + STEP_NS) - self._lost_ns(at_ns) == STEP_NS
+
     def fly(self, seconds: float) -> Flight:
         self.inbox.take(heartbeat(), 0)
         for at_ns in range(0, round(seconds * S), STEP_NS):
@@ -65,7 +69,7 @@ class Flight:
             self._wire = [entry for entry in self._wire if entry[0] > at_ns]
             for act in due:
                 act(at_ns)
-            if at_ns % POSE_NS == 0:
+            if at_ns % POSE_NS == 0 and not self.is_held_up(at_ns):
                 self._send_pose(at_ns)
             if at_ns % (50 * MS) == 0:
                 self._ask_for_the_time(at_ns)
@@ -90,6 +94,9 @@ class Flight:
             return
 
         def answer(now_ns: int) -> None:
+            if self.is_held_up(now_ns):
+                self._wire.append((now_ns + STEP_NS, answer))
+                return
             told_ns = self.boot_ns(now_ns)
             self._later(now_ns, lambda back_ns: sync.reply(told_ns, stamp, back_ns))
 
@@ -133,6 +140,21 @@ def test_a_clock_that_loses_time_again_and_again_places_fewer_returns_and_none_w
     flight = Flight(lost_ns=lambda at_ns: (at_ns // (1500 * MS)) * 120 * MS).fly(13.0)
     assert np.abs(flight.errors_m()).max() < 0.4
     assert len(flight.errors_m()) > 2000
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_autopilot_held_up_a_third_of_the_time_places_no_return_wrongly(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ticks = np.cumsum(np.column_stack([rng.integers(4, 60, 100), rng.integers(2, 30, 100)]).ravel())
+    standing = np.zeros(ticks[-1] + 1, bool)
+    for begin, end in zip(ticks[::2], ticks[1::2], strict=True):
+        standing[begin:end] = True
+    lost = np.concatenate([[0], np.cumsum(standing)]) * STEP_NS
+    begun = 6 * S // STEP_NS
+    flight = Flight(lost_ns=lambda at_ns: int(lost[at_ns // STEP_NS] - lost[begun]) * (at_ns >= 6 * S))
+    errors_m = flight.fly(13.0).errors_m()
+    assert np.abs(errors_m).max() < 0.4
+    assert len(errors_m) > 300
 
 
 def test_poses_that_are_late_are_believed_as_soon_as_the_time_is_confirmed() -> None:
