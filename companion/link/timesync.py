@@ -135,7 +135,8 @@ class TimeSync:
             self._begin_with(jumps, exchange)
         elif self.synced or not self.resets:
             self._jumps.clear()
-            self._window.append(exchange)
+            if quick or not self.synced:  # many slow ones, asked for in a hurry, would push out what is known
+                self._window.append(exchange)
         elif quick:  # the clock may have jumped again meanwhile
             self._begin_with([*self._window, exchange], exchange)
         if not self._window:
