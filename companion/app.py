@@ -309,7 +309,7 @@ class Companion:
         self._last_report_ns = now_ns()
         self.zones_seen.update(zone.id for zone in report.zones)
         news = self._watch.news(report)
-        if news is not None:
+        if news is not None and self.executive.phase is not Phase.FAILSAFE:  # nobody lands there
             log.info(news[1])
             self.link.statustext(news[1], news[0].value)
 

@@ -94,6 +94,8 @@ class Executive:
         self._safe_since_ns: int | None = None
         self._lost_since_ns: int | None = None
         self._lost = ""
+        self._called_for = ""  # what was still lost when the pilot was called, until it is back
+        self._unordered_told_ns: int | None = None
         self._late_ns = 0
         self._started_ns = 0
         self._battery_said_ns: int | None = None
@@ -353,6 +355,7 @@ class Executive:
             self._calm_since_ns = s.now_ns
         elif s.now_ns - self._calm_since_ns > OVER_NS:
             self._say(Severity.WARNING, f"failsafe over, {s.mode} flies: hand over again")
+            self._unordered_told_ns = s.now_ns
             self._rest(Phase.IDLE, s)
         return Orders()
 
@@ -422,6 +425,7 @@ class Executive:
             and abs(float(s.velocity_enu_ms[2])) < 0.3
             and s.height_above_home_m > min(5.0, self._p.survey_height_m)
         )
+        self._tell_unordered(s)
         if not steady:
             self._steady_since_ns = None
         elif self._steady_since_ns is None:
@@ -431,6 +435,15 @@ class Executive:
             self._wish = Wish(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
+
+    def _tell_unordered(self, s: Situation) -> None:
+        """Tell now and then that the guided mode, back by the autopilot's own doing, begins nothing."""
+        alone = self._auto and s.connected and s.armed and s.guided and s.on_ground is False
+        if not alone or self._hand_over_seen.given:
+            self._unordered_told_ns = None
+        elif self._unordered_told_ns is None or s.now_ns - self._unordered_told_ns > CALL_AGAIN_NS:
+            self._unordered_told_ns = s.now_ns
+            self._say(Severity.WARNING, f"{s.mode} came back by itself: hand over again")
 
     def _rests(self, s: Situation) -> bool:
         """Tell whether it has stood where it landed since then, and was not armed again."""
@@ -589,6 +602,7 @@ class Executive:
         if left_m > 1.0:
             return Orders(velocity_enu_ms=up)
         if self.phase is Phase.HOLD:
+            self._tell_return(s)
             return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return self._without_lidar(s)
@@ -668,6 +682,13 @@ class Executive:
             thing, _, state = what.partition(" ")
             self._say(Severity.CRITICAL, f"{thing} still {state}: take over")
             self._go(Phase.HOLD, s)
+            self._called_for = thing
+
+    def _tell_return(self, s: Situation) -> None:
+        """Tell once that what the pilot was called for is there again: it hovers until it is ordered."""
+        if self._called_for and s.lidar_ok:
+            self._say(Severity.WARNING, f"{self._called_for} back: hovering, order again")
+            self._called_for = ""
 
     def _heed_battery(self, s: Situation) -> None:
         """Once the charge is low, land at the zone reached soonest, and call the pilot while there is none.
@@ -687,7 +708,7 @@ class Executive:
             self._say(Severity.CRITICAL, "battery low, no zone: take over")
         elif on_its_way:
             self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
-        elif s.armed and s.on_ground is not True:
+        elif self.phase in (Phase.IDLE, Phase.HOLD) and s.armed and s.on_ground is not True:
             self._say(Severity.CRITICAL, "battery low: land")
         if said_ns is None and on_its_way:
             self._wish = Wish(urgent=True)
@@ -743,6 +764,7 @@ class Executive:
 
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
+        self._called_for = ""
         self.turns += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         self._since_ns = s.now_ns
         self._late_ns = self._limit_ns(s)

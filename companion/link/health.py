@@ -15,19 +15,19 @@ POSITION: int = mavlink.EKF_POS_HORIZ_ABS
 HEIGHT: int = mavlink.EKF_POS_VERT_ABS
 NEEDED = {ATTITUDE: "attitude", POSITION: "position", VELOCITY: "velocity", HEIGHT: "height"}
 
-# SYS_STATUS: what a pilot would call each sensor, in the order of what matters most.
+# SYS_STATUS: what a pilot would say of each sensor that is not healthy, in the order of what matters most.
 SENSORS: dict[int, str] = {
-    mavlink.MAV_SYS_STATUS_AHRS: "attitude",
-    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "GPS",
-    mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "battery",
-    mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER: "RC",
-    mavlink.MAV_SYS_STATUS_GEOFENCE: "fence",
-    mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "compass",
+    mavlink.MAV_SYS_STATUS_AHRS: "attitude lost",
+    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "GPS lost",
+    mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "battery low",
+    mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER: "RC lost",
+    mavlink.MAV_SYS_STATUS_GEOFENCE: "fence breached",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "compass lost",
 }
 FAILSAFE_STATES = frozenset(
     {mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY, mavlink.MAV_STATE_FLIGHT_TERMINATION}
 )
-ALARM_NS = 5_000_000_000  # a text this old no longer tells why
+ALARM_NS = 10_000_000_000  # a text this old no longer tells why; PX4 acts 5 s after it (COM_FAIL_ACT_T)
 ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_WARNING  # ArduCopter names battery and radio failsafes so
 TARGET_LOST = "target lost"  # ArduPilot's words; no cause of a failsafe, for they follow a landing broken off
 MOVED_US = 100  # a switch moved by the pilot, not the noise of a receiver
@@ -94,7 +94,7 @@ class Health:
             return f"{self.estimate_lost} lost"
         if self.gps_lost:
             return "GPS lost"
-        return next((f"{name} lost" for bit, name in SENSORS.items() if self.unhealthy & bit), "")
+        return next((words for bit, words in SENSORS.items() if self.unhealthy & bit), "")
 
 
 def reduce(health: Health, message: Any, now_ns: int) -> Health:

@@ -25,6 +25,7 @@ from companion.link.statistics import LinkStatistics, RateMeter, quantile_ms
 from companion.link.streams import Stream, StreamKeeper, wanted
 from companion.link.timesync import TimeSync
 from companion.link.transport import Transport
+from companion.link.unheard_texts import UnheardTexts
 from companion.link.url import parse_url
 from companion.link.vehicle import Quaternion, Vector, VehicleState
 from companion.link.vehicle_identity import LISTEN_NS, Candidate, VehicleIdentity
@@ -111,6 +112,8 @@ class Link:
         self._rates = RateMeter()
         self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
         self._text_id = 0
+        self._unheard = UnheardTexts()
+        self._silent_since_ns = 0  # the last heartbeat before the link was lost
         self._stop: asyncio.Event | None = None
         self._failure: asyncio.Future[None] | None = None
         self._ended = asyncio.Event()
@@ -270,10 +273,14 @@ class Link:
 
     def statustext(self, text: str, severity: int) -> None:
         """Show a text to the pilot (MAV_SEVERITY 0 emergency to 7 debug)."""
+        self._send_text(text, severity)
+        self._unheard.note(text, severity, now_ns())
+        self.on_text.emit(text, severity)
+
+    def _send_text(self, text: str, severity: int) -> None:
         self._text_id = self._text_id % 65535 + 1
         for message in statustext(text, severity, self._text_id):
             self.send(message)
-        self.on_text.emit(text, severity)
 
     # ---- life -----------------------------------------------------------------------------------
 
@@ -361,6 +368,7 @@ class Link:
                 raise self.identity.error()
             heard_ns = self.vehicle.last_heartbeat_ns
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
+                self._silent_since_ns = heard_ns
                 self._set_connected(False)
             if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
                 self.on_time_asked.emit(at_ns)
@@ -414,6 +422,8 @@ class Link:
         if not self.connected:
             self._streams.want(wanted(self.vehicle.autopilot, self._parameters.pose_rate_hz))
             self._set_connected(True)
+            for text, severity in self._unheard.again(self._silent_since_ns, now_ns()):
+                self._send_text(text, severity)
 
     def _set_connected(self, connected: bool) -> None:
         self.connected = connected

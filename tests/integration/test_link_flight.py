@@ -128,6 +128,31 @@ def test_silence_is_noticed_after_the_time_out_and_the_streams_are_asked_for_whe
     virtually(flight)
 
 
+def test_warnings_that_a_silent_link_swallowed_are_told_with_their_age_when_it_is_back() -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with (
+            running(f"udpin:127.0.0.1:{port}", link_timeout_s=3.0) as link,
+            autopilot_over_udp(port) as autopilot,
+        ):
+            await until(lambda: link.connected)
+            link.statustext("SLZ: heard", mavlink.MAV_SEVERITY_WARNING)
+            await asyncio.sleep(3)
+            autopilot.mute = True
+            await asyncio.sleep(1.2)
+            link.statustext("SLZ: abort: position lost", mavlink.MAV_SEVERITY_WARNING)
+            link.statustext("SLZ: choosing again", mavlink.MAV_SEVERITY_INFO)
+            await until(lambda: not link.connected)
+            autopilot.mute = False
+            await until(lambda: link.connected)
+            await asyncio.sleep(1)
+            late = [m.text for m in autopilot.heard("STATUSTEXT") if " ago: " in m.text]
+            assert len(late) == 1
+            assert late[0].endswith("s ago: abort: position lost")
+
+    virtually(flight)
+
+
 def test_after_a_reboot_the_clock_and_the_streams_begin_anew() -> None:
     async def flight() -> None:
         port = free_port()

@@ -298,6 +298,20 @@ def test_down_by_a_failsafe_is_not_landed() -> None:
     assert flight.texts[-1] == "SLZ: on the ground by the autopilot's failsafe"
 
 
+def test_a_guided_mode_that_comes_back_by_itself_is_told_each_half_minute() -> None:
+    flight = Flight([zone(1, 10, 0)])
+    flight.mode, flight.failsafe = "LOITER", True
+    flight.run(3)
+    flight.mode, flight.failsafe = "GUIDED", False
+    flight.run(70)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.texts.count("SLZ: GUIDED came back by itself: hand over again") == 3
+    flight.mode = "LOITER"
+    flight.run(1)
+    flight.mode = "GUIDED"
+    flight.fly_to(Phase.SURVEY)
+
+
 def test_a_start_in_the_middle_of_a_failsafe_begins_nothing() -> None:
     flight = Flight([zone(1, 20, 0)])
     flight.mode, flight.failsafe = "POSCTL", True

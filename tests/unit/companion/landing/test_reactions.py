@@ -81,6 +81,19 @@ def test_a_position_lost_below_commit_height_lets_the_autopilot_land() -> None:
     assert flight.executive.tally.aborts == 0
 
 
+@pytest.mark.parametrize("lost", ["LiDAR lost", "position lost"])
+def test_what_the_pilot_was_called_for_is_told_when_it_is_back_and_nothing_begins(lost: str) -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
+    flight.lost = lost
+    flight.lidar_ok, flight.blind = False, lost == "position lost"
+    flight.fly_to(Phase.HOLD).run(40)
+    flight.lidar_ok, flight.blind = True, False
+    flight.run(60)
+    assert flight.executive.phase is Phase.HOLD
+    thing = lost.partition(" ")[0]
+    assert flight.texts.count(f"SLZ: {thing} back: hovering, order again") == 1
+
+
 def test_a_position_found_again_is_used_again() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
     flight.blind = True
@@ -296,6 +309,14 @@ def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() 
     flight.run(30)
     assert not any(commands(orders) for *_, orders in flight.orders)
     assert sum("battery low" in text for text in flight.texts) == 1
+
+
+@pytest.mark.parametrize("phase", [Phase.DESCEND, Phase.FINAL])
+def test_a_low_battery_in_its_own_landing_is_not_told_to_land(phase: Phase) -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(phase)
+    flight.battery_pct = 10.0
+    flight.fly_to(Phase.LANDED)
+    assert not any("battery low" in text for text in flight.texts)
 
 
 def test_a_low_battery_on_the_ground_is_nobody_s_concern() -> None:

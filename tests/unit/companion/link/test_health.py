@@ -106,8 +106,8 @@ def test_the_cause_of_a_failsafe_is_what_the_autopilot_said_last_or_what_is_unhe
     assert after(gps).cause(5 * S) == "GPS lost"
     assert after(ekf(GOOD), gps, ekf(GONE)).cause(5 * S) == "position lost"
     said = after(gps, text("EKF Failsafe", mavlink.MAV_SEVERITY_CRITICAL))
-    assert said.cause(6 * S) == "EKF Failsafe"
-    assert said.cause(11 * S) == "GPS lost"
+    assert said.cause(9 * S) == "EKF Failsafe"
+    assert said.cause(16 * S) == "GPS lost"
     assert after(text("Radio Failsafe", mavlink.MAV_SEVERITY_WARNING)).cause(5 * S) == "Radio Failsafe"
     lost = after(gps, text("PrecLand: Target Lost", mavlink.MAV_SEVERITY_CRITICAL))
     assert lost.cause(5 * S) == "GPS lost"  # the target was lost by the abort, it is no cause
