@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 from asyncio.subprocess import PIPE, STDOUT, Process
 from collections.abc import AsyncIterator
 from pathlib import Path
 
 LIMIT_S = 90.0
+UNBUFFERED = {**os.environ, "PYTHONUNBUFFERED": "1"}  # what it prints must not wait for its next prompt
 
 
 class Station:
@@ -26,7 +28,7 @@ class Station:
         command += ["--default-modules=param,rally,signing", f"--state-basedir={folder}"]
         command += [f"--cmd={'; '.join(first)}"] if first else []
         process = await asyncio.create_subprocess_exec(
-            *command, stdin=PIPE, stdout=PIPE, stderr=STDOUT, cwd=folder
+            *command, stdin=PIPE, stdout=PIPE, stderr=STDOUT, cwd=folder, env=UNBUFFERED
         )
         station = cls(process)
         reader = asyncio.create_task(station._read())
