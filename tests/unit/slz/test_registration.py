@@ -51,7 +51,9 @@ def largest_relief_m(pipe: Pipeline) -> float:
     return float(np.nanmax(maps.relief_m))
 
 
-@pytest.mark.parametrize(("up", "east", "north"), [(0.2, 0, 0), (-0.3, 0.01, -0.008), (0.0, -0.015, 0.01)])
+@pytest.mark.parametrize(
+    ("up", "east", "north"), [(0.2, 0, 0), (-0.3, 0.01, -0.008), (0.0, -0.015, 0.01), (0.0, 0.04, 0.02)]
+)
 def test_drift_and_tilt_leave_no_step(up: float, east: float, north: float) -> None:
     still, moved, loose = pipeline(), pipeline(), pipeline("register_m=0")
     fly(still, *(hilly(seed) for seed in range(4)))
@@ -92,6 +94,12 @@ def test_a_jump_greater_than_the_limit_is_not_followed() -> None:
     pipe = pipeline("register_m=0.3")
     fly(pipe, hilly(0), tilted(hilly(1), 1.0))
     assert largest_relief_m(pipe) > 0.9
+
+
+def test_a_sensor_that_turned_in_its_mount_is_not_followed() -> None:
+    pipe = pipeline()
+    fly(pipe, hilly(0), tilted(hilly(1), 0.0, np.tan(np.radians(5))))
+    assert largest_relief_m(pipe) > 0.4
 
 
 def test_a_stored_cloud_without_a_sensor_is_taken_as_it_is() -> None:
