@@ -103,11 +103,18 @@ class Pilot(ABC):
         if message is not None:
             self.take(message)
 
+    def _hear(self, message: Any) -> None:
+        """Note a text; the parts of a long one have a number in common and follow each other."""
+        if message.chunk_seq and self.said:
+            self.said[-1] += str(message.text)
+        else:
+            self.said.append(str(message.text))
+
     def take(self, message: Any) -> None:
         """Note what a message says."""
         kind = message.get_type()
         if kind == "STATUSTEXT":
-            self.said.append(str(message.text))
+            self._hear(message)
         elif kind == "COMMAND_ACK":
             self.acks[message.command] = message.result
         elif kind == "GLOBAL_POSITION_INT":
