@@ -28,6 +28,7 @@ DRIFT_SPAN_NS = 10_000_000_000
 # An offset that contradicts the line by more than the round trips explain, so many times in a row, is a jump.
 JUMP_NS = 10_000_000
 JUMP_COUNT = 3
+SLOW_LINK_NS = 500_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +56,14 @@ class TimeSync:
         Our time of the newest answer, None before any.
     confirmed_ns
         Our time of the newest exchange that confirmed the offset in use; None without any. One that took
-        longer than the quickest by more than `JUMP_NS` tells less than that and confirms nothing.
+        longer than the quickest by more than `JUMP_NS` tells less than that and confirms nothing, but where
+        all have done so for `SLOW_LINK_NS`: then the link is slow, and not the autopilot held up.
     """
 
     def __init__(self, salt: int = 0) -> None:
         self._salt = salt
         self._trips = LeastDelay()
+        self._slow_since_ns: int | None = None  # no exchange has been quick
         self._pending: dict[int, int] = {}  # stamp sent -> when
         self._next_ns: int | None = None
         self._sent = 0
@@ -113,6 +116,10 @@ class TimeSync:
         self.answered_ns = now_ns
         middle = sent_ns + round_trip // 2
         quick = round_trip - self._trips.add(sent_ns, now_ns) <= JUMP_NS
+        if quick:
+            self._slow_since_ns = None
+        elif self._slow_since_ns is None:
+            self._slow_since_ns = now_ns
         self._add(Exchange(middle, middle - tc1, round_trip), quick)
 
     def reset(self) -> None:
@@ -137,19 +144,30 @@ class TimeSync:
             self._jumps.clear()
             if quick or not self.synced:  # many slow ones, asked for in a hurry, would push out what is known
                 self._window.append(exchange)
-        elif quick:  # the clock may have jumped again meanwhile
+        elif self._tells(exchange, quick):  # the clock may have jumped again meanwhile
             self._begin_with([*self._window, exchange], exchange)
         if not self._window:
             return
         self._fit()
         error_ns = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
-        if self.synced and quick and error_ns <= JUMP_NS:
+        if self.synced and self._tells(exchange, quick) and error_ns <= self._tolerance_ns(exchange, quick):
             self.confirmed_ns = exchange.local_ns
+
+    def _tells(self, exchange: Exchange, quick: bool) -> bool:
+        """Tell whether an exchange says something of the offset: a slow one where the link itself is slow."""
+        since_ns = self._slow_since_ns
+        return quick or (since_ns is not None and exchange.local_ns - since_ns >= SLOW_LINK_NS)
+
+    @staticmethod
+    def _tolerance_ns(exchange: Exchange, quick: bool) -> int:
+        return JUMP_NS + (0 if quick else exchange.round_trip_ns // 2)
 
     def _begin_with(self, exchanges: list[Exchange], newest: Exchange) -> None:
         """Take those of some exchanges that agree with the newest as the first of another clock."""
         self._window.clear()
-        self._window.extend(e for e in exchanges if abs(e.offset_ns - newest.offset_ns) <= JUMP_NS)
+        quick = self._slow_since_ns is None
+        most_ns = self._tolerance_ns(newest, quick)
+        self._window.extend(e for e in exchanges if abs(e.offset_ns - newest.offset_ns) <= most_ns)
 
     def _contradicts(self, exchange: Exchange) -> bool:
         error = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
