@@ -274,7 +274,8 @@ class Link:
     def statustext(self, text: str, severity: int) -> None:
         """Show a text to the pilot (MAV_SEVERITY 0 emergency to 7 debug)."""
         self._send_text(text, severity)
-        self._unheard.note(text, severity, now_ns())
+        if self._stop is not None:  # before `run` there is no clock, and nobody hears
+            self._unheard.note(text, severity, now_ns())
         self.on_text.emit(text, severity)
 
     def _send_text(self, text: str, severity: int) -> None:
@@ -422,7 +423,8 @@ class Link:
         if not self.connected:
             self._streams.want(wanted(self.vehicle.autopilot, self._parameters.pose_rate_hz))
             self._set_connected(True)
-            for text, severity in self._unheard.again(self._silent_since_ns, now_ns()):
+            again = [] if self._stop is None else self._unheard.again(self._silent_since_ns, now_ns())
+            for text, severity in again:
                 self._send_text(text, severity)
 
     def _set_connected(self, connected: bool) -> None:
