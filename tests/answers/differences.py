@@ -98,7 +98,7 @@ def _unequal_bits(before: NDArray[Any], after: NDArray[Any]) -> NDArray[np.bool_
 
 
 def _streams(before: dict[str, Tree], after: dict[str, Tree], path: str) -> Iterator[Difference]:
-    """Yield the first datagram that differs, with the fields that do; what follows it is a consequence."""
+    """Yield the fields of datagrams that differ; of streams of unequal length only the first datagram's."""
     one, other = mavlink_frames.datagrams(before), mavlink_frames.datagrams(after)
     for k, (mine, yours) in enumerate(zip(one, other, strict=False)):
         if mine != yours:
@@ -106,7 +106,8 @@ def _streams(before: dict[str, Tree], after: dict[str, Tree], path: str) -> Iter
             found = list(_dicts(mavlink_frames.decoded(mine), mavlink_frames.decoded(yours), inner))
             bits = Difference(inner, f"{mine.hex()} before, {yours.hex()} after")
             yield from found or [bits]
-            return
+            if len(one) != len(other):
+                break
     if len(one) != len(other):
         yield Difference(f"{path}.length", f"{len(one)} datagrams before, {len(other)} after")
 

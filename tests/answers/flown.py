@@ -8,8 +8,9 @@ import struct
 from pathlib import Path
 from typing import Any
 
-from tests.answers.mavlink_frames import MAGICS, stream
+from tests.answers.mavlink_frames import MAGICS, stream, without_values
 from tests.answers.tree import Tree
+from tests.answers.variable import variable_values
 
 DATAGRAM = struct.Struct("<HI")
 BLOCK = 1000
@@ -19,16 +20,20 @@ BLOCK = 1000
 def streams(folder: Path) -> dict[str, Tree]:
     """Return what each process sent to each port, in the order of their first datagrams.
 
-    MAVLink is kept whole, other streams as digests of 1000 datagrams each.
+    MAVLink is kept whole but for values by the wall clock, other streams as digests of 1000 datagrams each.
     """
+    timed = variable_values()
     found: dict[str, Tree] = {}
     for path in sorted(folder.glob("*.datagrams")):
         ports: dict[int, list[bytes]] = {}
         for port, data in _datagrams(path.read_bytes()):
             ports.setdefault(port, []).append(data)
         for k, sent in enumerate(ports.values()):
-            kind = "mavlink" if sent[0][0] in MAGICS else "other"
-            found[f"process_{path.stem}.{kind}_{k}"] = stream(sent) if kind == "mavlink" else _digests(sent)
+            if sent[0][0] in MAGICS:
+                kept = [without_values(one, timed) for one in sent]
+                found[f"process_{path.stem}.mavlink_{k}"] = stream(kept)
+            else:
+                found[f"process_{path.stem}.other_{k}"] = _digests(sent)
     return found
 
 

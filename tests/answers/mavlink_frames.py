@@ -9,6 +9,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 MAGICS = frozenset({0xFE, 0xFD})
+HEADER, CHECKSUM = 10, 2
+VALUE, NAME = slice(4, 8), slice(8, 18)
+"""Bytes of a NAMED_VALUE_FLOAT's payload."""
 
 
 def stream(datagrams: Sequence[bytes]) -> dict[str, Any]:
@@ -17,6 +20,23 @@ def stream(datagrams: Sequence[bytes]) -> dict[str, Any]:
         "mavlink_bytes": np.frombuffer(b"".join(datagrams), np.uint8),
         "mavlink_sizes": np.array([len(one) for one in datagrams], np.int64),
     }
+
+
+def without_values(datagram: bytes, names: frozenset[str]) -> bytes:
+    """Return a datagram with the value, and thus the checksum, of some NAMED_VALUE_FLOATs set to zero.
+
+    The datagram holds one MAVLink 2 frame; others are returned unchanged.
+    """
+    if len(datagram) < HEADER + NAME.start or datagram[0] != 0xFD:
+        return datagram
+    end = HEADER + datagram[1]
+    message, payload = int.from_bytes(datagram[7:10], "little"), datagram[HEADER:end]
+    if message != dialect.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT:
+        return datagram
+    if payload[NAME].rstrip(b"\0").decode("ascii", "replace") not in names:
+        return datagram
+    cleared = payload[: VALUE.start] + bytes(VALUE.stop - VALUE.start) + payload[VALUE.stop :]
+    return datagram[:HEADER] + cleared + bytes(CHECKSUM) + datagram[end + CHECKSUM :]
 
 
 def is_stream(tree: Any) -> bool:

@@ -15,7 +15,8 @@ REMOVED = "(left out)"
 class Variable:
     """A value left out of the record.
 
-    answer, path: patterns of the answer's name and of the key path, as of `fnmatch`; list indices are `*`.
+    answer, path: patterns of the answer's name and of the key path, as of `fnmatch`. A path that begins with
+    NAMED_VALUE_FLOAT names a value in the MAVLink stream.
     """
 
     answer: str
@@ -27,6 +28,9 @@ VARIABLE = (
     Variable("*", "latency_ms", "processing time by the wall clock"),
     Variable("*", "latency_ms.*", "processing time by the wall clock"),
     Variable("*", "wall_s", "duration by the wall clock"),
+    Variable("map/*", "seconds", "duration by the wall clock"),
+    Variable("map/*", "stage_ms.*", "processing time by stage"),
+    Variable("map/*", "query_ms", "processing time"),
     Variable("bench/*", "ms.*", "processing time"),
     Variable("bench/*", "cpu_ms.*", "processing time"),
     Variable("bench/*", "between_ms.*", "processing time"),
@@ -35,7 +39,14 @@ VARIABLE = (
     Variable("bench/*", "points_per_s", "processing time"),
     Variable("bench/*", "rss_mb", "memory of the process"),
     Variable("flights/*", "*.stage_ms", "processing time by stage"),
+    Variable("flights/*", "NAMED_VALUE_FLOAT.SLZ_LATE", "processing time of the last scan, ms"),
 )
+MAVLINK = "NAMED_VALUE_FLOAT."
+
+
+def variable_values() -> frozenset[str]:
+    """Return the names of the NAMED_VALUE_FLOATs whose value is left out."""
+    return frozenset(one.path.removeprefix(MAVLINK) for one in VARIABLE if one.path.startswith(MAVLINK))
 
 
 def normalised(answer: str, tree: Tree, folders: dict[Path, str]) -> Tree:
