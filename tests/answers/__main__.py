@@ -22,23 +22,24 @@ def main(arguments: list[str] | None = None) -> int:
     asked = commands.add_parser("record", help="run the program and store its answers")
     asked.add_argument("--out", type=Path, required=True, help="folder of the record; parts are replaced")
     asked.add_argument("--part", action="append", choices=list(PARTS), help="this part only; repeatable")
+    asked.add_argument("--full", action="store_true", help="all 60 windows of every workload (20 min more)")
     asked = commands.add_parser("compare", help="name each difference of two records; exit 1 if there is one")
     asked.add_argument("before", type=Path)
     asked.add_argument("after", type=Path)
     options = parser.parse_args(arguments)
     if options.command == "record":
-        return record(options.out, options.part or list(PARTS))
+        return record(options.out, options.part or list(PARTS), options.full)
     return compare(options.before, options.after)
 
 
-def record(out: Path, parts: list[str]) -> int:
+def record(out: Path, parts: list[str], full: bool = False) -> int:
     """Record parts one after the other; a part that fails does not stop the others."""
     store, code = Store(out), 0
     for name in parts:
         store.forget(name)
         before = _cpu_s()
         with tempfile.TemporaryDirectory(prefix="slz-answers-") as work:
-            recorder = Recorder(name, Path(work).resolve(), store)
+            recorder = Recorder(name, Path(work).resolve(), store, full)
             try:
                 PARTS[name](recorder)
             except ProgramError as error:

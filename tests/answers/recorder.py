@@ -15,12 +15,13 @@ from tests.answers.variable import normalised
 class Recorder:
     """Takes the answers of one part.
 
-    work: empty folder for files on the way. skipped: what was left out, one line each.
+    work: empty folder for files on the way. full: whole workloads, however long they take. skipped: what was left out, one line each.
     """
 
     part: str
     work: Path
     store: Store
+    full: bool = False
     skipped: list[str] = field(default_factory=list)
 
     def add(self, name: str, tree: Tree) -> None:

@@ -15,11 +15,12 @@ from tests.answers.shared import SHARED, absent
 
 GENERATOR = SHARED / "bench" / "gen.py"
 LEAST_BOUNDARY = 200
+ALL_WINDOWS = 60
 
 
 @dataclass(frozen=True)
 class Workload:
-    """One workload: the map, what the generator is told, and windows of 1 s."""
+    """One workload: the map, options of the generator, and windows of 1 s unless all 60 are recorded."""
 
     cell_m: float
     zone_m: float
@@ -30,7 +31,7 @@ class Workload:
 
 WORKLOADS = {
     "a": Workload(1.0, 5000.0, 24.0, 60, ("--rate", "20000")),
-    "b": Workload(0.2, 500.0, 2.0, 20, ("--rate", "200000")),
+    "b": Workload(0.2, 500.0, 2.0, 60, ("--rate", "200000")),
     "c": Workload(0.2, 1000.0, 2.0, 6, ("--rate", "1000000")),
     "d": Workload(0.1, 300.0, 2.0, 6, ("--rate", "1000000", "--half", "100")),
     "e": Workload(0.1, 300.0, 2.0, 6, ("--rate", "1000000", "--half", "100", "--noise", "0.005")),
@@ -47,7 +48,7 @@ def record(recorder: Recorder) -> None:
     for name, workload in WORKLOADS.items():
         for scan in SCANS:
             points = recorder.work / f"{name}_{scan}.bin"
-            _generate(points, workload, scan, recorder.work)
+            _generate(points, workload, scan, recorder)
             with points.open("rb") as file:
                 recorder.add(f"{name}_{scan}/points", hashlib.file_digest(file, "sha256").hexdigest())
             for mode in MODES:
@@ -55,12 +56,11 @@ def record(recorder: Recorder) -> None:
             points.unlink()
 
 
-def _generate(points: Path, workload: Workload, scan: str, work: Path) -> None:
+def _generate(points: Path, workload: Workload, scan: str, recorder: Recorder) -> None:
+    windows = ALL_WINDOWS if recorder.full else workload.windows
     command = [sys.executable, str(GENERATOR), str(points), *workload.options, "--scan", scan]
-    cache = os.environ | {"NUMBA_CACHE_DIR": str(work / "numba")}
-    subprocess.run(
-        [*command, "--windows", str(workload.windows)], env=cache, stdout=subprocess.DEVNULL, check=True
-    )
+    cache = os.environ | {"NUMBA_CACHE_DIR": str(recorder.work / "numba")}
+    subprocess.run([*command, "--windows", str(windows)], env=cache, stdout=subprocess.DEVNULL, check=True)
 
 
 def _arguments(points: Path, workload: Workload, mode: str) -> list[str]:
