@@ -15,7 +15,8 @@ from tests.answers.variable import normalised
 class Recorder:
     """Takes the answers of one part.
 
-    work: empty folder for files on the way. full: whole workloads, however long they take. skipped: what was left out, one line each.
+    work: empty folder for files on the way. full: whole workloads, however long they take. skipped: what was
+    left out, one line each.
     """
 
     part: str
