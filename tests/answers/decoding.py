@@ -11,6 +11,8 @@ import numpy as np
 import rasterio
 from PIL import Image
 
+from tests.answers.page import sections
+from tests.answers.reports import plain
 from tests.answers.tree import Tree
 
 DATED = ("TIFFTAG_DATETIME", "TIFFTAG_SOFTWARE")
@@ -43,6 +45,12 @@ def _plain(path: Path) -> Tree:
         return data.decode("utf-8").splitlines()
     except UnicodeDecodeError:
         return np.frombuffer(data, np.uint8)
+
+
+def _npz(path: Path) -> Tree:
+    """Return digests of the arrays: flown surveys hold a gigabyte."""
+    with np.load(path, allow_pickle=False) as file:
+        return {name: plain(file[name]) for name in file.files}
 
 
 def _tiff(path: Path) -> Tree:
@@ -101,6 +109,8 @@ def _las(path: Path) -> Tree:
 
 DECODERS: dict[str, Callable[[Path], Tree]] = {
     ".json": _json,
+    ".md": lambda path: sections(path.read_text("utf-8")),
+    ".npz": _npz,
     ".geojson": _json,
     ".tif": _tiff,
     ".png": _png,

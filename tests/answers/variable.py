@@ -15,8 +15,8 @@ REMOVED = "(left out)"
 class Variable:
     """A value left out of the record.
 
-    answer, path: patterns of the answer's name and of the key path, as of `fnmatch`. A path that begins with
-    NAMED_VALUE_FLOAT names a value in the MAVLink stream.
+    answer, path: patterns of the answer's name and of the key path, as of `fnmatch`; the path of a whole
+    answer is empty. A path that begins with NAMED_VALUE_FLOAT names a value in the MAVLink stream.
     """
 
     answer: str
@@ -38,6 +38,15 @@ VARIABLE = (
     Variable("bench/*", "stage_ms.*", "processing time"),
     Variable("bench/*", "points_per_s", "processing time"),
     Variable("bench/*", "rss_mb", "memory of the process"),
+    Variable("reproduce/figures", "scenes.*.ms_*", "processing time"),
+    Variable("reproduce/figures", "radar.elapsed_s", "processing time"),
+    Variable("reproduce/files/index.md", "*.ms per 1 s, median / max", "processing time"),
+    Variable("reproduce/files/index.md", "Time per window*.median", "processing time"),
+    Variable("reproduce/files/index.md", "Time per window*.p99", "processing time"),
+    Variable("reproduce/files/index.md", "Time per window*.greatest", "processing time"),
+    Variable("reproduce/files/index.md", "*.time of all four and fusing, s.*", "processing time"),
+    Variable("reproduce/files/index.html", "", "the page of index.md, which is recorded by its values"),
+    Variable("reproduce/files/time_per_window.png", "", "picture of processing times"),
     Variable("flights/*", "*.stage_ms", "processing time by stage"),
     Variable("flights/*", "NAMED_VALUE_FLOAT.SLZ_LATE", "processing time of the last scan, ms"),
 )
@@ -60,7 +69,7 @@ def normalised(answer: str, tree: Tree, folders: dict[Path, str]) -> Tree:
 
 
 def _normalised(tree: Tree, path: str, patterns: list[str], texts: list[tuple[str, str]]) -> Tree:
-    if path and any(fnmatch.fnmatchcase(path, pattern) for pattern in patterns):
+    if any(fnmatch.fnmatchcase(path, pattern) for pattern in patterns):
         return REMOVED
     if isinstance(tree, dict):
         return {

@@ -24,6 +24,7 @@ from tests.answers.decoding import decoded, decoded_folder
 from tests.answers.differences import differences
 from tests.answers.flown import reports, streams
 from tests.answers.mavlink_frames import datagrams
+from tests.answers.page import sections
 from tests.answers.parts import PARTS
 from tests.answers.program import OUTPUT, ROOT, ProgramError, entry_point, environment
 from tests.answers.recorder import Recorder
@@ -78,6 +79,34 @@ def test_text_is_compared_by_lines_and_other_files_by_bytes(tmp_path: Path) -> N
     found = decoded_folder(tmp_path)
     assert found["a.csv"] == ["x,y", "1,2"]
     assert found["b.fgb"].tolist() == [255, 0]
+
+
+def test_arrays_of_a_survey_are_kept_as_digests(tmp_path: Path) -> None:
+    for name, last in (("one", 3.0), ("other", 4.0)):
+        np.savez(tmp_path / name, points=np.array([1.0, 2.0, last]), count=np.arange(2))
+    assert decoded(tmp_path / "one.npz")["points"].startswith("float64[3] ")
+    assert paths(tmp_path / "one.npz", tmp_path / "other.npz") == ["points"]
+
+
+def test_cells_of_a_page_have_paths(tmp_path: Path) -> None:
+    table = "| scene | median | zones |\n|---|---|---|\n| 1 hill | 7 | 3 |\n"
+    page = f"# Title\ntext\n\n## Time per window\n\n{table}"
+    (tmp_path / "index.md").write_text(page)
+    (tmp_path / "other.md").write_text(page.replace("3 |", "4 |"))
+    assert paths(tmp_path / "index.md", tmp_path / "other.md") == ["Time per window[3].1 hill.zones"]
+    tree = normalised("reproduce/files/index.md", decoded(tmp_path / "index.md"), {})
+    assert tree["Time per window"][3] == {"1 hill": {"median": REMOVED, "zones": "3"}}
+    assert tree["Title"] == ["text", ""]
+
+
+def test_headings_and_columns_of_one_name_are_numbered() -> None:
+    page = sections("## A\n| x | y | y |\n|---|---|---|\n| 1 | 2 | 3 |\n## A\nb")
+    assert page["A"][2] == {"1": {"y": "2", "y (2)": "3"}}
+    assert page["A (2)"] == ["b"]
+
+
+def test_an_answer_may_be_left_out_as_a_whole() -> None:
+    assert normalised("reproduce/files/time_per_window.png", {"pixels": np.zeros(2)}, {}) == REMOVED
 
 
 def test_times_and_temporary_folders_are_left_out(tmp_path: Path) -> None:
