@@ -48,7 +48,7 @@ def tap_datagrams(folder: Path) -> None:
             file.write(DATAGRAM.pack(address[1], len(data)) + bytes(data))
         return sent
 
-    socket.socket.sendto = sendto  # type: ignore[method-assign]
+    socket.socket.sendto = sendto  # type: ignore[method-assign,assignment]
     atexit.register(file.close)
 
 
