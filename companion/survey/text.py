@@ -88,8 +88,8 @@ def open_text(path: Path, reference: Reference) -> TextSource:
     Raises
     ------
     UsageError
-        No line is a point, names leave out x, y or z or contradict the units of the CRS, or commas are both
-        decimal and separating.
+        No line is a point, names leave out x, y or z or contradict the units of the CRS, columns in degrees
+        have no names, or commas are both decimal and separating.
     """
     with translated(path), path.open("rb") as file:
         begin = _beginning(file, path)
@@ -101,6 +101,11 @@ def open_text(path: Path, reference: Reference) -> TextSource:
                     f"{path}: it has decimal commas, and commas between its columns: write decimal points, or"
                     " separate the columns by semicolons or tabs"
                 )
+        if not begin.names and reference.unit_m is None:
+            raise UsageError(
+                f"{path}: its columns have no names, and {reference.name} counts in degrees: longitude or"
+                " latitude may come first; begin the file with a line lon,lat,z or lat,lon,z"
+            )
         _refuse_units(path, begin, reference)
         file.seek(0)
         n_lines = sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b"")) + 1

@@ -91,3 +91,11 @@ def test_the_option_settles_the_unit_that_a_name_tells(tmp_path: Path) -> None:
 def test_whole_numbers_between_commas_are_what_they_are(tmp_path: Path) -> None:
     path = put(tmp_path, "a.csv", ["500000,4900000,100,12,0,107", "500001,4900000,100,12,66,0"])
     assert read([path], CRS).points.tolist() == [[500000, 4900000, 100], [500001, 4900000, 100]]
+
+
+def test_columns_in_degrees_without_names_are_refused_for_latitude_may_come_first(tmp_path: Path) -> None:
+    lines = [f"{70 + k * 1e-5} {10 + k * 1e-5} {z}" for k, z in enumerate((100.0, 100.5, 101.0))]
+    with pytest.raises(UsageError, match="longitude or latitude may come first; begin the file with a line"):
+        read([put(tmp_path, "degrees.txt", lines)], "EPSG:4326")
+    cloud = read([put(tmp_path, "named.txt", ["lat lon z", *lines])], "EPSG:4326")
+    assert len(cloud.points) == 3
