@@ -28,16 +28,21 @@ DRIFT_SPAN_NS = 10_000_000_000
 # An offset that contradicts the line by more than the round trips explain, so many times in a row, is a jump.
 JUMP_NS = 10_000_000
 JUMP_COUNT = 3
+# Longer than a busy computer holds up a simulated autopilot; no exchange quick for so long is a slow link.
 SLOW_LINK_NS = 500_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One answered request: its middle in our time, our time minus the autopilot's, how long it took."""
+    """One answered request: its middle in our time, our time minus the autopilot's, how long it took.
+
+    quick: it took as long as the quickest of late, give or take `JUMP_NS`.
+    """
 
     local_ns: int
     offset_ns: int
     round_trip_ns: int
+    quick: bool
 
 
 class TimeSync:
@@ -120,7 +125,7 @@ class TimeSync:
             self._slow_since_ns = None
         elif self._slow_since_ns is None:
             self._slow_since_ns = now_ns
-        self._add(Exchange(middle, middle - tc1, round_trip), quick)
+        self._add(Exchange(middle, middle - tc1, round_trip, quick))
 
     def reset(self) -> None:
         """Forget everything: the autopilot rebooted, or its clock is another one."""
@@ -130,7 +135,7 @@ class TimeSync:
         self._trips = LeastDelay()
         self._clear()
 
-    def _add(self, exchange: Exchange, quick: bool) -> None:
+    def _add(self, exchange: Exchange) -> None:
         if self.synced and self._contradicts(exchange):
             self._jumps.append(exchange)
             if len(self._jumps) < JUMP_COUNT:
@@ -142,31 +147,28 @@ class TimeSync:
             self._begin_with(jumps, exchange)
         elif self.synced or not self.resets:
             self._jumps.clear()
-            if quick or not self.synced:  # many slow ones, asked for in a hurry, would push out what is known
+            if (
+                exchange.quick or not self.synced
+            ):  # many slow ones, asked for in a hurry, would push out what is known
                 self._window.append(exchange)
-        elif self._tells(exchange, quick):  # the clock may have jumped again meanwhile
+        elif self._tells(exchange):  # the clock may have jumped again meanwhile
             self._begin_with([*self._window, exchange], exchange)
         if not self._window:
             return
         self._fit()
         error_ns = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
-        if self.synced and self._tells(exchange, quick) and error_ns <= self._tolerance_ns(exchange, quick):
+        if self.synced and self._tells(exchange) and error_ns <= _tolerance_ns(exchange):
             self.confirmed_ns = exchange.local_ns
 
-    def _tells(self, exchange: Exchange, quick: bool) -> bool:
+    def _tells(self, exchange: Exchange) -> bool:
         """Tell whether an exchange says something of the offset: a slow one where the link itself is slow."""
         since_ns = self._slow_since_ns
-        return quick or (since_ns is not None and exchange.local_ns - since_ns >= SLOW_LINK_NS)
-
-    @staticmethod
-    def _tolerance_ns(exchange: Exchange, quick: bool) -> int:
-        return JUMP_NS + (0 if quick else exchange.round_trip_ns // 2)
+        return exchange.quick or (since_ns is not None and exchange.local_ns - since_ns >= SLOW_LINK_NS)
 
     def _begin_with(self, exchanges: list[Exchange], newest: Exchange) -> None:
         """Take those of some exchanges that agree with the newest as the first of another clock."""
         self._window.clear()
-        quick = self._slow_since_ns is None
-        most_ns = self._tolerance_ns(newest, quick)
+        most_ns = _tolerance_ns(newest)
         self._window.extend(e for e in exchanges if abs(e.offset_ns - newest.offset_ns) <= most_ns)
 
     def _contradicts(self, exchange: Exchange) -> bool:
@@ -244,6 +246,11 @@ class TimeSync:
 
     def _offset_at(self, local_ns: int) -> float:
         return self._offset_ns + self._drift * (local_ns - self._reference_ns)
+
+
+def _tolerance_ns(exchange: Exchange) -> int:
+    """Return by how much an exchange may differ from the offset and still agree with it."""
+    return JUMP_NS + (0 if exchange.quick else exchange.round_trip_ns // 2)
 
 
 def answer(tc1: int, ts1: int, now_ns: int) -> tuple[int, int] | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 KEPT = 8
@@ -12,21 +10,25 @@ PREFIX = "SLZ: "
 
 
 class UnheardTexts:
-    """Keeps the newest texts of severity WARNING or worse."""
+    """Keeps the newest texts of severity WARNING or worse; of too many the mildest and oldest go."""
 
     def __init__(self) -> None:
-        self._said: deque[tuple[int, str, int]] = deque(maxlen=KEPT)
+        self._said: dict[str, tuple[int, int]] = {}  # text -> when, severity
 
     def note(self, text: str, severity: int, now_ns: int) -> None:
-        """Take a text that was sent, heard or not."""
-        if severity <= mavlink.MAV_SEVERITY_WARNING:
-            self._said.append((now_ns, text, severity))
+        """Take a text that was sent, heard or not; one said again counts once."""
+        if severity > mavlink.MAV_SEVERITY_WARNING:
+            return
+        self._said.pop(text, None)
+        self._said[text] = now_ns, severity
+        if len(self._said) > KEPT:
+            mildest = max(severity for _, severity in self._said.values())
+            del self._said[next(text for text, (_, severity) in self._said.items() if severity == mildest)]
 
     def again(self, silent_since_ns: int, now_ns: int) -> list[tuple[str, int]]:
-        """Return texts and severities to send again after a link was silent since a time, and forget all."""
-        said = [entry for entry in self._said if silent_since_ns <= entry[0] and now_ns - entry[0] <= KEPT_NS]
-        self._said.clear()
+        """Return texts and severities to send again after a link was silent since a time."""
         return [
             (f"{PREFIX}{(now_ns - at_ns) * 1e-9:.0f} s ago: {text.removeprefix(PREFIX)}", severity)
-            for at_ns, text, severity in said
+            for text, (at_ns, severity) in self._said.items()
+            if silent_since_ns <= at_ns and now_ns - at_ns <= KEPT_NS
         ]
