@@ -26,6 +26,9 @@ class Stage(Enum):
     HOLD = "hold"
 
 
+LANDING = (Stage.FINAL, Stage.COMMITTED)
+
+
 class Presumption(Enum):
     """Rows of the table, in the order in which they are checked."""
 
@@ -152,20 +155,20 @@ class Presumptions:
 
     def _follow(self, stage: Stage, s: Situation) -> None:
         """Note when the autopilot's landing begins, and where the sticks rested until then."""
-        landing = stage in (Stage.FINAL, Stage.COMMITTED)
+        landing = stage in LANDING
         if not landing:
             self._landing_since_ns = None
         elif self._landing_since_ns is None:
             self._landing_since_ns = s.now_ns
         if not landing or self._rest_us is None:
             self._rest_us = s.sticks_us
-        if stage is not self._stage:
-            self._since_ns.clear()
+        if stage is not self._stage and not (landing and self._stage in LANDING):
+            self._since_ns.clear()  # but for the commit height, about which a landing may waver
         self._stage = stage
 
     def _state(self, stage: Stage, s: Situation, custody: Custody) -> dict[Presumption, str]:
         """Return what of the vehicle's state does not hold at this moment, with the words for it."""
-        landing = stage in (Stage.FINAL, Stage.COMMITTED)
+        landing = stage in LANDING
         broken: dict[Presumption, str] = {}
         if s.connected and (not s.armed or (s.on_ground is True and landing)):
             broken[Presumption.ARMED] = ""
