@@ -437,13 +437,13 @@ class Executive:
         return Orders()
 
     def _tell_unordered(self, s: Situation) -> None:
-        """Tell now and then that the guided mode, back by the autopilot's own doing, begins nothing."""
+        """Tell now and then that the guided mode begins nothing without a new hand-over."""
         alone = self._auto and s.connected and s.armed and s.guided and s.on_ground is False
         if not alone or self._hand_over_seen.given:
             self._unordered_told_ns = None
         elif self._unordered_told_ns is None or s.now_ns - self._unordered_told_ns > CALL_AGAIN_NS:
             self._unordered_told_ns = s.now_ns
-            self._say(Severity.WARNING, f"{s.mode} came back by itself: hand over again")
+            self._say(Severity.WARNING, f"{s.mode} without a hand-over: hand over again")
 
     def _rests(self, s: Situation) -> bool:
         """Tell whether it has stood where it landed since then, and was not armed again."""
@@ -702,14 +702,16 @@ class Executive:
             return
         if said_ns is not None and (s.now_ns - said_ns <= CALL_AGAIN_NS or not self._lacks_zone(s)):
             return
-        self._battery_said_ns = s.now_ns
         on_its_way = self._wish is not None and self.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB)
         if self._lacks_zone(s):
             self._say(Severity.CRITICAL, "battery low, no zone: take over")
         elif on_its_way:
             self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
-        elif self.phase in (Phase.IDLE, Phase.HOLD) and s.armed and s.on_ground is not True:
+        elif self.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD) and s.armed and s.on_ground is not True:
             self._say(Severity.CRITICAL, "battery low: land")
+        else:  # its own landing, a failsafe, or the ground: nothing to say yet
+            return
+        self._battery_said_ns = s.now_ns
         if said_ns is None and on_its_way:
             self._wish = Wish(urgent=True)
             if self.phase is Phase.APPROACH and self._is_nearer_elsewhere(s):

@@ -147,6 +147,23 @@ def test_a_stick_held_since_before_the_landing_is_the_pilot_s() -> None:
     assert flight.executive.tally.hands_off == 1
 
 
+@pytest.mark.parametrize("broken", ["sticks", "estimate"])
+def test_a_landing_that_wavers_about_the_commit_height_is_watched_all_the_same(broken: str) -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.sticks_us = (1500, 1500)
+    flight.sinks = False
+    flight.run(0.2)
+    commit_m = flight.parameters.commit_height_m
+    if broken == "sticks":
+        flight.sticks_us = (1800, 1500)
+    else:
+        flight.estimate_lost = "position"
+    for turn in range(30):
+        flight.position[2] = commit_m + (0.03 if turn % 2 else -0.03)
+        flight.run(0.1)
+    assert any(said in text for text in flight.texts for said in ("hands off", "take over"))
+
+
 @pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND])
 def test_in_guided_phases_sticks_do_nothing(phase: Phase) -> None:
     flight = Flight([zone(1, 20, 0)])
@@ -305,7 +322,7 @@ def test_a_guided_mode_that_comes_back_by_itself_is_told_each_half_minute() -> N
     flight.mode, flight.failsafe = "GUIDED", False
     flight.run(70)
     assert flight.executive.phase is Phase.IDLE
-    assert flight.texts.count("SLZ: GUIDED came back by itself: hand over again") == 3
+    assert flight.texts.count("SLZ: GUIDED without a hand-over: hand over again") == 3
     flight.mode = "LOITER"
     flight.run(1)
     flight.mode = "GUIDED"

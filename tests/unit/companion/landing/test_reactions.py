@@ -319,6 +319,25 @@ def test_a_low_battery_in_its_own_landing_is_not_told_to_land(phase: Phase) -> N
     assert not any("battery low" in text for text in flight.texts)
 
 
+def test_a_battery_low_since_the_descent_is_told_when_that_is_broken_off() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
+    flight.battery_pct = 10.0
+    flight.run(1)
+    flight.executive.abort(flight.situation())
+    flight.run(5)
+    assert sum("battery low" in text for text in flight.texts) == 1
+
+
+def test_a_battery_low_since_the_ground_is_told_in_the_air() -> None:
+    flight = Flight([zone(1, 10, 0)], auto=False, height=0.0)
+    flight.battery_pct = 10.0
+    flight.run(2)
+    assert flight.texts == []
+    flight.position = np.array([0.0, 0.0, 15.0])
+    flight.run(2)
+    assert flight.texts == ["SLZ: battery low: land"]
+
+
 def test_a_low_battery_on_the_ground_is_nobody_s_concern() -> None:
     flight = Flight([], auto=False, height=0.0)
     flight.armed, flight.battery_pct = False, 5.0
