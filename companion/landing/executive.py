@@ -17,6 +17,7 @@ from companion.landing.choice import choose, look_at, soonest
 from companion.landing.custody import Custody
 from companion.landing.guidance import level, towards
 from companion.landing.hand_over import HandOver
+from companion.landing.outage import Outage
 from companion.landing.presumptions import Breach, Presumption, Presumptions, Reaction, Stage
 from companion.landing.route import Route, Way
 from companion.landing.situation import (
@@ -36,7 +37,6 @@ from slz import PointState, Zone
 SECOND = 1_000_000_000
 STEADY_NS = 2 * SECOND  # so long airborne and level before auto starts; so long safe before the descent
 TARGET_NS = round(2.5 * SECOND)  # the autopilot's estimator wants so much of the target before LAND
-LOST_NS = 10 * SECOND  # without LiDAR or position before the pilot is called
 TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
 SEARCH_NS = 300 * SECOND  # longer than the survey should take, before the pilot is called
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
@@ -92,9 +92,7 @@ class Executive:
         self._route = Route(parameters)
         self._over_since_ns: int | None = None  # the point, in this approach
         self._safe_since_ns: int | None = None
-        self._lost_since_ns: int | None = None
-        self._lost = ""
-        self._called_for = ""  # what was still lost when the pilot was called, until it is back
+        self._outage = Outage()
         self._unordered_told_ns: int | None = None
         self._late_ns = 0
         self._started_ns = 0
@@ -399,6 +397,7 @@ class Executive:
     def _rest(self, phase: Phase, s: Situation) -> None:
         self._wish = None
         self._custody.given_up()
+        self._outage.over()
         self._go(phase, s)
 
     # ---- phases ---------------------------------------------------------------------------------
@@ -459,6 +458,7 @@ class Executive:
             least_m = self._route.height_m if self.phase in FLYING else -np.inf
             self._route.begin(s.position_enu_m, s.height_above_home_m, least_m)
         self._say(Severity.INFO, "surveying")
+        self._outage.over()
         self._go(Phase.SURVEY, s)
 
     def _survey(self, s: Situation) -> Orders:
@@ -470,7 +470,7 @@ class Executive:
             return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return self._without_lidar(s)
-        self._lost_since_ns = None
+        self._outage.there(s.now_ns)
         if self._wish is not None and self._wish.enu_m is not None:
             return self._approach_point(s, self._wish.enu_m, self._wish.zone_id)
         zone = self._choice(s)
@@ -523,7 +523,7 @@ class Executive:
         position, velocity = _known(s.position_enu_m), _known(s.velocity_enu_ms)
         if not s.lidar_ok:
             return self._without_lidar(s)
-        self._lost_since_ns = None
+        self._outage.there(s.now_ns)
         judged = self._aim.judgement(s.selected)
         offset = _known(self._aim.enu_m)[:2] - position[:2]
         over = self._aim.away_m < 1.0 and float(np.hypot(*velocity[:2])) < 0.5
@@ -589,10 +589,10 @@ class Executive:
     def _climb(self, s: Situation) -> Orders:
         """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
         position = _known(s.position_enu_m)
-        if s.lidar_ok or self._lost == "position lost":
-            self._lost_since_ns = None
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         left_m = self._route.height_m - float(position[2])
+        if s.lidar_ok or left_m > 1.0:  # to climb it needs no map
+            self._tell_return(s)
         if left_m <= 1.0:
             self._late_ns = self._limit_ns(s)
         elif s.now_ns > self._late_ns:
@@ -601,11 +601,10 @@ class Executive:
             return Orders(mode="guided", velocity_enu_ms=up)
         if left_m > 1.0:
             return Orders(velocity_enu_ms=up)
-        if self.phase is Phase.HOLD:
-            self._tell_return(s)
-            return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return self._without_lidar(s)
+        if self.phase is Phase.HOLD:
+            return Orders(velocity_enu_ms=STOPPED)
         if s.now_ns - self._since_ns < STEADY_NS:
             return Orders(velocity_enu_ms=STOPPED)
         self._say(Severity.INFO, "choosing again")
@@ -675,20 +674,18 @@ class Executive:
 
     def _waits_for(self, what: str, s: Situation) -> None:
         self._safe_since_ns = None
-        if self._lost_since_ns is None or self._lost != what:
-            self._lost, self._lost_since_ns = what, s.now_ns
+        if self._outage.missing(what, s.now_ns):
             self._say(Severity.WARNING, f"{what}: holding")
-        elif s.now_ns - self._lost_since_ns > LOST_NS and self.phase is not Phase.HOLD:
-            thing, _, state = what.partition(" ")
+        thing, _, state = what.partition(" ")
+        if self._outage.calls_for(thing, s.now_ns):
             self._say(Severity.CRITICAL, f"{thing} still {state}: take over")
-            self._go(Phase.HOLD, s)
-            self._called_for = thing
+            if self.phase is not Phase.HOLD:
+                self._go(Phase.HOLD, s)
 
     def _tell_return(self, s: Situation) -> None:
         """Tell once that what the pilot was called for is there again: it hovers until it is ordered."""
-        if self._called_for and s.lidar_ok:
-            self._say(Severity.WARNING, f"{self._called_for} back: hovering, order again")
-            self._called_for = ""
+        if thing := self._outage.there(s.now_ns):
+            self._say(Severity.WARNING, f"{thing} back: hovering, order again")
 
     def _heed_battery(self, s: Situation) -> None:
         """Once the charge is low, land at the zone reached soonest, and call the pilot while there is none.
@@ -766,11 +763,10 @@ class Executive:
 
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
-        self._called_for = ""
         self.turns += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         self._since_ns = s.now_ns
         self._late_ns = self._limit_ns(s)
-        self._steady_since_ns = self._lost_since_ns = None
+        self._steady_since_ns = None
         self._route.unblocked()
 
     def _limit_ns(self, s: Situation) -> int:

@@ -94,6 +94,41 @@ def test_what_the_pilot_was_called_for_is_told_when_it_is_back_and_nothing_begin
     assert flight.texts.count(f"SLZ: {thing} back: hovering, order again") == 1
 
 
+@pytest.mark.parametrize(
+    "gaps",
+    [
+        [("scans late", 3.0, 0.0), ("map late", 3.0, 0.0)] * 3,
+        [("LiDAR lost", 6.0, 0.2)] * 3,
+    ],
+    ids=["what is missing changes", "it comes back for an instant"],
+)
+def test_an_outage_lasts_until_everything_is_back_for_a_second(gaps: list[tuple[str, float, float]]) -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
+    for what, seconds, back_s in gaps:
+        flight.lidar_ok, flight.lost = False, what
+        flight.run(seconds)
+        flight.lidar_ok = True
+        flight.run(back_s)
+    assert sum("take over" in text for text in flight.texts) == 1
+    assert "holding" not in "".join(flight.texts[flight.texts.index(_call(flight)) :])
+    assert flight.executive.phase is Phase.HOLD
+
+
+def _call(flight: Flight) -> str:
+    return next(text for text in flight.texts if "take over" in text)
+
+
+@pytest.mark.parametrize("lost", ["LiDAR lost", "position lost"])
+def test_what_is_lost_while_it_hovers_is_told_too(lost: str) -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
+    flight.executive.abort(flight.situation())
+    flight.run(5)
+    flight.lost, flight.lidar_ok, flight.blind = lost, False, lost == "position lost"
+    flight.run(11)
+    assert flight.texts[-2:] == [f"SLZ: {lost}: holding", f"SLZ: {lost.split()[0]} still lost: take over"]
+    assert flight.executive.phase is Phase.HOLD
+
+
 def test_a_position_found_again_is_used_again() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
     flight.blind = True
