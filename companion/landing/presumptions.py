@@ -11,7 +11,6 @@ from enum import Enum
 from companion.landing.aim import Aim
 from companion.landing.custody import Custody
 from companion.landing.situation import Situation
-from companion.link.health import TARGET_LOST
 
 
 class Stage(Enum):
@@ -182,8 +181,8 @@ class Presumptions:
             broken[Presumption.GPS] = ""
         if self._sticks_moved(s):
             broken[Presumption.STICKS] = ""
-        since_ns = self._landing_since_ns
-        if since_ns is not None and s.alarm_ns > since_ns and TARGET_LOST in s.alarm.lower():
+        since_ns, lost_ns = self._landing_since_ns, s.target_lost_ns
+        if since_ns is not None and lost_ns is not None and lost_ns > since_ns:
             broken[Presumption.TARGET] = "target lost"
         if s.position_enu_m is None or s.velocity_enu_ms is None:
             broken[Presumption.POSITION] = "position lost"

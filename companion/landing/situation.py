@@ -52,7 +52,7 @@ class Situation:
 
     failsafe: the autopilot says that it is in one. breached: outside its fence. estimate_lost: what its
     estimator had and has lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: what the
-    failsafe is about. alarm, alarm_ns: the autopilot's newest text of severity WARNING or worse.
+    failsafe is about. target_lost_ns: when the autopilot last said that it lost the landing target.
     sticks_us: the pilot's roll and pitch stick, None where none are seen. switched: the pilot's transmitter
     moved a switch within the last seconds. fit: the autopilot is known to be set up for a landing.
     """
@@ -80,8 +80,7 @@ class Situation:
     estimate_lost: str = ""
     gps_lost: bool = False
     cause: str = ""
-    alarm: str = ""
-    alarm_ns: int = 0
+    target_lost_ns: int | None = None
     sticks_us: tuple[int, int] | None = None
     switched: bool = False
     fit: bool = True

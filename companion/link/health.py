@@ -50,7 +50,10 @@ class Health:
     breached
         Whether the vehicle is outside its fence.
     alarm, alarm_ns
-        Newest text of the autopilot of severity WARNING or worse, and when it came.
+        Newest text of the autopilot of severity WARNING or worse, but for the next, and when it came.
+    target_lost_ns
+        When it last said that it has lost the landing target, None if never. A text that comes in the same
+        moment does not hide it.
     sticks_us
         Roll and pitch stick, microseconds of a transmitter's pulse.
     switches_us, switched_ns
@@ -65,6 +68,7 @@ class Health:
     breached: bool = False
     alarm: str = ""
     alarm_ns: int = 0
+    target_lost_ns: int | None = None
     sticks_us: tuple[int, int] | None = None
     switches_us: tuple[int, ...] = ()
     switched_ns: int | None = None
@@ -85,8 +89,7 @@ class Health:
 
     def cause(self, now_ns: int) -> str:
         """Return what a failsafe is about, as far as the autopilot said; empty if it did not."""
-        named = self.alarm and TARGET_LOST not in self.alarm.lower()
-        if named and now_ns - self.alarm_ns <= ALARM_NS:
+        if self.alarm and now_ns - self.alarm_ns <= ALARM_NS:
             return self.alarm
         if self.breached:
             return "fence breached"
@@ -124,7 +127,10 @@ def _fence(health: Health, m: Any, now_ns: int) -> Health:
 def _text(health: Health, m: Any, now_ns: int) -> Health:
     if m.severity > ALARM_SEVERITY or getattr(m, "chunk_seq", 0) != 0:
         return health
-    return replace(health, alarm=str(m.text).strip(), alarm_ns=now_ns)
+    words = str(m.text).strip()
+    if TARGET_LOST in words.lower():
+        return replace(health, target_lost_ns=now_ns)
+    return replace(health, alarm=words, alarm_ns=now_ns)
 
 
 def _channels(health: Health, m: Any, now_ns: int) -> Health:

@@ -80,8 +80,8 @@ class Flight:
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
         self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
         self.failsafe = self.breached = self.switched = False
-        self.estimate_lost = self.cause = self.alarm = ""
-        self.alarm_ns = 0
+        self.estimate_lost = self.cause = ""
+        self.target_lost_ns: int | None = None
         self.gps_lost = False
         self.sticks_us: tuple[int, int] | None = None
         self.lost = "LiDAR lost"
@@ -125,8 +125,7 @@ class Flight:
             estimate_lost=self.estimate_lost,
             gps_lost=self.gps_lost,
             cause=self.cause,
-            alarm=self.alarm,
-            alarm_ns=self.alarm_ns,
+            target_lost_ns=self.target_lost_ns,
             sticks_us=self.sticks_us,
             switched=self.switched,
         )

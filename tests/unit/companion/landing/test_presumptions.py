@@ -357,15 +357,14 @@ def test_the_pilot_is_named_only_where_his_switch_was_seen(switched: bool, text:
 
 def test_a_target_that_the_autopilot_has_lost_breaks_the_landing_off() -> None:
     flight = flown_to(Phase.FINAL).run(1)
-    flight.alarm = "PrecLand: Target Lost"
-    flight.alarm_ns = flight.now_ns
+    flight.target_lost_ns = flight.now_ns
     flight.run(0.3)
     assert flight.executive.tally.abort_reasons == ["target lost"]
 
 
 def test_a_target_lost_in_the_landing_before_does_not_count() -> None:
     flight = Flight([zone(1, 20, 0)])
-    flight.alarm, flight.alarm_ns = "PrecLand: Target Lost", 1
+    flight.target_lost_ns = 1
     flight.fly_to(Phase.LANDED)
     assert flight.executive.tally.aborts == 0
 

@@ -114,6 +114,15 @@ def test_the_cause_of_a_failsafe_is_what_the_autopilot_said_last_or_what_is_unhe
     assert after(text("PreArm: fine", mavlink.MAV_SEVERITY_INFO)).cause(5 * S) == ""
 
 
+def test_a_target_lost_is_noted_whatever_else_is_said_in_the_same_moment() -> None:
+    lost = text("PrecLand: Target Lost", mavlink.MAV_SEVERITY_CRITICAL)
+    other = text("Battery 1 is low", mavlink.MAV_SEVERITY_WARNING)
+    assert after(other).target_lost_ns is None
+    for health in (after(lost, other), after(other, lost)):
+        assert health.target_lost_ns == 5 * S
+        assert health.cause(5 * S) == "Battery 1 is low"
+
+
 def test_the_fence_is_breached_until_it_is_not() -> None:
     def fence(breached: int) -> Any:
         return received(mavlink.MAVLink_fence_status_message(breached, 1, 2, 0))
