@@ -21,6 +21,8 @@ DELAYS = 1000
 LATE_NS = 20_000_000
 # An autopilot that no longer answers TIMESYNC is believed by least delay after so long.
 UNANSWERED_NS = 5_000_000_000
+# Where none is answered and all poses were late for so long, the clock has lost time since the last answer.
+DISPROVED_NS = 500_000_000
 
 
 class AutopilotClock:
@@ -54,6 +56,7 @@ class AutopilotClock:
         self._doubts = 0
         self._heard = False
         self._least = LeastDelay()
+        self._late_since_ns: int | None = None
         self._mapping: tuple[int, bool] = (0, False)
         self.certain_ns: int | None = None
         self.mappings = 0
@@ -110,12 +113,21 @@ class AutopilotClock:
             known += [] if late else [stamp_ns]
             known += [] if sync.confirmed_ns is None else [min(sync.confirmed_ns, stamp_ns)]
         else:
-            answered_ns = sync.answered_ns
-            late = sync.resets > 0 and answered_ns is not None and now_ns - answered_ns < UNANSWERED_NS
+            late = sync.resets > 0 and sync.answered_ns is not None and not self._unanswered(now_ns)
             known += [] if late else [stamp_ns]
         self.certain_ns = max(known, default=None)
+        if not late:
+            self._late_since_ns = None
+        elif self._late_since_ns is None:
+            self._late_since_ns = now_ns
+        elif sync.synced and self._unanswered(now_ns) and now_ns - self._late_since_ns > DISPROVED_NS:
+            self.reset()
         if late and (self.certain_ns is None or stamp_ns - self.certain_ns > LATE_NS):
             sync.hurry()
+
+    def _unanswered(self, now_ns: int) -> bool:
+        answered_ns = self.timesync.answered_ns
+        return answered_ns is not None and now_ns - answered_ns >= UNANSWERED_NS
 
     def look_up_ns(self, boot_ms: int, now_ns: int) -> int | None:
         """Return our time of any other message; the clock learns nothing from it, nor doubts itself for it.
@@ -145,5 +157,7 @@ class AutopilotClock:
         self.timesync.reset()
         self._arrivals = LeastDelay()
         self._doubts = 0
+        self._late_since_ns = None
+        self._least = LeastDelay()
         self._heard = False
         self.delays_ns.clear()

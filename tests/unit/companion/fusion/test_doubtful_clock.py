@@ -26,6 +26,7 @@ MS, S = 1_000_000, 1_000_000_000
 STEP_NS, POSE_NS = 10 * MS, 20 * MS
 BOOT_NS = 5 * S
 SPEED_MS, STONE_M = 10.0, 100.0
+LAST_NS = round(12.9 * S)
 METRES = 111_319.49  # of a degree of latitude, near enough
 LAT_DEG = 47.0
 Clock = Callable[[int], int]
@@ -40,9 +41,13 @@ class Flight:
         Tells how much time the autopilot's clock has lost by a moment.
     late_ns
         Tells how long what is sent at a moment is under way, either way.
+    answers_until_ns
+        When the autopilot ceases to answer TIMESYNC.
     """
 
-    def __init__(self, lost_ns: Clock = lambda _: 0, late_ns: Clock = lambda _: MS) -> None:
+    def __init__(
+        self, lost_ns: Clock = lambda _: 0, late_ns: Clock = lambda _: MS, answers_until_ns: int = 1000 * S
+    ) -> None:
         parameters = Parameters(lidar_x_m=0.0, lidar_pitch_deg=0.0)
         self.inbox = Inbox(Codec(191), CommandServer())
         self.history = PoseHistory(parameters)
@@ -53,6 +58,7 @@ class Flight:
         self.inbox.position.subscribe(self.history.add_position)
         self.inbox.rebooted.subscribe(self.history.begin_anew)
         self._lost_ns, self._late_ns = lost_ns, late_ns
+        self._answers_until_ns = answers_until_ns
         self._wire: list[tuple[int, Callable[[int], object]]] = []
 
     def boot_ns(self, at_ns: int) -> int:
@@ -90,7 +96,7 @@ class Flight:
     def _ask_for_the_time(self, at_ns: int) -> None:
         sync = self.inbox.clock.timesync
         stamp = sync.request(at_ns)
-        if stamp is None:
+        if stamp is None or at_ns > self._answers_until_ns:
             return
 
         def answer(now_ns: int) -> None:
@@ -118,8 +124,9 @@ class Flight:
         return np.concatenate([scan.points_enu_m[:, 1] for scan in self.scans]) - STONE_M
 
     def silences_s(self) -> np.ndarray:
-        """Return the times between returns that were placed."""
-        return np.diff(np.sort(np.concatenate([scan.stamp_ns for scan in self.scans]))) * 1e-9
+        """Return the times between returns that were placed, to the last that could be (of 13 s)."""
+        placed = np.sort(np.concatenate([scan.stamp_ns for scan in self.scans]))
+        return np.diff(placed, append=max(placed[-1], LAST_NS)) * 1e-9
 
 
 def test_with_a_steady_clock_the_stone_is_where_it_is() -> None:
@@ -134,6 +141,16 @@ def test_no_return_is_placed_by_poses_of_a_clock_that_has_lost_time(lost_ms: int
     assert np.abs(flight.errors_m()).max() < 0.3
     assert flight.silences_s().max() < 1.0
     assert flight.history.epoch == 0
+
+
+def test_a_clock_that_loses_time_and_answers_no_more_is_followed_by_its_poses() -> None:
+    flight = Flight(
+        lost_ns=lambda at_ns: 300 * MS if at_ns >= 9 * S else 0,
+        late_ns=lambda at_ns: 31 * MS if at_ns // POSE_NS % 7 == 3 else MS,
+        answers_until_ns=3 * S,
+    ).fly(13.0)
+    assert np.abs(flight.errors_m()).max() < 0.3
+    assert flight.silences_s().max() < 1.0
 
 
 def test_a_clock_that_loses_time_again_and_again_places_fewer_returns_and_none_wrongly() -> None:
