@@ -91,10 +91,26 @@ class Capture:
 
 def _of_one_interface(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
     """Return the frames of the older format, whose link type its header tells for all."""
-    reader = dpkt.pcap.Reader(file)
+    asked = _Asked(file)
+    reader = dpkt.pcap.Reader(asked)
     link = reader.datalink()
     for at_s, frame in reader:
+        if asked.short:
+            raise pcapng.DamagedError("it ends within a packet")
         yield link, round(float(at_s) * 1e6) * 1000, bytes(frame)
+
+
+class _Asked:
+    """A file that knows whether it gave less than it was asked for last; dpkt does not look."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.short = False
+
+    def read(self, n: int) -> bytes:
+        data = self._file.read(n)
+        self.short = len(data) < n
+        return data
 
 
 def _network(link: int, frame: bytes) -> Any:

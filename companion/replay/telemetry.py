@@ -61,7 +61,7 @@ class TelemetryFeed:
 
     @property
     def cut(self) -> str:
-        return self._log.cut or self._points.cut
+        return "; ".join(filter(None, (self._log.cut, self._points.cut)))
 
     @property
     def bad(self) -> int:

@@ -102,6 +102,8 @@ class TelemetryLog:
             if only is None or message.get_msgId() in only:
                 yield Logged(at_us * 1000, message)
             at, lost = end, False
+        if at < len(data) and not lost:
+            self.cut = f"{self._path.name} ends in the middle"
 
 
 def _frame_bytes(data: mmap.mmap, at: int) -> int | None:

@@ -242,7 +242,9 @@ def test_files_cut_off_give_what_is_before_or_one_line(files: Path, tmp_path: Pa
             path = tmp_path / name
         content = source.read_bytes()
         path.write_bytes(content[: int(share * len(content))])
-    assert again(tmp_path / "flight.tlog", points=str(tmp_path / "lidar.pcap"))["windows"] >= 1
+    summary = again(tmp_path / "flight.tlog", points=str(tmp_path / "lidar.pcap"))
+    assert summary["windows"] >= 1
+    assert "lidar.pcap is damaged or cut off" in summary["cut"]
     said, summary = "", {}
     try:
         summary = again(next(tmp_path.glob("*.mcap")))
@@ -250,6 +252,14 @@ def test_files_cut_off_give_what_is_before_or_one_line(files: Path, tmp_path: Pa
         said = str(error)
     assert "\n" not in said
     assert said or summary["cut"]
+
+
+def test_a_log_that_ends_within_a_time_of_day_is_not_whole(files: Path, tmp_path: Path) -> None:
+    path = tmp_path / "flight.tlog"
+    path.write_bytes((files / "flight.tlog").read_bytes() + bytes(5))
+    log = TelemetryLog(path)
+    assert len(list(log.messages())) > 0
+    assert "in the middle" in log.cut
 
 
 def test_damaged_frames_of_a_log_are_counted_and_the_rest_is_read(files: Path, tmp_path: Path) -> None:

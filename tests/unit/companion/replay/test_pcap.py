@@ -190,6 +190,20 @@ def test_a_pcapng_file_that_is_cut_off_gives_what_is_before(tmp_path: Path) -> N
     assert "ends within a block" in read.cut
 
 
+def test_a_capture_that_is_cut_off_gives_the_whole_packets_before_and_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcap"
+    sent = [b"one", b"two", b"three"]
+    capture(path, RAW, *(ip(udp(data)) for data in sent))
+    whole = path.read_bytes()
+    ends = [24 + sum(16 + 28 + len(data) for data in sent[:n]) for n in range(4)]
+    for length in range(24, len(whole) + 1):
+        path.write_bytes(whole[:length])
+        read = Capture(path)
+        n = sum(end <= length for end in ends) - 1
+        assert [d.data for d in read.datagrams()] == sent[:n]
+        assert bool(read.cut) == (length not in ends)
+
+
 @pytest.mark.parametrize(
     ("damaged", "says"),
     [
