@@ -8,13 +8,15 @@ BACK_NS = SECOND  # there without a gap before an outage is over
 
 
 class Outage:
-    """Counts from the first thing that is missing to the moment when all has been there for a second.
+    """Lasts from the first thing that is missing to the moment when all has been there for a second.
 
-    What is missing may change on the way, and come back for an instant: to the pilot it is one outage.
+    What is missing may change on the way, and come back for an instant: to the pilot it is one outage. The
+    time to the call begins anew where something is missing that was not before, as late maps after a lost
+    link are, and not where the same things are missing in turn.
     """
 
     def __init__(self) -> None:
-        self._began_ns: int | None = None
+        self._since_ns: int | None = None
         self._there_ns: int | None = None
         self._told: set[str] = set()
         self._called_for = ""
@@ -22,22 +24,22 @@ class Outage:
     def missing(self, what: str, now_ns: int) -> bool:
         """Note that something is missing now; tell whether the pilot has not been told of it yet."""
         self._there_ns = None
-        if self._began_ns is None:
-            self._began_ns = now_ns
-        new = what not in self._told and not self._called_for
+        if what in self._told or self._called_for:
+            return False
         self._told.add(what)
-        return new
+        self._since_ns = now_ns
+        return True
 
     def calls_for(self, thing: str, now_ns: int) -> bool:
         """Tell whether the pilot is to be called now: once in an outage, when it has lasted long."""
-        if self._called_for or self._began_ns is None or now_ns - self._began_ns <= CALL_NS:
+        if self._called_for or self._since_ns is None or now_ns - self._since_ns <= CALL_NS:
             return False
         self._called_for = thing
         return True
 
     def there(self, now_ns: int) -> str:
         """Note that nothing is missing now; return what the pilot was called for when it is back, else ""."""
-        if self._began_ns is None:
+        if self._since_ns is None:
             return ""
         if self._there_ns is None:
             self._there_ns = now_ns
@@ -49,6 +51,6 @@ class Outage:
 
     def over(self) -> None:
         """Forget it: a new order counts anew."""
-        self._began_ns = self._there_ns = None
+        self._since_ns = self._there_ns = None
         self._told.clear()
         self._called_for = ""

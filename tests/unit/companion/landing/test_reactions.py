@@ -114,6 +114,17 @@ def test_an_outage_lasts_until_everything_is_back_for_a_second(gaps: list[tuple[
     assert flight.executive.phase is Phase.HOLD
 
 
+def test_a_map_late_after_a_lost_link_has_its_own_time_to_come() -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
+    flight.lidar_ok = False
+    for what, seconds in (("link lost", 8.0), ("map late", 6.0), ("link lost", 1.0), ("map late", 2.0)):
+        flight.lost = what
+        flight.run(seconds)
+    assert not any("take over" in text for text in flight.texts)
+    flight.run(2)
+    assert "SLZ: map still late: take over" in flight.texts
+
+
 def _call(flight: Flight) -> str:
     return next(text for text in flight.texts if "take over" in text)
 
