@@ -20,7 +20,7 @@ test: setup
 checks: lint types docs
 
 kernels: setup
-	$(BIN)/python -c 'from companion.first_start import everything; everything()'
+	$(BIN)/python -c 'from companion.runtime.kernel_compilation import everything; everything()'
 
 # The whole environment; `make demo` installs the program alone.
 setup: $(TOOLS)

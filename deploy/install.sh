@@ -59,7 +59,7 @@ fi
 install -d -o slz -g slz -m 0700 /var/cache/slz /var/lib/slz
 cd /  # not the checkout: Python looks for modules where it stands
 runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
-    'from companion.first_start import everything; everything()'
+    'from companion.runtime.kernel_compilation import everything; everything()'
 
 sysctl --quiet --load /etc/sysctl.d/60-slz.conf
 udevadm control --reload && udevadm trigger --subsystem-match=tty

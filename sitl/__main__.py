@@ -10,15 +10,18 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl import attach, lidars, ouster, ouster_packets, scenes, truth
+from sitl import scenes
+from sitl.attached import attach
 from sitl.intruder import HIGHEST_M, Intruder
-from sitl.key import read_key
-from sitl.lidar_port import Address
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
+from sitl.sensors import lidars, ouster_os1, ouster_packets
+from sitl.sensors.lidar_port import Address
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
-from sitl.wire import WireError
+from sitl.truth import truth
+from sitl.wire.message_signing import read_key
+from sitl.wire.wire import WireError
 
 DEFAULT_MAVLINK = ["tcpin:127.0.0.1:5760", "udpout:127.0.0.1:14550"]
 RANGES = {
@@ -290,7 +293,7 @@ def _write_metadata(path: Path | None) -> None:
     if path is None:
         return
     try:
-        path.write_text(ouster_packets.metadata(ouster.ELEVATION_DEG, ouster.COLUMNS))
+        path.write_text(ouster_packets.metadata(ouster_os1.ELEVATION_DEG, ouster_os1.COLUMNS))
     except OSError as error:
         raise _UsageError(f"--lidar-metadata {path}: {error.strerror or error}") from None
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sitl.modes import Mode
+from sitl.autopilot.modes import Mode
 
 if TYPE_CHECKING:
     from sitl.simulation import Simulation

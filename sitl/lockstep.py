@@ -11,7 +11,7 @@ import socket
 import struct
 from collections.abc import Callable
 
-from sitl.wire import WireError
+from sitl.wire.wire import WireError
 
 
 class LockstepServer:

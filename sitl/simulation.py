@@ -7,19 +7,20 @@ from typing import Any, Self
 
 import numpy as np
 
-from sitl import lidars, scenes
-from sitl.autopilot import Autopilot
-from sitl.estimator import EstimateErrors, Estimator
-from sitl.flight_log import FlightLog
+from sitl import scenes
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.estimator import EstimateErrors, Estimator
+from sitl.autopilot.pilot import Pilot
 from sitl.intruder import Intruder
-from sitl.lidar_port import Address
-from sitl.optics import Noise, Reach
-from sitl.pilot import Pilot
-from sitl.pose_track import PoseTrack
-from sitl.pulse_lidar import PulseLidar
 from sitl.scenes import Scene
-from sitl.vehicle import Vehicle
-from sitl.wire import MemoryWire, Router, Wire, open_wire
+from sitl.sensors import lidars
+from sitl.sensors.lidar_port import Address
+from sitl.sensors.optics import Noise, Reach
+from sitl.sensors.pulse_lidar import PulseLidar
+from sitl.truth.flight_log import FlightLog
+from sitl.vehicle.multirotor import Vehicle
+from sitl.vehicle.pose_track import PoseTrack
+from sitl.wire.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
 LATE_S = 0.02  # behind the pace, beyond which scanning gives way: one scan of so many is left

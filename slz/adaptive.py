@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.frame import is_known
-from slz.kernels.reach import extent
-from slz.kernels.scatter import hit_squares
+from slz.kernels.cells.accumulate import hit_squares
+from slz.kernels.points.range_gate import extent
 from slz.window import Window
 
 if TYPE_CHECKING:
-    from slz.returns import Returns
+    from slz.paper.window_cells import Returns
 
 COARSEST = 2  # level of the far map whose cells are `far_cell_m` wide
 RETURNS_PER_CELL = 1.0  # of one window, below which cells are too fine
@@ -55,7 +55,7 @@ class Choice:
 class Adapter:
     """Chooses mode, resolution and window length from what the windows themselves say.
 
-    - far mode above `far_height_m` or faster than `far_speed_ms` (SLZ thesis §4.4.4), near mode again below
+    - far mode above `far_height_m` or faster than `far_speed_ms` (SLZ thesis 4.4.4), near mode again below
       nine tenths of both; a window that tells neither changes nothing;
     - the far map's cells: the finest that get a return each in a window and are not finer than returns can be
       placed: two standard deviations of ray direction times height, and of timing times speed. Three

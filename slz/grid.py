@@ -112,7 +112,7 @@ class Grid:
 
     @classmethod
     def centred(cls, east_m: float, north_m: float, side_m: float, cell_m: float) -> Self:
-        """Return the zone of the SLZ paper §3.1.2: a square about a point, snapped to whole cells."""
+        """Return the zone of the SLZ paper 3.1.2: a square about a point, snapped to whole cells."""
         n = max(3, round(side_m / cell_m))
         east, north = round(east_m / cell_m) * cell_m, round(north_m / cell_m) * cell_m
         return cls(east - side_m / 2, north - side_m / 2, cell_m, n, n)

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import Adapter, Choice
-from slz.beside import beside
-from slz.drawn import Drawn, take_drawn
-from slz.evidence import EvidenceTerrain
+from slz.concurrency import beside
+from slz.default_method import ZoneMap, far_parameters
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid
-from slz.kernels.reach import are_usable, beyond, heights_of, picked, usable, within_reach
-from slz.landing_point import SelectedPoint, judge, unknown
-from slz.maps import UNKNOWN, TerrainMaps
-from slz.nearby import nearby
-from slz.outliers import (
+from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable, within_reach
+from slz.landing_point.judgement import SelectedPoint, judge, unknown
+from slz.landing_point.local_heights import nearby
+from slz.points.outliers import (
     CLOUD_GROUP,
     FLIGHT_GROUP,
     LoneReturns,
@@ -32,16 +30,18 @@ from slz.outliers import (
     in_a_group,
     in_company,
 )
+from slz.points.registration import Offset, offset
 from slz.prior import Prior
 from slz.prior import Source as PriorSource
-from slz.registration import Offset, offset
 from slz.report import MapReport, Report
+from slz.terrain.changes import Drawn, take_drawn
+from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
 from slz.window import Window
-from slz.zone_map import ZoneMap, far_parameters
 
 if TYPE_CHECKING:
-    from slz.returns import Returns
-    from slz.source_map import SourceMap
+    from slz.paper.paper_method import SourceMap
+    from slz.paper.window_cells import Returns
 
 Points = NDArray[np.float64]
 AnyMap: TypeAlias = "ZoneMap | SourceMap"
@@ -59,9 +59,9 @@ class Pipeline:
     parameters
         All parameters; `mode` selects the sources' rules or the default ones.
     centre_enu_m
-        East and north of the first zone's centre; None takes the first return (SLZ paper §3.1.2).
+        East and north of the first zone's centre; None takes the first return (SLZ paper 3.1.2).
     follow
-        Whether, in source mode, a return outside the zone moves it there (§3.2.5) or is passed over.
+        Whether, in source mode, a return outside the zone moves it there (3.2.5) or is passed over.
     threads
         With 2 the far map is drawn beside the near one; the reports are the same. Default mode only.
     prior
@@ -89,8 +89,8 @@ class Pipeline:
         self._follow = follow
         self._source = parameters.mode == "source"
         if self._source:  # only here, so that no other mode waits for its kernels
-            from slz.returns import Returns
-            from slz.source_map import SourceMap
+            from slz.paper.paper_method import SourceMap
+            from slz.paper.window_cells import Returns
 
             self._returns, self._source_map = Returns(), SourceMap
         self._frame: LocalFrame | None = None
@@ -309,14 +309,14 @@ class Pipeline:
         return np.vstack([kept, again]) if len(again) else kept
 
     def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:
-        """Place a window's returns in a grid and drop the outliers among them (SLZ paper §3.2.1)."""
+        """Place a window's returns in a grid and drop the outliers among them (SLZ paper 3.2.1)."""
         p = self._parameters
         self._returns.read(window.points_enu_m, sensor_enu_m, p.max_range_m, grid)
         self._returns.keep_heights(p.histogram_bins, p.histogram_threshold)
         return self._returns
 
     def _maps_for(self, kind: type[M], window: Window, first_point: Callable[[], Points]) -> tuple[M, M]:
-        """Return the maps; a new frame begins new ones at the first point (SLZ paper §3.1.2)."""
+        """Return the maps; a new frame begins new ones at the first point (SLZ paper 3.1.2)."""
         if isinstance(self._near, kind) and isinstance(self._far, kind) and window.frame == self._frame:
             return self._near, self._far
         if self._frame is not None:  # what was chosen lies in another frame

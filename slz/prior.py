@@ -20,16 +20,16 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from params import Parameters
-from slz.content import Content, describe
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid, read_at
-from slz.kernels.prior import contradict, heights_over
-from slz.landing_point import Readable
-from slz.maps import SAFE, UNKNOWN, UNSAFE
-from slz.ranking import rank
-from slz.repeat import ZoneTracker
-from slz.search import Candidate, search_components, side_in_cells
+from slz.kernels.points.prior_agreement import contradict, heights_over
+from slz.landing_point.judgement import Readable
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.zone import Zone
+from slz.zones.description import Content, describe
+from slz.zones.detection import Candidate, search_components, side_in_cells
+from slz.zones.ranking import rank
+from slz.zones.tracking import ZoneTracker
 
 CERTAINTY = 0.5  # of surveyed ground: below what a landing asks for (`min_certainty`)
 FEWEST_RETURNS = 200
@@ -64,7 +64,7 @@ class PriorTerrain:
     """What is left of surveyed ground, to be read as the live maps are (`Readable`).
 
     offset_m: of the survey's zero over that of the live maps' kept heights. datum_m: of the latter, see
-    `slz.tiles.Tiles`.
+    `slz.terrain.tiles.Tiles`.
     """
 
     of_the_sources: ClassVar = False

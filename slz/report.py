@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Grid
-from slz.landing_point import SelectedPoint
-from slz.nearby import Nearby
+from slz.landing_point.judgement import SelectedPoint
+from slz.landing_point.local_heights import Nearby
 from slz.zone import Zone
 
 

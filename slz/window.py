@@ -1,4 +1,4 @@
-"""Scans, and the windows of time they are gathered into (SLZ paper §3.1.1)."""
+"""Scans, and the windows of time they are gathered into (SLZ paper 3.1.1)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Windower:
     """Gather scans until their own stamps span the window, then hand the window on.
 
     The scan whose stamps reach the window's end is not part of it: it starts the next one
-    (SLZ thesis §3.2.1.1). Time stamps decide, never the arrival. A second sensor's scans may come late, by up
+    (SLZ thesis 3.2.1.1). Time stamps decide, never the arrival. A second sensor's scans may come late, by up
     to `LATE_NS`: they join the open window, or wait for the next, and neither open nor close one. A scan that
     is older still tells of a clock that went back, and starts a window.
     """

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
-from slz.lazy import Lazy
-from slz.surroundings import Obstacle
+from slz.landing_point.obstacles import Obstacle
+from slz.lazy_fields import Lazy
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class LandingPoint:
 
 @dataclass(frozen=True)
 class Zone:
-    """One safe landing zone (SLZ paper §3.3-3.4).
+    """One safe landing zone (SLZ paper 3.3-3.4).
 
     box: its cells' bounding box in the grid. cells: uint8 over that box, 1 = zone; in source mode everything
     inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and columns

@@ -124,7 +124,7 @@ async def main() -> None:
     )
     run = (
         *(
-            "companion.cli",
+            "companion.cli.program",
             "run",
             "--mavlink",
             f"tcp:127.0.0.1:{ours}",

@@ -3,11 +3,11 @@
 # --8<-- [start:scene]
 import numpy as np
 
-from sitl.primitives import Box, Kind, Wire
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import Terrain
 from sitl.scenes.scene import Scene, rectangle
-from sitl.scenes.terrain import Terrain
-from sitl.world import World
+from sitl.world.primitives import Box, Kind, Wire
+from sitl.world.world import World
 
 
 def build(seed: int) -> Scene:
@@ -22,7 +22,7 @@ def build(seed: int) -> Scene:
         Wire((-50.0, -30.0, 9.0), (50.0, -30.0, 9.0), name="wire"),
     ]
     for k, (x, y) in enumerate(rng.uniform((-50.0, 30.0), (50.0, 50.0), (12, 2))):
-        solids += furniture.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(5.0, 9.0), rng)
+        solids += scene_objects.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(5.0, 9.0), rng)
     return Scene(
         name="meadow",
         seed=seed,
@@ -36,7 +36,7 @@ def build(seed: int) -> Scene:
 # --8<-- [end:scene]
 
 if __name__ == "__main__":
-    from sitl import truth
+    from sitl.truth import truth
 
     scene = build(1)
     found = truth.safe_map(scene.world, (-40.0, -40.0, 50.0, 40.0))

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.cli import main
-from companion.sensors.others import add_sensor
-from companion.sensors.returns import RawReturns
+from companion.cli.program import main
+from companion.flight.sensors.returns import RawReturns
+from companion.flight.sensors.sensor_registry import add_sensor
 
 HEADER = struct.Struct("<4sHHQI")
 POINT = np.dtype([("xyz_mm", "<i4", 3), ("intensity", "u1")])

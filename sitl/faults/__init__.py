@@ -10,40 +10,47 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sitl.faults import autopilot, lidar, link, losses, neighbours, stick
+from sitl.faults import (
+    autopilot_faults,
+    failsafe_faults,
+    lidar_faults,
+    link_faults,
+    neighbour_faults,
+    stick_fault,
+)
 from sitl.faults.fault import Fault
-from sitl.faults.line import SpoiltWire
+from sitl.faults.faulty_wire import SpoiltWire
 
 __all__ = ["NAMES", "Fault", "SpoiltWire", "build"]
 
 _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
-    "link_loss": lambda rng: link.LinkFault(link.Loss()),
-    "link_bursts": lambda rng: link.LinkFault(link.Bursts()),
-    "link_delay": lambda rng: link.LinkFault(link.Delay()),
-    "link_duplicates": lambda rng: link.LinkFault(link.Duplicates()),
-    "link_reordering": lambda rng: link.LinkFault(link.Reordering()),
-    "link_corruption": lambda rng: link.LinkFault(link.Corruption()),
-    "reboot": lambda rng: autopilot.Reboot(),
-    "ekf_jump": autopilot.EstimateJump,
-    "gps_drift": autopilot.EstimateDrift,
-    "autopilot_held_up": autopilot.HeldUp,
-    "pilot_mode": autopilot.PilotMode,
-    "pilot_stick": stick.PilotStick,
-    "gps_loss": losses.GpsLoss,
-    "battery_failsafe": losses.BatteryFailsafe,
-    "radio_failsafe": lambda rng: losses.RadioFailsafe(),
-    "fence_breach": losses.FenceBreach,
-    "second_vehicle": neighbours.SecondVehicle,
-    "second_station": neighbours.SecondStation,
-    "gimbal": neighbours.Gimbal,
-    "lidar_stop": lambda rng: lidar.Stop(),
-    "lidar_half": lambda rng: lidar.PacketFault(lidar.Halved()),
-    "lidar_stuck": lambda rng: lidar.PacketFault(lidar.Stuck()),
-    "lidar_garbage": lambda rng: lidar.PacketFault(lidar.Garbage(rng)),
-    "lidar_clock": lidar.ClockStep,
-    "lidar_misaligned": lidar.Misalignment,
-    "lidar_dust": lambda rng: lidar.Weather(*lidar.DUST),
-    "lidar_rain": lambda rng: lidar.Weather(*lidar.RAIN),
+    "link_loss": lambda rng: link_faults.LinkFault(link_faults.Loss()),
+    "link_bursts": lambda rng: link_faults.LinkFault(link_faults.Bursts()),
+    "link_delay": lambda rng: link_faults.LinkFault(link_faults.Delay()),
+    "link_duplicates": lambda rng: link_faults.LinkFault(link_faults.Duplicates()),
+    "link_reordering": lambda rng: link_faults.LinkFault(link_faults.Reordering()),
+    "link_corruption": lambda rng: link_faults.LinkFault(link_faults.Corruption()),
+    "reboot": lambda rng: autopilot_faults.Reboot(),
+    "ekf_jump": autopilot_faults.EstimateJump,
+    "gps_drift": autopilot_faults.EstimateDrift,
+    "autopilot_held_up": autopilot_faults.HeldUp,
+    "pilot_mode": autopilot_faults.PilotMode,
+    "pilot_stick": stick_fault.PilotStick,
+    "gps_loss": failsafe_faults.GpsLoss,
+    "battery_failsafe": failsafe_faults.BatteryFailsafe,
+    "radio_failsafe": lambda rng: failsafe_faults.RadioFailsafe(),
+    "fence_breach": failsafe_faults.FenceBreach,
+    "second_vehicle": neighbour_faults.SecondVehicle,
+    "second_station": neighbour_faults.SecondStation,
+    "gimbal": neighbour_faults.Gimbal,
+    "lidar_stop": lambda rng: lidar_faults.Stop(),
+    "lidar_half": lambda rng: lidar_faults.PacketFault(lidar_faults.Halved()),
+    "lidar_stuck": lambda rng: lidar_faults.PacketFault(lidar_faults.Stuck()),
+    "lidar_garbage": lambda rng: lidar_faults.PacketFault(lidar_faults.Garbage(rng)),
+    "lidar_clock": lidar_faults.ClockStep,
+    "lidar_misaligned": lidar_faults.Misalignment,
+    "lidar_dust": lambda rng: lidar_faults.Weather(*lidar_faults.DUST),
+    "lidar_rain": lambda rng: lidar_faults.Weather(*lidar_faults.RAIN),
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

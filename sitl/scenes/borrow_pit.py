@@ -1,4 +1,4 @@
-"""A borrow pit with rocks, craters and two boxes, after the flash LiDAR's test site (Flash §3)."""
+"""A borrow pit with rocks, craters and two boxes, after the flash LiDAR's test site (Flash 3)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from sitl.primitives import Box, Ellipsoid, Kind, Solid
+from sitl.scenes.ground import Terrain
 from sitl.scenes.scene import Scene, rectangle
-from sitl.scenes.terrain import Terrain
-from sitl.world import World
+from sitl.world.primitives import Box, Ellipsoid, Kind, Solid
+from sitl.world.world import World
 
 BOXES = ((-4.0, 0.0, 1.0), (4.0, 0.0, 2.0))
 """East, north and height of the two boxes; each is 3 m square."""

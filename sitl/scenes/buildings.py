@@ -1,14 +1,14 @@
-"""Two flat-roofed buildings with a level yard between them (landing points, SLZ thesis §4.4.5)."""
+"""Two flat-roofed buildings with a level yard between them (landing points, SLZ thesis 4.4.5)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sitl.primitives import Kind, Solid
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import LAWN_RELIEF_M, Terrain
 from sitl.scenes.scene import Polygon, Scene, rectangle
-from sitl.scenes.terrain import LAWN_RELIEF_M, Terrain
-from sitl.world import World
+from sitl.world.primitives import Kind, Solid
+from sitl.world.world import World
 
 YARD = (-9.0, -14.0, 11.0, 14.0)
 PARAPET_M = 0.4
@@ -27,12 +27,12 @@ def build(seed: int) -> Scene:
         depth, length = float(rng.uniform(9.0, 14.0)), float(rng.uniform(15.0, 26.0))
         height = float(rng.uniform(5.0, 11.0))
         x, y = wall_x + (0.5 if side == "east" else -0.5) * depth, float(rng.uniform(-3.0, 3.0))
-        solids += furniture.flat_roof(side, x, y, 0.0, (depth, length, height), PARAPET_M)
+        solids += scene_objects.flat_roof(side, x, y, 0.0, (depth, length, height), PARAPET_M)
         regions[f"building_{side}"] = rectangle(x - depth / 2, y - length / 2, x + depth / 2, y + length / 2)
     for k in range(12):
         turn, away = 2 * np.pi * k / 12 + rng.uniform(-0.2, 0.2), rng.uniform(46.0, 62.0)
         x, y = float(away * np.cos(turn)), float(away * np.sin(turn))
-        solids += furniture.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(4.0, 9.0), rng)
+        solids += scene_objects.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(4.0, 9.0), rng)
     return Scene(
         name="buildings",
         seed=seed,

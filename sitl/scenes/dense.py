@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.primitives import Box, Cylinder, Kind, Solid
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import MICRO_RELIEF_M, Terrain
 from sitl.scenes.scene import Polygon, Scene, rectangle
-from sitl.scenes.terrain import MICRO_RELIEF_M, Terrain
-from sitl.world import World
+from sitl.world.primitives import Box, Cylinder, Kind, Solid
+from sitl.world.world import World
 
 BLOCK_M, ALLEY_M = 24.0, 4.0
 SQUARE = (-42.0, -42.0, 42.0, 42.0)
@@ -30,15 +30,15 @@ def build(seed: int) -> Scene:
                 continue
             name, height = f"house{row:+d}{column:+d}", float(rng.uniform(6.0, 32.0))
             size = (float(rng.uniform(19.0, BLOCK_M)), float(rng.uniform(19.0, BLOCK_M)), height)
-            solids += furniture.flat_roof(name, x, y, 0.0, size, 0.6)
+            solids += scene_objects.flat_roof(name, x, y, 0.0, size, 0.6)
             if rng.random() < 0.25:
                 regions[f"roof{row:+d}{column:+d}"] = rectangle(x - 8.0, y - 8.0, x + 8.0, y + 8.0)
             else:
                 solids += _roof_plant(name, x, y, height, rng)
     for k, (x, y) in enumerate(((-26.0, -26.0), (26.0, -26.0), (-26.0, 26.0), (26.0, 26.0))):
-        solids += furniture.lamp(f"lamp-{k}", x, y, 0.0, 5.0)
-    solids += furniture.tree("tree-square", -20.0, 18.0, 0.0, 7.0, rng)
-    solids += furniture.parked_car("parked-0", 18.0, -22.0, 0.0, 0.4)
+        solids += scene_objects.lamp(f"lamp-{k}", x, y, 0.0, 5.0)
+    solids += scene_objects.tree("tree-square", -20.0, 18.0, 0.0, 7.0, rng)
+    solids += scene_objects.parked_car("parked-0", 18.0, -22.0, 0.0, 0.4)
     return Scene(
         name="dense",
         seed=seed,

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from sitl.primitives import Kind, Solid
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import Terrain
 from sitl.scenes.scene import Scene, ellipse, rectangle
-from sitl.scenes.terrain import Terrain
-from sitl.world import World
+from sitl.world.primitives import Kind, Solid
+from sitl.world.world import World
 
 RADIUS_M = 70.0
 
@@ -28,10 +28,10 @@ def build(seed: int) -> Scene:
     for k in range(45):
         turn, reach = rng.uniform(0.0, 2 * math.pi), rng.uniform(20.0, 78.0)
         x, y = reach * math.cos(turn), reach * math.sin(turn)
-        solids += furniture.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(4.0, 9.0), rng)
+        solids += scene_objects.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(4.0, 9.0), rng)
     for k in range(50):
         x, y = rng.normal(0.0, 9.0, 2).clip(-25.0, 25.0)
-        solids += furniture.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.3, 0.9), rng)
+        solids += scene_objects.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.3, 0.9), rng)
     return Scene(
         name="hill",
         seed=seed,

@@ -1,14 +1,14 @@
 """A landing site of five surfaces with things on it and a slope, after the radar letter's example (Radar
-§3.2)."""
+3.2)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sitl.primitives import Box, Ellipsoid, Kind, Solid
+from sitl.scenes.ground import Terrain
 from sitl.scenes.scene import Polygon, Scene, ellipse, rectangle
-from sitl.scenes.terrain import Terrain
-from sitl.world import World
+from sitl.world.primitives import Box, Ellipsoid, Kind, Solid
+from sitl.world.world import World
 
 HALF_M = 50.0
 """Half side of the area surveyed."""

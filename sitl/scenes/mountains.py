@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.primitives import Kind, Solid
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import Terrain
 from sitl.scenes.scene import Scene, rectangle
-from sitl.scenes.terrain import Terrain
-from sitl.world import World
+from sitl.world.primitives import Kind, Solid
+from sitl.world.world import World
 
 HALF_M = 400.0
 VALLEY = (-380.0, -45.0, 380.0, 45.0)
@@ -31,10 +31,10 @@ def build(seed: int) -> Scene:
     solids: list[Solid] = []
     for k in range(260):
         x, y = rng.uniform(-390.0, 390.0), rng.choice([-1.0, 1.0]) * rng.uniform(48.0, 220.0)
-        solids += furniture.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(6.0, 14.0), rng)
+        solids += scene_objects.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(6.0, 14.0), rng)
     for k in range(80):
         x, y = rng.uniform(-390.0, 390.0), rng.choice([-1.0, 1.0]) * rng.uniform(42.0, 100.0)
-        solids += furniture.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.3, 1.5), rng)
+        solids += scene_objects.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.3, 1.5), rng)
     return Scene(
         name="mountains",
         seed=seed,

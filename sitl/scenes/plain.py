@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from sitl.primitives import Kind, Solid
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import Terrain
 from sitl.scenes.scene import Scene, ellipse, rectangle
-from sitl.scenes.terrain import Terrain
-from sitl.world import World
+from sitl.world.primitives import Kind, Solid
+from sitl.world.world import World
 
 PAD = (-20.0, -20.0, 20.0, 20.0)
 LAKE = (70.0, -60.0, 30.0, 20.0)
@@ -49,12 +49,12 @@ def _solids(terrain: Terrain, rng: np.random.Generator) -> list[Solid]:
         x, y = rng.uniform(-140.0, 140.0, 2)
         on_lake = math.hypot((x - LAKE[0]) / (LAKE[2] + 6), (y - LAKE[1]) / (LAKE[3] + 6)) < 1.0
         if not on_lake and math.hypot(x, y) > 35.0:
-            solids += furniture.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(4.0, 10.0), rng)
+            solids += scene_objects.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(4.0, 10.0), rng)
     for k in range(60):
         turn, reach = rng.uniform(0.0, 2 * math.pi), math.sqrt(rng.random())
         x, y = -80.0 + 24.0 * reach * math.cos(turn), 60.0 + 14.0 * reach * math.sin(turn)
-        solids += furniture.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.15, 0.6), rng)
+        solids += scene_objects.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.15, 0.6), rng)
     for k, y in enumerate(np.arange(30.0, 90.0, 15.0)):
         z = min(terrain.at(30.0, float(y)), terrain.at(30.0, float(y) + 15.0))
-        solids += furniture.fence(f"fence-{k}", (30.0, float(y)), (30.0, float(y) + 15.0), z)
+        solids += scene_objects.fence(f"fence-{k}", (30.0, float(y)), (30.0, float(y) + 15.0), z)
     return solids

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from sitl.world import World
+from sitl.world.world import World
 
 Polygon = tuple[tuple[float, float], ...]
 """Corners (x, y) in ENU metres, counter-clockwise, not closed."""

@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from sitl.primitives import Box, Cylinder, Kind, Solid, Wire
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import LAWN_RELIEF_M, Terrain
 from sitl.scenes.scene import Polygon, Scene, ellipse, rectangle
-from sitl.scenes.terrain import LAWN_RELIEF_M, Terrain
-from sitl.world import World
+from sitl.world.primitives import Box, Cylinder, Kind, Solid, Wire
+from sitl.world.world import World
 
 KERB_M = 0.15
 COURT = (-93.0, 3.5, 13.0, 76.5)
@@ -49,13 +49,17 @@ def build(seed: int) -> Scene:
     terrain = _terrain(terrain_rng)
     solids = [
         *_stands(),
-        *furniture.goal("goal-west", COURT[0] + 3.0, 40.0, 0.0, 1.0),
-        *furniture.goal("goal-east", COURT[2] - 3.0, 40.0, 0.0, -1.0),
+        *scene_objects.goal("goal-west", COURT[0] + 3.0, 40.0, 0.0, 1.0),
+        *scene_objects.goal("goal-east", COURT[2] - 3.0, 40.0, 0.0, -1.0),
         *_street(rng),
         *_plaza(),
         *_roofs(),
-        *furniture.car_park("car-park", CAR_PARK, 17.0, rng),
-        *(tree for k, area in enumerate(GROVES) for tree in furniture.grove(f"grove-{k}", area, 18.0, rng)),
+        *scene_objects.car_park("car-park", CAR_PARK, 17.0, rng),
+        *(
+            tree
+            for k, area in enumerate(GROVES)
+            for tree in scene_objects.grove(f"grove-{k}", area, 18.0, rng)
+        ),
         *_park(terrain, rng),
         *_power_line(terrain),
     ]
@@ -103,7 +107,7 @@ def _stands() -> list[Solid]:
         for block in range(blocks):
             middle = begin + length / 2 + block * (length + gangway)
             front = (middle, line) if name in ("north", "south") else (line, middle)
-            solids += furniture.stand(f"stand-{name}-{block}", front, outward, length, rows, height)
+            solids += scene_objects.stand(f"stand-{name}-{block}", front, outward, length, rows, height)
     for x, y, name in ((x0 - 4.5, y0 - 5.4, "sw"), (x0 - 4.5, y1 + 7.2, "nw"), (x1 + 4.5, y1 + 7.2, "ne")):
         depth = 10.8 if y < y0 else 14.4
         solids.append(Box(x, y, -0.5, 9.0, depth, 8.5, kind=Kind.CONCRETE, name=f"stadium-corner-{name}"))
@@ -121,16 +125,18 @@ def _street(rng: np.random.Generator) -> list[Solid]:
         towards_street = -0.5 * math.pi if side == "north" else 0.5 * math.pi
         kerb = y + (-1.0 if side == "north" else 1.0)
         for k, x in enumerate(np.arange(-190.0, 195.0, 28.0)):
-            solids += furniture.lamp(f"lamp-{side}-{k}", float(x), kerb, KERB_M, 6.0, towards_street)
+            solids += scene_objects.lamp(f"lamp-{side}-{k}", float(x), kerb, KERB_M, 6.0, towards_street)
     for k, x in enumerate(np.arange(-182.0, 195.0, 14.0)):
         if rng.random() < 0.8:
-            solids += furniture.tree(f"street-tree-{k}", float(x), -67.0, KERB_M, rng.uniform(5.0, 8.0), rng)
+            solids += scene_objects.tree(
+                f"street-tree-{k}", float(x), -67.0, KERB_M, rng.uniform(5.0, 8.0), rng
+            )
     lanes = {"north": STREET[3] - 1.15, "south": STREET[1] + 1.15}
     for side, y in lanes.items():
         for k, x in enumerate(np.arange(-190.0, 192.0, 6.5)):
             if rng.random() < 0.45:
                 lean = float(rng.normal(0.0, 0.02))
-                solids += furniture.parked_car(f"parked-{side}-{k}", float(x), y, 0.0, lean)
+                solids += scene_objects.parked_car(f"parked-{side}-{k}", float(x), y, 0.0, lean)
     return solids
 
 
@@ -149,7 +155,7 @@ def _plaza() -> list[Solid]:
     for k, (px, py) in enumerate(
         ((x0 + 1, y0 + 20), (x0 + 1, y1 - 12), (x1 - 1, y0 + 20), (x1 - 1, y1 - 12))
     ):
-        solids += furniture.lamp(f"plaza-lamp-{k}", px, py, KERB_M, 5.0, 0.0 if px < x else math.pi)
+        solids += scene_objects.lamp(f"plaza-lamp-{k}", px, py, KERB_M, 5.0, 0.0 if px < x else math.pi)
     return solids
 
 
@@ -158,8 +164,8 @@ def _roofs() -> list[Solid]:
     small_x, small_y = (SMALL_ROOF[0] + SMALL_ROOF[2]) / 2, (SMALL_ROOF[1] + SMALL_ROOF[3]) / 2
     top = LARGE_ROOF_HEIGHT_M
     return [
-        *furniture.flat_roof("large-roof", large_x, large_y, 0.0, (60.0, 40.0, top), 0.5),
-        *furniture.flat_roof("small-roof", small_x, small_y, 0.0, (30.0, 28.0, SMALL_ROOF_HEIGHT_M), 0.4),
+        *scene_objects.flat_roof("large-roof", large_x, large_y, 0.0, (60.0, 40.0, top), 0.5),
+        *scene_objects.flat_roof("small-roof", small_x, small_y, 0.0, (30.0, 28.0, SMALL_ROOF_HEIGHT_M), 0.4),
         Box(132.0, 57.0, top, 6.0, 4.0, 2.2, kind=Kind.METAL, name="roof-plant-chiller"),
         Box(141.0, 58.0, top, 3.0, 3.0, 1.4, kind=Kind.METAL, name="roof-plant-fan"),
         Box(150.0, 45.0, top, 3.0, 24.0, 0.9, kind=Kind.METAL, name="roof-plant-duct"),
@@ -177,13 +183,15 @@ def _park(terrain: Terrain, rng: np.random.Generator) -> list[Solid]:
         x, y = rng.uniform(-192.0, 192.0), rng.uniform(-192.0, -76.0)
         in_pond = ((x - POND[0]) / (POND[2] + 5)) ** 2 + ((y - POND[1]) / (POND[3] + 5)) ** 2 < 1.0
         if not in_pond and not (-80.0 < x < 60.0 and y > -112.0):
-            solids += furniture.tree(f"park-tree-{k}", x, y, terrain.at(x, y), rng.uniform(5.0, 12.0), rng)
+            solids += scene_objects.tree(
+                f"park-tree-{k}", x, y, terrain.at(x, y), rng.uniform(5.0, 12.0), rng
+            )
     for k in range(30):
         x, y = rng.uniform(60.0, 192.0), rng.uniform(112.0, 192.0)
-        solids += furniture.tree(f"wood-tree-{k}", x, y, terrain.at(x, y), rng.uniform(7.0, 14.0), rng)
+        solids += scene_objects.tree(f"wood-tree-{k}", x, y, terrain.at(x, y), rng.uniform(7.0, 14.0), rng)
     for k in range(90):
         x, y = rng.uniform(RUBBLE[0], RUBBLE[2]), rng.uniform(RUBBLE[1], RUBBLE[3])
-        solids += furniture.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.15, 0.6), rng)
+        solids += scene_objects.boulder(f"stone-{k}", x, y, terrain.at(x, y), rng.uniform(0.15, 0.6), rng)
     return solids
 
 
@@ -207,7 +215,7 @@ def _power_line(terrain: Terrain) -> list[Solid]:
 
 def _regions() -> dict[str, Polygon]:
     x0, y0, x1, y1 = COURT
-    depth = {name: rows * furniture.ROW_M for name, (rows, _) in SIDES.items()}
+    depth = {name: rows * scene_objects.ROW_M for name, (rows, _) in SIDES.items()}
     return {
         "court": rectangle(*COURT),
         "stand_north": rectangle(x0, y1, x1, y1 + depth["north"]),

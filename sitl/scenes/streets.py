@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from sitl.primitives import Box, Kind, Solid, Wire
-from sitl.scenes import furniture
+from sitl.scenes import scene_objects
+from sitl.scenes.ground import LAWN_RELIEF_M, Terrain
 from sitl.scenes.scene import Polygon, Scene, rectangle
-from sitl.scenes.terrain import LAWN_RELIEF_M, Terrain
-from sitl.world import World
+from sitl.world.primitives import Box, Kind, Solid, Wire
+from sitl.world.world import World
 
 ROAD = (-150.0, -4.0, 150.0, 4.0)
 GREEN = (20.0, 48.0, 60.0, 80.0)
@@ -50,10 +50,10 @@ def _road(rng: np.random.Generator) -> list[Solid]:
         solids.append(Box(0.0, side * 5.5, -0.5, 300.0, 3.0, 0.65, kind=Kind.PAVING, name=f"pavement-{name}"))
         for k, x in enumerate(np.arange(-143.0, 143.0, 6.5)):
             if rng.random() < 0.3:
-                solids += furniture.parked_car(f"parked-{name}-{k}", float(x), side * 2.9, 0.0, 0.0)
+                solids += scene_objects.parked_car(f"parked-{name}-{k}", float(x), side * 2.9, 0.0, 0.0)
     xs = np.arange(-140.0, 141.0, 35.0)
     for k, x in enumerate(xs):
-        solids += furniture.lamp(f"lamp-{k}", float(x), 6.6, 0.15, 7.0, -0.5 * math.pi)
+        solids += scene_objects.lamp(f"lamp-{k}", float(x), 6.6, 0.15, 7.0, -0.5 * math.pi)
     for k in range(len(xs) - 1):
         a, b = (float(xs[k]), 6.6, 6.9), (float(xs[k + 1]), 6.6, 6.9)
         solids.append(Wire(a, b, 0.008, Kind.METAL, f"cable-{k}"))
@@ -63,15 +63,15 @@ def _road(rng: np.random.Generator) -> list[Solid]:
 def _plot(name: str, x: float, side: float, rng: np.random.Generator) -> list[Solid]:
     """Return a house, a fenced yard behind it, a shed and a tree."""
     length, width, height = rng.uniform(9.0, 13.0), rng.uniform(8.0, 10.0), rng.uniform(4.0, 8.0)
-    solids = furniture.flat_roof(f"{name}-house", x, side * 16.0, 0.0, (length, width, height), 0.25)
+    solids = scene_objects.flat_roof(f"{name}-house", x, side * 16.0, 0.0, (length, width, height), 0.25)
     # A block on the roof stands for the ridge: nothing here is a place to land.
     solids.append(Box(x, side * 16.0, height, length - 2, 2.0, 1.6, kind=Kind.ROOF, name=f"{name}-ridge"))
     near, far = side * (YARD_Y[0] - 4.0), side * (YARD_Y[1] + 1.0)
     for edge in (-PLOT_M / 2, PLOT_M / 2):
-        solids += furniture.fence(f"{name}-fence{edge:+.0f}", (x + edge, near), (x + edge, far), 0.0)
+        solids += scene_objects.fence(f"{name}-fence{edge:+.0f}", (x + edge, near), (x + edge, far), 0.0)
     if rng.random() < 0.7:
         shed_x, shed_y = x + rng.uniform(-7.0, 7.0), side * rng.uniform(40.0, 43.0)
         solids.append(Box(shed_x, shed_y, -0.5, 3.0, 2.5, 2.9, kind=Kind.WOOD, name=f"{name}-shed"))
     tree_x, tree_y = x + rng.uniform(-8.0, 8.0), side * rng.uniform(24.0, 38.0)
-    solids += furniture.tree(f"{name}-tree", tree_x, tree_y, 0.0, rng.uniform(4.0, 8.0), rng)
+    solids += scene_objects.tree(f"{name}-tree", tree_x, tree_y, 0.0, rng.uniform(4.0, 8.0), rng)
     return solids

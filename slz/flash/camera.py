@@ -16,7 +16,7 @@ FWHM_PER_SIGMA = 2.3548200450309493
 class FlashCamera:
     """A focal plane behind a lens, each pixel with a ring buffer of samples.
 
-    The defaults are those of Flash §2 to §4.2: 128 x 128 pixels behind a lens of 250 mm (pixels of 100 um
+    The defaults are those of Flash 2 to 4.2: 128 x 128 pixels behind a lens of 250 mm (pixels of 100 um
     give 2.93 degrees), samples every 2.4 ns, pulses of 10 ns FWHM. Counts are those of the simulated
     instrument.
 

@@ -1,4 +1,4 @@
-"""Elevations on a grid, the ground among them, and their histogram (Flash §5.3)."""
+"""Elevations on a grid, the ground among them, and their histogram (Flash 5.3)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.grid import Grid
-from slz.kernels.scatter import sum_and_count
+from slz.kernels.cells.accumulate import sum_and_count
 
 F64 = NDArray[np.float64]
 GROUND_M = 8.0
@@ -54,7 +54,7 @@ def grid_around(points_m: F64, cell_m: float) -> Grid:
 
 
 def relative_elevation(elevation: ElevationMap, ground_m: float = GROUND_M) -> F64:
-    """Return the DEM: elevations less those of the object-free ground around (Flash §5.3).
+    """Return the DEM: elevations less those of the object-free ground around (Flash 5.3).
 
     The source takes one mean of areas without objects. Ground that swells needs a local one: the median of
     blocks of 0.5 m over `ground_m`, which objects on less than half of that square do not move.

@@ -1,4 +1,4 @@
-"""Range and intensity of every pixel from its waveform (Flash §4.2-4.3)."""
+"""Range and intensity of every pixel from its waveform (Flash 4.2-4.3)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.flash.camera import FlashCamera, FlashFrame
-from slz.kernels.waveform import GOOD, MISSING, likely_peaks, polynomial_peaks
+from slz.kernels.instruments.waveform import GOOD, MISSING, likely_peaks, polynomial_peaks
 
 DEGREE = 6
 LEAST_SIGMAS = 4.0  # of the noise, below which a maximum is no return
@@ -23,7 +23,7 @@ class RangeImage:
 
     range_m : float64, NaN where no range is trusted. intensity : float64, counts over the baseline.
     sigma_m : float64, standard error of the range that the noise explains, NaN where not known.
-    state : uint8, MISSING, GOOD, SATURATED or ODD of `slz.kernels.waveform`; only GOOD ones have a range.
+    state : uint8, MISSING, GOOD, SATURATED or ODD of `waveform`; only GOOD ones have a range.
     """
 
     range_m: F64
@@ -33,7 +33,7 @@ class RangeImage:
 
 
 def polynomial_ranges(frame: FlashFrame, camera: FlashCamera) -> RangeImage:
-    """Return ranges at the maximum of a polynomial of 6th degree, as the source has it (Flash §4.2).
+    """Return ranges at the maximum of a polynomial of 6th degree, as the source has it (Flash 4.2).
 
     Raises
     ------

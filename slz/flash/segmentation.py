@@ -1,4 +1,4 @@
-"""Optimal Segmentation Algorithm: quarters that differ from their whole become segments (Flash §6.1).
+"""Optimal Segmentation Algorithm: quarters that differ from their whole become segments (Flash 6.1).
 
 What is *different* is settled by Eq. (5), |H - Hm| >= xi (DH + DHm). The text calls DH the standard
 deviation, Eq. (3) prints the variance; with neither can the algorithm work. If a quarter of a segment lies d

@@ -1,4 +1,4 @@
-"""Which frames are worth processing (Flash §4.1)."""
+"""Which frames are worth processing (Flash 4.1)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from slz.flash.ranging import RangeImage
-from slz.kernels.waveform import GOOD, MISSING, SATURATED
+from slz.kernels.instruments.waveform import GOOD, MISSING, SATURATED
 
 FULL = 0.95
 """Share of pixels with a return, "close to 100 %", from which a frame is whole."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import Floats, every, where
+from slz.kernels.simd import Floats, every, where
 
 F0, F1 = np.float32(0.0), np.float32(1.0)
 TAN_1, TAN_3 = np.float32(0.4142135623730950), np.float32(2.414213562373095)  # of pi / 8 and 3 pi / 8

@@ -15,12 +15,12 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from slz.kernels.sources import stamp
+from slz.kernels.source_stamp import stamp
 
 log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
-KERNELS = Path(__file__).parent
+ROOT = Path(__file__).parents[2]
 _told = set[str]()  # modules
 
 
@@ -52,4 +52,4 @@ def _mark(compiled: Any, path: Path) -> None:
 
 @functools.cache
 def _stamp(path: Path) -> bytes:
-    return stamp(path, KERNELS)
+    return stamp(path, ROOT)

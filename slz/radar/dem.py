@@ -1,4 +1,4 @@
-"""Ground-range DEMs with standard deviations: of one observation, and of several together (Radar §3.3)."""
+"""Ground-range DEMs with standard deviations: of one observation, and of several together (Radar 3.3)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Grid
-from slz.kernels.radar_cells import HEIGHT, SQUARE, TURN, VARIANCE, WEIGHT, add_samples, fuse_cells
+from slz.kernels.instruments.dem_fusion import HEIGHT, SQUARE, TURN, VARIANCE, WEIGHT, add_samples, fuse_cells
 from slz.radar.heights import LEAST_COHERENCE, Heights, heights
 from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.lines import RadarLines
+from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 MOST_SIGMA_M = 0.25

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.kernels.unwrap import unwrap_by_quality
+from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
 from slz.radar.accuracy import phase_error_rad
 from slz.radar.interferogram import Interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.lines import RadarLines
+from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 LEAST_COHERENCE = 0.8

@@ -1,4 +1,4 @@
-"""Interferogram of one observation, flat Earth removed, with its coherence (Radar Eq. 7-8, §3.3)."""
+"""Interferogram of one observation, flat Earth removed, with its coherence (Radar Eq. 7-8, 3.3)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.radar.interferometer import Interferometer
-from slz.radar.lines import RadarLines
+from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 C64 = NDArray[np.complex64]

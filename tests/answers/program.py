@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parents[2]
+from tests import REPOSITORY
+
 PROBE = Path(__file__).parent / "probe"
 OUTPUT = "SLZ_PROBE"
 """Environment variable with the folder into which the probe writes; unset, it is off."""
@@ -23,7 +24,7 @@ class ProgramError(Exception):
 
 def entry_point(name: str = "slz") -> str:
     """Return Python code that runs a program which pyproject.toml names, from this checkout."""
-    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["scripts"]
+    scripts = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]["scripts"]
     module, _, function = scripts[name].partition(":")
     return f"import sys; sys.argv[0] = {name!r}; from {module} import {function} as main; sys.exit(main())"
 
@@ -33,7 +34,7 @@ def environment(state: Path, probe: Path | None = None) -> dict[str, str]:
 
     probe: folder for what the probe notes of the program and of the processes that it starts.
     """
-    paths = [str(ROOT)] if probe is None else [str(PROBE), str(ROOT)]
+    paths = [str(REPOSITORY)] if probe is None else [str(PROBE), str(REPOSITORY)]
     own = {
         "PYTHONPATH": os.pathsep.join(paths),
         "XDG_STATE_HOME": str(state),

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import scenes
-from sitl.livox_packets import HEADER, HEADER_BYTES
-from sitl.mid360 import Mid360
-from sitl.sensor_clock import Clock
+from sitl.sensors.livox_packets import HEADER, HEADER_BYTES
+from sitl.sensors.mid360 import Mid360
+from sitl.sensors.sensor_clock import Clock
 
 F64 = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.landing.situation import Phase
+from companion.flight.landing.situation import Phase
 from sitl import scenes
+from sitl.autopilot.modes import Mode
 from sitl.intruder import Intruder
-from sitl.modes import Mode
 from tests.e2e.harness import Mission
 
 HAZARD_BELOW_M = (5.0, 14.0)

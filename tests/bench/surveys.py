@@ -24,8 +24,8 @@ import laspy
 import numpy as np
 from pyproj import CRS
 
-from companion import survey
-from companion.survey.las import LAYERS
+from companion.desk import survey
+from companion.desk.clouds.las import LAYERS
 from params import load
 
 FILE_POINTS = 5_000_000

@@ -20,16 +20,16 @@ import pytest
 from numpy.typing import NDArray
 
 import params
-from companion.allocator import keep_memory
-from companion.bench import _rss_mb
-from companion.fusion.georeference import Georeferencer
-from companion.fusion.pose_history import PoseHistory
-from companion.sensors.livox import LivoxDecoder
-from companion.sensors.returns import Returns
-from companion.sensors.velodyne import VelodyneDecoder
+from companion.desk.benchmark import _rss_mb
+from companion.flight.fusion.georeference import Georeferencer
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.sensors.decoders.livox_decoder import LivoxDecoder
+from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
+from companion.flight.sensors.returns import Returns
+from companion.runtime.allocator import keep_memory
 from slz import LocalFrame, Pipeline, Window
 from slz.warm_up import warm_up
-from tests.unit.companion.sensors.velodyne_packets import velodyne_packet
+from tests.unit.companion.flight.sensors.velodyne_packets import velodyne_packet
 
 pytestmark = pytest.mark.bench
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slz.flash.camera import FlashCamera, FlashFrame
-from slz.flash.process import process_frame, sensor_points
+from slz.flash.frame_processing import process_frame, sensor_points
 from slz.radar.dem import fuse, observe
 from slz.radar.interferometer import Interferometer
 from tests.unit.slz.flash.pit import Pit

@@ -23,11 +23,11 @@ import numpy as np
 import pytest
 
 import params
-from companion.app import Companion
-from companion.dashboard.board import NEAR_TILES
-from companion.dashboard.page import Front
+from companion.flight.app import Companion
+from companion.flight.dashboard.board import NEAR_TILES
+from companion.flight.dashboard.page import Front
 from slz import Drawn, DrawnTile, Pipeline
-from slz.kernels.record import TILE
+from slz.kernels.cells.cell_record import TILE
 from tests.bench.test_streams import POINTS_PER_S, feeder
 from tests.ports import free_port
 

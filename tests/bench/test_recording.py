@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 import params
-from companion.app import Companion
-from companion.replay import command as replay
+from companion.desk.replay import replay_run as replay
+from companion.flight.app import Companion
 from tests.bench.test_streams import feeder
 from tests.ports import free_port
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import params
-from companion.app import Companion
+from companion.flight.app import Companion
 from tests.ports import free_port
 
 POINTS_PER_S = 200_000

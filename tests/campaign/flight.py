@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from companion import app
+from companion.flight import app
 from tests.campaign.plan import Plan
 from tests.campaign.sortie import Sortie
 from tests.campaign.witness import COMPANION

@@ -12,8 +12,8 @@ from unittest import mock
 
 import numpy as np
 
-from companion.recorder import writer
-from companion.simulated import LockstepLoop
+from companion.flight.recorder import recording_writer
+from companion.runtime.lockstep_loop import LockstepLoop
 from sitl.faults.fault import Fault
 
 if TYPE_CHECKING:
@@ -85,9 +85,11 @@ class FullDisk(_Patched):
 
     def __init__(self, sortie: Sortie, rng: np.random.Generator) -> None:
         self._patches = [
-            mock.patch.object(writer.os, "fsync", side_effect=OSError(28, "No space left on device")),
             mock.patch.object(
-                writer.McapWriter, "_write", side_effect=OSError(28, "No space left on device")
+                recording_writer.os, "fsync", side_effect=OSError(28, "No space left on device")
+            ),
+            mock.patch.object(
+                recording_writer.McapWriter, "_write", side_effect=OSError(28, "No space left on device")
             ),
         ][: 1 + int(rng.integers(2))]
 

@@ -13,8 +13,9 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
-from companion.landing.situation import Phase
-from sitl import scenes, truth
+from companion.flight.landing.situation import Phase
+from sitl import scenes
+from sitl.truth import truth
 from tests.campaign.log import Flown
 
 AROUND_M, CELL_M = 8.0, 0.25

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.landing.situation import Phase
+from companion.flight.landing.situation import Phase
 from sitl import faults
 from tests.campaign import onboard
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from companion.landing.situation import Phase
+from companion.flight.landing.situation import Phase
 from tests.campaign.log import Flown
 from tests.campaign.witness import FAILSAFE, NOBODY, PILOT, Sight
 

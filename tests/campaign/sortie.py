@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 import params
-from companion.app import Companion
-from companion.landing.situation import Phase
+from companion.flight.app import Companion
+from companion.flight.landing.situation import Phase
 from sitl import faults, scenes
 from sitl.intruder import Intruder
 from sitl.simulation import Simulation
-from sitl.wire import open_wire
+from sitl.wire.wire import open_wire
 from tests.campaign import onboard
 from tests.campaign.plan import Plan
 from tests.campaign.witness import Witness

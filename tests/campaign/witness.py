@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from companion.landing.situation import Phase
-from sitl.modes import Mode
+from companion.flight.landing.situation import Phase
+from sitl.autopilot.modes import Mode
 from tests.bench.landings import FLYING_COMMANDS, SETPOINTS
 
 if TYPE_CHECKING:

@@ -43,9 +43,11 @@ PARTS = (
     Part(
         "uncompiled",
         (
-            "tests/oracle", "tests/unit/slz", "tests/unit/companion/sensors", "tests/unit/companion/fusion",
-            "tests/unit/companion/outputs", "tests/unit/companion/survey",
-            "tests/unit/companion/dashboard/test_map_blocks.py", "tests/unit/companion/test_clearance.py",
+            "tests/oracle", "tests/unit/slz", "tests/unit/companion/flight/sensors",
+            "tests/unit/companion/flight/fusion", "tests/unit/companion/flight/outputs",
+            "tests/unit/companion/desk/survey", "tests/unit/companion/desk/clouds",
+            "tests/unit/companion/flight/dashboard/test_map_blocks.py",
+            "tests/unit/companion/flight/mapping/test_clearance.py",
             "tests/property",
         ),
         compiled=False,

@@ -24,7 +24,8 @@ import pymap3d
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl import scenes, truth
+from sitl import scenes
+from sitl.truth import truth
 
 HOME = (-35.363262, 149.165237, 584.0)
 POINT_RATE = 50_000
@@ -245,7 +246,7 @@ class Field(ABC):
         """Start `slz run --land auto`."""
         self.companion = self._python(
             "companion",
-            *("companion.cli", "run", "--mavlink", self.urls()[1]),
+            *("companion.cli.program", "run", "--mavlink", self.urls()[1]),
             *("--lidar", f"livox:127.0.0.1:{self._lidar_port}", "--land", "auto", "--json"),
             *(word for setting in settings for word in ("--set", setting)),
         )

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 import params
-from companion.app import Companion
-from companion.dashboard.page import Front
-from companion.landing.situation import Phase
-from companion.simulated import LockstepLoop
-from sitl.lidar_port import PTY
+from companion.flight.app import Companion
+from companion.flight.dashboard.page import Front
+from companion.flight.landing.situation import Phase
+from companion.runtime.lockstep_loop import LockstepLoop
+from sitl.sensors.lidar_port import PTY
 from sitl.simulation import Simulation
 from tests.ports import free_port
 
@@ -139,7 +139,7 @@ class Mission:
 
     def touchdown_safe(self) -> bool:
         """Judge the ground under the touchdown by the exact world, cars where they stand now."""
-        from sitl import truth
+        from sitl.truth import truth
 
         contact = self.sim.touchdown
         assert contact is not None

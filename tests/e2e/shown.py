@@ -11,12 +11,12 @@ from typing import Any, Self
 import numpy as np
 
 import params
-from companion.dashboard.board import Board
-from companion.dashboard.page import Front, about, serve
+from companion.flight.dashboard.board import Board
+from companion.flight.dashboard.page import Front, about, serve
 from slz import Box, Report, SelectedPoint
-from tests.unit.companion.dashboard.test_alarms import QUIET
-from tests.unit.companion.dashboard.test_server import Clerk
-from tests.unit.companion.landing.flight import Flight, zone
+from tests.unit.companion.flight.dashboard.test_alarms import QUIET
+from tests.unit.companion.flight.dashboard.test_server import Clerk
+from tests.unit.companion.flight.landing.flight import Flight, zone
 
 RENEW_S = 0.05
 START_S = 30.0

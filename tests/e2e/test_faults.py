@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.landing.situation import Phase
+from companion.flight.landing.situation import Phase
 from tests.campaign import reactions
 from tests.campaign.flight import fly
 from tests.campaign.plan import number_of, plan

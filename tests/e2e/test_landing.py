@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.landing.situation import Phase
-from companion.replay import command as replay
-from sitl import ouster, ouster_packets, vlp16
+from companion.desk.replay import replay_run as replay
+from companion.flight.landing.situation import Phase
+from sitl.autopilot.modes import Mode
 from sitl.intruder import Intruder
-from sitl.modes import Mode
+from sitl.sensors import ouster_os1, ouster_packets, vlp16
 from tests.e2e.harness import POINT_RATE_HZ, Mission
 
 RATE_HZ = {"vlp16": round(vlp16.RATE_HZ)}  # its own: thinned to 50,000 it takes specks of dust for objects
@@ -26,7 +26,7 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     scene: str, seed: int, lidar: str, tmp_path: Path
 ) -> None:
     recording, metadata = tmp_path / "flight.mcap", tmp_path / "ouster.json"
-    metadata.write_text(ouster_packets.metadata(ouster.ELEVATION_DEG, ouster.COLUMNS))
+    metadata.write_text(ouster_packets.metadata(ouster_os1.ELEVATION_DEG, ouster_os1.COLUMNS))
     here = {"lidar": lidar, "metadata": metadata, "record": recording}
     rate = {"point_rate_hz": RATE_HZ.get(lidar, POINT_RATE_HZ)}
     mission = Mission(scene, seed=seed, simulated=rate, **here)

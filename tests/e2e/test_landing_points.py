@@ -1,4 +1,4 @@
-"""A selected landing point and what stands around it, in the three scenarios of SLZ thesis §4.4.5.
+"""A selected landing point and what stands around it, in the three scenarios of SLZ thesis 4.4.5.
 
 Edges are told within a cell and `SCATTER_M`: a ray's direction is known to 0.15 degrees, three standard
 deviations of which are 0.2 m at the 26 m from which the far edges are seen. Heights are those of the exact
@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.reproduce.places import PLACES, Watched, watch
-from companion.reproduce.recording import fly
-from companion.reproduce.scenes import begin
+from companion.desk.reproduce.places import PLACES, Watched, watch
+from companion.desk.reproduce.source_scenes import begin
+from companion.desk.reproduce.survey_recording import fly
 from slz import Obstacle, Pipeline, PointState, SelectedPoint, Window
 
 SCATTER_M = 0.2
@@ -198,7 +198,7 @@ def test_the_source_warns_of_a_van_but_not_of_a_crate(surveys: Path) -> None:
 
 
 def test_the_source_keeps_the_state_of_a_point_out_of_its_maps(surveys: Path) -> None:
-    """SLZ thesis §4.3.2.2."""
+    """SLZ thesis 4.3.2.2."""
     flight = Flight(surveys, "source")
     assert flight.look().state is PointState.SAFE
     assert flight.look(way_m=600.0).state is PointState.SAFE

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.fusion import pose_history
-from companion.landing.situation import Phase
-from companion.replay import command
+from companion.desk.replay import replay_run
+from companion.flight.fusion import pose_history
+from companion.flight.landing.situation import Phase
 from slz import LocalFrame
 from tests.e2e.harness import Mission
 
@@ -32,6 +32,6 @@ def test_frames_that_begin_before_the_hand_over_change_neither_the_landing_nor_i
     assert len(set(frames)) == 1  # that of the hand-over
     assert mission.touchdown_safe()
     assert mission.touchdown_error_m() < 0.5
-    again = command.run(tmp_path / "flight.mcap", [], None, 0.0, (0.0, 1e9))
+    again = replay_run.run(tmp_path / "flight.mcap", [], None, 0.0, (0.0, 1e9))
     assert again["windows"] == again["identical"] > 10
     assert (again["different"], again["without_scans"], again["unreadable_messages"]) == (0, 0, 0)

@@ -7,8 +7,8 @@ import asyncio
 import numpy as np
 import pytest
 
-from companion.landing.situation import Phase
-from companion.link.vehicle_identity import AmbiguousVehicleError
+from companion.flight.landing.situation import Phase
+from companion.flight.link.vehicle_identity import AmbiguousVehicleError
 from sitl import faults
 from tests.e2e.harness import Mission
 

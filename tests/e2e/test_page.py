@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import pytest
 
-from companion.dashboard.site import Site
-from companion.landing.situation import Phase
+from companion.flight.dashboard.site import Site
+from companion.flight.landing.situation import Phase
 from sitl.intruder import Intruder
 from tests.e2e.chromium import Chromium
 from tests.e2e.harness import Mission

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.dashboard.page import Front
-from companion.dashboard.replay_page import ReplayPage
-from companion.replay.flown import Beside as Files
+from companion.desk.replay.recording_type import Beside as Files
+from companion.desk.replay.replay_page import ReplayPage
+from companion.flight.dashboard.page import Front
 from tests.e2e.chromium import Chromium
 from tests.e2e.harness import Mission
 from tests.e2e.shown import Beside

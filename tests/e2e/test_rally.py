@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.modes import Mode
+from sitl.autopilot.modes import Mode
 from tests.e2e.harness import Mission
 
 EAST_M, NORTH_M = 45.0, 20.0

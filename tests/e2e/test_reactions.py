@@ -5,9 +5,9 @@ import asyncio
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.landing.situation import Phase
-from sitl.modes import Mode
-from sitl.primitives import Box
+from companion.flight.landing.situation import Phase
+from sitl.autopilot.modes import Mode
+from sitl.world.primitives import Box
 from tests.e2e.harness import Mission
 
 WALL_M, WALL_WIDE_M, WALL_HIGH_M = 36.0, 5.0, 22.0

@@ -1,4 +1,4 @@
-"""What the sources say of their scenes holds on ours (SLZ paper §5, SLZ thesis §4.4).
+"""What the sources say of their scenes holds on ours (SLZ paper 5, SLZ thesis 4.4).
 
 By the source's rules ("source") and by ours ("default"), at the sources' resolution.
 """
@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.reproduce.scenarios import BY_SCENE, ENTRANCE, MODES, NO_ID_REUSE, Scenario
-from companion.reproduce.scenes import PAPER_AREA_ERROR, Case, Outcome, run
+from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, MODES, NO_ID_REUSE, Scenario
+from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, Case, Outcome, run
 from slz import SAFE, Zone, zone_mask
 
 Mask = NDArray[np.bool_]

@@ -12,17 +12,17 @@ import numpy as np
 from mcap.writer import Writer
 
 import params
-from companion.errors import UsageError
-from companion.recorder import journal
-from companion.replay.pcap import Capture
-from companion.replay.reading import Recording
-from companion.replay.tlog import TelemetryLog
-from companion.survey.cloud import open_source
-from companion.survey.reference import from_option
+from companion.desk.clouds.cloud import open_source
+from companion.desk.clouds.crs import from_option
+from companion.desk.replay.captures.pcap import Capture
+from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
+from companion.flight.recorder import journal
+from companion.runtime.errors import UsageError
 from params import ParameterError
 from tests.fuzz.harness import Harness, Target
 from tests.fuzz.wire import mavlink_frames, one_line
-from tests.unit.companion.survey import clouds, packing
+from tests.unit.companion.desk.survey import clouds, packing
 
 FEW = np.add([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0], [-1.0, 0.5, 1e3]], (5e5, 4.9e6, 0))
 CRS = from_option("EPSG:32610")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from tests.fuzz.campaign import ALL, FOUND, replayed, run
 from tests.fuzz.harness import HangError, Harness, limited
 from tests.fuzz.mutation import mutated
-from tests.unit.companion.sensors.ouster_packets import MISSING
+from tests.unit.companion.flight.sensors.ouster_packets import MISSING
 
 # What decoding one packet costs beyond its share here; the campaign tries these too.
 COSTLY = {"radar": 4, "flash": 4, "ouster-metadata": 10, "crs": 2}

@@ -8,21 +8,21 @@ from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 
 import params
-from companion import settings as stored
-from companion.dashboard.access import Access, Role, read_tokens
-from companion.dashboard.address import parse_address
-from companion.dashboard.door import Door
-from companion.dashboard.guard import Guard
-from companion.dashboard.orders import BadMessageError, parse
-from companion.dashboard.viewer import _split
-from companion.errors import UsageError
-from companion.link.key import read_key
-from companion.link.url import parse_url
-from companion.sensors.driver import open_lidar
-from companion.services import _read_points
-from companion.settings import Settings
-from companion.state import StateDir
-from companion.survey.reference import from_option
+from companion.desk.clouds.crs import from_option
+from companion.flight.dashboard.browser_orders import BadMessageError, parse
+from companion.flight.dashboard.security.access import Access, Role, read_tokens
+from companion.flight.dashboard.security.address import parse_address
+from companion.flight.dashboard.security.request_guard import Guard
+from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.viewer import _split
+from companion.flight.link.transport.mavlink_url import parse_url
+from companion.flight.link.wire.signing_key import read_key
+from companion.flight.sensors.driver import open_lidar
+from companion.flight.services import settings as stored
+from companion.flight.services.services import _read_points
+from companion.flight.services.settings import Settings
+from companion.runtime.errors import UsageError
+from companion.runtime.state_directory import StateDir
 from params import ParameterError, Parameters
 from tests.fuzz.harness import Harness, Target
 from tests.fuzz.wire import one_line

@@ -15,29 +15,29 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.fusion.pose_history import PoseHistory
-from companion.link.framing import message_id
-from companion.link.link import Link
-from companion.link.operator import CommandReply, OperatorCommand
-from companion.link.signing import Signing
-from companion.sensors.driver import decoder_for
-from companion.sensors.lightware import encode as lightware_frame
-from companion.sensors.lightware_stream import LightwareStream
-from companion.sensors.livox_control import LivoxControl
-from companion.sensors.mavlink_ranges import MavlinkRanges
-from companion.sensors.returns import Returns
-from companion.sensors.stream import PacketStream
-from companion.services import Services
-from companion.settings import Settings
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.link.command_server import CommandReply, OperatorCommand
+from companion.flight.link.link import Link
+from companion.flight.link.wire.framing import message_id
+from companion.flight.link.wire.signing import Signing
+from companion.flight.sensors.decoders.lightware_protocol import encode as lightware_frame
+from companion.flight.sensors.decoders.lightware_stream import LightwareStream
+from companion.flight.sensors.decoders.livox_protocol import LivoxControl
+from companion.flight.sensors.driver import decoder_for
+from companion.flight.sensors.mavlink_ranges import MavlinkRanges
+from companion.flight.sensors.packet_stream import PacketStream
+from companion.flight.sensors.returns import Returns
+from companion.flight.services.services import Services
+from companion.flight.services.settings import Settings
 from params import Parameters
-from sitl.flash.sensor import FlashSensor
-from sitl.primitives import Ground, Kind
-from sitl.radar.sensor import RadarSensor
-from sitl.world import World
+from sitl.sensors.flash.flash_sensor import FlashSensor
+from sitl.sensors.radar.radar_sensor import RadarSensor
+from sitl.world.primitives import Ground, Kind
+from sitl.world.world import World
 from tests.fuzz.harness import Harness, Target
-from tests.unit.companion.sensors import ouster_packets, velodyne_packets
-from tests.unit.companion.sensors.packets import imu_packet, points_packet
-from tests.unit.companion.sensors.recordings import DATA
+from tests.unit.companion.flight.sensors import ouster_packets, velodyne_packets
+from tests.unit.companion.flight.sensors.packets import imu_packet, points_packet
+from tests.unit.companion.flight.sensors.recordings import DATA
 
 KEY = bytes(range(32))
 STEP_NS = 5_000_000
@@ -287,7 +287,7 @@ class FuzzedControl:
 
 
 def control() -> Sequence[bytes]:
-    from companion.sensors.livox_control import ANSWER, SET_PARAMETERS, Frame, encode
+    from companion.flight.sensors.decoders.livox_protocol import ANSWER, SET_PARAMETERS, Frame, encode
 
     return [
         encode(Frame(SET_PARAMETERS, n, ANSWER, data), 1)
@@ -330,7 +330,7 @@ HARNESSES = (
 
 def metadata_target(data: bytes) -> None:
     """Try a sensor's description."""
-    from companion.errors import UsageError
+    from companion.runtime.errors import UsageError
 
     try:
         decoder_for("ouster", data.decode("utf-8", "replace"))

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.clock import now_ns
-from companion.link.link import Link
-from companion.simulated import LockstepLoop
+from companion.flight.link.link import Link
+from companion.runtime.clock import now_ns
+from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
 
 STEP_NS = 2_000_000

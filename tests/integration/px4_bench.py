@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.current_mode import CURRENT_MODE, MAVLink_current_mode_message
+from companion.flight.link.wire.current_mode import CURRENT_MODE, MAVLink_current_mode_message
 from params import required
 from tests.integration.link_bench import Autopilot
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import params
-from companion.link.link import Link
-from companion.link.signing import Signing
-from companion.services import Services
-from companion.settings import Settings
-from companion.state import StateDir
+from companion.flight.link.link import Link
+from companion.flight.link.wire.signing import Signing
+from companion.flight.services.services import Services
+from companion.flight.services.settings import Settings
+from companion.runtime.state_directory import StateDir
 from tests.ports import free_port
 
 STEP_S = 30.0

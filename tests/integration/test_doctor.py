@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import params
-from companion.doctor import examination
-from companion.doctor.examination import Examination
-from companion.doctor.finding import Finding, healthy
-from companion.simulated import LockstepLoop
+from companion.flight.doctor import examination
+from companion.flight.doctor.examination import Examination
+from companion.flight.doctor.finding import Finding, healthy
+from companion.runtime.lockstep_loop import LockstepLoop
 from sitl import faults
 from sitl.simulation import Simulation
 from tests.ports import free_port

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 import params
-from companion.doctor import examination
-from companion.doctor.examination import Examination
-from companion.doctor.finding import Finding
+from companion.flight.doctor import examination
+from companion.flight.doctor.examination import Examination
+from companion.flight.doctor.finding import Finding
 from tests.integration.link_bench import autopilot_over_udp, virtually
 from tests.integration.px4_bench import Px4, good_values
 from tests.ports import free_port

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.sensors import others
-from companion.sensors.driver import open_lidar
-from companion.sensors.returns import Returns
+from companion.flight.sensors import sensor_registry
+from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.returns import Returns
 from params import Parameters
 from tests.unit.docs.said import ROOT
 
@@ -58,10 +58,10 @@ async def test_a_sensor_of_ones_own_is_received_and_decoded() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    others.add_sensor("toy", toy)
+    sensor_registry.add_sensor("toy", toy)
     try:
         with pytest.raises(ValueError, match="there already"):
-            others.add_sensor("toy", toy)
+            sensor_registry.add_sensor("toy", toy)
         batches: list[Returns] = []
         lidar = open_lidar(f"toy:127.0.0.1:{port}", Parameters(), batches.append)
         running = asyncio.ensure_future(lidar.run())
@@ -84,7 +84,7 @@ async def test_a_sensor_of_ones_own_is_received_and_decoded() -> None:
         told = lidar.statistics()
         assert (told["packets"], told["lost_packets"], told["malformed"]) == (3, 1, told["malformed"])
     finally:
-        others.remove_sensor("toy")
+        sensor_registry.remove_sensor("toy")
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ async def test_a_sensor_of_ones_own_is_received_and_decoded() -> None:
 )
 def test_a_sensor_by_a_wrong_name_or_port_is_refused(kind: str, port: int | None) -> None:
     with pytest.raises(ValueError, match=f"sensor {kind!r}: |is there already"):
-        others.add_sensor(kind, lambda: pytest.fail("made"), port)
+        sensor_registry.add_sensor(kind, lambda: pytest.fail("made"), port)
 
 
 @pytest.mark.bench

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.sensors.driver import decoder_for
-from sitl.mid360 import Mid360
-from sitl.optics import Noise
-from sitl.ouster import Ouster
-from sitl.pulse_lidar import PulseLidar, Shots
-from sitl.sensor_clock import Clock
-from sitl.velodyne_packets import ReturnMode
-from sitl.vlp16 import Vlp16
-from tests.unit.companion.sensors.ouster_packets import MISSING
+from companion.flight.sensors.driver import decoder_for
+from sitl.sensors.mid360 import Mid360
+from sitl.sensors.optics import Noise
+from sitl.sensors.ouster_os1 import Ouster
+from sitl.sensors.pulse_lidar import PulseLidar, Shots
+from sitl.sensors.sensor_clock import Clock
+from sitl.sensors.velodyne_packets import ReturnMode
+from sitl.sensors.vlp16 import Vlp16
+from tests.unit.companion.flight.sensors.ouster_packets import MISSING
 from tests.unit.sitl.still_world import flat_world, hover
 
 F64 = NDArray[np.float64]

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.clock import now_ns
-from companion.errors import UsageError
-from companion.link.link import Link
-from companion.link.operator import CommandReply, OperatorCommand
-from companion.link.streams import wanted
-from companion.link.vehicle_identity import VehicleIdentity
+from companion.flight.link.command_server import CommandReply, OperatorCommand
+from companion.flight.link.link import Link
+from companion.flight.link.message_rates import wanted
+from companion.flight.link.vehicle_identity import VehicleIdentity
+from companion.runtime.clock import now_ns
+from companion.runtime.errors import UsageError
 from params import Parameters
 from tests.integration.link_bench import (
     GUIDED,

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from companion.errors import UsageError
-from companion.link.channel import MAX_BACKLOG_BYTES
-from companion.link.transport import Transport
-from companion.link.url import Url, parse_url
+from companion.flight.link.transport.channel import MAX_BACKLOG_BYTES
+from companion.flight.link.transport.mavlink_url import Url, parse_url
+from companion.flight.link.transport.reconnecting import Transport
+from companion.runtime.errors import UsageError
 from tests.integration.link_bench import Autopilot, running, until, virtually
 from tests.ports import free_port
 

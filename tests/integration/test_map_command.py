@@ -19,12 +19,13 @@ import shapely
 from pyproj import CRS, Geod
 from shapely.geometry import shape
 
-from companion import cli, survey
-from companion.errors import UsageError
+from companion.cli import program
+from companion.desk import survey
+from companion.runtime.errors import UsageError
 from params import load
-from tests.unit.companion.survey.clouds import LAT, LON, field, placed, write
+from tests import REPOSITORY
+from tests.unit.companion.desk.survey.clouds import LAT, LON, field, placed, write
 
-REPOSITORY = Path(__file__).parents[2]
 AUTZEN = Path(os.environ.get("SLZ_DATA", REPOSITORY.parent / "shared/data")) / "autzen_trim.laz"
 needs_autzen = pytest.mark.skipif(not AUTZEN.exists(), reason=f"{AUTZEN} is absent: set SLZ_DATA")
 RASTERS = ("dsm", "slope", "roughness", "safe")
@@ -33,7 +34,7 @@ RASTERS = ("dsm", "slope", "roughness", "safe")
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the pictures out: they take longer than all else."""
-    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    monkeypatch.setattr("companion.desk.figures.save_maps", lambda *_: [])
 
 
 def quiet(what: str, share: float) -> None:
@@ -212,11 +213,11 @@ def test_a_signal_while_results_are_written_leaves_none_of_them(
         os.kill(os.getpid(), signal.SIGTERM)
         return []
 
-    monkeypatch.setattr("companion.figures.save_maps", terminated)
-    monkeypatch.setattr("companion.interrupt.Interrupts._leave", lambda _: None)
+    monkeypatch.setattr("companion.desk.figures.save_maps", terminated)
+    monkeypatch.setattr("companion.runtime.interrupt.Interrupts._leave", lambda _: None)
     monkeypatch.setattr(sys, "argv", ["slz", "map", str(path), "--out", str(out), "--json"])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        program.main()
     assert ended.value.code == 143
     assert capfd.readouterr().out == ""
     if before:
@@ -233,13 +234,13 @@ def test_the_command_prints_one_object_and_errors_take_one_line(
     path = write(tmp_path / "field.las", placed(field(), "EPSG:32610"))
     monkeypatch.setattr(sys, "argv", ["slz", "map", str(path), "--out", str(tmp_path / "out"), "--json"])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        program.main()
     assert ended.value.code == 0
     assert len(json.loads(capfd.readouterr().out)["zones"]) == 1
 
     monkeypatch.setattr(sys, "argv", ["slz", "map", "absent.laz", "--out", str(tmp_path / "out"), "--json"])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        program.main()
     assert ended.value.code == 2
     assert capfd.readouterr() == ("", "slz: absent.laz: no such file\n")
 

@@ -14,11 +14,11 @@ import pytest
 import rasterio
 from pyproj import CRS
 
-from companion import survey
-from companion.survey.kml import NAMESPACE
+from companion.desk import survey
+from companion.desk.survey.files.kml import NAMESPACE
 from params import load
-from tests.unit.companion.survey import packing
-from tests.unit.companion.survey.clouds import field, placed, write
+from tests.unit.companion.desk.survey import packing
+from tests.unit.companion.desk.survey.clouds import field, placed, write
 
 UTM = "EPSG:32610"
 POINTS = placed(field(), UTM)
@@ -28,7 +28,7 @@ SAFE, UNSAFE, UNKNOWN = 64, 65, 66
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the pictures out: they take longer than all else."""
-    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    monkeypatch.setattr("companion.desk.figures.save_maps", lambda *_: [])
 
 
 def mapped(files: list[Path], out: Path, *settings: str, crs: str | None = None) -> dict[str, Any]:

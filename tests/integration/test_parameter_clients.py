@@ -13,7 +13,7 @@ from mavsdk.asyncio.plugins.param import ParamAsync, ParamError, ProtocolVersion
 from pymavlink import mavutil
 
 import params
-from companion.link.signing import Signing
+from companion.flight.link.wire.signing import Signing
 from tests.integration.mavproxy import Station
 from tests.integration.service_bench import STEP_S, Ship, ship, until
 

@@ -13,14 +13,14 @@ import pytest
 import rasterio
 from pyproj import Transformer
 
-from companion import survey
-from companion.errors import UsageError
-from companion.prior import SurveyPrior
-from companion.rally import best_points
+from companion.desk import survey
+from companion.flight.mapping.survey_prior import SurveyPrior
+from companion.flight.services.rally_points import best_points
+from companion.runtime.errors import UsageError
 from params import Parameters, load
 from slz import SAFE, UNSAFE, LocalFrame
-from tests.unit.companion.survey.clouds import write
-from tests.unit.companion.survey.tiled.ground import CORNER, parameters, points
+from tests.unit.companion.desk.survey.clouds import write
+from tests.unit.companion.desk.survey.tiled.ground import CORNER, parameters, points
 
 FLIGHT = load("quadcopter", [])
 
@@ -29,7 +29,7 @@ FLIGHT = load("quadcopter", [])
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("prior")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("companion.figures.save_maps", lambda *_: [])
+        patch.setattr("companion.desk.figures.save_maps", lambda *_: [])
         survey.run([write(made / "a.laz", points(100_000))], made / "out", parameters(), lambda *_: None)
     return made / "out"
 
@@ -117,7 +117,7 @@ def test_rally_points_are_the_survey_s_until_near_zones_are_known() -> None:
     from dataclasses import replace
     from types import SimpleNamespace
 
-    from tests.unit.companion.landing.flight import Flight, zone
+    from tests.unit.companion.flight.landing.flight import Flight, zone
 
     vehicle: Any = SimpleNamespace(position_lla=(47.0, 8.0, 430.0), relative_alt_m=30.0)
     flight = Flight([])

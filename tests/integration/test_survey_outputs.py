@@ -20,12 +20,13 @@ from pyproj import Geod
 from rasterio._err import CPLE_AppDefinedError
 from shapely.geometry import shape
 
-from companion import cli, survey
-from companion.errors import UsageError
-from companion.survey.flatgeobuf import write_flatgeobuf, zones_within
-from companion.survey.nearest import nearest
-from tests.unit.companion.survey.clouds import LAT, LON, field, write
-from tests.unit.companion.survey.tiled.ground import parameters, points
+from companion.cli import program
+from companion.desk import survey
+from companion.desk.survey.files.flatgeobuf import write_flatgeobuf, zones_within
+from companion.desk.survey.nearest_zones import nearest
+from companion.runtime.errors import UsageError
+from tests.unit.companion.desk.survey.clouds import LAT, LON, field, write
+from tests.unit.companion.desk.survey.tiled.ground import parameters, points
 
 GEOD = Geod(ellps="WGS84")
 
@@ -35,7 +36,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]
     folder = tmp_path_factory.mktemp("outputs")
     path = write(folder / "a.laz", points(100_000))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("companion.figures.save_maps", lambda *_: [])
+        patch.setattr("companion.desk.figures.save_maps", lambda *_: [])
         told = survey.run([path], folder / "out", parameters(), lambda *_: None)
     return folder / "out", told
 
@@ -98,11 +99,11 @@ def test_outlines_of_too_many_corners_are_thinned_on_the_page_and_stay_in_place(
 ) -> None:
     xyz = points(60_000)
     path = write(tmp_path / "a.laz", xyz)
-    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    monkeypatch.setattr("companion.desk.figures.save_maps", lambda *_: [])
     survey.run([path], tmp_path / "all", parameters(), lambda *_: None)
     every = survey_of(tmp_path / "all" / "map.html")["zones"]
     corners = sum(len(ring) // 2 for zone in every for ring in zone["rings"])
-    monkeypatch.setattr("companion.survey.page.MOST_CORNERS", corners // 4)
+    monkeypatch.setattr("companion.desk.survey.files.survey_page.MOST_CORNERS", corners // 4)
     survey.run([path], tmp_path / "few", parameters(), lambda *_: None)
     few = survey_of(tmp_path / "few" / "map.html")["zones"]
     assert sum(len(ring) // 2 for zone in few for ring in zone["rings"]) < corners / 2
@@ -117,7 +118,7 @@ def test_outlines_of_too_many_corners_are_thinned_on_the_page_and_stay_in_place(
 def test_a_page_across_the_date_line_has_corners_side_by_side(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    monkeypatch.setattr("companion.desk.figures.save_maps", lambda *_: [])
     xyz = field() + np.array([180_206.0 - 30, 8_140_143 - 20, 0])
     survey.run([write(tmp_path / "a.laz", xyz, "EPSG:32701")], tmp_path, parameters(), lambda *_: None)
     lon = np.array(survey_of(tmp_path / "map.html")["corners"])[:, 0]
@@ -193,7 +194,7 @@ def test_a_disk_that_fills_up_while_a_map_is_packed_is_one_line(
     def full(*_: Any) -> None:
         raise CPLE_AppDefinedError(3, 1, "TIFFAppendToStrip:Write error at scanline 0")
 
-    monkeypatch.setattr("companion.survey.raster._optimize", full)
+    monkeypatch.setattr("companion.desk.survey.files.geotiff._optimize", full)
     path = write(tmp_path / "a.laz", points(20_000))
     with pytest.raises(UsageError, match="cannot be written: TIFFAppendToStrip"):
         survey.run([path], tmp_path / "out", parameters(), lambda *_: None)
@@ -208,7 +209,7 @@ def test_the_command_takes_western_longitudes(
     words = [str(best["lat"]), str(best["lon"]), "--survey", str(folder), "--json"]
     monkeypatch.setattr(sys, "argv", ["slz", "nearest", *words])
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        program.main()
     assert ended.value.code == 0
     zone = json.loads(capfd.readouterr().out)["zones"][0]
     assert zone["id"] == best["id"]

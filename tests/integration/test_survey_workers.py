@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion import survey
-from companion.errors import CompanionError
-from companion.survey.tiled import plan
-from companion.survey.tiled.engine import Distributed, InProcess, engine
-from tests.unit.companion.survey.tiled.ground import answer, files, parameters, points, surveyed
+from companion.desk import survey
+from companion.desk.survey.tiled import plan
+from companion.desk.survey.tiled.task_engine import Distributed, InProcess, engine
+from companion.runtime.errors import CompanionError
+from tests.unit.companion.desk.survey.tiled.ground import answer, files, parameters, points, surveyed
 
 pytest.importorskip("distributed", reason="needs Dask: pip install 'slz[survey]'")
 
@@ -82,7 +82,7 @@ class Elsewhere:
 def test_relative_names_mean_the_same_to_workers_of_another_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("companion.figures.save_maps", lambda *_: [])
+    monkeypatch.setattr("companion.desk.figures.save_maps", lambda *_: [])
     monkeypatch.chdir(tmp_path)
     files(tmp_path, POINTS, np.arange(len(POINTS)), 1)
     (tmp_path / "there").mkdir()

@@ -1,4 +1,4 @@
-"""Slow plain code of the sources' rules: every window, everything anew (SLZ paper §3.2-3.4)."""
+"""Slow plain code of the sources' rules: every window, everything anew (SLZ paper 3.2-3.4)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RING = [(0, -1), (-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1)]  #
 
 
 def histogram_interval(height_m: Floats, bins: int, threshold: float) -> tuple[float, float]:
-    """Heights accepted by the rule that `slz/kernels/interval.py` tells: sparse ends are trimmed."""
+    """Heights accepted by the rule that `slz/kernels/paper/height_gate.py` tells: sparse ends are trimmed."""
     low, high = float(height_m.min()), float(height_m.max())
     if not high > low:
         return low, high
@@ -97,7 +97,7 @@ class Kept:
 
 
 class Repeats:
-    """The filter of repeated zones with an unlimited list (SLZ paper §3.4.3, Eq. 18)."""
+    """The filter of repeated zones with an unlimited list (SLZ paper 3.4.3, Eq. 18)."""
 
     def __init__(self, ratio: float = 0.8, area_ratio: float = 0.9) -> None:
         self.kept: list[Kept] = []
@@ -131,7 +131,7 @@ def distances(component: Map) -> Floats:
 
 
 def interval(height: Floats, bins: int, threshold: float) -> tuple[float, float]:
-    """Accepted heights by the histogram rule of `slz.outliers`, by plain counting."""
+    """Accepted heights by the histogram rule of `slz.points.outliers`, by plain counting."""
     low, high = float(height.min()), float(height.max())
     if low == high:
         return low, high

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from slz.kernels.bits import packed, unpacked
-from slz.kernels.closing import above, closed, dilated, eroded, higher, lowest_around, others
+from slz.kernels.raster.bitmap import packed, unpacked
+from slz.kernels.raster.morphology import above, closed, dilated, eroded, higher, lowest_around, others
 
 seeds = st.integers(0, 10_000)
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.kernels.bits import packed, unpacked
-from slz.kernels.content import component
-from slz.kernels.tour import westmost
+from slz.kernels.polygons.boundary_tracing import westmost
+from slz.kernels.raster.bitmap import packed, unpacked
+from slz.kernels.raster.region_fill import component
 
 COLS = 64 * 5
 EIGHT = np.ones((3, 3), int)

@@ -11,15 +11,15 @@ from scipy import ndimage
 
 import params
 from slz.grid import Box, Grid
-from slz.kernels.bits import packed, unpacked
-from slz.kernels.content import component
-from slz.kernels.contour import squares
-from slz.kernels.erosion import grow
-from slz.kernels.groups import components, put_without_crumbs
-from slz.kernels.room import largest_square
-from slz.search import FEWEST, Candidate, search_components
-from slz.source_search import SourceSearch
-from slz.source_terrain import SourceTerrain
+from slz.kernels.polygons.contour import squares
+from slz.kernels.raster.bitmap import packed, unpacked
+from slz.kernels.raster.connected_components import components, put_without_crumbs
+from slz.kernels.raster.distance_transform import largest_square
+from slz.kernels.raster.region_fill import component
+from slz.kernels.raster.square_erosion import grow
+from slz.paper.paper_detection import SourceSearch
+from slz.paper.paper_terrain import SourceTerrain
+from slz.zones.detection import FEWEST, Candidate, search_components
 from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]

@@ -1,4 +1,4 @@
-"""Window DSM and fusing of windows against lists of heights kept per cell (SLZ paper Eq. 3-5, §3.2.3)."""
+"""Window DSM and fusing of windows against lists of heights kept per cell (SLZ paper Eq. 3-5, 3.2.3)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import params
 from slz.grid import Grid
-from slz.kernels.scatter import cells_of, sum_and_count
-from slz.source_terrain import SourceTerrain
+from slz.kernels.cells.accumulate import cells_of, sum_and_count
+from slz.paper.paper_terrain import SourceTerrain
 
 Floats = NDArray[np.float64]
 Cells = dict[tuple[int, int], float]

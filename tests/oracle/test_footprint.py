@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from slz.grid import Box
-from slz.kernels.bits import packed
-from slz.kernels.closing import eroded
-from slz.kernels.draw import draw
+from slz.kernels.cells.cell_statistics import summary
+from slz.kernels.footprint.derive_maps import draw
+from slz.kernels.footprint.moments import HELD, RISES, SUMS, over_columns, over_rows, rises_over_columns
+from slz.kernels.footprint.patch import COLS as PATCH
+from slz.kernels.footprint.patch import inverses, rows_of_patch, take
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, store, store_wide
-from slz.kernels.moments import HELD, RISES, SUMS, over_columns, over_rows, rises_over_columns
-from slz.kernels.patch import COLS as PATCH
-from slz.kernels.patch import inverses, rows_of_patch, take
-from slz.kernels.summary import summary
-from slz.tiles import Noise, Tiles
+from slz.kernels.raster.bitmap import packed
+from slz.kernels.raster.morphology import eroded
+from slz.kernels.simd import LANES, store, store_wide
+from slz.terrain.tiles import Noise, Tiles
 
 Floats = NDArray[np.float64]
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)

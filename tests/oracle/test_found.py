@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.bits import packed
-from slz.kernels.groups import largest_groups, runs
-from slz.kernels.search import BOUNDARY_AT, COL0, COL1, CONTENT_AT, N_BOUNDARY, N_CELLS, ROW0, ROW1, find
+from slz.kernels.paper.zone_search import (
+    BOUNDARY_AT,
+    COL0,
+    COL1,
+    CONTENT_AT,
+    N_BOUNDARY,
+    N_CELLS,
+    ROW0,
+    ROW1,
+    find,
+)
+from slz.kernels.raster.bitmap import packed
+from slz.kernels.raster.connected_components import largest_groups, runs
 
 Bytes = NDArray[np.uint8]
 

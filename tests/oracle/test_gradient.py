@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.arctangent import arctangent
-from slz.kernels.gradient import gradient_slope_deg
 from slz.kernels.jit import kernel
-from slz.kernels.lanes import LANES, load, store
+from slz.kernels.paper.gradient import gradient_slope_deg
+from slz.kernels.simd import LANES, load, store
 
 Floats = NDArray[np.float64]
 Surface = Callable[[Floats, Floats], Floats]

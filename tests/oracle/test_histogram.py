@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.grid import Grid
-from slz.kernels.histogram import ends_of, gaps_of
-from slz.returns import Returns
+from slz.kernels.points.histogram import ends_of, gaps_of
+from slz.paper.window_cells import Returns
 from tests.oracle.source_rules import histogram_interval
 
 

@@ -9,13 +9,13 @@ from scipy import ndimage
 
 import params
 from slz.grid import Grid
-from slz.kernels.bits import packed, unpacked
-from slz.kernels.content import all_reach, component
-from slz.kernels.measure import inside_count
-from slz.kernels.room import room
-from slz.source_search import Part, SourceSearch
-from slz.source_terrain import SourceTerrain
-from slz.source_zone import describe_source
+from slz.kernels.paper.zone_statistics import inside_count
+from slz.kernels.raster.bitmap import packed, unpacked
+from slz.kernels.raster.distance_transform import room
+from slz.kernels.raster.region_fill import all_reach, component
+from slz.paper.paper_detection import Part, SourceSearch
+from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_zone import describe_source
 from tests.oracle.source_rules import distances, largest_square
 
 EIGHT = np.ones((3, 3), int)

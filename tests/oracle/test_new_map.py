@@ -1,4 +1,4 @@
-"""A move to a new zone copies the common cells and nothing else (SLZ paper §3.2.5 and Figure 2)."""
+"""A move to a new zone copies the common cells and nothing else (SLZ paper 3.2.5 and Figure 2)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 import params
-from slz.evidence import LAYERS, EvidenceTerrain
 from slz.grid import Box, Grid, overlap
-from slz.kernels.bits import unpacked
-from slz.maps import SAFE, UNKNOWN, UNSAFE
-from slz.source_terrain import SourceTerrain
+from slz.kernels.raster.bitmap import unpacked
+from slz.paper.paper_terrain import SourceTerrain
+from slz.terrain.terrain import LAYERS, EvidenceTerrain
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 
 ROWS, COLS, CELL_M, WEST_M, SOUTH_M = 40, 48, 0.25, -6.0, 100.0
 GRID = Grid(WEST_M, SOUTH_M, CELL_M, ROWS, COLS)

@@ -11,8 +11,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.boundary import without_collinear
-from slz.outline import outline
+from slz.zones.boundary_points import without_collinear
+from slz.zones.polygonise import outline
 from tests.oracle.source_rules import moore
 
 Cells = NDArray[np.uint8]

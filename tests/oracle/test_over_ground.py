@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.prior import contradict, heights_over
+from slz.kernels.points.prior_agreement import contradict, heights_over
 
 SAFE = np.array([[1, 0, 1], [1, 1, 255]], np.uint8)
 HEIGHT = np.array([[10, 11, 12], [20, 21, 22]], np.float32)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 import params
 from slz import LocalFrame, Pipeline, TerrainMaps, Window
 from slz.grid import Box
-from slz.kernels.horizon import horizon
-from slz.kernels.pyramid import coarser
-from slz.tiles import Noise, Tiles
+from slz.kernels.cells.resolution_pyramid import coarser
+from slz.kernels.raster.horizon import horizon
+from slz.terrain.tiles import Noise, Tiles
 
 COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
 FRAME = LocalFrame(47.0, 8.0, 400.0)

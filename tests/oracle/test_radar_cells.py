@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from slz.kernels.radar_cells import SUMS, add_samples, fuse_cells
+from slz.kernels.instruments.dem_fusion import SUMS, add_samples, fuse_cells
 
 
 def added(points: list[list[float]], sigma: list[float], turn: list[float], azimuth: float) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.stream import DROPPED, OUTSIDE
-from slz.kernels.sums import scatter
+from slz.kernels.paper.height_sums import scatter
+from slz.kernels.paper.point_pass import DROPPED, OUTSIDE
 
 COUNT_BITS, SCALE, LEVEL, LOW, HIGH = 8, 1024.0, 50.0, 48.0, 53.0
 ROW0, ROWS, COL0, COLS = 3, 70, 5, 9

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.gather import BLOCK, BLOCK_BITS, count_lines, count_squares, place
+from slz.kernels.survey.point_binning import BLOCK, BLOCK_BITS, count_lines, count_squares, place
 
 RNG = np.random.default_rng(5)
 ROW, COL = RNG.integers(0, BLOCK, (2, 400))

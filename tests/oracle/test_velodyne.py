@@ -7,8 +7,15 @@ import pytest
 from velodyne_decoder import Config, Model, PacketVector, ScanDecoder, VelodynePacket
 from velodyne_decoder.velodyne_decoder_pylib import TimePair
 
-from companion.sensors.velodyne import VelodyneDecoder
-from tests.unit.companion.sensors.velodyne_packets import DUAL, HI_RES, SINGLE, VLP16, VLP32C, velodyne_packet
+from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
+from tests.unit.companion.flight.sensors.velodyne_packets import (
+    DUAL,
+    HI_RES,
+    SINGLE,
+    VLP16,
+    VLP32C,
+    velodyne_packet,
+)
 
 MODELS = {VLP16: Model.VLP16, HI_RES: Model.PuckHiRes, VLP32C: Model.VLP32C}
 LAST, STRONGEST = 2, 1

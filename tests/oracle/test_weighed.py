@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.weighed import lowered, weighed
+from slz.kernels.points.robust_regression import lowered, weighed
 
 
 def test_normal_equations_are_those_of_weights_by_tukey() -> None:

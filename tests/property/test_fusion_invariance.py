@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from companion.fusion.georeference import Georeferencer
-from companion.fusion.pose_history import PoseHistory
+from companion.flight.fusion.georeference import Georeferencer
+from companion.flight.fusion.pose_history import PoseHistory
 from params import Parameters
 from slz import LocalFrame
-from tests.unit.companion.fusion.flights import returns_of
+from tests.unit.companion.flight.fusion.flights import returns_of
 
 MS = 1_000_000
 HOME = LocalFrame(47.0, 8.0, 400.0)

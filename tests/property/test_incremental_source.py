@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import params
-from slz import LocalFrame, Pipeline, Report, Window, source_search
+from slz import LocalFrame, Pipeline, Report, Window
 from slz.grid import Grid
-from slz.kernels.search import find
-from slz.source_search import SourceSearch
-from slz.source_terrain import SourceTerrain
+from slz.kernels.paper.zone_search import find
+from slz.paper import paper_detection
+from slz.paper.paper_detection import SourceSearch
+from slz.paper.paper_terrain import SourceTerrain
 from tests.oracle.source_rules import Repeats, distances, interval, largest_square, zones_of
 
 Floats = NDArray[np.float64]
@@ -133,7 +134,7 @@ def test_a_search_that_failed_is_made_up_for_by_the_next(monkeypatch: pytest.Mon
     for _ in range(6):
         terrain.add(scan(rng))
         with monkeypatch.context() as patch:
-            patch.setattr(source_search, "find", full)
+            patch.setattr(paper_detection, "find", full)
             with pytest.raises(MemoryError):
                 search.update()
         mine = search.update()

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import params
 from slz import Pipeline, Report
-from slz.evidence import EvidenceTerrain
 from slz.grid import Grid
+from slz.terrain.terrain import EvidenceTerrain
 from tests.property.test_incremental_source import scan, window
 
 OWN = ["cell_m=0.5", "zone_m=90", "min_square_m=2", "min_boundary_points=20", "max_zones=1000"]

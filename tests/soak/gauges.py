@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.app import Companion
+from companion.flight.app import Companion
 
 PAGE_MIB = os.sysconf("SC_PAGE_SIZE") / 2**20
 

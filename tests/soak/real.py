@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 
 import params
-from companion.app import Companion
-from companion.dashboard.page import Front
-from companion.state import StateDir
+from companion.flight.app import Companion
+from companion.flight.dashboard.page import Front
+from companion.runtime.state_directory import StateDir
 from tests.bench.test_page import browsers
 from tests.bench.test_streams import POINTS_PER_S, feeder
 from tests.ports import free_port

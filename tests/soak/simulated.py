@@ -7,8 +7,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from companion.landing.situation import Phase
-from sitl.modes import Mode
+from companion.flight.landing.situation import Phase
+from sitl.autopilot.modes import Mode
 from sitl.simulation import Simulation
 from tests.campaign import sortie
 from tests.e2e.harness import Mission

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests import REPOSITORY
+
 FILES = sorted(
-    path for name in ("companion", "slz", "params", "sitl") for path in (ROOT / name).rglob("*.py")
+    path for name in ("companion", "slz", "params", "sitl") for path in (REPOSITORY / name).rglob("*.py")
 )
 # Data that is code when it is read.
 CODE_IN_DATA = {"pickle", "cPickle", "dill", "marshal", "shelve", "joblib", "cloudpickle"}
@@ -31,13 +31,13 @@ PROCESSES = {"subprocess", "multiprocessing", "pty"}
 # They run this program's own simulator beside it, compile its kernels before, or read what may end a process;
 # `slz sim` becomes the simulator.
 BESIDE = {
-    "companion/demo.py",
-    "companion/first_start.py",
-    "companion/reproduce/instruments.py",
-    "companion/reproduce/recording.py",
-    "companion/survey/laz_reader.py",
+    "companion/desk/demo/demonstration.py",
+    "companion/runtime/kernel_compilation.py",
+    "companion/desk/reproduce/instrument_data.py",
+    "companion/desk/reproduce/survey_recording.py",
+    "companion/desk/clouds/laz_reader.py",
 }
-BECOMES = {"companion/cli.py"}
+BECOMES = {"companion/cli/program.py"}
 
 
 def imported(tree: ast.AST) -> Iterator[str]:
@@ -75,8 +75,8 @@ def faults(source: str, file: str) -> list[str]:
 
 def test_no_file_unpickles_runs_a_shell_or_downloads() -> None:
     assert len(FILES) > 250
-    assert {str(f.relative_to(ROOT)): found for f in FILES
-            if (found := faults(f.read_text("utf-8"), str(f.relative_to(ROOT))))} == {}  # fmt: skip
+    assert {str(f.relative_to(REPOSITORY)): found for f in FILES
+            if (found := faults(f.read_text("utf-8"), str(f.relative_to(REPOSITORY))))} == {}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -86,11 +86,11 @@ def test_no_file_unpickles_runs_a_shell_or_downloads() -> None:
      "np.load('x', allow_pickle=True)", "os.execv('/bin/sh', [])", "from multiprocessing import Process"],
 )  # fmt: skip
 def test_each_of_these_would_be_found(source: str) -> None:
-    assert faults(source, "companion/app.py")
+    assert faults(source, "companion/flight/app.py")
 
 
 def test_the_page_loads_nothing_from_elsewhere() -> None:
-    for path in (ROOT / "companion/dashboard/static").iterdir():
+    for path in (REPOSITORY / "companion/flight/dashboard/static").iterdir():
         if path.suffix in (".html", ".js", ".css"):
             text = path.read_text("utf-8")
             assert not any(

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from companion.landing.situation import Phase
+from companion.flight.landing.situation import Phase
 from tests.campaign import log, reactions, report
 from tests.campaign.plan import CELLS, FAULTS, STATES, STRIDE, number_of, plan
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from companion.cli import app
+from companion.cli.program import app
+from tests import REPOSITORY
 
-DEPLOY = Path(__file__).parents[3] / "deploy"
+DEPLOY = REPOSITORY / "deploy"
 
 
 def install(root: Path) -> str:

@@ -15,10 +15,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import companion
 import params
-from companion.app import Companion
-from companion.clock import now_ns
-from companion.landing.situation import Orders, Phase
-from companion.link.vehicle import VehicleState
+from companion.flight.app import Companion
+from companion.flight.landing.situation import Orders, Phase
+from companion.flight.link.vehicle_state import VehicleState
+from companion.runtime.clock import now_ns
 
 IN_FLIGHT = VehicleState(
     sysid=1,

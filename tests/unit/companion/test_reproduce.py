@@ -14,31 +14,31 @@ import pytest
 from matplotlib.axes import Axes
 
 import params
-from companion import reproduce
-from companion.errors import CompanionError, UsageError
-from companion.evaluation import room_to_land
-from companion.reproduce import (
-    identities,
-    instruments,
+from companion.desk import reproduce
+from companion.desk.evaluation import room_to_land
+from companion.desk.reproduce import (
+    instrument_data,
     landing_points,
     near_far,
-    page,
     places,
     reliability,
-    room,
+    reproduction_page,
     run,
-    scenes,
-    timing,
+    source_scenes,
+    square_filter,
+    window_timing,
+    zone_identities,
 )
-from companion.reproduce.around import Around
-from companion.reproduce.measure import compare
-from companion.reproduce.places import Place
-from companion.reproduce.planes import SlopeError, slope_errors
-from companion.reproduce.recording import FRAME, Recording, Survey, fly
-from companion.reproduce.scenarios import BY_SCENE, MODES, Scenario
-from companion.reproduce.scenes import run as run_case
+from companion.desk.reproduce.inclined_planes import SlopeError, slope_errors
+from companion.desk.reproduce.places import Place
+from companion.desk.reproduce.scenarios import BY_SCENE, MODES, Scenario
+from companion.desk.reproduce.source_scenes import run as run_case
+from companion.desk.reproduce.survey_recording import FRAME, Recording, Survey, fly
+from companion.desk.reproduce.true_obstacles import Around
+from companion.desk.reproduce.truth_comparison import compare
+from companion.runtime.errors import CompanionError, UsageError
 from slz import Box, Grid, Obstacle, Pipeline, PointState, Surroundings, TerrainMaps, zone_mask
-from slz.landing_point import unknown
+from slz.landing_point.judgement import unknown
 
 SIDE_M = 30.0
 
@@ -134,9 +134,9 @@ def test_the_plane_fit_beats_the_gradient_on_noisy_planes() -> None:
 
 
 def test_the_page_holds_every_figure(tmp_path: Path) -> None:
-    table = page.slope_table([SlopeError(5.0, 3.39, 0.05, 0.21, 1.0)])
-    markdown, html = page.write(
-        tmp_path, [page.Section([table], [("a < b", [tmp_path / "a" / "safe.png"])], {})]
+    table = reproduction_page.slope_table([SlopeError(5.0, 3.39, 0.05, 0.21, 1.0)])
+    markdown, html = reproduction_page.write(
+        tmp_path, [reproduction_page.Section([table], [("a < b", [tmp_path / "a" / "safe.png"])], {})]
     )
     for text in (markdown.read_text("utf-8"), html.read_text("utf-8")):
         assert all(word in text for word in ("3.39", "0.21", "a/safe.png"))
@@ -172,9 +172,9 @@ def blank(monkeypatch: pytest.MonkeyPatch) -> None:
         path.touch()
         return path
 
-    monkeypatch.setattr(room, "save_maps", maps)
-    monkeypatch.setattr(room, "save_terrain", terrain)
-    monkeypatch.setattr(identities, "save_terrain", terrain)
+    monkeypatch.setattr(square_filter, "save_maps", maps)
+    monkeypatch.setattr(square_filter, "save_terrain", terrain)
+    monkeypatch.setattr(zone_identities, "save_terrain", terrain)
 
 
 @pytest.mark.usefixtures("blank")
@@ -182,7 +182,7 @@ def test_room_to_land_is_a_row_for_each_mode_and_four_pictures(
     small: Scenario, surveys: Path, tmp_path: Path
 ) -> None:
     told: list[str] = []
-    found = room.section([small], tmp_path, surveys, told.append)
+    found = square_filter.section([small], tmp_path, surveys, told.append)
     assert told == ["field, source mode", "field, default mode"]
     assert [row[0] for row in found.tables[0].rows] == told
     counts = found.figures["zones_without_and_with"].values()
@@ -194,7 +194,7 @@ def test_room_to_land_is_a_row_for_each_mode_and_four_pictures(
 
 @pytest.mark.usefixtures("blank")
 def test_identities_count_fewer_numbers_with_reuse(small: Scenario, surveys: Path, tmp_path: Path) -> None:
-    found = identities.section([small], tmp_path, surveys, lambda what: None)
+    found = zone_identities.section([small], tmp_path, surveys, lambda what: None)
     without, source, default = found.figures["ids"]["field"]
     assert without >= source >= default == 1
     assert found.tables[0].rows[0][2:] == (str(without), str(source), str(default))
@@ -205,7 +205,7 @@ def test_timing_has_every_case_beside_the_paper_s_limit(
     small: Scenario, surveys: Path, tmp_path: Path
 ) -> None:
     outcome, _ = run_case(small.case("default"), surveys)
-    found = timing.section([outcome], tmp_path)
+    found = window_timing.section([outcome], tmp_path)
     (row,) = found.tables[0].rows
     assert row[0] == "field, default mode"
     assert row[-1] == "< 600"
@@ -349,9 +349,9 @@ def test_a_run_tells_of_every_case_and_the_certainty_of_default_mode_only(
     told: list[tuple[str, float]] = []
     judged: list[str] = []
 
-    def certainty(counted: Mapping[str, reliability.Bins], _out: Path) -> page.Section:
+    def certainty(counted: Mapping[str, reliability.Bins], _out: Path) -> reproduction_page.Section:
         judged.extend(counted)
-        return page.Section([], [], {})
+        return reproduction_page.Section([], [], {})
 
     (tmp_path / "surveys").symlink_to(surveys)
     monkeypatch.setattr(reproduce, "CASES", (small.case("source"), small.case("default")))
@@ -376,12 +376,12 @@ def test_an_instrument_alone_is_run_from_what_was_recorded_before(
 ) -> None:
     told: list[str] = []
 
-    def section(data: dict[str, np.ndarray], out: Path) -> page.Section:
-        return page.Section([], [], {"radar": [*data["truth_m"].tolist(), out.name]})
+    def section(data: dict[str, np.ndarray], out: Path) -> reproduction_page.Section:
+        return reproduction_page.Section([], [], {"radar": [*data["truth_m"].tolist(), out.name]})
 
     (tmp_path / "surveys").mkdir()
-    np.savez(tmp_path / "surveys" / f"radar_seed{instruments.SEED}.npz", truth_m=np.arange(3.0))
-    monkeypatch.setattr("companion.reproduce.radar.section", section)
+    np.savez(tmp_path / "surveys" / f"radar_seed{instrument_data.SEED}.npz", truth_m=np.arange(3.0))
+    monkeypatch.setattr("companion.desk.reproduce.radar_section.section", section)
     found = run(tmp_path, lambda what, _share: told.append(what), "radar")
     assert found["radar"] == [0.0, 1.0, 2.0, "radar"]
     assert told == ["radar", "done"]
@@ -395,7 +395,7 @@ def test_why_an_instrument_could_not_be_recorded_is_told(
     def fail(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
         return subprocess.CompletedProcess(command, 3, "", said)
 
-    monkeypatch.setattr(instruments, "subprocess", SimpleNamespace(run=fail))
+    monkeypatch.setattr(instrument_data, "subprocess", SimpleNamespace(run=fail))
     with pytest.raises(CompanionError, match=f"could not record the flash: {why}"):
         run(tmp_path, lambda _what, _share: None, "flash")
     assert list((tmp_path / "surveys").iterdir()) == []
@@ -417,7 +417,7 @@ def test_a_second_without_a_return_is_no_window() -> None:
 
 
 NOTHING: dict[ModuleType, Callable[[Path], object]] = {
-    scenes: lambda out: run_case(scenes.Case("the field", survey(), 1.0), out),
+    source_scenes: lambda out: run_case(source_scenes.Case("the field", survey(), 1.0), out),
     near_far: lambda out: near_far.section(
         [near_far.Climb("the field", survey())], out, out, lambda _what: None
     ),
@@ -492,9 +492,9 @@ def test_without_a_known_cell_there_is_no_calibration_error() -> None:
 def test_where_no_zone_is_left_none_is_the_largest(
     small: Scenario, surveys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(room, "MODES", ("default",))
+    monkeypatch.setattr(square_filter, "MODES", ("default",))
     barren = replace(small, settings=("min_boundary_points=100000", "zone_m=200"))
-    found = room.section([barren], tmp_path, surveys, lambda _what: None)
+    found = square_filter.section([barren], tmp_path, surveys, lambda _what: None)
     assert found.tables[0].rows == [("field, default mode", "0", "0", "0", "0", "none")]
 
 

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
+from tests import REPOSITORY
+
 SOURCES = (
-    "companion/app.py",
-    "companion/fitness.py",
-    "companion/invariants.py",
-    "companion/map_frame.py",
-    "companion/recordings.py",
-    "companion/settings.py",
-    "companion/dashboard/alarms.py",
-    "companion/dashboard/desk.py",
-    "companion/dashboard/page.py",
-    "companion/dashboard/site.py",
-    "companion/dashboard/viewer.py",
-    "companion/dashboard/replay_page.py",
-    "companion/landing/executive.py",
-    "companion/landing/operator.py",
-    "companion/landing/order_parameters.py",
-    "companion/landing/presumptions.py",
-    "companion/landing/watch.py",
-    "companion/link/link.py",
-    "companion/link/parameter_server.py",
+    "companion/flight/app.py",
+    "companion/flight/doctor/autopilot_fitness.py",
+    "companion/flight/mapping/report_invariants.py",
+    "companion/flight/landing/map_frame.py",
+    "companion/flight/recorder/recordings.py",
+    "companion/flight/services/settings.py",
+    "companion/flight/dashboard/alarms.py",
+    "companion/flight/dashboard/order_handler.py",
+    "companion/flight/dashboard/page.py",
+    "companion/flight/dashboard/site.py",
+    "companion/flight/dashboard/viewer.py",
+    "companion/desk/replay/replay_page.py",
+    "companion/flight/landing/executive.py",
+    "companion/flight/landing/operator_commands.py",
+    "companion/flight/services/order_parameters.py",
+    "companion/flight/landing/presumptions.py",
+    "companion/flight/landing/landing_point_news.py",
+    "companion/flight/link/link.py",
+    "companion/flight/services/parameter_server.py",
 )
 # Where the text stands among a call's arguments.
 SAYS = {
@@ -49,7 +49,7 @@ def templates() -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for path in SOURCES:
-        tree = ast.parse((ROOT / path).read_text("utf-8"))
+        tree = ast.parse((REPOSITORY / path).read_text("utf-8"))
         for text, severity in (*_in_calls(tree), *_in_functions(tree)):
             text = text.removeprefix("SLZ: ")
             found[text] = severity or found.get(text, "")
@@ -59,8 +59,10 @@ def templates() -> dict[str, str]:
 def files_that_speak() -> set[str]:
     """Return the files that make texts for a pilot, by the names of what takes them."""
     words = ("Reply(", "Change(", "BrokenInvariantError(", "_say(Severity", ".statustext(")
-    files = (ROOT / "companion").rglob("*.py")
-    return {str(f.relative_to(ROOT)) for f in files if any(word in f.read_text("utf-8") for word in words)}
+    files = (REPOSITORY / "companion").rglob("*.py")
+    return {
+        str(f.relative_to(REPOSITORY)) for f in files if any(word in f.read_text("utf-8") for word in words)
+    }
 
 
 def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:

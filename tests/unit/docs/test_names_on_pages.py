@@ -10,7 +10,7 @@ from tests.unit.docs.said import ROOT
 
 DOCS = ROOT / "docs"
 TABLE = {row.mavlink for row in params.rows()} | {"SLZ_SELECT", "SLZ_DO"}
-TOLD = set(re.findall(r"SLZ_\w+", (ROOT / "companion/outputs/status.py").read_text("utf-8")))
+TOLD = set(re.findall(r"SLZ_\w+", (ROOT / "companion/flight/outputs/landing_status.py").read_text("utf-8")))
 ENVIRONMENT = set(re.findall(r"SLZ_\w+", (ROOT / "deploy/slz.env").read_text("utf-8")))
 
 

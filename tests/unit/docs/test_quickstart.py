@@ -8,10 +8,10 @@ from importlib import resources
 import pytest
 import typer
 
-from companion import cli
+from companion.cli import program
 from params.required import parse
 from sitl import __main__ as simulator
-from sitl import lidars
+from sitl.sensors import lidars
 from tests.e2e import arducopter, px4
 from tests.e2e.quickstart import PAGE, ROOT, Command, block_with, blocks, slz
 
@@ -26,7 +26,7 @@ def test_the_page_s_blocks_are_read() -> None:
 
 @pytest.mark.parametrize("command", [c for c in ALL if c.program == "slz" and c.words[1] != "sim"], ids=str)
 def test_every_option_of_slz_is_one(command: Command) -> None:
-    group = typer.main.get_command(cli.app)
+    group = typer.main.get_command(program.app)
     sub = group.get_command(typer.Context(group), command.words[1])  # type: ignore[attr-defined]
     sub.make_context(command.words[1], list(command.words[2:]))  # raises what it refuses
 
@@ -34,7 +34,7 @@ def test_every_option_of_slz_is_one(command: Command) -> None:
 @pytest.mark.parametrize("words", ["--scene streets", "--sensor radar", "--intruder car@15"])
 def test_the_other_flights_named_are_flights(words: str) -> None:
     assert f"`{words}`" in PAGE
-    group = typer.main.get_command(cli.app)
+    group = typer.main.get_command(program.app)
     sub = group.get_command(typer.Context(group), "demo")  # type: ignore[attr-defined]
     context = sub.make_context("demo", words.split())
     assert words.split()[1] in context.params.values()

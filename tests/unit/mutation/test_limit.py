@@ -12,6 +12,7 @@ from typing import Any
 import coverage
 import pytest
 
+from tests import REPOSITORY
 from tests.coverage import plugin
 
 pytest_plugins = ["pytester"]
@@ -40,7 +41,7 @@ def test_endless_preparation(endless):
 def test_what_takes_too_long_is_skipped_with_its_other_cases_and_what_passed_is_costed(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
     pytester.makepyfile(TESTS)
     run = pytester.runpytest_subprocess(
         "-p",

@@ -36,7 +36,7 @@ from tests.mutation import trial
 
 trial.prepare()
 root = Path.cwd()
-path = "slz/kernels/bits.py"
+path = "slz/kernels/raster/bitmap.py"
 source = (root / path).read_text()
 helper = "word ^= word << np.uint64(shift)"
 assert helper in source

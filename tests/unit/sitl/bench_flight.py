@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot import Autopilot
-from sitl.estimator import EstimateErrors, Estimator
-from sitl.state import State, ned, rotate
-from sitl.vehicle import Vehicle
+from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.estimator import EstimateErrors, Estimator
+from sitl.vehicle.multirotor import Vehicle
+from sitl.vehicle.rigid_body import State, ned, rotate
 
 TICK_NS = 2_500_000
 ORIGIN = (47.0, 8.0, 400.0)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.primitives import Ground, Kind
-from sitl.world import World
+from sitl.world.primitives import Ground, Kind
+from sitl.world.world import World
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

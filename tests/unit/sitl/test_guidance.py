@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.modes import Mode
-from sitl.state import to_euler
+from sitl.autopilot.modes import Mode
+from sitl.vehicle.rigid_body import to_euler
 from tests.unit.sitl.bench_flight import Bench
 
 ONLY_RATE, ONLY_YAW, ONLY_POSITION = 0b010111000111, 0b100111000111, 0b110111111000

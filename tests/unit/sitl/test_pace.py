@@ -12,7 +12,7 @@ from sitl import pace as pacing
 from sitl import scenes
 from sitl.pace import Pace
 from sitl.simulation import TICK_NS, Simulation
-from tests.unit.sitl.test_wire import COMPANION, Station
+from tests.unit.sitl.wire.test_wire import COMPANION, Station
 
 MS, S = 1_000_000, 1_000_000_000
 

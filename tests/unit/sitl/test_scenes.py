@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from sitl import scenes, truth
-from sitl.primitives import Kind
+from sitl import scenes
 from sitl.scenes.scene import Scene
+from sitl.truth import truth
+from sitl.world.primitives import Kind
 
 
 @cache

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from sitl import __main__ as program
-from sitl import lidars, truth
+from sitl.sensors import lidars
 from sitl.simulation import Simulation
+from sitl.truth import truth
 
 FLY = ["--scene", "plain", "--lidar", "none", "--mavlink", "tcpin:127.0.0.1:0", "--speedup", "0"]
 FILES = ["dsm_truth.tif", "flight.json", "scene.json", "truth.tif"]

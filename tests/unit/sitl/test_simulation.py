@@ -16,14 +16,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import __main__ as program
 from sitl import scenes
-from sitl.estimator import EstimateErrors
+from sitl.autopilot.estimator import EstimateErrors
+from sitl.autopilot.modes import Mode
 from sitl.intruder import Intruder
-from sitl.modes import Mode
 from sitl.pace import Pace
 from sitl.simulation import TICK_NS, PoseTrack, Simulation
-from sitl.state import from_euler
-from sitl.wire import MemoryWire
-from tests.unit.sitl.test_wire import COMPANION, STATION, Station, command
+from sitl.vehicle.rigid_body import from_euler
+from sitl.wire.wire import MemoryWire
+from tests.unit.sitl.wire.test_wire import COMPANION, STATION, Station, command
 
 CLOUD_HEADER_BYTES = 36
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.wire import Router, TcpWire, Wire, WireError, open_wire
-from tests.unit.sitl.test_wire import text
+from sitl.wire.wire import Router, TcpWire, Wire, WireError, open_wire
+from tests.unit.sitl.wire.test_wire import text
 
 
 @contextmanager

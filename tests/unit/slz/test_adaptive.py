@@ -15,8 +15,8 @@ import params
 from slz import Choice, Grid, Pipeline, Report, Window
 from slz.adaptive import COARSEST, STEADY, Adapter
 from slz.grid import Box
-from slz.kernels.bits import bit, packed
-from slz.repeat import Held, regridded
+from slz.kernels.raster.bitmap import bit, packed
+from slz.zones.tracking import Held, regridded
 from tests.unit.slz.hand_made import FRAME
 
 Floats = NDArray[np.float64]

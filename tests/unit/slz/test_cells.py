@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from params import Parameters
-from slz.evidence import BLOCK, EvidenceTerrain, _regions
 from slz.grid import Box, Grid
-from slz.kernels.room import first_choice, surest
-from slz.maps import UNKNOWN
-from slz.search import side_in_cells
-from slz.tiles import TILE_BYTES, Tiles
+from slz.kernels.raster.distance_transform import first_choice, surest
+from slz.terrain.terrain import BLOCK, EvidenceTerrain, _regions
+from slz.terrain.terrain_maps import UNKNOWN
+from slz.terrain.tiles import TILE_BYTES, Tiles
+from slz.zones.detection import side_in_cells
 
 
 @pytest.mark.parametrize(

@@ -362,7 +362,7 @@ def test_a_few_returns_beyond_an_empty_gap_are_dropped_in_both_modes() -> None:
 def test_source_ground_below_the_slope_limit_is_safe_whichever_way_it_slopes(
     turn: str, slope_deg: float, state: int
 ) -> None:
-    """Eq. 8 as printed would see no slope to the north; §3.2.4 as printed would call the steeper one safe."""
+    """Eq. 8 as printed would see no slope to the north; 3.2.4 as printed would call the steeper one safe."""
     along = np.tan(np.radians(slope_deg)) * np.arange(20.0)
     height = np.tile(along, (20, 1)) if turn == "east" else np.tile(along[:, None], (1, 20))
     pipe = pipeline("source")

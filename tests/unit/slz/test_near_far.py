@@ -1,4 +1,4 @@
-"""Two maps of different cells: which windows go where, and which zones are reported (SLZ thesis §4.3.1)."""
+"""Two maps of different cells: which windows go where, and which zones are reported (SLZ thesis 4.3.1)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, Report, TerrainMaps
+from slz.default_method import far_parameters
 from slz.pipeline import reach_m
-from slz.zone_map import far_parameters
 from tests.unit.slz.hand_made import NOWHERE, flat, returns, window
 
 Floats = NDArray[np.float64]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "sources.md").read_text("utf-8")
+from tests import REPOSITORY
+
+PAGE = (REPOSITORY / "docs" / "sources.md").read_text("utf-8")
 HOME = "tests/unit/slz/test_departures.py"
 
 
@@ -14,7 +14,7 @@ def test_every_test_named_on_the_page_of_departures_exists() -> None:
     named = re.findall(r"`([\w/.]*)::(test_\w+)`", PAGE)
     assert len(named) > 20
     for file, test in named:
-        assert f"def {test}(" in (ROOT / (file or HOME)).read_text("utf-8"), f"{file}::{test}"
+        assert f"def {test}(" in (REPOSITORY / (file or HOME)).read_text("utf-8"), f"{file}::{test}"
 
 
 def test_every_row_of_departures_names_a_test() -> None:

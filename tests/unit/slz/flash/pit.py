@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sitl import scenes
-from sitl.flash import FlashLidar, RawFrame
 from sitl.scenes.borrow_pit import BOXES
+from sitl.sensors.flash import FlashLidar, RawFrame
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.flash.elevation import ElevationMap, elevation_map, grid_around, relative_elevation
-from slz.flash.hazards import Hazard, find_hazards
-from slz.flash.process import map_points, process_frame, sensor_points
+from slz.flash.frame_processing import map_points, process_frame, sensor_points
+from slz.flash.hazard_detection import Hazard, find_hazards
 
 F64 = NDArray[np.float64]
 LIGHT_M_NS = 0.299792458

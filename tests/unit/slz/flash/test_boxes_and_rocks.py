@@ -10,8 +10,8 @@ from sitl.scenes.borrow_pit import BOXES
 from slz import SAFE, Pipeline
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.flash.elevation import elevation_map, grid_around, histogram_peaks
-from slz.flash.hazards import find_hazards
-from slz.flash.process import map_points, process_frame, sensor_points
+from slz.flash.frame_processing import map_points, process_frame, sensor_points
+from slz.flash.hazard_detection import find_hazards
 from slz.flash.triage import Quality
 from slz.frame import LocalFrame
 from slz.window import Window

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from slz.flash.process import map_points, process_frame, sensor_points
+from slz.flash.frame_processing import map_points, process_frame, sensor_points
 from slz.flash.triage import Quality
-from slz.kernels.median import median_of_neighbours
+from slz.kernels.instruments.median_filter import median_of_neighbours
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import curve_fit
 
 from slz.flash.camera import FlashCamera, FlashFrame
-from slz.flash.process import process_frame
+from slz.flash.frame_processing import process_frame
 from slz.flash.ranging import likely_ranges, polynomial_map, polynomial_ranges, range_bound_m
-from slz.kernels.waveform import GOOD, MISSING, ODD, SATURATED
+from slz.kernels.instruments.waveform import GOOD, MISSING, ODD, SATURATED
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 
 LEVELS = (0.05, 0.1, 0.2, 0.3)

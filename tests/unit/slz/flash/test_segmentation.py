@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.flash.elevation import elevation_map, grid_around, histogram_peaks, relative_elevation
-from slz.flash.hazards import find_hazards
+from slz.flash.hazard_detection import find_hazards
 from slz.flash.segmentation import segment
 from slz.grid import Grid
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 import params
 from sitl import scenes
-from sitl.primitives import Kind
-from sitl.radar import SideLooker, Track
-from sitl.truth import safe_map
+from sitl.sensors.radar import SideLooker, Track
+from sitl.truth.truth import safe_map
+from sitl.world.primitives import Kind
 from slz import Pipeline
 from slz.frame import LocalFrame
 from slz.grid import Grid
 from slz.radar.dem import RadarDem
-from slz.radar.lines import RadarLines
+from slz.radar.line_buffer import RadarLines
 from slz.window import Window
 
 F64 = NDArray[np.float64]

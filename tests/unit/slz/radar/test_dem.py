@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sitl.primitives import Ground, Kind
-from sitl.radar import SideLooker, Track
-from sitl.world import World
+from sitl.sensors.radar import SideLooker, Track
+from sitl.world.primitives import Ground, Kind
+from sitl.world.world import World
 from slz.grid import Grid
 from slz.radar.accuracy import coherence
 from slz.radar.dem import RadarDem, fuse, observe
 from slz.radar.heights import heights
 from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.lines import RadarLines
+from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 RADAR = Interferometer()

@@ -7,7 +7,7 @@ import pytest
 
 from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.lines import RadarLines
+from slz.radar.line_buffer import RadarLines
 
 RADAR = Interferometer()
 FIRST_M, STEP_M, BINS = 70.0, 0.5, 100

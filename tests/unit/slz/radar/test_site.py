@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from sitl.primitives import Kind
+from sitl.world.primitives import Kind
 from slz.radar.dem import fuse, observe
 from slz.radar.interferometer import Interferometer
 from tests.unit.slz.radar.site import GRID, Site, judge

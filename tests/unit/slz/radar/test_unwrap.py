@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.unwrap import unwrap_by_quality
+from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
 
 F64 = NDArray[np.float64]
 

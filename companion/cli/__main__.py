@@ -1,0 +1,5 @@
+"""`python -m companion.cli`: the command line without its installed script."""
+
+from companion.cli.program import main
+
+main()

@@ -1,0 +1,172 @@
+"""`slz bench`: how long the pipeline takes for one window after the other, from a file of points."""
+
+from __future__ import annotations
+
+import gc
+import resource
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import params
+from companion.runtime.allocator import keep_memory
+from companion.runtime.errors import UsageError
+from slz import LocalFrame, Pipeline, Report, Window
+from slz.warm_up import warm_up
+
+FIELDS = 4  # t (s), x, y, z (m), little-endian float64
+SAFE_SLOPE_DEG, WORST_SLOPE_DEG = 4.0, 40.0  # SLZ paper Table 4
+FRAME = LocalFrame(45.0, -75.0, 0.0)
+NOWHERE = np.full(3, np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is measured: a file of points, the map, and what a zone must have."""
+
+    points: Path
+    cell_m: float
+    zone_m: float
+    min_square_m: float
+    min_boundary: int
+    mode: str
+    windows: int | None = None
+
+    def parameters(self) -> params.Parameters:
+        """Return the parameters; in source mode those of the SLZ paper's Table 4."""
+        if self.mode not in ("source", "default"):
+            raise UsageError(f"--mode {self.mode!r}: use source or default")
+        own = {
+            "mode": self.mode,
+            "cell_m": self.cell_m,
+            "zone_m": self.zone_m,
+            "min_square_m": self.min_square_m,
+            "min_boundary_points": self.min_boundary,
+            "max_zones": 10_000,
+        }
+        if self.mode == "source":
+            own |= {
+                "safe_slope_deg": SAFE_SLOPE_DEG,
+                "max_slope_deg": WORST_SLOPE_DEG,
+                "repeat_depth": 100_000,
+            }
+        return params.load("quadcopter", [f"{name}={value}" for name, value in own.items()])
+
+
+def run(case: Case) -> dict[str, Any]:
+    """Warm up, process every window, and return times (ms), zones and memory.
+
+    A window's time is that of `Pipeline.process`, from points to the report. What the pipeline does between
+    windows, as in flight, is `between_ms`. The zone is fixed about (0, 0), and points outside it are passed
+    over. The allocator is told to keep memory, as in flight.
+    """
+    keep_memory()
+    parameters = case.parameters()
+    records = _records(case.points)
+    warm_up(parameters)
+    pipeline = Pipeline(parameters, (0.0, 0.0), follow=False)
+    wall_ms, cpu_ms, between_ms, stages, n_points = [], [], [], [], 0
+    report: Report | None = None
+    gc.collect()
+    gc.freeze()
+    for window in _windows(records, case.windows):
+        cpu, start = time.thread_time(), time.perf_counter()
+        report = pipeline.process(window)
+        wall_ms.append((time.perf_counter() - start) * 1e3)
+        cpu_ms.append((time.thread_time() - cpu) * 1e3)
+        stages.append(report.stage_ms)
+        n_points += len(window)
+        cpu = time.thread_time()
+        pipeline.prepare()
+        between_ms.append((time.thread_time() - cpu) * 1e3)
+    gc.unfreeze()
+    if report is None:
+        raise UsageError(f"{case.points} holds no points")
+    return {
+        "windows": len(wall_ms),
+        "points": n_points,
+        "ms": _spread(wall_ms),
+        "cpu_ms": _spread(cpu_ms),
+        "between_ms": _spread(between_ms),
+        "window_ms": [round(ms, 4) for ms in wall_ms],
+        "stage_ms": {name: round(float(np.median([s[name] for s in stages])), 4) for name in stages[0]},
+        "points_per_s": round(n_points / (sum(wall_ms) * 1e-3)),
+        "zones": _zones(report),
+        "rss_mb": round(_rss_mb(), 1),
+    }
+
+
+def _records(path: Path) -> NDArray[np.float64]:
+    """Map the file into memory; (n, 4)."""
+    try:
+        size = path.stat().st_size
+        if size == 0 or size % (8 * FIELDS):
+            raise UsageError(f"{path} is no file of little-endian float64 t, x, y, z: it has {size} bytes")
+        records = np.memmap(path, dtype="<f8", mode="r").reshape(-1, FIELDS)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}") from error
+    first, last = float(records[0, 0]), float(records[-1, 0])
+    if not (np.isfinite([first, last]).all() and first <= last):
+        raise UsageError(f"{path}: times run from {first} to {last} s, they must rise")
+    return np.asarray(records)
+
+
+def _windows(records: NDArray[np.float64], most: int | None) -> Iterator[Window]:
+    """Yield windows of 1 s of t, each a copy of its own."""
+    start, count = 0, 0
+    stamps = records[:, 0]
+    while start < len(records) and (most is None or count < most):
+        end_s = np.floor(stamps[start]) + 1.0
+        stop = start + _length(stamps[start:], end_s)
+        points = np.ascontiguousarray(records[start:stop, 1:])
+        points.setflags(write=False)
+        stamp_ns = (stamps[start:stop] * 1e9).astype(np.int64)
+        yield Window(points, stamp_ns, NOWHERE, FRAME, int(stamp_ns[0]), int(stamp_ns[-1]))
+        start, count = stop, count + 1
+
+
+def _length(stamps: NDArray[np.float64], end_s: float) -> int:
+    """Return how many of the next stamps lie before a time, at least one."""
+    step = 1_000_000
+    for first in range(0, len(stamps), step):
+        later = stamps[first : first + step] >= end_s
+        if later.any():
+            return max(1, first + int(np.argmax(later)))
+    return len(stamps)
+
+
+def _spread(ms: list[float]) -> dict[str, float]:
+    low, high, most = np.percentile(ms, [50, 99, 100])
+    return {"median": round(float(low), 4), "p99": round(float(high), 4), "max": round(float(most), 4)}
+
+
+def _zones(report: Report) -> list[dict[str, Any]]:
+    return [
+        {
+            "id": zone.id,
+            "area_m2": round(zone.area_m2, 2),
+            "certainty": round(zone.certainty, 4),
+            "n_boundary": len(zone.boundary_cells),
+            "n_filtered": len(zone.corners_enu_m),
+            "safe": zone.n_safe,
+            "unsafe": zone.n_unsafe,
+            "uncertain": zone.n_uncertain,
+        }
+        for zone in sorted(report.near.zones, key=lambda zone: zone.id)
+    ]
+
+
+def _rss_mb() -> float:
+    """Return the memory in use now without mapped files, where the system tells, else the most there was."""
+    try:
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("RssAnon:")[1].split()[0]) / 2**10
+    except (OSError, IndexError):
+        unit = 2**20 if sys.platform == "darwin" else 2**10
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit

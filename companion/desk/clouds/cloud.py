@@ -1,0 +1,144 @@
+"""Stored clouds: files in, points in their own CRS out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.clouds import memory_limit
+from companion.desk.clouds.cloud_format import kind_of
+from companion.desk.clouds.cloud_source import Source
+from companion.desk.clouds.crs import Reference, from_option
+from companion.desk.clouds.las import open_las
+from companion.desk.clouds.pcd import open_pcd
+from companion.desk.clouds.ply import open_ply
+from companion.desk.clouds.text import open_text
+from companion.runtime.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """Points of one or more files.
+
+    points : (n, 3) float64, x y z in the units of `reference`, finite. gps_s : (n,) float64 or None where
+    a file has no usable time. dropped: points left out, by reason. step: distance of neighbouring coordinates
+    x or y, in units, where a file holds 32-bit floating point numbers; 0 where none does.
+    """
+
+    points: NDArray[np.float64]
+    gps_s: NDArray[np.float64] | None
+    reference: Reference
+    n_read: int
+    dropped: dict[str, int]
+    step: float = 0.0
+
+
+def read(
+    files: Sequence[Path],
+    crs: str | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+    vertical_unit: str | None = None,
+) -> Cloud:
+    """Read files of one CRS, whatever kinds they are of.
+
+    Parameters
+    ----------
+    files
+        Paths; coordinates stay in the files' units.
+    crs
+        Overrides what the files say, and says what PCD, PLY and text cannot.
+    progress
+        Called with the share of points read.
+    vertical_unit
+        Unit of the heights, m, ft or us-ft: overrides what the files say.
+
+    Raises
+    ------
+    UsageError
+        A file is missing, empty, of no known kind, truncated, corrupt, without CRS or of another CRS, or no
+        point of it is usable.
+    """
+    if not files:
+        raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
+    refuse_twice(files)
+    given = from_option(crs, vertical_unit) if crs else None
+    sources = [open_source(path, given, vertical_unit) for path in files]
+    refuse_mixed(sources)
+    n_points = sum(source.n_points for source in sources)
+    memory_limit.check_points(n_points)
+    timed = sources[0].clock is not None and len({source.clock for source in sources}) == 1
+    points = np.empty((n_points, 3))
+    gps_s = np.empty(n_points) if timed else None
+    dropped: Counter[str] = Counter()
+    n_read = n = 0
+    step = 0.0
+    for source in sources:
+        begin, read_before = n, n_read
+        for chunk in source.chunks():
+            n_read += chunk.n_read
+            dropped.update(chunk.dropped)
+            end = n + len(chunk.points)
+            points[n:end] = chunk.points
+            if gps_s is not None and chunk.gps_s is not None:
+                gps_s[n:end] = chunk.gps_s
+            n = end
+            progress(min(n_read / n_points, 1.0))
+        if n == begin:
+            raise UsageError(
+                f"{source.path}: none of its {n_read - read_before} points is usable{_reasons(dropped)}"
+            )
+        if source.single:
+            step = max(step, float(np.spacing(np.float32(np.abs(points[begin:n, :2]).max()))))
+    return Cloud(
+        points[:n], None if gps_s is None else gps_s[:n], sources[0].reference, n_read, dict(dropped), step
+    )
+
+
+def open_source(path: Path, given: Reference | None, vertical_unit: str | None = None) -> Source:
+    """Open a cloud of any kind; `given` and `vertical_unit` are the CRS and unit that the user named.
+
+    Raises
+    ------
+    UsageError
+        It is of no known kind, it cannot be used, or nobody names its CRS.
+    """
+    kind = kind_of(path)
+    if kind == "las":
+        return open_las(path, given, vertical_unit)
+    if given is None:
+        name = "text" if kind == "text" else f"a {kind.upper()} file"
+        raise UsageError(f"{path}: {name} names no CRS: name it by --crs, such as --crs EPSG:2992")
+    if kind == "pcd":
+        return open_pcd(path, given)
+    return open_ply(path, given) if kind == "ply" else open_text(path, given)
+
+
+def refuse_twice(files: Sequence[Path]) -> None:
+    """Refuse a file that is named twice: its points would count twice."""
+    seen: set[Path] = set()
+    for path in files:
+        real = path.resolve()
+        if real in seen:
+            raise UsageError(f"{path}: it is given twice: name every file once")
+        seen.add(real)
+
+
+def refuse_mixed(sources: Sequence[Source]) -> None:
+    """Refuse files of more than one CRS, or of more than one datum of heights where they name it."""
+    first = next((source for source in sources if source.reference.vertical is not None), sources[0])
+    for source in sources:
+        if not source.reference.same_as(first.reference):
+            raise UsageError(
+                f"{source.path}: its CRS {source.reference.name} differs from {first.reference.name} of"
+                f" {first.path}: reproject one of them"
+            )
+
+
+def _reasons(dropped: Counter[str]) -> str:
+    counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in dropped.items() if count)
+    return f" ({counts})" if counts else ""

@@ -1,0 +1,51 @@
+"""Which kind of cloud a file is, by its first bytes, and only text by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from companion.desk.clouds.cloud_source import passing, unread
+from companion.runtime.errors import UsageError
+
+Kind = Literal["las", "pcd", "ply", "text"]
+HEAD = 512  # bytes
+TEXT = frozenset({".xyz", ".txt", ".csv", ".asc"})
+SUPPORTED = "LAS, LAZ, COPC, PCD, PLY, or text as .xyz, .txt or .csv"
+_PCD_WORDS = (b"# .PCD", b"VERSION", b"FIELDS", b"COLUMNS")
+_PLY_LINES = (b"ply\n", b"ply\r")
+
+
+def kind_of(path: Path) -> Kind:
+    """Tell the kind of a file.
+
+    Raises
+    ------
+    UsageError
+        Missing, unreadable, empty or of no kind that is supported.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+    except FileNotFoundError:
+        raise UsageError(f"{path}: no such file") from None
+    except OSError as error:
+        if passing(error):
+            raise unread(path, error) from None
+        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+    if not head:
+        raise UsageError(f"{path}: it is empty")
+    suffix = path.suffix.lower()
+    if head.startswith(b"LASF"):
+        return "las"
+    if head.startswith(_PLY_LINES):
+        return "ply"
+    if head.startswith(_PCD_WORDS) or suffix == ".pcd":
+        return "pcd"
+    if suffix in (".las", ".laz"):
+        raise UsageError(f"{path}: it is not a LAS or LAZ file, whatever its name says")
+    if suffix == ".ply":
+        raise UsageError(f"{path}: it is not a PLY file, whatever its name says")
+    if suffix in TEXT:
+        return "text"
+    raise UsageError(f"{path}: it is not a cloud of a kind that is supported: {SUPPORTED}")

@@ -1,0 +1,202 @@
+"""LAS and LAZ files (ASPRS LAS 1.4 R15), COPC 1.0 among them: LAZ with an index that is not needed here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.clouds.cloud_source import CHUNK, Chunk, Clock, translated
+from companion.desk.clouds.crs import Reference, of_header
+from companion.desk.clouds.header_check import look
+from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
+from companion.desk.clouds.laz_reader import read_points
+from companion.runtime.errors import UsageError
+
+# ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
+LOW_NOISE, HIGH_NOISE = 7, 18
+# 40 to 45 are those of the Topo-Bathy domain profile: the bed, the surface, what lies under it, no bottom.
+# 44, an object of a sea chart, may stand above the water: it stays, as evidence.
+WATER = (9, 40, 41, 42, 43, 45)
+COPC = "copc"
+# Of LAZ 1.4 (point formats 6 to 10) only these layers are decompressed for a map; older formats have none.
+LAYERS = (
+    laspy.DecompressionSelection.XY_RETURNS_CHANNEL
+    | laspy.DecompressionSelection.Z
+    | laspy.DecompressionSelection.CLASSIFICATION
+    | laspy.DecompressionSelection.FLAGS
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Points of a piece of a file by coordinate, and which of them to use.
+
+    x, y, z : (n,) float64 contiguous, CRS units. keep : (n,) bool. n_read, dropped: as in `Chunk`.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    keep: NDArray[np.bool_]
+    n_read: int
+    dropped: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class LasSource:
+    """A LAS or LAZ file, see `Source`."""
+
+    path: Path
+    n_points: int
+    reference: Reference
+    clock: Clock | None
+    single: bool = False
+    seekable: bool = True
+    low: tuple[float, float] | None = None
+    """Least x and y that the header tells."""
+    high: tuple[float, float] | None = None
+
+    def chunks(self) -> Iterator[Chunk]:
+        for piece in pieces(self.path, self.n_points):
+            dropped: dict[str, int] = {}
+            points, keep = _usable(piece, dropped)
+            gps_s = None if self.clock is None else np.asarray(piece.gps_time, np.float64)[keep]
+            yield Chunk(points, gps_s, len(piece), dropped)
+
+    def columns(self, first: int, stop: int) -> Iterator[Columns]:
+        """Read points `first` to `stop`, only what a map needs of them.
+
+        Raises
+        ------
+        UsageError
+            The file is truncated or corrupt.
+        """
+        n = first
+        with (
+            translated(self.path),
+            laspy.open(
+                self.path,
+                encoding_errors="replace",
+                decompression_selection=LAYERS,
+                laz_backend=[laspy.LazBackend.Lazrs],  # one core: others have workers of their own
+            ) as reader,
+        ):
+            if first:
+                reader.seek(first)
+            while n < stop:
+                piece = reader.read_points(min(CHUNK, stop - n))
+                if not len(piece):
+                    break
+                n += len(piece)
+                with np.errstate(invalid="ignore", over="ignore"):
+                    x, y, z = (np.ascontiguousarray(piece[axis], np.float64) for axis in "xyz")
+                dropped: dict[str, int] = {}
+                yield Columns(x, y, z, _kept(piece, (x, y, z), dropped), len(piece), dropped)
+        if n != stop:
+            raise UsageError(f"{self.path}: it is truncated, {n} of {stop} points: copy it again")
+
+
+def open_las(path: Path, given: Reference | None, vertical_unit: str | None = None) -> LasSource:
+    """Read and examine the header of a LAS or LAZ file; given, vertical_unit: as in `of_header`.
+
+    Raises
+    ------
+    UsageError
+        The file is empty, truncated, corrupt or without a CRS that can be used.
+    """
+    look(path)
+    with translated(path), laspy.open(path, encoding_errors="replace") as reader:
+        header = reader.header
+        n_points = int(header.point_count)
+        names = set(header.point_format.dimension_names)
+        standard = bool(header.global_encoding.gps_time_type)
+        if not n_points:
+            raise UsageError(f"{path}: it holds no points")
+        scales = [float(scale) for scale in header.scales]
+        if not all(math.isfinite(scale) and scale != 0 for scale in scales):
+            told = ", ".join(f"{scale:g}" for scale in scales)
+            raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
+        size, least = path.stat().st_size, int(header.offset_to_point_data)
+        point_bytes = int(header.point_format.size)
+        if not header.are_points_compressed:
+            least += n_points * point_bytes
+        if size < least:
+            raise UsageError(
+                f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
+            )
+        if header.are_points_compressed:
+            for packing in header.vlrs.get("LasZipVlr"):
+                check_chunks(path, least, point_bytes, bytes(packing.record_data), n_points)
+        else:
+            check_none_follow(path, n_points, (_end(header, size) - least) // point_bytes)
+        clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
+        corners = [(float(edge[0]), float(edge[1])) for edge in (header.mins, header.maxs)]
+        seekable = not any(vlr.user_id == COPC for vlr in header.vlrs)
+        return LasSource(
+            path,
+            n_points,
+            of_header(header, path, given, vertical_unit),
+            clock,
+            seekable=seekable,
+            low=corners[0],
+            high=corners[1],
+        )
+
+
+def _end(header: Any, size: int) -> int:
+    """Return where the points of an uncompressed file end at the latest."""
+    extended = header.start_of_first_evlr if header.number_of_evlrs else 0
+    return min([size, *(int(at) for at in (extended, header.start_of_waveform_data_packet_record) if at)])
+
+
+def pieces(path: Path, n_points: int) -> Iterator[Any]:
+    """Read a file's points, all their dimensions, a million at a time.
+
+    Raises
+    ------
+    UsageError
+        The file is truncated or corrupt.
+    """
+    n = 0
+    with translated(path), laspy.open(path, encoding_errors="replace") as reader:
+        compressed = reader.header.are_points_compressed
+        for piece in read_points(path, reader.header) if compressed else reader.chunk_iterator(CHUNK):
+            n += len(piece)
+            yield piece
+    if n != n_points:
+        raise UsageError(f"{path}: it is truncated, {n} of {n_points} points: copy it again")
+
+
+def coordinates(piece: Any) -> NDArray[np.float64]:
+    """Return (n, 3) coordinates in the CRS of points of laspy."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.column_stack([np.asarray(piece[axis], np.float64) for axis in "xyz"])
+
+
+def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return coordinates of the points to use, and which of the piece they are; count the others."""
+    xyz = coordinates(piece)
+    keep = _kept(piece, tuple(xyz.T), dropped)
+    return xyz[keep], keep
+
+
+def _kept(piece: Any, axes: tuple[NDArray[np.float64], ...], dropped: dict[str, int]) -> NDArray[np.bool_]:
+    """Tell which points of a piece to use; count the others by reason."""
+    kind = np.asarray(piece.classification)
+    keep = np.ones(len(kind), bool)
+    for reason, bad in (
+        ("withheld", np.asarray(piece.withheld) != 0),
+        ("noise", (kind == LOW_NOISE) | (kind == HIGH_NOISE)),
+        ("water", np.isin(kind, WATER)),
+        ("not_finite", ~np.logical_and.reduce([np.isfinite(values) for values in axes])),
+    ):
+        dropped[reason] = int(np.count_nonzero(keep & bad))
+        keep &= ~bad
+    return keep

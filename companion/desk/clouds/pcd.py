@@ -1,0 +1,259 @@
+"""PCD files of the Point Cloud Library: ascii, binary and binary_compressed (PCD 0.7).
+
+A header of words on lines up to DATA, then lines of numbers, records, or one LZF block that holds every field
+of all points together. VIEWPOINT, where a sensor stood, is not applied: coordinates are taken as they are.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.clouds import memory_limit
+from companion.desk.clouds.cloud_source import CHUNK, Chunk, finite, translated
+from companion.desk.clouds.crs import Reference
+from companion.desk.clouds.records import MOST_HEADER, Layout, from_lines, from_records, layout_of, truncated
+from companion.runtime.errors import UsageError
+
+WORDS = frozenset(
+    [
+        "VERSION",
+        "FIELDS",
+        "COLUMNS",
+        "SIZE",
+        "TYPE",
+        "COUNT",
+        "WIDTH",
+        "HEIGHT",
+        "VIEWPOINT",
+        "POINTS",
+        "DATA",
+    ]
+)
+TYPES = {("F", 4), ("F", 8)} | {(kind, size) for kind in "IU" for size in (1, 2, 4, 8)}
+MOST_COUNT = 1 << 20  # numbers in a field
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A number of each point.
+
+    form: as NumPy writes types. offset: in the record, in bytes. column: on a line of text.
+    """
+
+    name: str
+    form: str
+    offset: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class PcdSource:
+    """A PCD file, see `Source`.
+
+    data: as its header says. start: where its points begin. fields: those of one number, the first of a name.
+    """
+
+    path: Path
+    n_points: int
+    reference: Reference
+    layout: Layout
+    data: str
+    start: int
+    fields: tuple[Field, ...] = ()
+    clock: None = None
+
+    @property
+    def single(self) -> bool:
+        return self.layout.single
+
+    def chunks(self) -> Iterator[Chunk]:
+        with translated(self.path), self.path.open("rb") as file:
+            file.seek(self.start)
+            if self.data == "ascii":
+                yield from self._lines(file)
+            elif self.data == "binary":
+                for points in from_records(file, self.layout, self.n_points, self.path):
+                    yield finite(points)
+            else:
+                yield from self._unpacked(file)
+
+    def records(self) -> NDArray[np.void]:
+        """Read all points with all fields of one number, (n,) records; of text all are float64.
+
+        Raises
+        ------
+        UsageError
+            The file is truncated or corrupt.
+        """
+        names = [field.name for field in self.fields]
+        with translated(self.path), self.path.open("rb") as file:
+            file.seek(self.start)
+            if self.data == "ascii":
+                columns = np.loadtxt(file, usecols=[field.column for field in self.fields], ndmin=2)
+                if len(columns) < self.n_points:
+                    raise truncated(self.path, len(columns), self.n_points)
+                return _table(names, list(columns[: self.n_points].T))
+            if self.data == "binary":
+                offsets, forms = (
+                    [field.offset for field in self.fields],
+                    [field.form for field in self.fields],
+                )
+                whole = np.dtype(
+                    {"names": names, "formats": forms, "offsets": offsets, "itemsize": self.layout.step}
+                )
+                data = file.read(self.n_points * self.layout.step)
+                if len(data) < self.n_points * self.layout.step:
+                    raise truncated(self.path, len(data) // self.layout.step, self.n_points)
+                return np.frombuffer(data, whole)
+            plain = self._plain(file)
+            return _table(names, [self._axis(plain, field.offset, field.form) for field in self.fields])
+
+    def _lines(self, file: BinaryIO) -> Iterator[Chunk]:
+        n = 0
+        lines = (line.decode("ascii", "replace") for line in file)
+        for points in from_lines(lines, self.layout.columns, None, self.n_points, self.path):
+            n += len(points)
+            yield finite(points)
+        if n < self.n_points:
+            raise truncated(self.path, n, self.n_points)
+
+    def _unpacked(self, file: BinaryIO) -> Iterator[Chunk]:
+        plain = self._plain(file)
+        axes = [
+            self._axis(plain, at, form)
+            for at, form in zip(self.layout.offsets, self.layout.formats, strict=True)
+        ]
+        for begin in range(0, self.n_points, CHUNK):
+            yield finite(_columns([axis[begin : begin + CHUNK] for axis in axes]))
+
+    def _axis(self, plain: NDArray[np.uint8], offset: int, form: str) -> NDArray[Any]:
+        """Return a field of all points, which binary_compressed keeps together."""
+        size = self.n_points * np.dtype(form).itemsize
+        return plain[offset * self.n_points :][:size].view(form)
+
+    def _plain(self, file: BinaryIO) -> NDArray[np.uint8]:
+        """Return the unpacked points of binary_compressed."""
+        from companion.desk.clouds.lzf import MOST_RATIO, unpack
+
+        head = file.read(8)
+        if len(head) < 8:
+            raise truncated(self.path, 0, self.n_points)
+        packed_bytes, plain_bytes = struct.unpack("<II", head)
+        packed = file.read(packed_bytes)
+        if len(packed) < packed_bytes:
+            raise truncated(self.path, 0, self.n_points)
+        if plain_bytes != self.n_points * self.layout.step or plain_bytes > packed_bytes * MOST_RATIO:
+            raise UsageError(f"{self.path}: it is corrupt, its sizes contradict each other: copy it again")
+        memory_limit.check_bytes(plain_bytes, self.path)
+        plain = np.empty(plain_bytes, np.uint8)
+        if unpack(np.frombuffer(packed, np.uint8), plain) != plain_bytes:
+            raise UsageError(f"{self.path}: it is corrupt, its points cannot be unpacked: copy it again")
+        return plain
+
+
+def open_pcd(path: Path, reference: Reference) -> PcdSource:
+    """Read and examine the header of a PCD file.
+
+    Raises
+    ------
+    UsageError
+        The file is truncated, corrupt or without floating point x, y, z.
+    """
+    with translated(path), path.open("rb") as file:
+        words = _header(file, path)
+        start, size = file.tell(), path.stat().st_size
+        names = words.get("FIELDS") or words.get("COLUMNS") or []
+        kinds, sizes = words.get("TYPE", []), _numbers(words, "SIZE", path, [])
+        counts = _numbers(words, "COUNT", path, [1] * len(names))
+        if not names or not len(names) == len(kinds) == len(sizes) == len(counts):
+            raise _corrupt(path, "FIELDS, SIZE, TYPE and COUNT differ in length")
+        if not all(0 < count <= MOST_COUNT for count in counts):
+            raise _corrupt(path, f"a COUNT is not from 1 to {MOST_COUNT}")
+        unknown = [f"{t}{s}" for t, s in zip(kinds, sizes, strict=True) if (t, s) not in TYPES]
+        if unknown:
+            raise _corrupt(path, f"{unknown[0]!r} is no type")
+        forms = [f"<{kind.lower()}{size}" for kind, size in zip(kinds, sizes, strict=True)]
+        layout = layout_of(path, zip(names, forms, counts, strict=True))
+        n_points = _count(words, path)
+        data = " ".join(words["DATA"])
+        if data not in ("ascii", "binary", "binary_compressed"):
+            raise _corrupt(path, f"DATA {data[:40]!r} is not known")
+        least = {"ascii": 2 * sum(counts) * n_points, "binary": layout.step * n_points}.get(data, 8)
+        if size - start < least - 1:  # the last line may lack its end
+            raise UsageError(
+                f"{path}: it is truncated, {size} bytes where its header asks for {start + least}:"
+                " copy it again"
+            )
+        fields = _fields(names, forms, counts)
+        return PcdSource(path, n_points, reference, layout, data, start, fields)
+
+
+def _header(file: BinaryIO, path: Path) -> dict[str, list[str]]:
+    words: dict[str, list[str]] = {}
+    while "DATA" not in words:
+        line = file.readline(MOST_HEADER)
+        if not line.endswith(b"\n") or file.tell() > MOST_HEADER:
+            raise UsageError(f"{path}: it is no PCD file, or truncated within its header")
+        first, *rest = line.decode("ascii", "replace").split() or ["#"]
+        if first.startswith("#"):
+            continue
+        if first not in WORDS or first in words:
+            raise _corrupt(
+                path, f"{first[:20]!r} is not known" if first not in WORDS else f"{first} is twice"
+            )
+        words[first] = rest
+    return words
+
+
+def _count(words: dict[str, list[str]], path: Path) -> int:
+    """Return how many points there are; WIDTH and HEIGHT must agree with POINTS."""
+    (width,) = _numbers(words, "WIDTH", path, [-1])[:1] or [-1]
+    (height,) = _numbers(words, "HEIGHT", path, [1])[:1] or [-1]
+    (points,) = _numbers(words, "POINTS", path, [width * height])[:1] or [-1]
+    if width < 0 or height < 0 or points != width * height:
+        raise _corrupt(path, "WIDTH, HEIGHT and POINTS contradict each other")
+    if not points:
+        raise UsageError(f"{path}: it holds no points")
+    return points
+
+
+def _numbers(words: dict[str, list[str]], name: str, path: Path, default: list[int]) -> list[int]:
+    try:
+        return [int(word) for word in words[name]] if name in words else default
+    except ValueError:
+        raise _corrupt(path, f"{name} is no number") from None
+
+
+def _corrupt(path: Path, why: str) -> UsageError:
+    return UsageError(f"{path}: its header is corrupt, {why}: copy it again")
+
+
+def _fields(names: list[str], forms: list[str], counts: list[int]) -> tuple[Field, ...]:
+    found: dict[str, Field] = {}
+    offset = column = 0
+    for name, form, count in zip(names, forms, counts, strict=True):
+        if count == 1:
+            found.setdefault(name, Field(name, form, offset, column))
+        offset += np.dtype(form).itemsize * count
+        column += count
+    return tuple(found.values())
+
+
+def _table(names: list[str], columns: list[NDArray[Any]]) -> NDArray[np.void]:
+    kinds = [(name, column.dtype) for name, column in zip(names, columns, strict=True)]
+    table = np.empty(len(columns[0]), kinds)
+    for name, column in zip(names, columns, strict=True):
+        table[name] = column
+    return table
+
+
+def _columns(axes: list[NDArray[np.floating]]) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore"):
+        return np.column_stack([axis.astype(np.float64) for axis in axes])

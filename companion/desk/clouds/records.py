@@ -1,0 +1,135 @@
+"""Points as records of one size, and as lines of numbers: what PCD and PLY have in common."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.clouds.cloud_source import CHUNK
+from companion.runtime.errors import UsageError
+
+MOST_HEADER = 1 << 16  # bytes
+MOST_LINE = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where a record holds its coordinates.
+
+    step: bytes of a record. offsets, formats: of x, y, z, in bytes and as NumPy writes types. columns: theirs
+    on a line of text.
+    """
+
+    step: int
+    offsets: tuple[int, ...]
+    formats: tuple[str, ...]
+    columns: tuple[int, ...]
+
+    @property
+    def single(self) -> bool:
+        """Whether x or y is a 32-bit floating point number."""
+        return any(np.dtype(form).itemsize == 4 for form in self.formats[:2])
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """The record as NumPy reads it, its other fields left out."""
+        return np.dtype(
+            {"names": list("xyz"), "formats": self.formats, "offsets": self.offsets, "itemsize": self.step}
+        )
+
+
+def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> Layout:
+    """Return where x, y and z are among fields of (name, NumPy type, count).
+
+    Raises
+    ------
+    UsageError
+        One is missing, given twice, no floating point number or more than one number.
+    """
+    found: dict[str, tuple[int, str, int]] = {}
+    at = column = 0
+    for name, form, count in fields:
+        size = np.dtype(form).itemsize
+        if name in ("x", "y", "z"):
+            if name in found:
+                raise UsageError(f"{path}: its header is corrupt, it has {name} twice: copy it again")
+            if count != 1 or np.dtype(form).kind != "f":
+                many = "" if count == 1 else f"{count} of "
+                raise UsageError(
+                    f"{path}: its {name} is {many}{np.dtype(form).name}, not one floating point number"
+                )
+            found[name] = at, form, column
+        at += size * count
+        column += count
+    missing = [name for name in "xyz" if name not in found]
+    if missing:
+        raise UsageError(f"{path}: its points have no {' and no '.join(missing)}")
+    offsets, formats, columns = zip(*(found[name] for name in "xyz"), strict=True)
+    return Layout(at, offsets, formats, columns)
+
+
+def from_records(file: BinaryIO, layout: Layout, n_points: int, path: Path) -> Iterator[NDArray[np.float64]]:
+    """Read (n, 3) coordinates of records from where the file stands, a million at a time."""
+    left = n_points
+    while left:
+        n = min(left, CHUNK)
+        data = file.read(n * layout.step)
+        if len(data) < n * layout.step:
+            raise truncated(path, n_points - left + len(data) // layout.step, n_points)
+        yield stacked(np.frombuffer(data, layout.dtype))
+        left -= n
+
+
+def from_lines(
+    lines: Iterator[str], columns: tuple[int, ...], separator: str | None, n_points: int, path: Path
+) -> Iterator[NDArray[np.float64]]:
+    """Read (n, 3) coordinates from at most so many lines of numbers, a million at a time.
+
+    Empty lines are left out. Raises `UsageError` that names the line of what is no number.
+    """
+    n = 0
+    while n < n_points and (some := list(islice(lines, min(CHUNK, n_points - n)))):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # only empty lines
+            try:
+                points = np.loadtxt(
+                    some, np.float64, None, separator, usecols=columns, ndmin=2, quotechar='"'
+                )
+            except ValueError:
+                raise UsageError(_bad_line(path, some, columns, separator)) from None
+        n += len(points)
+        yield points.reshape(-1, 3)
+
+
+def stacked(records: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return (n, 3) float64 of records with the fields x, y, z."""
+    points = np.empty((len(records), 3))
+    with np.errstate(invalid="ignore"):  # of a signalling NaN
+        for k, name in enumerate("xyz"):
+            points[:, k] = records[name]
+    return points
+
+
+def truncated(path: Path, n: int, n_points: int) -> UsageError:
+    """Return the error of a file that holds fewer points than its header says."""
+    return UsageError(f"{path}: it is truncated, {n} of {n_points} points: copy it again")
+
+
+def _bad_line(path: Path, lines: list[str], columns: tuple[int, ...], separator: str | None) -> str:
+    for line in lines:
+        words = line.split(separator)
+        if not line.strip():
+            continue
+        try:
+            [float(words[k]) for k in columns]
+        except (ValueError, IndexError):
+            shown = " ".join(line.split())[:60]
+            return f"{path}: {shown!r} is no point of {max(columns) + 1} or more numbers: correct it"
+    return f"{path}: its lines are not of numbers: correct them"

@@ -1,0 +1,370 @@
+"""`slz demo`: the simulator and the companion, joined by nothing but the wire and a clock."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+from rich.status import Status
+from rich.table import Table
+
+from companion.desk.demo.demo_sensors import SENSORS, DemoSensor, sensor_named
+from companion.desk.evaluation import area_error, read_truth, touchdown
+from companion.flight.app import Companion
+from companion.flight.landing.situation import Phase
+from companion.runtime import output_folder
+from companion.runtime.errors import CompanionError, UsageError
+from companion.runtime.interrupt import Interrupts
+from companion.runtime.lockstep_loop import LockstepClient, LockstepLoop
+from params import Parameters
+
+if TYPE_CHECKING:
+    from companion.flight.dashboard.page import Front
+
+__all__ = ["Plan", "fly", "sensor_named", "table"]
+
+log = logging.getLogger(__name__)
+
+SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out")
+TAKEOFF_M = {"dust_out": 40.0}
+"""Height to take off to, where it is not 30 m: above the dust."""
+START_LIMIT_S = 180.0
+SETTLE_S = 3.0
+CAR_BELOW_M = 200.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What to fly: scene, seed, pace, folder, and who gets in the way."""
+
+    scene: str
+    seed: int
+    speedup: float
+    out: Path
+    intruder: str = "none"
+    point_rate_hz: float = 200_000.0
+    limit_s: float = 900.0
+    sensor: DemoSensor = SENSORS[0]
+    prior: Path | None = None
+
+
+def fly(
+    plan: Plan,
+    parameters: Parameters,
+    console: Console,
+    interrupts: Interrupts,
+    *,
+    live: bool,
+    front: Front | None = None,
+) -> dict[str, Any]:
+    """Fly one simulated mission and return its summary, measured against the simulator's truth.
+
+    live: show how far it is. front: where the pilot's page is served. A signal ends the companion in order
+    and the simulator at once; nothing is judged or drawn then.
+
+    Raises
+    ------
+    UsageError
+        The scene is unknown or the folder cannot be written.
+    CompanionError
+        The simulator does not start or dies.
+    Interrupted
+        A signal came.
+    """
+    check(plan)
+    output_folder.prepare(plan.out)
+    started = time.perf_counter()
+    interrupts.leftovers.append(lambda: console.show_cursor(True))
+    shown = console if live else Console(quiet=True)
+    with _truth_folder(interrupts) as truth:
+        with (
+            shown.status("starting the simulator (which compiles at its first start)") as status,
+            _simulator(plan, parameters, truth, interrupts) as simulator,
+        ):
+            companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts, front)
+            status.update("judging against the truth")
+            _wait(simulator.process)
+        evaluated = _evaluate(companion, truth, parameters)
+        from companion.desk.figures.flight_figures import draw_flight
+
+        files = draw_flight(companion, plan.out)
+        for file in ("truth.tif", "scene.json", "flight.json"):
+            shutil.copy(truth / file, plan.out / file)
+    summary = companion.summary | evaluated
+    wall_s = time.perf_counter() - started
+    summary |= {
+        "scene": plan.scene,
+        "seed": plan.seed,
+        "sensor": plan.sensor.name,
+        "simulated_s": round(elapsed_s, 1),
+        "wall_s": round(wall_s, 1),
+        "maps": files,
+    }
+    (plan.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
+    return summary
+
+
+def check(plan: Plan) -> None:
+    """Refuse what the simulator would, before it is started: raise `UsageError`."""
+    if plan.scene not in SCENES:
+        raise UsageError(f"--scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
+    for option, value, low, high in (
+        ("speedup", plan.speedup, 0.0, 1000.0),
+        ("point-rate", plan.point_rate_hz, 1000.0, 2_000_000.0),
+        ("limit-s", plan.limit_s, 1.0, 86_400.0),
+    ):
+        if not low <= value <= high:
+            raise UsageError(f"--{option} {value:g}: must be a number from {low:g} to {high:.10g}")
+    rate = plan.point_rate_hz
+    if not rate.is_integer() or 10**9 % int(rate):
+        below = next(n for n in range(int(rate), 0, -1) if 10**9 % n == 0)
+        above = next(n for n in range(int(rate) + 1, 10**9 + 1) if 10**9 % n == 0)
+        raise UsageError(
+            f"--point-rate {rate:.10g}: must be a whole number that divides 10^9, such as {below} or {above}"
+        )
+    if plan.intruder != "none" and not _is_car(plan.intruder):
+        raise UsageError(
+            f"--intruder {plan.intruder!r}: write car@HEIGHT, such as car@15, up to {CAR_BELOW_M:g} m"
+        )
+
+
+def _is_car(intruder: str) -> bool:
+    kind, _, height = intruder.partition("@")
+    try:
+        return kind == "car" and 0 < float(height) <= CAR_BELOW_M
+    except ValueError:
+        return False
+
+
+def table(summary: dict[str, Any]) -> Table:
+    """Return the summary as a person reads it."""
+    good = summary["landed"] and summary["touchdown_safe"]
+    verdict = "landed on safe ground" if good else "did NOT land on safe ground"
+    shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
+    error, area = summary["touchdown_error_m"], summary["area_error"]
+    rows = {
+        "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
+        "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
+        "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
+        "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",
+        "safe ground found": f"{100 * summary['recall']:.1f} %",
+        "aborts": f"{summary['aborts']} {', '.join(summary['abort_reasons'])}",
+        "scan to report": "p50 {p50} ms, p99 {p99} ms, max {max} ms".format(**summary["latency_ms"]),
+        "flight": f"{summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
+        "maps": ", ".join(summary["maps"].values()) or "-",
+    }
+    for name, value in rows.items():
+        shown.add_row(name, value)
+    return shown
+
+
+@dataclass(frozen=True, slots=True)
+class _Simulator:
+    """The simulator's process, the port of its clock, and where it sends to."""
+
+    process: subprocess.Popen[str]
+    clock_port: int
+    mavlink_port: int
+    lidar_port: int
+    radar_port: int
+
+
+def _run(
+    plan: Plan,
+    parameters: Parameters,
+    simulator: _Simulator,
+    status: Status,
+    interrupts: Interrupts,
+    front: Front | None,
+) -> tuple[Companion, float]:
+    """Fly on simulated time; return the companion after it stopped and the simulated seconds."""
+    with interrupts.held():
+        client = LockstepClient(simulator.clock_port)
+        loop = LockstepLoop(client.advance)
+
+    def break_off() -> None:
+        loop.let_go()
+        simulator.process.kill()
+
+    started = loop.time()
+    with (
+        interrupts.handled_by(break_off),
+        contextlib.closing(client),
+        asyncio.Runner(loop_factory=lambda: loop) as runner,
+    ):
+        try:
+            companion = runner.run(_mission(plan, parameters, simulator, status, interrupts, front))
+            return companion, loop.time() - started
+        finally:
+            loop.let_go()
+
+
+async def _mission(
+    plan: Plan,
+    parameters: Parameters,
+    simulator: _Simulator,
+    status: Status,
+    interrupts: Interrupts,
+    front: Front | None,
+) -> Companion:
+    companion = Companion(
+        f"udpin:127.0.0.1:{simulator.mavlink_port}",
+        f"{plan.sensor.kind}:127.0.0.1:{simulator.lidar_port}",
+        parameters,
+        auto=True,
+        radar_url=f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
+        front=front,
+        prior=plan.prior,
+    )
+    watch = asyncio.create_task(_watch(companion, plan, status, interrupts))
+    try:
+        await companion.run()
+    finally:
+        watch.cancel()
+    return companion
+
+
+async def _watch(companion: Companion, plan: Plan, status: Status, interrupts: Interrupts) -> None:
+    """Show how far it is; stop the companion when it has landed, the time is up or a signal came."""
+    loop = asyncio.get_running_loop()
+    start, wall = loop.time(), time.perf_counter()
+    while companion.executive.phase is not Phase.LANDED and loop.time() - start < plan.limit_s:
+        if interrupts.number is not None:
+            companion.stop()
+            return
+        s = companion.situation()
+        elapsed = loop.time() - start
+        pace = elapsed / max(1e-3, time.perf_counter() - wall)
+        zones = len(companion.report.zones) if companion.report else 0
+        status.update(
+            f"{elapsed:4.0f} s  {companion.executive.phase.value:<8}  {s.mode or '-':<9} "
+            f"height {s.height_above_home_m:5.1f} m  zones {zones:2d}  {pace:4.1f}x real time"
+        )
+        await asyncio.sleep(0.5)
+    await asyncio.sleep(SETTLE_S)
+    companion.stop()
+
+
+@contextlib.contextmanager
+def _truth_folder(interrupts: Interrupts) -> Iterator[Path]:
+    """Make a folder for the simulator's truth; it is gone afterwards."""
+    folders: list[Path] = []
+
+    def remove() -> None:
+        for made in folders:
+            shutil.rmtree(made, ignore_errors=True)
+
+    interrupts.leftovers.append(remove)
+    try:
+        with interrupts.held():
+            folders.append(Path(tempfile.mkdtemp(prefix="slz-truth-")))
+        yield folders[0]
+    finally:
+        remove()
+
+
+@contextlib.contextmanager
+def _simulator(
+    plan: Plan, parameters: Parameters, truth: Path, interrupts: Interrupts
+) -> Iterator[_Simulator]:
+    """Start the simulator in a process of its own; it does not outlive the block."""
+    mavlink_port, lidar_port, radar_port = _free_udp_ports(3)
+    command = [
+        sys.executable, "-m", "sitl",
+        "--scene", plan.scene,
+        "--seed", str(plan.seed),
+        "--lidar", plan.sensor.simulated,
+        "--point-rate", str(plan.point_rate_hz),
+        "--mavlink", f"udpout:127.0.0.1:{mavlink_port}",
+        "--lidar-to", f"127.0.0.1:{lidar_port}",
+        "--lockstep", "0",
+        "--speedup", str(plan.speedup),
+        "--pilot", "takeoff",
+        "--takeoff-alt", str(TAKEOFF_M.get(plan.scene, 30.0)),
+        "--intruder", plan.intruder,
+        "--truth", str(truth),
+        "--footprint", str(parameters.footprint_m),
+        "--slope-limit", str(parameters.safe_slope_deg),
+        "--relief-limit", str(parameters.relief_m),
+    ]  # fmt: skip
+    if plan.sensor.radar:
+        command += ["--radar-to", f"127.0.0.1:{radar_port}"]
+    processes: list[subprocess.Popen[str]] = []
+
+    def kill() -> None:
+        for started in processes:
+            started.kill()
+            started.wait()
+
+    interrupts.leftovers.append(kill)
+    try:
+        with interrupts.held():
+            # In a process group of its own a Ctrl-C of the terminal does not reach it: it is ended from here.
+            processes.append(
+                subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, process_group=0
+                )
+            )
+        process = processes[0]
+        yield _Simulator(process, _ready(process), mavlink_port, lidar_port, radar_port)
+    finally:
+        kill()
+        for ended in processes:
+            if ended.stdout is not None:
+                ended.stdout.close()
+
+
+def _ready(process: subprocess.Popen[str]) -> int:
+    """Return the clock's port from the line that says the simulator is ready."""
+    line = process.stdout.readline() if process.stdout else ""
+    try:
+        return int(json.loads(line)["lockstep"])
+    except (ValueError, KeyError, TypeError):
+        code = process.wait(START_LIMIT_S)
+        raise CompanionError(f"the simulator did not start (exit code {code})") from None
+
+
+def _wait(process: subprocess.Popen[str]) -> None:
+    try:
+        process.wait(START_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        raise CompanionError("the simulator did not end") from None
+
+
+def _evaluate(companion: Companion, truth_folder: Path, parameters: Parameters) -> dict[str, Any]:
+    truth = read_truth(truth_folder)
+    chosen = companion.executive.tally.chosen_enu_m
+    frame = companion.history.frame
+    where = frame.lla(np.asarray(chosen)) if chosen is not None and frame is not None else None
+    result: dict[str, Any] = {"area_error": None, "unsafe_as_safe": 0.0, "recall": 0.0}
+    if companion.maps is not None and companion.report is not None:
+        result |= area_error(truth, companion.maps, companion.report.zones, parameters)
+    return result | touchdown(truth, where)
+
+
+def _free_udp_ports(count: int) -> list[int]:
+    """Return ports that were free a moment ago."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    try:
+        for one in sockets:
+            one.bind(("127.0.0.1", 0))
+        return [int(one.getsockname()[1]) for one in sockets]
+    finally:
+        for one in sockets:
+            one.close()

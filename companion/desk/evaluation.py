@@ -1,0 +1,122 @@
+"""How well a simulated flight went, measured against the simulator's truth files (evaluation only)."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.runtime.errors import CompanionError
+from params import Parameters
+from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps, Zone, zone_mask
+from slz.zones.detection import search_components, side_in_cells
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The simulator's truth: 1 where the footprint is safe; rows from north to south as in the file."""
+
+    safe: NDArray[np.uint8]
+    west_m: float
+    north_m: float
+    cell_m: float
+    frame: LocalFrame
+    flight: dict[str, Any]
+
+    def at(self, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return 1 safe, 0 unsafe at points of the truth's own frame; outside the world nothing is safe."""
+        col = np.floor((east_m - self.west_m) / self.cell_m).astype(np.int64)
+        row = np.floor((self.north_m - north_m) / self.cell_m).astype(np.int64)
+        inside = (row >= 0) & (col >= 0) & (row < self.safe.shape[0]) & (col < self.safe.shape[1])
+        value = self.safe[row.clip(0, self.safe.shape[0] - 1), col.clip(0, self.safe.shape[1] - 1)]
+        return np.where(inside, value, 0).astype(np.uint8)
+
+
+def read_truth(folder: Path) -> Truth:
+    """Read truth.tif, scene.json and flight.json of a simulated flight."""
+    import rasterio
+
+    try:
+        scene = json.loads((folder / "scene.json").read_text("utf-8"))
+        flight = json.loads((folder / "flight.json").read_text("utf-8"))
+        with rasterio.open(folder / "truth.tif") as file:
+            safe, transform = file.read(1), file.transform
+    except (OSError, ValueError) as error:
+        raise CompanionError(f"the simulator left no truth in {folder}: {error}") from None
+    lat, lon, alt = _origin(scene)
+    return Truth(safe, transform.c, transform.f, transform.a, LocalFrame(lat, lon, alt), flight)
+
+
+def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:
+    origin = scene["origin"]
+    if isinstance(origin, dict):
+        values = list(origin.values())
+        return float(values[0]), float(values[1]), float(values[2])
+    return float(origin[0]), float(origin[1]), float(origin[2])
+
+
+def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str, Any]:
+    """Return where the vehicle came down, how far from the chosen point, and whether the ground is safe."""
+    contact = truth.flight.get("touchdown")
+    if not contact:
+        return {"landed": False, "touchdown_error_m": None, "touchdown_safe": False}
+    here = np.array([float(contact["e"]), float(contact["n"])])
+    error = None
+    if chosen_lla is not None:
+        error = float(np.hypot(*(truth.frame.enu_m(*chosen_lla)[:2] - here)))
+    return {
+        "landed": True,
+        "touchdown_error_m": error,
+        "touchdown_safe": bool(truth.at(here[:1], here[1:])[0]),
+    }
+
+
+def area_error(
+    truth: Truth, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters
+) -> dict[str, float | None]:
+    """Return Eq. (20) of the SLZ paper over the ground that was seen, and how safe cells compare.
+
+    Computed area: the cells of the zones. Ground truth: the truly safe cells among those seen that belong
+    to a patch with room to land by the same rule. unsafe_as_safe: truly unsafe cells called safe, as a
+    share of all seen.
+    """
+    box = maps.box
+    rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
+    east, north = (
+        maps.grid.west_m + (cols + 0.5) * maps.grid.cell_m,
+        maps.grid.south_m + (rows + 0.5) * maps.grid.cell_m,
+    )
+    there = truth.frame.enu_m(*np.moveaxis(maps.frame.lla(np.stack([east, north, 0 * east], -1)), -1, 0))
+    safe = truth.at(there[..., 0], there[..., 1])
+    seen = maps.state != UNKNOWN
+    computed = zone_mask(zones, box)
+    real = room_to_land((safe == 1) & seen, maps.grid, parameters)
+    called = maps.state == SAFE
+    n_seen = max(1.0, float(seen.sum()))
+    return {
+        "area_error": relative_area_error(
+            float(computed.sum()), float(real.sum()), float((computed & real).sum())
+        ),
+        "unsafe_as_safe": float((called & (safe == 0)).sum()) / n_seen,
+        "recall": float((called & (safe == 1)).sum()) / max(1.0, float((seen & (safe == 1)).sum())),
+    }
+
+
+def relative_area_error(computed: float, truth: float, common: float) -> float | None:
+    """Return Eq. (20) of the SLZ paper from three areas; None where one of the first two is nothing."""
+    if not (computed and truth):
+        return None
+    return (computed - common) / computed + (truth - common) / truth
+
+
+def room_to_land(safe: NDArray[np.bool_], grid: Grid, parameters: Parameters) -> NDArray[np.bool_]:
+    """Return the safe cells of patches that hold the safe square, as zones must."""
+    out = np.zeros(safe.shape, bool)
+    least = side_in_cells(parameters.min_square_m, grid)
+    for patch in search_components(safe.astype(np.uint8), Box(0, safe.shape[0], 0, safe.shape[1]), least, 1):
+        out[patch.box.slices] |= patch.component == 1
+    return out

@@ -1,0 +1,23 @@
+"""Maps of a flight that has ended, as PNG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from companion.desk.figures import save_flight
+from companion.flight.app import Companion
+from companion.flight.landing.situation import Phase
+
+
+def draw_flight(companion: Companion, out: Path) -> dict[str, str]:
+    """Draw a flight's maps into a folder; return the files."""
+    maps = companion.maps
+    if maps is None:
+        return {}
+    zones = companion.report.zones if companion.report else ()
+    chosen = companion.executive.tally.chosen_enu_m
+    path = companion.path_enu_m.array()
+    landed = companion.executive.phase is Phase.LANDED
+    touchdown = path[-1] if landed and len(path) else None
+    files = save_flight(out, maps, zones, path, chosen, touchdown, companion.parameters)
+    return {file.stem: str(file) for file in files}

@@ -1,0 +1,158 @@
+"""One drawing for each map: surface, slope, safe ground."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.figures.map_furniture import Marks
+from companion.desk.figures.picture import Picture
+from params import Parameters
+from slz import SAFE, UNKNOWN, Zone
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# The sources ask for dark green, light green and red (SLZ thesis 4.3); these differ in lightness as well,
+# and red zones carry no other green beside them that a colour-blind eye could take them for.
+CERTAIN, LESS_CERTAIN, UNCERTAIN = "#1b7837", "#a6d96a", "#d7301f"
+SAFE_ELSEWHERE, NO_DATA = "#d9e8d3", "#ffffff"
+MOST_LABELS = 40
+COVERED = 0.02  # of the map's length: a mark this near to a number hides it
+BESIDE_PT = (9, 7)  # right of a mark and above it
+SLOPE_TOP_DEG = 40.0
+
+
+def draw_surface(axes: Axes, picture: Picture) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import Normalize
+
+    altitude_m = picture.height_m + picture.maps.frame.alt_m
+    known = altitude_m[np.isfinite(altitude_m)]
+    low, high = np.percentile(known, [0.5, 99.5]) if len(known) else (0.0, 1.0)
+    norm = Normalize(float(low), max(float(high), float(low) + 0.5), clip=True)
+    colour = np.asarray(colormaps["viridis"](norm(np.nan_to_num(altitude_m))))
+    colour[..., :3] *= (0.45 + 0.55 * picture.shade)[..., None]
+    _show(axes, picture, colour, np.isnan(altitude_m))
+    _outline(axes, picture, "white")
+    _colour_bar(axes, colormaps["viridis"], norm, "altitude, m")
+
+
+def draw_slope(axes: Axes, picture: Picture) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap, TwoSlopeNorm
+
+    limit = picture.parameters.safe_slope_deg
+    top = max(SLOPE_TOP_DEG, 2 * limit)
+    gentle, steep = (
+        colormaps["Blues"](np.linspace(0.02, 0.6, 128)),
+        colormaps["YlOrBr"](np.linspace(0.4, 1, 128)),
+    )
+    shades = ListedColormap(np.vstack([gentle, steep]))
+    norm = TwoSlopeNorm(limit, 0.0, top)
+    slope = picture.maps.slope_deg[:: picture.step, :: picture.step]
+    colour = np.asarray(shades(norm(np.clip(np.nan_to_num(slope), 0, top))))
+    colour[..., :3] *= (0.72 + 0.4 * picture.shade).clip(0, 1)[..., None]
+    _show(axes, picture, colour, np.isnan(slope))
+    _outline(axes, picture, "black")
+    bar = _colour_bar(axes, shades, norm, f"slope, degrees (safe below {limit:g})")
+    bar.set_ticks([0, limit / 2, limit, (limit + top) / 2, top])
+
+
+def draw_safe(axes: Axes, picture: Picture) -> None:
+    from matplotlib.colors import to_rgb
+    from matplotlib.patches import Patch
+
+    grey = 0.35 + 0.45 * picture.shade
+    colour = np.stack([grey, grey, grey, np.ones_like(grey)], axis=-1)
+    colour[picture.state == SAFE, :3] = to_rgb(SAFE_ELSEWHERE)
+    for zone in picture.zones:
+        cells, where = picture.zone_cells(zone)
+        colour[where][cells, :3] = to_rgb(_certainty_colour(zone, picture.parameters))
+    colour[..., :3] *= (0.75 + 0.25 * picture.shade)[..., None]
+    _show(axes, picture, colour, picture.state == UNKNOWN)
+    own = picture.parameters
+    patches = [
+        (CERTAIN, f"certain zone (≥ {own.confidence_factor:g})"),
+        (LESS_CERTAIN, "less certain zone"),
+        (UNCERTAIN, f"uncertain zone (< {own.uncertain_below:g})"),
+        (SAFE_ELSEWHERE, "safe, but too small to land in"),
+        ("#8c8c8c", "unsafe"),
+        (NO_DATA, "unknown"),
+    ]
+    axes.figure.legend(
+        handles=[Patch(facecolor=face, edgecolor="#444444", label=label) for face, label in patches],
+        loc="outside lower center",
+        ncols=6,
+        fontsize=8,
+        frameon=False,
+        handlelength=1.4,
+        columnspacing=1.4,
+    )
+
+
+def _certainty_colour(zone: Zone, parameters: Parameters) -> str:
+    if zone.certainty >= parameters.confidence_factor:
+        return CERTAIN
+    return LESS_CERTAIN if zone.certainty >= parameters.uncertain_below else UNCERTAIN
+
+
+def _show(axes: Axes, picture: Picture, colour: NDArray[Any], unknown: NDArray[np.bool_]) -> None:
+    from matplotlib.colors import to_rgba
+
+    colour[unknown] = to_rgba(NO_DATA)
+    axes.imshow(colour, origin="lower", extent=picture.bounds, interpolation="nearest")
+
+
+def _outline(axes: Axes, picture: Picture, colour: str) -> None:
+    """Draw the edges of all zones."""
+    mask = np.pad(picture.all_zones(), 1)
+    if not mask.any():
+        return
+    west, _, south, _ = picture.bounds
+    rows, cols = mask.shape
+    x = west + (np.arange(cols) - 0.5) * picture.cell_m
+    y = south + (np.arange(rows) - 0.5) * picture.cell_m
+    axes.contour(x, y, mask.astype(np.float32), [0.5], colors=colour, linewidths=0.9)
+
+
+def draw_numbers(axes: Axes, picture: Picture, marks: Marks) -> None:
+    """Write the number of every zone at its landing point, or beside a mark that stands there.
+
+    Where there are many zones, the largest get their numbers.
+    """
+    from matplotlib.patheffects import withStroke
+
+    points = (marks.take_off_enu_m, marks.chosen_enu_m, marks.touchdown_enu_m)
+    covering = [point for point in points if point is not None]
+    halo = [withStroke(linewidth=2.5, foreground="black")]
+    for zone in sorted(picture.zones, key=lambda zone: -zone.area_m2)[:MOST_LABELS]:
+        share = math.sqrt(zone.area_m2 / (picture.extent_m[0] * picture.extent_m[1]))
+        point = zone.best.enu_m[:2].astype(float)
+        beside = any(np.hypot(*(mark[:2] - point)) < COVERED * max(picture.extent_m) for mark in covering)
+        axes.annotate(
+            str(zone.id),
+            (point[0], point[1]),
+            xytext=BESIDE_PT if beside else (0, 0),
+            textcoords="offset points",
+            color="white",
+            fontsize=min(15.0, max(7.5, 40 * share)),
+            fontweight="bold",
+            ha="left" if beside else "center",
+            va="bottom" if beside else "center",
+            path_effects=halo,
+            zorder=8,
+        )
+
+
+def _colour_bar(axes: Axes, shades: Any, norm: Any, label: str) -> Any:
+    from matplotlib.cm import ScalarMappable
+
+    place = axes.inset_axes((1.012, 0.0, 0.018, 1.0))
+    bar = axes.figure.colorbar(ScalarMappable(norm, shades), cax=place)
+    bar.set_label(label, fontsize=9)
+    place.tick_params(labelsize=8)
+    return bar

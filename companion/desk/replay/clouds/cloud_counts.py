@@ -1,0 +1,34 @@
+"""Counts of a recording's clouds, and of their points that were left out."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from companion.desk.replay.clouds.point_clock import PointClock
+from companion.desk.replay.clouds.point_cloud import Decoded
+
+
+@dataclass(slots=True)
+class CloudCounts:
+    """Clouds, those whose points have all one time, and points left out by reason; see `Decoded`, `Cloud`."""
+
+    clouds: int = 0
+    clouds_without_point_times: int = 0
+    points_without_return: int = 0
+    points_with_false_times: int = 0
+    points_of_low_confidence: int = 0
+
+    def add(self, decoded: Decoded, doubtful: int = 0) -> None:
+        """Count a cloud."""
+        self.clouds += 1
+        self.clouds_without_point_times += not decoded.timed
+        self.points_without_return += decoded.no_return
+        self.points_with_false_times += decoded.false_times
+        self.points_of_low_confidence += doubtful
+
+    def told(self, clock: PointClock | str) -> dict[str, Any]:
+        """Return the counts and what the times of points mean, or why they are not used, for JSON."""
+        known = isinstance(clock, PointClock)
+        times = {"point_times": str(clock) if known else None, "why_no_point_times": "" if known else clock}
+        return asdict(self) | times

@@ -1,0 +1,61 @@
+"""A folder of PCD files, one of each scan and named by its time, beside a telemetry log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from companion.desk.clouds.crs import from_option
+from companion.desk.clouds.pcd import open_pcd
+from companion.desk.replay.clouds.cloud_counts import CloudCounts
+from companion.desk.replay.clouds.point_clock import PointClock
+from companion.desk.replay.clouds.point_cloud import Cloud, clock_of, decode
+from companion.desk.replay.clouds.scan_names import stamps_of
+from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.runtime.errors import UsageError
+
+
+class CloudFolder:
+    """Scans in the sensor's axes (forward, left, up); see `LoggedPoints`.
+
+    Points have the time of their file's name, and their own where a field tells it as in the clouds of a bag.
+
+    Raises
+    ------
+    UsageError
+        There is none, or a name is no time.
+    """
+
+    cut = ""
+    bad = 0
+
+    def __init__(self, folder: Path) -> None:
+        paths = sorted(folder.glob("*.pcd"))
+        if not paths:
+            raise UsageError(f"{folder}: it holds no .pcd file")
+        self._files = sorted(zip(stamps_of(paths), paths, strict=True))
+        self._counts = CloudCounts()
+        self._clock = clock_of(_read(*file) for file in self._files)
+
+    def told(self) -> dict[str, Any]:
+        return self._counts.told(self._clock)
+
+    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        self._counts = CloudCounts()
+        for stamp_ns, path in self._files:
+            yield stamp_ns, partial(self._hand, rerun, stamp_ns, path)
+
+    def _hand(self, rerun: Rerun, stamp_ns: int, path: Path) -> None:
+        clock = self._clock if isinstance(self._clock, PointClock) else None
+        decoded = decode(_read(stamp_ns, path).table, stamp_ns, clock)
+        self._counts.add(decoded)
+        rerun.add_returns(decoded.returns)
+
+
+def _read(stamp_ns: int, path: Path) -> Cloud:
+    return Cloud(stamp_ns, "", open_pcd(path, _NOWHERE).records())
+
+
+_NOWHERE = from_option("EPSG:4326")  # a reader wants one; the points are the sensor's

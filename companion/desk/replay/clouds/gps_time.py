@@ -1,0 +1,103 @@
+"""GPS times of stored clouds as times of day, dated by the log of the same flight.
+
+A LAS header says whether times count from the beginning of the GPS week or, less 1e9 s, from 1980. Writers
+set that bit wrong, let the week's count run on over its end or begin anew, and write seconds since 1970 or
+whole GPS time. Only one of these meanings puts the times into the flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.clouds.cloud_source import Clock
+from companion.desk.replay.time_of_day import time_of_day
+
+GPS_EPOCH_S = 315_964_800  # 1980-01-06 since 1970
+# From a time of day on (s since 1970), GPS time is so far ahead of UTC (IERS Bulletin C).
+LEAPS_S = (
+    (1_136_073_600, 14),
+    (1_230_768_000, 15),
+    (1_341_100_800, 16),
+    (1_435_708_800, 17),
+    (1_483_228_800, 18),
+)
+WEEK_S = 604_800
+STANDARD_LESS_S = 1_000_000_000  # standard GPS time of LAS is given less this
+MOST_S = 9_000_000_000  # since 1970: the year 2255
+MARGIN_S = 60  # the clocks of log and sensor may differ by so much
+NAMES = {
+    "standard": "standard GPS time",
+    "week": "seconds of the GPS week",
+    "gps": "seconds of GPS since 1980",
+    "unix": "seconds since 1970",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Dated:
+    """Times of points.
+
+    kind: what they count, one of `NAMES`. stamp_ns : (n,) int64 since 1970, zero where it does not fit.
+    fits : (n,) bool, whether a time lies within the flight.
+    """
+
+    kind: str
+    stamp_ns: NDArray[np.int64]
+    fits: NDArray[np.bool_]
+
+
+def dated(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> Dated:
+    """Return the times in the meaning that puts most of them into the flight.
+
+    Parameters
+    ----------
+    gps_s
+        (n,) times as stored.
+    clock
+        What the header says of them; preferred where another meaning fits no better.
+    span_ns
+        First and last time of the log, since 1970. The week is chosen for each point by itself.
+    """
+    middle_s = sum(span_ns) // 2_000_000_000
+    first_s, last_s = (edge * 1e-9 - middle_s for edge in span_ns)
+    best: Dated | None = None
+    for kind, after_s in _meanings(gps_s, clock, middle_s):
+        with np.errstate(invalid="ignore"):
+            fits = (after_s >= first_s - MARGIN_S) & (after_s <= last_s + MARGIN_S)
+        if best is None or np.count_nonzero(fits) > np.count_nonzero(best.fits):
+            after_ns = np.rint(np.where(fits, after_s, 0.0) * 1e9).astype(np.int64)
+            best = Dated(kind, np.where(fits, after_ns + middle_s * 1_000_000_000, 0), fits)
+    assert best is not None  # noqa: S101 - there are meanings
+    return best
+
+
+def first_by_header(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> str:
+    """Return the first of the times as the header means them, for an error; at least one must be finite."""
+    first_s = float(np.nanmin(np.where(np.isfinite(gps_s), gps_s, np.nan)))
+    if clock == "week":
+        return f"{first_s:.0f} s of a GPS week"
+    since_1970_s = first_s + STANDARD_LESS_S + GPS_EPOCH_S - _leap_s(span_ns[0] // 1_000_000_000)
+    return time_of_day(round(since_1970_s * 1e9)) if abs(since_1970_s) < MOST_S else f"{first_s:g} s"
+
+
+def _leap_s(at_s: int) -> int:
+    return max((leap for since, leap in LEAPS_S if since <= at_s), default=LEAPS_S[0][1])
+
+
+def _meanings(
+    gps_s: NDArray[np.float64], clock: Clock, middle_s: int
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Return meanings, the header's first, and times in them after the middle of the flight (s)."""
+    since_1980_s = middle_s - GPS_EPOCH_S + _leap_s(middle_s)
+    begins_s = {"standard": since_1980_s - STANDARD_LESS_S, "gps": since_1980_s, "unix": middle_s}
+    for kind in sorted(NAMES, key=lambda kind: kind != clock):
+        if kind == "week":
+            with np.errstate(invalid="ignore"):
+                after_s = np.where((gps_s >= 0) & (gps_s < 2 * WEEK_S), gps_s - since_1980_s % WEEK_S, np.nan)
+            yield kind, after_s - np.round(after_s / WEEK_S) * WEEK_S
+        else:
+            yield kind, gps_s - begins_s[kind]

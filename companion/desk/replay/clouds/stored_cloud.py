@@ -1,0 +1,104 @@
+"""A georeferenced cloud (LAS, LAZ) beside a telemetry log: placed points, with their times."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import Transformer
+
+from companion.desk.clouds.cloud import Cloud, read
+from companion.desk.clouds.las import open_las
+from companion.desk.replay.clouds.gps_time import NAMES, dated, first_by_header
+from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.desk.replay.time_of_day import time_of_day
+from companion.runtime.errors import UsageError
+from slz import Scan
+
+SCAN_NS = 50_000_000
+
+
+class StoredCloud:
+    """Points of FILE.laz; see `LoggedPoints`.
+
+    Heights are taken to be above the datum that the vehicle's altitudes are above, the mean sea level.
+
+    Parameters
+    ----------
+    span_ns
+        First and last time of day of the flight's log.
+    vertical_unit
+        Unit of the heights that the user named, m, ft or us-ft: overrides what the file says.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be used, its points have no times, or none of these lies within the flight.
+    """
+
+    cut = ""
+    bad = 0
+
+    def __init__(self, path: Path, span_ns: tuple[int, int], vertical_unit: str | None = None) -> None:
+        clock = open_las(path, None, vertical_unit).clock
+        cloud = read([path], vertical_unit=vertical_unit)
+        if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).any():
+            raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
+        times = dated(cloud.gps_s, clock, span_ns)
+        if not times.fits.any():
+            raise UsageError(
+                f"{path}: none of its {len(cloud.gps_s)} points was measured during the flight, which the log"
+                f" tells to be from {' to '.join(map(time_of_day, span_ns))}: by its header its times begin"
+                f" with {first_by_header(cloud.gps_s, clock, span_ns)}"
+            )
+        order = np.argsort(times.stamp_ns, kind="stable")
+        order = order[times.fits[order]]
+        self._stamp_ns = times.stamp_ns[order]
+        self._lla = _lla(path, cloud)[order]
+        self._outside = len(times.fits) - len(order)
+        self._clock, self._header = times.kind, clock
+        self._reference = cloud.reference.name
+        self._without_frame = 0
+
+    def told(self) -> dict[str, Any]:
+        return {
+            "crs": self._reference,
+            "points": len(self._stamp_ns) + self._outside,
+            "points_outside_log": self._outside,
+            "before_position": self._without_frame,
+            "times": NAMES[self._clock],
+            "times_in_header": NAMES[self._header],
+        }
+
+    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        begin = 0
+        while begin < len(self._stamp_ns):
+            end_ns = int(self._stamp_ns[begin]) + SCAN_NS
+            end = int(np.searchsorted(self._stamp_ns, end_ns))
+            yield int(self._stamp_ns[end - 1]), partial(self._hand, rerun, slice(begin, end))
+            begin = end
+
+    def _hand(self, rerun: Rerun, part: slice) -> None:
+        frame = rerun.history.frame
+        if frame is None:
+            self._without_frame += part.stop - part.start
+            return
+        stamps = self._stamp_ns[part].copy()
+        pose = rerun.history.latest(int(stamps[-1]))
+        sensor = np.full(3, np.nan) if pose is None else np.array(pose.position_enu_m)
+        points = np.ascontiguousarray(frame.enu_m(*self._lla[part].T))
+        rerun.add_placed(Scan(points, stamps, sensor, frame))
+
+
+def _lla(path: Path, cloud: Cloud) -> NDArray[np.float64]:
+    """Return latitude, longitude (degrees) and altitude (m) of points, (n, 3)."""
+    to_wgs84 = Transformer.from_crs(cloud.reference.horizontal, "EPSG:4326", always_xy=True)
+    lon, lat = to_wgs84.transform(cloud.points[:, 0], cloud.points[:, 1])
+    lla = np.column_stack([lat, lon, cloud.points[:, 2] * cloud.reference.vertical_m])
+    if not np.isfinite(lla).all():
+        raise UsageError(f"{path}: points are not on the Earth in {cloud.reference.name}")
+    return lla

@@ -1,0 +1,158 @@
+"""A flight that another program recorded, through the same fusion, windows and pipeline as in flight."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.replay.own_replay import Outcome
+from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensors.returns import Returns
+from params import Parameters
+from slz import LocalFrame, Pipeline, Report, Scan, TerrainMaps, Window, Windower
+
+log = logging.getLogger(__name__)
+
+Act = Callable[[], None]
+
+
+class Feed(Protocol):
+    """Files that hold what a flight measured."""
+
+    @property
+    def cut(self) -> str:
+        """Why the end of a file is missing, empty where all are whole; known at the end."""
+
+    @property
+    def bad(self) -> int:
+        """Messages that could not be read."""
+
+    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        """Return every datum in its order: its time (ns), and what hands it over."""
+
+    def told(self) -> dict[str, Any]:
+        """Return what was chosen and counted, for JSON."""
+
+
+class Rerun:
+    """Takes poses and returns, and maps.
+
+    Parameters
+    ----------
+    frame
+        Of the map; if None, the first position becomes its origin. Far from it another one begins.
+
+    Attributes
+    ----------
+    history
+        The vehicle's poses; to be filled from outside.
+    standing
+        The vehicle stands on the ground, and sees it at grazing angles only: nothing is mapped.
+    standing_scans
+        Scans made meanwhile.
+    returns, span_ns
+        Returns taken, and the oldest and newest stamp of them.
+    poses_ns
+        Oldest and newest time that has poses; None without any.
+    """
+
+    def __init__(self, parameters: Parameters, frame: LocalFrame | None = None) -> None:
+        self.parameters = parameters
+        self.history = PoseHistory(parameters, frame)
+        self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
+        self.outcome = Outcome()
+        self.report: Report | None = None
+        self.standing = False
+        self.standing_scans = 0
+        self.returns = 0
+        self.span_ns: tuple[int, int] | None = None
+        self.poses_ns: tuple[int, int] | None = None
+        self._windower = Windower(parameters.window_s)
+        self._pipeline = Pipeline(parameters)
+        self._epoch = 0
+        self._mapping = True
+        self._fresh: Report | None = None
+
+    def take(self, act: Act, mapping: bool = True) -> Report | None:
+        """Take a datum of a feed; return what came of a window that it completed."""
+        self._mapping, self._fresh = mapping, None
+        act()
+        return self._fresh
+
+    def finish(self) -> Report | None:
+        """Map what waits for the rest of its window."""
+        self._fresh = None
+        self._process(self._windower.flush())
+        return self._fresh
+
+    def maps(self) -> TerrainMaps | None:
+        """Return the maps as they are now."""
+        return self._pipeline.maps()
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """Nothing: another program's recording tells poses only."""
+        return VehicleState()
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """What maps, now."""
+        return self._pipeline
+
+    def add_returns(self, returns: Returns) -> None:
+        """Take a batch of returns."""
+        if len(returns):
+            self._note(returns.stamp_ns)
+            self.assembler.add(returns)
+
+    def add_placed(self, scan: Scan) -> None:
+        """Take returns that somebody else placed, in the frame of `history`."""
+        self._note(scan.stamp_ns)
+        self._on_scan(scan)
+
+    def _note(self, stamp_ns: NDArray[np.int64]) -> None:
+        """Keep what spans of time there are."""
+        oldest, newest = int(stamp_ns.min()), int(stamp_ns.max())
+        first, last = self.span_ns or (oldest, newest)
+        self.span_ns = min(first, oldest), max(last, newest)
+        self.returns += len(stamp_ns)
+        posed_ns = self.history.bracketed_until_ns
+        if posed_ns is not None:
+            self.poses_ns = (posed_ns if self.poses_ns is None else self.poses_ns[0]), posed_ns
+
+    # ---- what comes of it -----------------------------------------------------------------------
+
+    def _on_scan(self, scan: Scan) -> None:
+        why = "the position estimate jumped"
+        if self.history.is_far:
+            self.history.begin_frame()
+            why = "the vehicle is far from the map's origin"
+        if self.history.epoch != self._epoch:
+            self._epoch = self.history.epoch
+            log.warning("%s: mapping anew", why)
+            self._pipeline, self._windower = Pipeline(self.parameters), Windower(self._windower.window_s)
+            self.report = None
+            return
+        self.standing_scans += self.standing
+        if self._mapping and not self.standing:
+            self._process(self._windower.add(scan))
+
+    def _process(self, window: Window | None) -> None:
+        if window is None:
+            return
+        self.outcome.windows += 1
+        try:
+            report = self._pipeline.process(window)
+        except Exception:
+            self.outcome.failed += 1
+            log.exception("the pipeline failed on a window")
+            return
+        self.report = self._fresh = report
+        self._windower.window_s = report.choice.window_s
+        self.outcome.fly(window.sensor_enu_m, window.frame)

@@ -1,0 +1,131 @@
+"""Sentences on what a replay lost and why, and on why it found nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from companion.desk.replay.foreign_replay import Feed, Rerun
+from companion.desk.replay.own_replay import Outcome
+from companion.desk.replay.time_of_day import time_of_day
+from params import Parameters
+from slz import SAFE, UNKNOWN, TerrainMaps
+
+Counts = Mapping[str, Any]
+
+
+def lost_for_time(source: Counts, returns: Counts) -> list[str]:
+    """Return a sentence for each kind of return that was lost, or not de-skewed, for its time or its pose's.
+
+    Parameters
+    ----------
+    source
+        What a feed tells.
+    returns
+        `Rerun.returns` as `read`, and the assembler's statistics.
+    """
+    read, points = returns["read"], source.get("points")
+    clouds, why = (
+        source.get("clouds"),
+        source.get("why_no_point_times") or "they differ from those of the others",
+    )
+    found = [
+        (returns["without_pose"], f"of {read} returns have no poses around them"),
+        (returns["stale"], f"of {read} returns were too far from any pose (pose_timeout_s)"),
+        (source.get("points_outside_log", 0), f"of {points} points were not measured during the log"),
+        (source.get("before_position", 0), f"of {points} points were measured before the first position"),
+        (
+            source.get("points_with_false_times", 0),
+            "points were dropped: their times are far from those of their clouds",
+        ),
+        (
+            source.get("clouds_without_point_times", 0),
+            f"of {clouds} clouds have no usable times of points, so they are not de-skewed: {why}",
+        ),
+    ]
+    said = [f"{count} {sentence}" for count, sentence in found if count]
+    if source.get("times") != source.get("times_in_header"):
+        said.append(
+            f"times of points are {source['times']}, though the header tells {source['times_in_header']}"
+        )
+    resets = source.get("packets", {}).get("clock_resets", 0)
+    return [*said, f"the LiDAR's clock jumped {resets} times"] if resets else said
+
+
+def why_nothing(feed: Feed, rerun: Rerun) -> str:
+    """Return why no return could be placed."""
+    others = [*absent(feed.told()), *([f"{feed.bad} messages cannot be read"] if feed.bad else [])]
+    if not rerun.returns or rerun.span_ns is None:
+        return "; ".join(["it holds no return of the LiDAR", *others])
+    if rerun.poses_ns is None and feed.told().get("positions_without_fix"):
+        return "; ".join(["its autopilot has no fix, by its own GPS_RAW_INT or estimator's flags", *others])
+    if rerun.poses_ns is None:
+        return "; ".join(["it holds no attitude, or no position, of the vehicle", *others])
+    (first, last), (begun, ended) = rerun.span_ns, rerun.poses_ns
+    if last < begun or first > ended:
+        return (
+            f"returns of {time_of_day(first)} to {time_of_day(last)} have no poses, which are of"
+            f" {time_of_day(begun)} to {time_of_day(ended)}: their clocks are not the same"
+        )
+    counts = rerun.assembler.statistics()
+    return (
+        f"none of {rerun.returns} returns could be placed: {counts['out_of_range']} out of range,"
+        f" {counts['without_pose']} without poses around them, {counts['stale']} too far from any pose"
+    )
+
+
+def why_no_zone(outcome: Outcome, maps: TerrainMaps | None, parameters: Parameters) -> str:
+    """Return what the map holds in place of a zone."""
+    if not outcome.windows:
+        return "no window was mapped"
+    if outcome.failed == outcome.windows or maps is None:
+        return f"{outcome.failed} of {outcome.windows} windows failed, and no map was made"
+    cell_m2 = maps.grid.cell_m**2
+    seen, judged, safe = (
+        np.count_nonzero(which) * cell_m2
+        for which in (np.isfinite(maps.height_m), maps.state != UNKNOWN, maps.state == SAFE)
+    )
+    return (
+        f"{seen:.0f} m2 of ground were seen, enough of it to judge {judged:.0f} m2; {safe:.0f} m2 are safe,"
+        f" without a square of {parameters.min_square_m:g} m"
+    )
+
+
+def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
+    """Return what became of measurements that are not on the map, for an empty one."""
+    counts = rerun.assembler.statistics()
+    reasons = {
+        "out_of_range": "out of range (lidar_min_m, lidar_max_m)",
+        "vehicle": "of the vehicle itself",
+        "dust": "of dust",
+        "pitched": "of a sensor pitched too far",
+    }
+    found = [
+        f"{counts[name]} of {rerun.returns} returns were {why}"
+        for name, why in reasons.items()
+        if counts[name]
+    ]
+    if rerun.standing_scans:
+        found.append(f"{rerun.standing_scans} scans were made while the vehicle stood on the ground")
+    if rerun.history.epoch:
+        found.append(f"the position estimate jumped {rerun.history.epoch} times, and the map began anew")
+    return [*absent(feed.told()), *found]
+
+
+def absent(source: Counts) -> list[str]:
+    """Return how many measurements of packets or clouds were no return, or none that can be read."""
+    packets = source.get("packets", {})
+    zeros = packets.get("no_return", 0) + source.get("points_without_return", 0)
+    doubtful = packets.get("low_confidence", 0) + source.get("points_of_low_confidence", 0)
+    found = [
+        (zeros, "measurements were no return (zeros or NaN)"),
+        (doubtful, "returns were of low confidence"),
+        (packets.get("malformed", 0), "packets were malformed"),
+        (packets.get("bad_checksum", 0), "packets had a wrong checksum"),
+        (packets.get("foreign", 0), "packets were another sensor's"),
+        (packets.get("wrong_sensor", 0), "packets were of another kind of sensor"),
+        (packets.get("failed", 0), "packets could not be decoded"),
+    ]
+    return [f"{count} {what}" for count, what in found if count]

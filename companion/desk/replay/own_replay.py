@@ -1,0 +1,160 @@
+"""Runs a recorded flight through the same code again: the same bytes in, the same zones out."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.replay.recorded_sensors import Senses
+from companion.desk.replay.recording_reader import Header, Raw
+from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.mapping.window_event import WindowEvent
+from companion.flight.recorder import journal
+from companion.flight.sensors.returns import Returns
+from params import Parameters
+from slz import LocalFrame, Pipeline, Report, Scan, TerrainMaps
+from slz.window import join
+
+log = logging.getLogger(__name__)
+
+MOST_SCANS = 4000  # kept for the windows to come, three minutes
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What came of a replay.
+
+    windows: processed. same, other: reports equal to the flight's to the last bit, and not. first_other_ns:
+    stamp of the first that is not. without_scans: windows of which scans were missing. failed: windows at
+    which the pipeline raised. lost: messages that the recorder had to drop. bad: messages that could not be
+    read. path_enu_m: where the sensor was, in the frame of the newest window.
+    """
+
+    windows: int = 0
+    same: int = 0
+    other: int = 0
+    first_other_ns: int | None = None
+    without_scans: int = 0
+    failed: int = 0
+    lost: int = 0
+    bad: int = 0
+    path_enu_m: list[Any] = field(default_factory=list)
+    _frame: LocalFrame | None = None
+
+    def fly(self, sensor_enu_m: NDArray[np.float64], frame: LocalFrame) -> None:
+        """Lengthen the path; the one so far follows into another frame."""
+        if self._frame is not None and self._frame != frame and self.path_enu_m:
+            self.path_enu_m = list(frame.enu_m(*self._frame.lla(self.path_enu_m).T))
+        self._frame = frame
+        self.path_enu_m.append(sensor_enu_m)
+
+
+class Replay:
+    """A flight run again, message by message.
+
+    The windows are those that the flight's pipeline took: which scans the busy program passed over is part of
+    what happened.
+
+    Parameters
+    ----------
+    header
+        The recording's.
+    parameters
+        To run with; the flight's give the flight's zones.
+    """
+
+    def __init__(self, header: Header, parameters: Parameters) -> None:
+        self.parameters = parameters
+        self._senses = Senses(header, parameters, self._on_returns)
+        self._assembler = ScanAssembler(parameters, self._senses.history, self._on_scan)
+        self._pipeline = Pipeline(parameters)
+        self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
+        self._before = header.scans
+        self._document = b""
+        self.report: Report | None = None
+        self.outcome = Outcome()
+
+    def take(self, message: Raw, mapping: bool = True) -> Report | None:
+        """Take the next message; return what came of it if it was a window, and windows are to be mapped."""
+        try:
+            if message.topic == journal.REPORT:
+                self._compare(message.data)
+            elif message.topic == journal.GAP:
+                self.outcome.lost += int(json.loads(message.data)["lost"])
+            elif (event := self._senses.take(message)) is not None:
+                return self._window(event, mapping)
+        except (ValueError, TypeError, KeyError) as error:
+            self.outcome.bad += 1
+            log.warning("a message on %s cannot be read: %s", message.topic, error)
+        return None
+
+    def maps(self) -> TerrainMaps | None:
+        """Return the maps as they are now."""
+        return self._pipeline.maps()
+
+    @property
+    def history(self) -> PoseHistory:
+        """The vehicle's poses."""
+        return self._senses.history
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """What the autopilot said of the vehicle so far."""
+        return self._senses.vehicle
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """What maps, now."""
+        return self._pipeline
+
+    # ---- what happened --------------------------------------------------------------------------
+
+    def _on_returns(self, returns: Returns) -> None:
+        self._assembler.add(returns)
+
+    def _on_scan(self, scan: Scan) -> None:
+        self._scans.append((self._before + self._assembler.scans, scan))
+
+    def _window(self, event: WindowEvent, mapping: bool) -> Report | None:
+        if event.anew:
+            self._pipeline = Pipeline(self.parameters)
+        for point in event.selects:
+            self._pipeline.select(None if point is None else np.array(point))
+        self._document = b""
+        if not mapping:
+            return None
+        wanted = event.numbers()
+        scans = [scan for number, scan in self._scans if wanted and wanted[0] <= number <= wanted[-1]]
+        if len(scans) != len(wanted) or not scans:
+            self.outcome.without_scans += 1
+            return None
+        while self._scans and self._scans[0][0] <= wanted[-1]:
+            self._scans.popleft()
+        self.outcome.windows += 1
+        try:
+            self.report = self._pipeline.process(join(scans))
+        except Exception:
+            self.outcome.failed += 1
+            log.exception("the pipeline failed on a window")
+            return None
+        self.outcome.fly(scans[-1].sensor_enu_m, scans[-1].frame)
+        self._document = journal.report_document(self.report)
+        return self.report
+
+    def _compare(self, document: bytes) -> None:
+        if not self._document:  # not run again
+            return
+        if document == self._document:
+            self.outcome.same += 1
+            return
+        self.outcome.other += 1
+        if self.outcome.first_other_ns is None:
+            self.outcome.first_other_ns = int(json.loads(document)["stamp_ns"])

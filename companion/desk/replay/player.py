@@ -1,0 +1,144 @@
+"""Plays a recording at a pace that may change, in a thread: pause, go on, go to a second of the flight."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.link.vehicle_state import VehicleState
+from slz import Pipeline, Report
+
+Step = tuple[int, Callable[[bool], Report | None]]
+LONGEST_WAIT_S = 0.1
+
+
+class Playing(Protocol):
+    """One run of a recording from its beginning."""
+
+    report: Report | None
+
+    @property
+    def history(self) -> PoseHistory: ...
+
+    @property
+    def vehicle(self) -> VehicleState: ...
+
+    @property
+    def pipeline(self) -> Pipeline: ...
+
+
+class Player:
+    """Takes the steps of a recording when their time has come.
+
+    To go back it begins anew and runs up to the second asked for as fast as it can, so that the maps are
+    those of that second.
+
+    Parameters
+    ----------
+    begin
+        Opens the recording: what runs, and its steps.
+    on_step
+        Called after every step with what runs, the second of the flight, the step's stamp (ns) and the report
+        that came of it, None for none.
+    on_begin
+        Called when it begins, also anew.
+
+    Attributes
+    ----------
+    at_s, length_s
+        Second of the flight; the longest one seen or known.
+    speed
+        Seconds of flight in a second; 0 holds.
+    ended
+        Whether the last step was taken.
+    """
+
+    def __init__(
+        self,
+        begin: Callable[[], tuple[Playing, Iterator[Step]]],
+        on_step: Callable[[Playing, float, int, Report | None], None],
+        on_begin: Callable[[], None],
+        length_s: float = 0.0,
+        speed: float = 1.0,
+    ) -> None:
+        self._begin, self._on_step, self._on_begin = begin, on_step, on_begin
+        self._wake = threading.Condition()
+        self._target_s: float | None = None
+        self._closed = False
+        self._anchor = (0.0, 0.0)  # second of the flight, and when that was
+        self.at_s, self.length_s, self.speed = 0.0, length_s, speed
+        self.ended = False
+
+    # ---- control, from any thread ---------------------------------------------------------------
+
+    def set_speed(self, speed: float) -> None:
+        """Go on at a speed, or hold with 0."""
+        with self._wake:
+            self.speed = speed
+            self._anchor = self.at_s, time.monotonic()
+            self._wake.notify()
+
+    def go_to(self, at_s: float) -> None:
+        """Go to a second of the flight."""
+        with self._wake:
+            self._target_s = at_s
+            self._wake.notify()
+
+    def close(self) -> None:
+        """Let `run` return."""
+        with self._wake:
+            self._closed = True
+            self._wake.notify()
+
+    # ---- the thread -----------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Play until closed; at the end wait to be sent back."""
+        while not self._closed:
+            self._on_begin()
+            self.ended, self.at_s = False, 0.0
+            self._anchor = 0.0, time.monotonic()
+            self._play(*self._begin())
+            self._wait_to_go_back()
+
+    def _play(self, playing: Playing, steps: Iterator[Step]) -> None:
+        begun_ns: int | None = None
+        for stamp_ns, take in steps:
+            begun_ns = stamp_ns if begun_ns is None else begun_ns
+            at_s = (stamp_ns - begun_ns) * 1e-9
+            if not self._is_due(at_s):
+                return
+            report = take(True)
+            self.at_s, self.length_s = at_s, max(self.length_s, at_s)
+            self._on_step(playing, at_s, stamp_ns, report)
+        self.ended = True
+
+    def _is_due(self, at_s: float) -> bool:
+        """Wait for a second of the flight; false when it must begin anew or end."""
+        with self._wake:
+            while not self._closed:
+                now = time.monotonic()
+                if self._target_s is not None:
+                    if self._target_s < self.at_s:
+                        return False
+                    if at_s < self._target_s:
+                        return True
+                    self._target_s = None
+                    self._anchor = at_s, now
+                due = self._anchor[1] + (at_s - self._anchor[0]) / self.speed if self.speed > 0 else now + 1
+                if due <= now:
+                    return True
+                self._wake.wait(min(due - now, LONGEST_WAIT_S))
+        return False
+
+    def _wait_to_go_back(self) -> None:
+        with self._wake:
+            while self.ended and not self._closed:
+                if self._target_s is not None:
+                    if self._target_s < self.at_s:
+                        return
+                    self._target_s = None
+                self._wake.wait(LONGEST_WAIT_S)

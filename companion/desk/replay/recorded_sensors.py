@@ -1,0 +1,99 @@
+"""What the vehicle measured, from a recording: its poses, and its returns on the companion's clock."""
+
+from __future__ import annotations
+
+import struct
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.desk.replay.recording_reader import Header, Raw
+from companion.flight.fusion.pose_history import CAPACITY, PoseHistory
+from companion.flight.link.command_server import CommandServer
+from companion.flight.link.inbox import Inbox
+from companion.flight.link.position_fix import PATIENCE_NS, PositionGate
+from companion.flight.link.vehicle_identity import LISTEN_NS, VehicleIdentity
+from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.link.wire.codec import Codec
+from companion.flight.mapping.window_event import WindowEvent
+from companion.flight.recorder import journal
+from companion.flight.recorder.journal import BadRecordError
+from companion.flight.sensors.driver import stream_for
+from companion.flight.sensors.mavlink_ranges import MavlinkRanges
+from companion.flight.sensors.packet_stream import OnReturns
+from params import Parameters
+from slz import LocalFrame
+
+ORDERS = ("COMMAND_LONG", "COMMAND_INT")
+
+
+class Senses:
+    """The same decoders and clocks as in flight, fed with what was recorded.
+
+    Parameters
+    ----------
+    on_returns
+        Called with every batch, as the driver calls it.
+    capacity
+        Poses kept.
+
+    Attributes
+    ----------
+    history
+        The vehicle's poses.
+    """
+
+    def __init__(
+        self, header: Header, parameters: Parameters, on_returns: OnReturns, capacity: int = CAPACITY
+    ) -> None:
+        self._reader = mavlink.MAVLink(None)
+        identity = VehicleIdentity(header.system, LISTEN_NS, header.remembered)
+        gate = PositionGate(PATIENCE_NS if header.gated else None)
+        self._inbox = Inbox(Codec(parameters.component_id), CommandServer(), identity, gate)
+        self._stream = self._ranges = None
+        if header.lidar == "mavlink":
+            self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
+        else:
+            sensor, wall_ns = (header.lidar, header.lidar_setup), header.clock_offset_ns
+            self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
+        self.history = PoseHistory(parameters, capacity=capacity)
+        self._inbox.certain.subscribe(self.history.trust)
+        self._inbox.attitude.subscribe(self.history.add_attitude)
+        self._inbox.position.subscribe(self.history.add_position)
+        self._inbox.rebooted.subscribe(self.history.begin_anew)
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """What the autopilot said of the vehicle so far."""
+        return self._inbox.followed
+
+    def take(self, message: Raw) -> WindowEvent | None:
+        """Take the next message; return the window's event if it is one.
+
+        Raises
+        ------
+        BadRecordError
+            It cannot be read.
+        """
+        match message.topic:
+            case journal.MAVLINK_IN:
+                try:
+                    frame = self._reader.decode(bytearray(message.data))
+                except (mavlink.MAVError, struct.error, TypeError, ValueError, IndexError) as error:
+                    raise BadRecordError(f"a MAVLink frame cannot be read: {error}") from None
+                if frame.get_type() in ORDERS:  # what the operator asked for, the windows tell
+                    return None
+                if self._inbox.take(frame, message.at_ns) and self._ranges is not None:
+                    self._ranges.take(frame, message.at_ns)
+            case journal.LIDAR if self._stream is not None:
+                for arrival_ns, packet in journal.unpack_batch(message.data):
+                    self._stream.take(packet, "", arrival_ns)
+                self._stream.flush(message.at_ns)
+            case journal.EVENT:
+                event = journal.unpack_event(message.data)
+                if isinstance(event, LocalFrame):
+                    self.history.begin_frame(event)
+                    return None
+                if isinstance(event, WindowEvent):
+                    return event
+                self._inbox.clock.timesync.request(event)
+        return None

@@ -1,0 +1,140 @@
+"""Which kind of recording a file is, and what belongs beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.stream_reader import StreamReader
+
+import params
+from companion.desk.replay.captures.captured_packets import CapturedPackets
+from companion.desk.replay.clouds.cloud_folder import CloudFolder
+from companion.desk.replay.clouds.stored_cloud import StoredCloud
+from companion.desk.replay.foreign_replay import Feed, Rerun
+from companion.desk.replay.ros.ros_feed import LEVEL_MOUNT, RosFeed
+from companion.desk.replay.telemetry.logged_vehicle import tells_fix, vehicle_of
+from companion.desk.replay.telemetry.telemetry_feed import TelemetryFeed
+from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
+from companion.runtime.errors import UsageError
+from params import Parameters
+from slz import LocalFrame
+
+Kind = Literal["own", "bag", "tlog"]
+CAPTURES = frozenset({".pcap", ".pcapng", ".cap"})
+PLACED = frozenset({".las", ".laz"})
+CLOUDS = frozenset({".pcd", ".ply", ".xyz"})
+BESIDE_LOG = "a capture (.pcap), a georeferenced cloud (.laz), or a folder of .pcd files named by their times"
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What a recording of another program needs besides itself.
+
+    points: topic of the points, or what lies beside a log. poses: topics. lidar: kind of the sensor.
+    origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters. system: the
+    vehicle's in a log of several. vertical_unit: of the heights of a cloud beside a log.
+    """
+
+    points: str | None = None
+    poses: tuple[str, ...] = ()
+    lidar: str | None = None
+    origin: str | None = None
+    profile: str = "quadcopter"
+    system: int | None = None
+    vertical_unit: str | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        return self == Beside(profile=self.profile)
+
+
+def kind_of(path: Path) -> Kind:
+    """Tell the kind of a recording: by name, and an MCAP file of ROS by its profile."""
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in (".db3", ".bag"):
+        return "bag"
+    if suffix == ".tlog":
+        return "tlog"
+    return "bag" if suffix == ".mcap" and _profile(path).startswith("ros") else "own"
+
+
+def opened(path: Path, settings: Iterable[str], beside: Beside) -> tuple[Feed, Rerun]:
+    """Open a recording of another program.
+
+    Raises
+    ------
+    UsageError
+        It cannot be used, or what it needs besides is missing, wrong or too much.
+    """
+    settings = tuple(settings)
+    parameters = params.load(beside.profile, settings)
+    if kind_of(path) == "tlog":
+        return _telemetry(path, beside), Rerun(parameters)
+    return _bag(path, settings, beside, parameters)
+
+
+def _bag(path: Path, settings: tuple[str, ...], beside: Beside, parameters: Parameters) -> tuple[Feed, Rerun]:
+    if beside.lidar is not None:
+        raise UsageError(f"{path}: --lidar goes with packets, not with the points of a bag")
+    if beside.system is not None:
+        raise UsageError(f"{path}: --system goes with a telemetry log, not with a bag")
+    feed = RosFeed(path, beside.points, beside.poses)
+    if feed.is_local and beside.origin is None:
+        raise UsageError(
+            f"{path}: its poses are metres of a frame of their own: say where that begins by"
+            " --origin LAT,LON,ALT"
+        )
+    if not feed.is_local and beside.origin is not None:
+        raise UsageError(f"{path}: its poses are latitudes and longitudes: leave out --origin")
+    if feed.body_points and not any(setting.startswith("lidar_") for setting in settings):
+        parameters = parameters.model_copy(update=LEVEL_MOUNT)
+    return feed, Rerun(parameters, None if beside.origin is None else _frame(beside.origin))
+
+
+def _telemetry(path: Path, beside: Beside) -> Feed:
+    if beside.poses or beside.origin is not None:
+        raise UsageError(f"{path}: it tells where the vehicle was: leave out --pose and --origin")
+    if beside.points is None:
+        raise UsageError(f"{path}: name what the LiDAR measured by --points: {BESIDE_LOG}")
+    log, points = TelemetryLog(path), Path(beside.points)
+    placed, folder = points.suffix.lower() in PLACED, points.is_dir()
+    if beside.lidar is not None and (placed or folder):
+        raise UsageError(f"{points}: --lidar goes with packets, not with points")
+    system = vehicle_of(path, log, beside.system)
+    vehicle = system, tells_fix(log, system)
+    if placed:
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), beside.vertical_unit), *vehicle)
+    if folder:
+        return TelemetryFeed(log, CloudFolder(points), *vehicle)
+    if points.suffix.lower() in CLOUDS:
+        raise UsageError(f"{points}: it does not say when it was measured: give {BESIDE_LOG}")
+    return TelemetryFeed(log, CapturedPackets(points, beside.lidar), *vehicle)
+
+
+def _span_ns(log: TelemetryLog) -> tuple[int, int]:
+    """Return the first and the last time of a log."""
+    times = np.fromiter((logged.at_ns for logged in log.messages()), np.int64)
+    return int(times.min()), int(times.max())
+
+
+def _frame(text: str) -> LocalFrame:
+    try:
+        lat, lon, alt = (float(part) for part in text.split(","))
+        return LocalFrame(lat, lon, alt)
+    except ValueError:
+        raise UsageError(f"--origin {text!r}: write LAT,LON,ALT in degrees and metres") from None
+
+
+def _profile(path: Path) -> str:
+    """Return what an MCAP file says of its maker's conventions, empty where it says nothing."""
+    try:
+        with path.open("rb") as file:
+            first = next(iter(StreamReader(file).records), None)
+            return str(getattr(first, "profile", ""))
+    except (OSError, McapError, ValueError, RuntimeError, EOFError, MemoryError):
+        return ""  # whoever reads it will say why

@@ -1,0 +1,161 @@
+"""`slz replay`: a recorded flight, run again, our own or another program's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.desk.replay.loss_report import lost_for_time, not_mapped, why_no_zone, why_nothing
+from companion.desk.replay.own_replay import Outcome, Replay
+from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.recording_type import Beside, kind_of, opened
+from companion.flight.outputs.flight_summary import choice_summary, zone_summary
+from companion.runtime import output_folder
+from companion.runtime.errors import UsageError
+from params import Parameters
+from slz import Report, TerrainMaps
+from slz.warm_up import warm_up
+
+Step = tuple[int, Callable[[bool], Report | None]]  # time (ns), and what takes it: to be mapped or not
+
+
+def run(
+    path: Path,
+    settings: Iterable[str],
+    out: Path | None,
+    speed: float,
+    span_s: tuple[float, float],
+    step: Callable[[float, str], None] = lambda _share, _text: None,
+    beside: Beside = Beside(),  # noqa: B008 - it is frozen
+) -> dict[str, Any]:
+    """Replay a recording and return the summary.
+
+    Parameters
+    ----------
+    settings
+        `name=value` of parameters to replace.
+    out
+        Folder for the maps at the end.
+    speed
+        Seconds of flight in a second; 0 as fast as possible.
+    span_s
+        Windows from and until so many seconds after the recording's beginning; those before are not mapped.
+    step
+        Told of every window: seconds since the beginning, and what was found.
+    beside
+        What a recording of another program needs.
+
+    Raises
+    ------
+    UsageError
+        The recording or a setting is of no use, or the folder cannot be written.
+    """
+    settings = tuple(settings)
+    if kind_of(path) != "own":
+        return _run_others(path, settings, out, speed, span_s, step, beside)
+    if not beside.is_empty:
+        raise UsageError(
+            f"{path}: a recording of slz holds all it needs: leave out --points, --system and the like"
+        )
+    recording = Recording(path)
+    parameters = recording.header.parameters(settings)
+    replay = Replay(recording.header, parameters)
+    if out is not None:
+        output_folder.prepare(out)
+    warm_up(parameters)
+    steps = ((message.at_ns, partial(replay.take, message)) for message in recording.messages())
+    if not _play(steps, speed, span_s, step):
+        raise UsageError(f"{path} holds no message to replay")
+    files = {} if out is None else _draw(out, replay.maps(), replay.report, replay.outcome, parameters)
+    summary = _summary(path, recording.cut, replay.outcome, replay.report, settings, files)
+    why = "" if summary["zones"] else why_no_zone(replay.outcome, replay.maps(), parameters)
+    return summary | {"why_no_zones": why, "warnings": []}
+
+
+def _run_others(
+    path: Path,
+    settings: tuple[str, ...],
+    out: Path | None,
+    speed: float,
+    span_s: tuple[float, float],
+    step: Callable[[float, str], None],
+    beside: Beside,
+) -> dict[str, Any]:
+    feed, rerun = opened(path, settings, beside)
+    if out is not None:
+        output_folder.prepare(out)
+    steps = ((at_ns, partial(rerun.take, act)) for at_ns, act in feed.steps(rerun))
+    _play(steps, speed, span_s, step)
+    rerun.finish()
+    if not (rerun.assembler.scans or rerun.outcome.windows):
+        raise UsageError(f"{path}: {why_nothing(feed, rerun)}")
+    outcome = rerun.outcome
+    outcome.bad = feed.bad
+    files = {} if out is None else _draw(out, rerun.maps(), rerun.report, outcome, rerun.parameters)
+    summary = _summary(path, feed.cut, outcome, rerun.report, settings, files)
+    source, returns = feed.told(), {"read": rerun.returns} | rerun.assembler.statistics()
+    why = [] if summary["zones"] else [why_no_zone(outcome, rerun.maps(), rerun.parameters)]
+    return summary | {
+        "why_no_zones": "; ".join([*why, *(not_mapped(feed, rerun) if why else [])]),
+        "warnings": lost_for_time(source, returns),
+        "source": source,
+        "returns": returns,
+    }
+
+
+def _play(
+    steps: Iterator[Step], speed: float, span_s: tuple[float, float], step: Callable[[float, str], None]
+) -> bool:
+    """Take all steps within a span, at a speed; return whether there was any."""
+    begun_ns: int | None = None
+    started_s = time.monotonic()
+    for at_ns, take in steps:
+        begun_ns = at_ns if begun_ns is None else begun_ns
+        at_s = (at_ns - begun_ns) * 1e-9
+        if at_s > span_s[1]:
+            break
+        if speed > 0:
+            time.sleep(max(0.0, at_s / speed - (time.monotonic() - started_s)))
+        report = take(at_s >= span_s[0])
+        if report is not None:
+            step(at_s, f"{len(report.zones)} zones")
+    return begun_ns is not None
+
+
+def _summary(
+    path: Path, cut: str, o: Outcome, report: Report | None, given: tuple[str, ...], files: dict[str, str]
+) -> dict[str, Any]:
+    return {
+        "file": str(path),
+        "windows": o.windows,
+        "identical": o.same,
+        "different": o.other,
+        "first_different_ns": o.first_other_ns,
+        "without_scans": o.without_scans,
+        "failed": o.failed,
+        "lost_messages": o.lost,
+        "unreadable_messages": o.bad,
+        "cut": cut,
+        "set": list(given),
+        "zones": [] if report is None else [zone_summary(zone, report.frame) for zone in report.zones],
+        "choice": None if report is None else choice_summary(report),
+        "files": files,
+    }
+
+
+def _draw(
+    out: Path, maps: TerrainMaps | None, report: Report | None, outcome: Outcome, parameters: Parameters
+) -> dict[str, str]:
+    from companion.desk.figures import save_flight
+
+    if maps is None or report is None:
+        return {}
+    chosen = None if report.selected is None else report.selected.enu_m
+    flown = np.array(outcome.path_enu_m).reshape(-1, 3)
+    files = save_flight(out, maps, report.zones, flown, chosen, None, parameters)
+    return {file.stem: str(file) for file in files}

@@ -1,0 +1,153 @@
+"""Messages of a ROS 1 or ROS 2 bag, by the library rosbags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from companion.desk.replay.clouds.point_cloud import Cloud, table_of
+from companion.desk.replay.ros import livox_message
+from companion.runtime.errors import UsageError
+
+CLOUD = "sensor_msgs/msg/PointCloud2"
+CLOUDS = (CLOUD, *livox_message.MESSAGES)
+# Packages of the types that are read, and of what these are made of.
+PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_interfaces")
+
+
+class BagFile:
+    """A folder, .db3, .mcap or .bag.
+
+    Types are read as the bag defines them; where it only names a type, or defines it illegibly, the library's
+    own definition serves. Types of other packages are not looked at.
+
+    Attributes
+    ----------
+    types
+        Type of each topic that has messages.
+    bad
+        Messages that could not be read so far.
+    cut
+        Why its end is missing; known once all was read.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, or the library is not installed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.bad, self.cut = 0, ""
+        self._ros2 = path.suffix.lower() != ".bag"
+        with self._opened() as reader:
+            self.types = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
+            self._store = _store(reader.connections, self._ros2)
+
+    def messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
+        """Return times of recording and of the header (ns), topic and message, in the order of recording.
+
+        A cloud, of whatever type, is a `Cloud`.
+        """
+        self.bad, self.cut = 0, ""
+        with self._opened() as reader:
+            wanted = [c for c in reader.connections if c.topic in topics]
+            raws = reader.messages(connections=wanted) if wanted else iter(())
+            while True:
+                try:
+                    connection, at_ns, raw = next(raws)
+                except StopIteration:
+                    return
+                except Exception as error:  # of SQLite, MCAP, LZ4, Zstandard
+                    self.cut = f"it is damaged or cut off: {_line(error)}"
+                    return
+                try:
+                    message = self._message(raw, connection.msgtype)
+                    stamp_ns = _stamp_ns(message) or at_ns
+                    if isinstance(message, Cloud):
+                        message = replace(message, stamp_ns=stamp_ns)
+                except Exception:  # whatever the generated code stumbles over
+                    self.bad += 1
+                    continue
+                yield at_ns, stamp_ns, connection.topic, message
+
+    def _message(self, raw: bytes, kind: str) -> Any:
+        if kind in livox_message.MESSAGES:
+            return livox_message.parse(raw, kind, self._ros2)
+        read = self._store.deserialize_cdr if self._ros2 else self._store.deserialize_ros1
+        message: Any = read(raw, kind)
+        if kind != CLOUD:
+            return message
+        return Cloud(_stamp_ns(message), str(message.header.frame_id), table_of(message))
+
+    @contextmanager
+    def _opened(self) -> Iterator[Any]:
+        try:
+            from rosbags import rosbag1, rosbag2
+        except ImportError:
+            raise UsageError(
+                f"{self._path}: a ROS bag needs the library rosbags: pip install 'slz[ros]'"
+            ) from None
+        try:
+            reader: Any = rosbag2.Reader(self._path) if self._ros2 else rosbag1.Reader(self._path)
+            reader.open()
+        except Exception as error:  # of YAML, SQLite, MCAP and the library
+            raise UsageError(f"{self._path}: it is no ROS bag, or damaged ({_line(error)})") from None
+        try:
+            yield reader
+        finally:
+            reader.close()
+
+
+def _store(connections: Sequence[Any], ros2: bool) -> Any:
+    """Return the definitions of all types that are read: the library's, replaced by those of the bag."""
+    from rosbags.typesys import Stores, get_typestore
+
+    standard = get_typestore(Stores.ROS2_HUMBLE if ros2 else Stores.ROS1_NOETIC)
+    store, plain = get_typestore(Stores.EMPTY), get_typestore(Stores.EMPTY)
+    kept = {name: fields for name, fields in standard.fielddefs.items() if name.split("/")[0] in PACKAGES}
+    plain.register(kept)
+    own: dict[str, Any] = {}
+    for connection in connections:
+        if connection.msgtype.split("/")[0] in PACKAGES:
+            own |= _defined(connection)
+    try:
+        store.register(kept | own)
+    except Exception:  # whatever a damaged definition leads to
+        return plain
+    return store
+
+
+def _defined(connection: Any) -> dict[str, Any]:
+    """Return the types that a connection defines by a text; none where it has no text, or no legible one."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    form, text = connection.msgdef
+    try:
+        if form == MessageDefinitionFormat.MSG:
+            found: dict[str, Any] = dict(get_types_from_msg(text, connection.msgtype))
+        elif form == MessageDefinitionFormat.IDL:
+            found = {}
+            for part in text.split("=" * 80 + "\n"):
+                found |= get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
+        else:
+            return {}
+    except Exception:  # of the parser
+        return {}
+    _, fields = found.get(connection.msgtype, ([], []))
+    return found if fields else {}
+
+
+def _stamp_ns(message: Any) -> int:
+    if isinstance(message, Cloud):
+        return message.stamp_ns
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(f"{error or type(error).__name__}".split())[:120]

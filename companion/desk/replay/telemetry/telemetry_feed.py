@@ -1,0 +1,121 @@
+"""A telemetry log, and beside it what the LiDAR measured, aligned by the time of day of both."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import sys
+from collections.abc import Iterator
+from functools import partial
+from operator import itemgetter
+from typing import Any, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.desk.replay.recorded_sensors import ORDERS
+from companion.desk.replay.telemetry.telemetry_log import Logged, TelemetryLog
+from companion.flight.link.command_server import CommandServer
+from companion.flight.link.inbox import Inbox
+from companion.flight.link.position_fix import PositionGate
+from companion.flight.link.vehicle_identity import VehicleIdentity
+from companion.flight.link.wire.codec import Codec
+
+
+class LoggedPoints(Protocol):
+    """What a LiDAR measured on a flight of which there is a log."""
+
+    @property
+    def cut(self) -> str:
+        """Why its end is missing, empty where it is whole; known at the end."""
+
+    @property
+    def bad(self) -> int:
+        """Pieces that could not be read."""
+
+    def told(self) -> dict[str, Any]:
+        """Return what was chosen and counted, for JSON."""
+
+    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        """Return every piece in its order: its time of day (ns), and what hands it over."""
+
+
+class TelemetryFeed:
+    """A flight from FLIGHT.tlog and what lies beside it.
+
+    Parameters
+    ----------
+    system
+        The vehicle's, None if the log holds none.
+    tells_fix
+        The log says whether positions are to be believed.
+    """
+
+    def __init__(
+        self, log: TelemetryLog, points: LoggedPoints, system: int | None = None, tells_fix: bool = False
+    ) -> None:
+        self._log = log
+        self._points = points
+        self._system = system
+        self._gate = PositionGate(sys.maxsize if tells_fix else 0)
+
+    @property
+    def cut(self) -> str:
+        return "; ".join(filter(None, (self._log.cut, self._points.cut)))
+
+    @property
+    def bad(self) -> int:
+        return self._log.bad + self._points.bad
+
+    def told(self) -> dict[str, Any]:
+        return {"system": self._system, "positions_without_fix": self._gate.refused} | self._points.told()
+
+    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        inbox = Inbox(
+            Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
+        )
+        inbox.attitude.subscribe(rerun.history.add_attitude)
+        inbox.position.subscribe(rerun.history.add_position)
+        inbox.rebooted.subscribe(rerun.history.begin_anew)
+        hear = _Ear(inbox, rerun)
+        heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
+        return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
+
+
+class _Ear:
+    """Hears the vehicle; a log without quaternions has angles, which say the same."""
+
+    def __init__(self, inbox: Inbox, rerun: Rerun) -> None:
+        self._inbox, self._rerun = inbox, rerun
+        self._quaternions = False  # of the autopilot: those of a gimbal say nothing of the vehicle
+
+    def __call__(self, logged: Logged) -> None:
+        message, kind = logged.message, logged.message.get_type()
+        if kind in ORDERS:
+            return
+        ours = self._inbox.is_ours(message)
+        if ours and kind == "ATTITUDE_QUATERNION":
+            self._quaternions = True
+        elif ours and kind == "ATTITUDE" and not self._quaternions:
+            message = quaternion_of(message)
+        self._inbox.take(message, logged.at_ns)
+        self._rerun.standing = self._inbox.vehicle.landed == "on_ground"
+
+
+def quaternion_of(message: Any) -> Any:
+    """Return ATTITUDE as ATTITUDE_QUATERNION of the same sender: yaw, pitch, roll about z, y, x."""
+    (cr, sr), (cp, sp), (cy, sy) = (
+        (math.cos(angle / 2), math.sin(angle / 2)) for angle in (message.roll, message.pitch, message.yaw)
+    )
+    new = mavlink.MAVLink_attitude_quaternion_message(
+        message.time_boot_ms,
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        message.rollspeed,
+        message.pitchspeed,
+        message.yawspeed,
+    )
+    new._header = message.get_header()
+    return new

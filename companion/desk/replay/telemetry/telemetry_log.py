@@ -1,0 +1,128 @@
+"""MAVLink telemetry logs, as ground stations write them: a time of day, then a frame, again and again.
+
+The time is microseconds since 1970, eight bytes, the most significant first.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.wire.framing import message_id
+from companion.runtime.errors import UsageError
+
+STAMP = struct.Struct(">Q")
+EARLIEST_US, LATEST_US = 10**15, 4 * 10**15  # 2001 to 2096
+V1, V2 = 0xFE, 0xFD
+V1_FRAME, V2_FRAME, SIGNATURE = 8, 12, 13  # bytes beside the payload
+SIGNED = 0x01
+
+
+@dataclass(frozen=True, slots=True)
+class Logged:
+    """at_ns: when the ground station took it, since 1970."""
+
+    at_ns: int
+    message: Any
+
+
+class TelemetryLog:
+    """A .tlog file.
+
+    Attributes
+    ----------
+    bad
+        Frames and stretches that could not be read.
+    cut
+        Why its end is missing; known once all was read.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read or holds no frame.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.bad = 0
+        self.cut = ""
+        if next(self.messages(), None) is None:
+            raise UsageError(f"{path}: it is no MAVLink telemetry log")
+
+    def messages(self) -> Iterator[Logged]:
+        """Return the messages in the order of the file."""
+        yield from self._all(None)
+
+    def only(self, *message_ids: int) -> Iterator[Logged]:
+        """Return the messages of some types, which is much quicker than all."""
+        yield from self._all(frozenset(message_ids))
+
+    def _all(self, only: frozenset[int] | None) -> Iterator[Logged]:
+        self.bad, self.cut = 0, ""
+        try:
+            with (
+                self._path.open("rb") as file,
+                mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
+            ):
+                yield from self._read(data, only)
+        except OSError as error:
+            raise UsageError(f"{self._path}: cannot be read: {error.strerror or error}") from None
+        except ValueError:  # of mmap
+            raise UsageError(f"{self._path}: it is empty") from None
+
+    def _read(self, data: mmap.mmap, only: frozenset[int] | None) -> Iterator[Logged]:
+        decoder = mavlink.MAVLink(None)
+        at, lost = 0, False
+        while at + STAMP.size < len(data):
+            length = _frame_bytes(data, at)
+            if length is None:
+                self.bad += not lost
+                at, lost = at + 1, True
+                continue
+            end = at + STAMP.size + length
+            if end > len(data):
+                self.cut = f"{self._path.name} ends in the middle"
+                return
+            frame = data[at + STAMP.size : end]
+            if not lost and only is not None and message_id(frame) not in only:
+                at = end
+                continue
+            message = _decoded(decoder, frame)
+            if message is None:
+                self.bad += not lost
+                at, lost = (at + 1, True) if lost else (end, False)
+                continue
+            (at_us,) = STAMP.unpack_from(data, at)
+            if only is None or message.get_msgId() in only:
+                yield Logged(at_us * 1000, message)
+            at, lost = end, False
+        if at < len(data) and not lost:
+            self.cut = f"{self._path.name} ends in the middle"
+
+
+def _frame_bytes(data: mmap.mmap, at: int) -> int | None:
+    """Return the length of the frame behind the stamp that begins at `at`; None if there is none."""
+    head = data[at : at + STAMP.size + 3]
+    (at_us,) = STAMP.unpack_from(head)
+    if not EARLIEST_US < at_us < LATEST_US or len(head) < STAMP.size + 3:
+        return None
+    magic, payload, flags = head[STAMP.size :]
+    if magic == V1:
+        return int(payload) + V1_FRAME
+    if magic == V2:
+        return int(payload) + V2_FRAME + (SIGNATURE if flags & SIGNED else 0)
+    return None
+
+
+def _decoded(decoder: Any, frame: bytes) -> Any:
+    """Return the message of a frame; None if it is damaged or of a kind that the dialect does not know."""
+    try:
+        return decoder.decode(bytearray(frame))
+    except (mavlink.MAVError, struct.error, ValueError, TypeError):
+        return None

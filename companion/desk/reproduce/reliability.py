@@ -1,0 +1,198 @@
+"""Whether ground called safe with a certainty is safe as often as that says (reliability diagram)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.reproduce.reproduction_page import Section, Table
+from companion.desk.reproduce.survey_recording import Recording
+from companion.desk.reproduce.truth_comparison import truth_at
+from slz import SAFE, UNKNOWN, TerrainMaps
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+EDGES = (0.0, 0.01, 0.05, *(round(0.1 * i, 1) for i in range(1, 10)), 0.95, 0.99, 0.999, 1.0)
+FEWEST = 50  # cells of a bin below which its share says nothing
+TEXT = (
+    "All known cells of 0.2 m of the surveys above that lie 3 m or more within the surveyed extent, by their "
+    "certainty: its mean, and the share of them that is truly safe, which are alike where it is calibrated. "
+    "Called safe: cells that the map lets a vehicle land on, and how many of those are truly unsafe. "
+    "Expected calibration error, the mean difference over all cells: "
+)
+COLUMNS = ("certainty", "cells", "mean certainty", "share truly safe", "called safe", "of those unsafe")
+
+
+@dataclass(frozen=True, slots=True)
+class Bins:
+    """Counts by bin of `EDGES`: cells, sum of their certainties, truly safe, called safe, wrongly so."""
+
+    cells: NDArray[np.int64]
+    total: NDArray[np.float64]
+    true: NDArray[np.int64]
+    called: NDArray[np.int64]
+    wrong: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls, certainty: NDArray[Any], truly_safe: NDArray[np.bool_], called_safe: NDArray[np.bool_]
+    ) -> Self:
+        """Count cells, given (n,) each; a bin holds its lower bound, the last one both."""
+        n = len(EDGES) - 1
+        # Bounds of float32, so that a certainty of 0.99 counts as one.
+        number = np.searchsorted(np.array(EDGES, np.float32), certainty.astype(np.float32), "right") - 1
+        number = number.clip(0, n - 1)
+
+        def count(where: NDArray[np.bool_]) -> NDArray[np.int64]:
+            return np.bincount(number[where], minlength=n).astype(np.int64)
+
+        return cls(
+            count(np.ones(len(number), bool)),
+            np.asarray(np.bincount(number, certainty.astype(np.float64), n), np.float64),
+            count(truly_safe),
+            count(called_safe),
+            count(called_safe & ~truly_safe),
+        )
+
+    def __add__(self, other: Bins) -> Bins:
+        return Bins(
+            self.cells + other.cells,
+            self.total + other.total,
+            self.true + other.true,
+            self.called + other.called,
+            self.wrong + other.wrong,
+        )
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """Return the mean certainty of each bin, NaN where empty."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.total / self.cells)
+
+    @property
+    def share(self) -> NDArray[np.float64]:
+        """Return the share truly safe of each bin, NaN where empty."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.true / self.cells)
+
+    @property
+    def error(self) -> float:
+        """Return the expected calibration error."""
+        if not self.cells.sum():
+            return float("nan")
+        return float(np.abs(self.total - self.true).sum() / self.cells.sum())
+
+
+def count(recording: Recording, maps: TerrainMaps) -> Bins:
+    """Count the known cells of a map within the surveyed extent less its margin."""
+    safe, inside = truth_at(recording, maps.grid, maps.box)
+    use = inside & (maps.state != UNKNOWN)
+    return Bins.of(maps.certainty[use], safe[use], maps.state[use] == SAFE)
+
+
+def section(counted: Mapping[str, Bins], out: Path) -> Section:
+    """Tell how reliable the certainty is over all surveys, and draw it for each and for all.
+
+    Parameters
+    ----------
+    counted
+        Bins by name of the survey, at least one.
+    """
+    surveys = list(counted.values())
+    total = sum(surveys[1:], surveys[0])
+    rows: list[tuple[str, ...]] = [
+        (
+            _bin_name(number),
+            f"{total.cells[number]:,}",
+            f"{total.mean[number]:.4f}" if total.cells[number] else "",
+            f"{total.share[number]:.4f}" if total.cells[number] else "",
+            f"{total.called[number]:,}",
+            f"{total.wrong[number]:,}",
+        )
+        for number in range(len(EDGES) - 1)
+    ]
+    errors = [(name, bins.error) for name, bins in counted.items()]
+    text = TEXT + f"{total.error:.4f}; by survey " + ", ".join(f"{name} {e:.4f}" for name, e in errors) + "."
+    file = out / "certainty.png"
+    _draw(counted, total, file)
+    figures = {
+        "calibration_error": round(total.error, 5),
+        "by_survey": {name: round(error, 5) for name, error in errors},
+        "bins": {
+            _bin_name(number): [
+                int(total.cells[number]),
+                round(float(total.mean[number]), 5),
+                round(float(total.share[number]), 5),
+            ]
+            for number in range(len(EDGES) - 1)
+            if total.cells[number]
+        },
+    }
+    table = Table("Certainty", text, COLUMNS, rows)
+    return Section([table], [("Certainty against the truth", [file])], {"certainty": figures})
+
+
+def _bin_name(number: int) -> str:
+    return f"{EDGES[number]:g} to {EDGES[number + 1]:g}"
+
+
+def _draw(counted: Mapping[str, Bins], total: Bins, file: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 8.0), dpi=130, layout="constrained")
+    axes = figure.subplot_mosaic([["linear", "logit"], ["cells", "cells"]], height_ratios=(3, 1))
+    _draw_diagram(axes["linear"], counted, total)
+    axes["linear"].set_title("Certainty against the truth", loc="left", fontsize=13, fontweight="bold")
+    axes["linear"].legend(loc="lower right", fontsize=8, frameon=False)
+    _draw_diagram(axes["logit"], counted, total)
+    axes["logit"].set_title("the same, its ends drawn wide", loc="left", fontsize=11)
+    axes["logit"].set_xscale("logit")
+    axes["logit"].set_yscale("logit")
+    axes["logit"].set_xlim(1e-4, 1 - 1e-4)
+    axes["logit"].set_ylim(1e-4, 1 - 1e-4)
+    _draw_cells(axes["cells"], total)
+    figure.savefig(file, bbox_inches="tight", pad_inches=0.15)
+
+
+def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins) -> None:
+    from matplotlib import colormaps
+
+    line = np.concatenate([np.geomspace(1e-4, 0.5), 1 - np.geomspace(0.5, 1e-4)])
+    axes.plot(line, line, color="#777777", linestyle="--", linewidth=1.2, label="calibrated")
+    for number, (name, bins) in enumerate(counted.items()):
+        colour = colormaps["tab10"](number % 10)
+        x, y = _drawn(bins)
+        axes.plot(x, y, color=colour, linewidth=0.8, marker=".", markersize=5, alpha=0.7, label=name)
+    x, y = _drawn(total)
+    axes.plot(x, y, color="black", linewidth=2.0, marker="o", markersize=5, label="all surveys")
+    axes.set_xlabel("mean certainty", fontsize=9)
+    axes.set_ylabel("share truly safe", fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(alpha=0.3, linewidth=0.5)
+
+
+def _drawn(bins: Bins) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean and share, NaN where cells are few, within what the wide-ended axes show."""
+    many = bins.cells >= FEWEST
+    x, y = (np.where(many, v, np.nan).clip(1.5e-4, 1 - 1.5e-4) for v in (bins.mean, bins.share))
+    return x, y
+
+
+def _draw_cells(axes: Axes, total: Bins) -> None:
+    n = len(EDGES) - 1
+    places = np.arange(n)
+    axes.bar(places, np.maximum(total.cells, 1), color="#9ecae1", edgecolor="#3182bd", label="known cells")
+    axes.bar(places, np.maximum(total.called, 1), width=0.5, color="#1b7837", label="called safe")
+    axes.bar(places, np.maximum(total.wrong, 1), width=0.2, color="#d7301f", label="of those unsafe")
+    axes.set_yscale("log")
+    axes.set_ylim(1, 3.0 * max(1, int(total.cells.max())))
+    axes.set_xticks(places, [_bin_name(number).replace(" to ", "–") for number in range(n)])
+    axes.set_ylabel("cells", fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.legend(loc="upper center", ncols=3, fontsize=8, frameon=False)

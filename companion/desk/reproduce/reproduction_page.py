@@ -1,0 +1,140 @@
+"""One page of tables and pictures, as Markdown and as HTML."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from companion.desk.reproduce.inclined_planes import SlopeError
+from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, PAPER_MS, Outcome
+
+STYLE = (
+    "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}"
+    "table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.3em .6em;text-align:right}"
+    "td:first-child,th:first-child{text-align:left}img{vertical-align:top}"
+)
+
+WIDTH = {1: "80%", 2: "49%", 4: "49%"}
+"""Of a picture, by how many stand together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table: its heading, what it says, column names and rows of text."""
+
+    title: str
+    text: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+
+Pictures = tuple[str, list[Path]]
+"""A heading and the files under it, which lie below the page's folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What one part of the reproduction adds to the page, and its figures for JSON by name."""
+
+    tables: list[Table]
+    pictures: list[Pictures]
+    figures: dict[str, Any]
+
+
+def scene_table(outcomes: Sequence[Outcome]) -> Table:
+    """Return Eq. (20) and its kin by scene."""
+    rows: list[tuple[str, ...]] = [
+        (
+            o.case.name,
+            f"{o.scores.computed_m2:.0f}",
+            f"{o.scores.truth_m2:.0f}",
+            f"{o.scores.area_error:.4f}",
+            f"{o.case.area_error_limit:.3f}",
+            f"{100 * o.scores.false_safe:.4f}",
+            f"{100 * o.scores.recall:.1f}",
+            f"{o.ms_median:.0f} / {o.ms_max:.0f}",
+        )
+        for o in outcomes
+    ]
+    columns = (
+        "scene",
+        "computed m²",
+        "truth m²",
+        "Eq. (20)",
+        "limit",
+        "unsafe called safe, %",
+        "safe found, %",
+        "ms per 1 s, median / max",
+    )
+    text = (
+        f"The SLZ paper reports Eq. (20) = {PAPER_AREA_ERROR} for the stadium (7078, 8316 and 6654 m²) and "
+        f"less than {PAPER_MS:.0f} ms for a second of LiDAR at cells of 1 m. Default mode runs at 0.2 m; "
+        "surveys are flown by the simulator, placed with the true pose, and judged against the exact world."
+    )
+    return Table("Zones against the truth", text, columns, rows)
+
+
+def slope_table(errors: Sequence[SlopeError]) -> Table:
+    """Return the error of the slope of planes."""
+    rows: list[tuple[str, ...]] = [
+        (
+            f"{e.slope_deg:.0f}°",
+            f"{e.gradient_rms_deg:.2f}",
+            f"{100 * e.gradient_share:.0f}",
+            f"{e.plane_rms_deg:.2f}",
+            f"{100 * e.plane_share:.0f}",
+        )
+        for e in errors
+    ]
+    return Table(
+        "Slope of planes",
+        "Cells of 0.2 m, 20 returns per m², 2 cm of noise. Gradient: SLZ paper Eq. 6-9. Plane: default mode.",
+        ("true slope", "gradient rms °", "cells with one, %", "plane rms °", "cells with one, %"),
+        rows,
+    )
+
+
+def write(folder: Path, sections: Sequence[Section]) -> list[Path]:
+    """Write index.md and index.html into a folder: all tables, then all pictures, which lie beneath it."""
+    tables = [table for section in sections for table in section.tables]
+    pictures = [group for section in sections for group in section.pictures]
+    files = [folder / "index.md", folder / "index.html"]
+    files[0].write_text(_markdown(folder, tables, pictures), "utf-8")
+    files[1].write_text(_html(folder, tables, pictures), "utf-8")
+    return files
+
+
+def _markdown(folder: Path, tables: Sequence[Table], pictures: Sequence[Pictures]) -> str:
+    lines = ["# The sources' results, reproduced", ""]
+    for table in tables:
+        lines += [f"## {table.title}", "", table.text, ""]
+        lines += ["| " + " | ".join(table.columns) + " |", "|" + "---|" * len(table.columns)]
+        lines += ["| " + " | ".join(row) + " |" for row in table.rows] + [""]
+    for title, files in pictures:
+        lines += [f"## {title}", ""]
+        lines += [f"![{file.stem}]({file.relative_to(folder).as_posix()})" for file in files] + [""]
+    return "\n".join(lines)
+
+
+def _html(folder: Path, tables: Sequence[Table], pictures: Sequence[Pictures]) -> str:
+    parts = [
+        "<!doctype html><html lang=en><meta charset=utf-8><title>The sources' results, reproduced</title>",
+        f"<style>{STYLE}</style><h1>The sources' results, reproduced</h1>",
+    ]
+    for table in tables:
+        parts.append(f"<h2>{html.escape(table.title)}</h2><p>{html.escape(table.text)}</p><table><tr>")
+        parts += [f"<th>{html.escape(column)}</th>" for column in table.columns]
+        for row in table.rows:
+            parts.append("</tr><tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row))
+        parts.append("</tr></table>")
+    for title, files in pictures:
+        parts.append(f"<h2>{html.escape(title)}</h2>")
+        width = WIDTH.get(len(files), "32%")
+        for file in files:
+            source = file.relative_to(folder).as_posix()
+            text = f"{html.escape(title)}, {file.stem}"
+            parts.append(f'<a href="{source}"><img width="{width}" src="{source}" alt="{text}"></a>')
+    return "\n".join(parts) + "</html>\n"

@@ -1,0 +1,20 @@
+"""Stored clouds: `slz map`. What it needs is read when it is asked for: `slz nearest` needs none of it."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from companion.desk.survey.map_run import Plan, run
+    from companion.desk.survey.tiled.task_engine import engine
+
+__all__ = ["Plan", "engine", "run"]
+
+WHERE = {"Plan": "command", "run": "command", "engine": "tiled.engine"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{WHERE[name]}"), name)

@@ -1,0 +1,158 @@
+"""The maps as Cloud Optimized GeoTIFF, in the CRS and units of the cloud."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+import rasterio.shutil
+from numpy.typing import NDArray
+from rasterio._err import CPLE_BaseError
+from rasterio.crs import CRS
+from rasterio.enums import Resampling
+from rasterio.transform import Affine
+from rasterio.windows import Window
+
+from companion.desk.clouds.unit_statements import unit_name
+from companion.desk.survey.findings import Maps
+from companion.desk.survey.local_metres import Metric
+from slz import UNKNOWN, Box
+
+TILE = 256  # cells
+STRIP, WIDE = 1024, 4096  # rows and columns read at a time: whole tiles
+CACHE_MB = 128  # of GDAL
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A map as it is written: of which layer, in which unit, and what its cells mean."""
+
+    name: str
+    of: str
+    unit: str
+    meaning: str
+
+    @property
+    def is_float(self) -> bool:
+        return self.of != "state"
+
+
+def layers(metric: Metric, source_mode: bool) -> tuple[Layer, ...]:
+    """Return what is written of a survey.
+
+    dsm: height in the cloud's own vertical unit and datum. slope: degrees. roughness: rms residual about
+    the plane of the footprint, metres; in source mode the gradient of the slope map, degrees. These are
+    float32 with NaN where unknown. safe: uint8, 0 unsafe, 1 safe, 255 (nodata) unknown.
+    """
+    height, rough = unit_name(metric.reference.vertical_m), "degree" if source_mode else "m"
+    return (
+        Layer("dsm", "height_m", height, f"mean height of the returns, {height}"),
+        Layer("slope", "slope_deg", "degree", "slope, degrees"),
+        Layer("roughness", "roughness", rough, f"roughness, {rough}"),
+        Layer("safe", "state", "", "0 unsafe, 1 safe, 255 unknown"),
+    )
+
+
+def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
+    """Write a map, north up, with overviews where it is larger than a tile; those of the state invent none.
+
+    It is read and written window by window, so memory does not grow with the map.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    unfinished = path.with_suffix(".part.tif")
+    rows, cols = maps.grid.rows, maps.grid.cols
+    values: Callable[[Box], NDArray[Any]] = lambda box: _values(layer, maps, metric, box)  # noqa: E731
+    tiled = rows > TILE or cols > TILE
+    try:
+        with rasterio.Env(GDAL_CACHEMAX=CACHE_MB):
+            with rasterio.open(
+                unfinished,
+                "w",
+                driver="GTiff",
+                height=rows,
+                width=cols,
+                count=1,
+                dtype="float32" if layer.is_float else "uint8",
+                nodata=np.nan if layer.is_float else int(UNKNOWN),
+                crs=CRS.from_wkt(metric.reference.crs.to_wkt()),
+                transform=transform(maps, metric),
+                bigtiff="if_safer",
+                sparse_ok=True,
+                **({"tiled": True, "blockxsize": TILE, "blockysize": TILE} if tiled else {}),
+            ) as file:
+                for window in _windows(rows, cols):
+                    found = values(window)
+                    if _known(layer, found):  # else it stays sparse
+                        place = Window(window.col0, rows - window.row1, *found.shape[::-1])
+                        file.write(np.ascontiguousarray(found[::-1]), 1, window=place)
+                file.set_band_description(1, layer.meaning)
+                if layer.unit:
+                    file.set_band_unit(1, layer.unit)
+                # Here, where nothing is compressed yet: the COG's driver would compress them twice.
+                file.build_overviews(_factors(rows, cols), _resampling(layer))
+            _optimize(unfinished, path, layer)
+    except CPLE_BaseError as error:  # GDAL's own, which a full disk ends in
+        raise OSError(str(error)) from None
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return path
+
+
+def transform(maps: Maps, metric: Metric) -> Affine:
+    """Return the affine map from columns and rows, north up, to the CRS."""
+    grid = maps.grid
+    ((west, north),) = metric.crs_xy(np.array([[grid.west_m, grid.north_m]]))
+    return Affine(grid.cell_m / metric.x_m, 0, west, 0, -grid.cell_m / metric.y_m, north)
+
+
+def _windows(rows: int, cols: int) -> Iterator[Box]:
+    """Return the boxes in which a map is written, from the north-west on."""
+    for stop in range(rows, 0, -STRIP):
+        for col in range(0, cols, WIDE):
+            yield Box(max(0, stop - STRIP), stop, col, min(col + WIDE, cols))
+
+
+def _known(layer: Layer, values: NDArray[Any]) -> bool:
+    """Tell whether anything is known of a window."""
+    return not (np.isnan(values) if layer.is_float else values == UNKNOWN).all()
+
+
+def _values(layer: Layer, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
+    found = maps.read(layer.of, box)
+    if layer.of != "height_m":
+        return found
+    height = metric.altitude_m(found.astype(np.float64)) / metric.reference.vertical_m
+    return np.asarray(height.astype(np.float32))
+
+
+def _factors(rows: int, cols: int) -> list[int]:
+    """Return by how much each overview is smaller, up to the first that fits into a tile."""
+    return [2**k for k in range(1, max(0, math.ceil(math.log2(max(rows, cols) / TILE))) + 1)]
+
+
+def _resampling(layer: Layer) -> Resampling:
+    return Resampling.average if layer.is_float else Resampling.nearest
+
+
+def _optimize(unfinished: Path, path: Path, layer: Layer) -> None:
+    rasterio.shutil.copy(
+        unfinished,
+        path,
+        driver="COG",
+        compress="deflate",
+        predictor="floating_point" if layer.is_float else "no",
+        level=1,
+        blocksize=TILE,
+        overviews="auto",
+        overview_resampling=_resampling(layer).name,
+        bigtiff="if_safer",
+    )

@@ -1,0 +1,115 @@
+"""What a survey found, however it was made: zones, maps to be read in parts, and counts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon
+
+from companion.desk.survey.cloud_survey import Survey
+from companion.desk.survey.geographic_polygon import wgs84
+from companion.desk.survey.largest_square import square_centre
+from companion.desk.survey.local_metres import Metric
+from companion.flight.outputs.zone_outline import zone_polygon
+from params import Parameters
+from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
+
+
+class Maps(Protocol):
+    """Layers of a raster, read over boxes of it: height_m, slope_deg, roughness, certainty and state."""
+
+    @property
+    def grid(self) -> Grid: ...
+
+    def read(self, name: str, box: Box) -> NDArray[Any]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Maps held in memory; row and column 0 are those of their box."""
+
+    maps: TerrainMaps
+
+    @property
+    def grid(self) -> Grid:
+        maps = self.maps
+        return Grid(maps.west_m, maps.south_m, maps.grid.cell_m, *maps.box.shape)
+
+    def read(self, name: str, box: Box) -> NDArray[Any]:
+        return np.array(getattr(self.maps, name)[box.slices])
+
+
+@dataclass(frozen=True, slots=True)
+class Drawings:
+    """Files of the maps: GeoTIFFs, and the picture of the ground (PNG)."""
+
+    rasters: Sequence[Path]
+    ground: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Zones, the best first, and what is told of the survey.
+
+    shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the largest
+    safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe, unsafe,
+    unknown. step: as in `Cloud`. drawings: of the maps, where they are made already.
+    skipped: files left out, and why.
+    """
+
+    metric: Metric
+    parameters: Parameters
+    maps: Maps
+    drawings: Drawings | None
+    zones: Sequence[Zone]
+    shapes: Sequence[MultiPolygon]
+    outlines_m: Sequence[MultiPolygon]
+    square_centres_m: Sequence[tuple[float, float]]
+    n_obstacles: Sequence[int]
+    cells: dict[str, int]
+    n_read: int
+    n_used: int
+    dropped: dict[str, int]
+    density_per_m2: float
+    step: float
+    skipped: Sequence[dict[str, str]]
+    n_cut: int
+    stage_ms: dict[str, float]
+
+
+def of_window(found: Survey, n_read: int, step: float) -> Findings:
+    """Return what the pipeline found in a cloud of one window."""
+    zones, maps = found.report.zones, found.maps
+    outlines_m = [zone_polygon(zone, maps.grid) for zone in zones]
+    rows, cols = maps.state.shape
+    return Findings(
+        metric=found.metric,
+        parameters=found.parameters,
+        maps=Held(maps),
+        drawings=None,
+        zones=zones,
+        shapes=[wgs84(outline, found.metric) for outline in outlines_m],
+        outlines_m=outlines_m,
+        square_centres_m=[square_centre(zone, maps) for zone in zones],
+        n_obstacles=[len(zone.obstacles) for zone in zones],
+        cells={
+            "rows": rows,
+            "cols": cols,
+            "safe": int((maps.state == SAFE).sum()),
+            "unsafe": int((maps.state == UNSAFE).sum()),
+            "unknown": int((maps.state == UNKNOWN).sum()),
+        },
+        n_read=n_read,
+        n_used=found.report.n_used,
+        dropped=found.dropped,
+        density_per_m2=found.density_per_m2,
+        step=step,
+        skipped=(),
+        n_cut=0,
+        stage_ms=dict(found.report.stage_ms),
+    )

@@ -1,0 +1,153 @@
+"""Local metres along the axes of a CRS, so that the maps' cells are cells of the CRS."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import Geod, Transformer
+from pyproj.exceptions import ProjError
+
+from companion.desk.clouds.crs import Reference
+from companion.runtime.errors import UsageError
+from slz import LocalFrame
+
+EXACT = 0.002  # a CRS whose unit is this near to its length on the ground keeps its own unit
+UNEVEN = 0.01  # most that the length of a unit may change across a cloud
+HALF_WAY_M = 2.0e7  # round the Earth
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """Metres from an origin in a CRS: x along its easting, y along its northing, z up.
+
+    One unit of x is x_m metres on the map, one of y is y_m, one of z is z_m. A projected CRS keeps its own
+    unit's length, so that a cell of 0.5 m is one of 0.5 m in the file, while `area_factor` says how many
+    square metres of ground (on the ellipsoid) a square metre of the map is. Where the two differ by more
+    than 0.2 % (degrees, Web Mercator), metres are those on the ground. wgs84_error_m: how exact PROJ knows
+    the step to WGS-84 to be; None where it does not.
+    """
+
+    reference: Reference
+    origin: tuple[float, float, float]
+    x_m: float
+    y_m: float
+    z_m: float
+    area_factor: float
+    frame: LocalFrame
+    to_wgs84: Transformer
+    wgs84_error_m: float | None
+
+    def local(self, points: Floats) -> Floats:
+        """Return (n, 3) metres of (n, 3) coordinates of the CRS."""
+        return np.ascontiguousarray((points - self.origin) * (self.x_m, self.y_m, self.z_m))
+
+    def crs_xy(self, local_m: Floats) -> Floats:
+        """Return (n, 2) coordinates of the CRS of (n, 2 or 3) metres of the map."""
+        return np.array(self.origin[:2]) + local_m[:, :2] / (self.x_m, self.y_m)
+
+    def lonlat(self, local_m: Floats) -> Floats:
+        """Return (n, 2) longitude and latitude, WGS-84, of (n, 2 or 3) metres of the map."""
+        xy = self.crs_xy(local_m)
+        return np.column_stack(self.to_wgs84.transform(xy[:, 0], xy[:, 1]))
+
+    def altitude_m(self, up_m: Floats | float) -> Any:
+        """Return metres above the CRS's vertical datum of metres of the map."""
+        return self.origin[2] * self.z_m + up_m
+
+
+def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Metric:
+    """Return the local metres of a cloud that lies between two corners, the origin on a corner of a cell.
+
+    Raises
+    ------
+    UsageError
+        The corners are not on the Earth, or the cloud is so large that its units differ in length, as it
+        seems to be where coordinates begin anew at 180 degrees.
+    """
+    half_way = 180.0 if reference.unit_m is None else HALF_WAY_M / reference.unit_m
+    if high[0] > low[0] + half_way:
+        raise UsageError(
+            f"the cloud reaches from {low[0]:.7g} to {high[0]:.7g} in {reference.name}, as clouds across the"
+            " 180th meridian do: map either side on its own, or reproject both to UTM"
+        )
+    try:
+        to_wgs84 = Transformer.from_crs(reference.horizontal, "EPSG:4326", always_xy=True)
+    except ProjError:  # of another celestial body
+        raise UsageError(
+            f"{reference.name}: it is not tied to the Earth: name another CRS by --crs"
+        ) from None
+    centre = (low + high) / 2
+    true = _lengths(reference, centre, low, high)
+    nominal = reference.unit_m
+    keep = nominal is not None and max(abs(length / nominal - 1) for length in true) < EXACT
+    x_m, y_m = (nominal, nominal) if keep and nominal is not None else true
+    column, row = x_m / cell_m, y_m / cell_m  # cells per unit
+    origin = (
+        math.floor(centre[0] * column) / column,
+        math.floor(centre[1] * row) / row,
+        math.floor(low[2]),
+    )
+    lon, lat = to_wgs84.transform(centre[0], centre[1])
+    return Metric(
+        reference=reference,
+        origin=origin,
+        x_m=x_m,
+        y_m=y_m,
+        z_m=reference.vertical_m,
+        area_factor=true[0] * true[1] / (x_m * y_m),
+        frame=LocalFrame(lat, lon, origin[2] * reference.vertical_m),
+        to_wgs84=to_wgs84,
+        wgs84_error_m=_accuracy_m(to_wgs84),
+    )
+
+
+def _accuracy_m(used: Transformer) -> float | None:
+    """Return the accuracy of the operation a transformer used last."""
+    try:
+        accuracy = float(used.get_last_used_operation().accuracy)
+    except ProjError:  # from WGS-84 to itself
+        accuracy = float(used.accuracy)
+    return accuracy if accuracy >= 0 else None
+
+
+def _lengths(reference: Reference, centre: Floats, low: Floats, high: Floats) -> tuple[float, float]:
+    """Return the metres on the ground of one unit of x and of y at the centre."""
+    geodetic = reference.horizontal.geodetic_crs
+    geod = reference.horizontal.get_geod()
+    assert geodetic is not None  # noqa: S101 - a projected or geographic CRS has both
+    assert geod is not None  # noqa: S101
+    step = 1e-3 if reference.unit_m is None else 100 / reference.unit_m
+    transformer = Transformer.from_crs(reference.horizontal, geodetic, always_xy=True)
+    lengths = []
+    for x in (centre[0], low[0], high[0]):
+        for y in (centre[1], low[1], high[1]):
+            pair = _length(transformer, geod, x, y, step, 0), _length(transformer, geod, x, y, 0, step)
+            if not all(math.isfinite(length) and length > 0 for length in pair):
+                raise UsageError(
+                    f"coordinates around {centre[0]:.0f}, {centre[1]:.0f} are not on the Earth in"
+                    f" {reference.name}: name the right CRS by --crs"
+                )
+            lengths.append(pair)
+    spread = (np.array(lengths) / lengths[0] - 1).__abs__().max()
+    if spread > UNEVEN:
+        raise UsageError(
+            f"a unit of {reference.name} changes its length by {spread:.1%} across the cloud: map fewer files"
+            " at a time, or reproject them to UTM"
+        )
+    return lengths[0]
+
+
+def _length(transformer: Transformer, geod: Geod, x: float, y: float, dx: float, dy: float) -> float:
+    """Return the metres on the ground per unit, along the axis of the step."""
+    try:
+        lon, lat = transformer.transform([x - dx, x + dx], [y - dy, y + dy], errcheck=True)
+    except ProjError:
+        return math.nan
+    if not np.isfinite([lon, lat]).all() or max(abs(v) for v in lat) > 90:
+        return math.nan
+    return float(geod.inv(lon[0], lat[0], lon[1], lat[1])[2]) / (2 * (dx + dy))

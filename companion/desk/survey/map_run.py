@@ -1,0 +1,150 @@
+"""`slz map`: from files to zones, maps and pictures."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from companion.desk import figures
+from companion.desk.clouds.cloud import read
+from companion.desk.survey.atomic_folder import claimed, finish, look, unfinished, work_folder
+from companion.desk.survey.cloud_survey import survey
+from companion.desk.survey.files import survey_files
+from companion.desk.survey.findings import Findings, Held, of_window
+from companion.desk.survey.survey_summary import summary
+from companion.desk.survey.tiled.outcome import of_tiles, whole_maps
+from companion.desk.survey.tiled.task_engine import Engine, InProcess
+from companion.desk.survey.tiled.tiled_survey import Survey
+from companion.desk.survey.zone_table import rows
+from companion.runtime.errors import UsageError
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[str, float], None]
+MOST_DRAWN = 4_000_000  # cells of which pictures are drawn; larger surveys have the page only
+MOST_DRAWN_ZONES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What is asked for beside files and parameters.
+
+    crs overrides the CRS of the files, and names that of files that cannot. classified: write the points with
+    their classes, too. tile_m: side of a tile, which changes no result. engine: who carries out the tasks.
+    vertical_unit: unit of the heights (m, ft, us-ft), whatever the files say.
+    """
+
+    crs: str | None = None
+    classified: bool = False
+    tile_m: float | None = None
+    engine: Engine = InProcess()  # noqa: RUF009 - it has no state
+    vertical_unit: str | None = None
+
+
+def run(
+    files: Sequence[Path],
+    out: Path,
+    parameters: Parameters,
+    progress: Progress,
+    plan: Plan = Plan(),
+) -> dict[str, Any]:
+    """Survey clouds, write zones, GeoTIFF and pictures, and return the summary for JSON.
+
+    The folder gets all results at the end, or none. Work that was interrupted is taken up again when the same
+    survey is run again.
+
+    Parameters
+    ----------
+    files
+        Clouds of one CRS, see `companion.desk.clouds.cloud_format`.
+    out
+        Folder, made where there is none.
+    parameters
+        `coverage_m` and `max_zones` follow the cloud where nobody set them.
+    progress
+        Called with what is done next and the share that is done.
+
+    Raises
+    ------
+    UsageError
+        A file, the CRS, the folder or the size of the grid cannot be used.
+    """
+    started = time.perf_counter()
+    if not isinstance(plan.engine, InProcess):  # workers may have been started in another folder
+        files, out = [path.absolute() for path in files], out.absolute()
+    look(out)
+    try:
+        with claimed(out):
+            if parameters.mode == "source":
+                told = _in_one_window(files, out, parameters, progress, plan)
+            else:
+                told = _in_tiles(files, out, parameters, progress, plan)
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be written: {error}") from None
+    progress("done", 1.0)
+    for warning in told["warnings"]:
+        log.warning(warning)
+    return told | {"seconds": round(time.perf_counter() - started, 3)}
+
+
+def _in_tiles(
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
+) -> dict[str, Any]:
+    with work_folder(out) as work:
+        tiled = Survey(
+            files,
+            work,
+            parameters,
+            plan.engine,
+            lambda *told: _scaled(progress, *told),
+            plan.crs,
+            plan.tile_m,
+            plan.vertical_unit,
+        )
+        return _written(files, out, of_tiles(tiled.run()), progress, plan)
+
+
+def _in_one_window(
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
+) -> dict[str, Any]:
+    """Survey by the sources' rules, which know windows but no tiles."""
+    if plan.tile_m is not None or not isinstance(plan.engine, InProcess):
+        raise UsageError(
+            "mode=source maps one window in one piece: leave --tile-m, --workers, --scheduler out"
+        )
+    progress("reading", 0.0)
+    cloud = read(files, plan.crs, lambda share: progress("reading", 0.5 * share), plan.vertical_unit)
+    progress("mapping", 0.5)
+    found = of_window(survey(cloud, parameters), cloud.n_read, cloud.step)
+    return _written(files, out, found, progress, plan)
+
+
+def _scaled(progress: Progress, what: str, share: float) -> None:
+    progress(what, 0.85 * share)
+
+
+def _written(
+    files: Sequence[Path], out: Path, found: Findings, progress: Progress, plan: Plan
+) -> dict[str, Any]:
+    described = rows(found)
+    left_out = {one["file"] for one in found.skipped}
+    with unfinished(out) as folder:
+        progress("writing", 0.87)
+        written = survey_files.rasters(folder, found)
+        written += survey_files.zones(folder, files, found, described)
+        if plan.classified:
+            progress("classifying", 0.92)
+            used = [path for path in files if str(path) not in left_out]
+            written += survey_files.points(folder, used, found)
+        rows_, cols = found.maps.grid.rows, found.maps.grid.cols
+        if rows_ * cols <= MOST_DRAWN and len(found.zones) <= MOST_DRAWN_ZONES:
+            progress("drawing", 0.95)
+            maps = found.maps.maps if isinstance(found.maps, Held) else whole_maps(found)
+            written += figures.save_maps(folder, maps, found.zones, found.parameters)
+        written = finish(written, out)
+    return summary(files, found, described, written)

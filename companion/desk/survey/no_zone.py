@@ -1,0 +1,48 @@
+"""Reason why a survey has no zone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.desk.survey.findings import Findings
+from companion.desk.survey.overview import step_of, thinned
+from slz import UNSAFE
+
+
+def reason(found: Findings) -> str | None:
+    """Return in one sentence why there is no zone; None where there is one.
+
+    Either nothing is known (too few points for gaps of `coverage_m`), or nothing known is safe (too steep,
+    too rough or too near an obstacle), or no safe ground holds a square of `min_square_m`.
+    """
+    if found.zones:
+        return None
+    p, cells = found.parameters, found.cells
+    cell_m2 = p.cell_m**2
+    known = cells["safe"] + cells["unsafe"]
+    if not known:
+        return (
+            f"{found.n_used} of {found.n_read} points, {found.density_per_m2:.2f} per m2, leave no ground"
+            f" without gaps of {p.coverage_m:g} m: give more points, a larger --cell-m or --set coverage_m"
+        )
+    if not cells["safe"]:
+        return f"none of the {known * cell_m2:.0f} m2 of known ground is safe: {_unsafe(found)}"
+    return (
+        f"no square of {p.min_square_m:g} m fits into the {cells['safe'] * cell_m2:.0f} m2 of safe ground, of"
+        f" {known * cell_m2:.0f} m2 known: a smaller --min-square-m would ask for less; {_unsafe(found)}"
+    )
+
+
+def _unsafe(found: Findings) -> str:
+    """Return how much of the unsafe ground is too steep; of large surveys by a sample of cells."""
+    limit, step = found.parameters.safe_slope_deg, step_of(found.maps.grid)
+    unsafe = thinned(found.maps, "state", step) == UNSAFE
+    n = int(np.count_nonzero(unsafe))
+    if not n:
+        return "nothing known is unsafe"
+    slope = np.asarray(thinned(found.maps, "slope_deg", step), np.float64)[unsafe]
+    steep = np.count_nonzero(slope > limit) / n
+    return (
+        f"{steep:.0%} of what is unsafe is steeper than {limit:g} degrees, {1 - steep:.0%} too rough or too"
+        " near an obstacle"
+    )

@@ -1,0 +1,52 @@
+"""A small picture of the ground of a survey, whatever its size: shaded heights and what is known."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.figures.picture import filled, shade
+from companion.desk.survey.findings import Maps
+from slz import SAFE, UNKNOWN, Box, Grid
+
+MOST_PIXELS = 1200  # on a side
+STRIP, WIDE = 1024, 4096  # rows and columns read at a time
+SAFE_TINT, UNSAFE_TINT = (0.85, 0.91, 0.83), (0.93, 0.87, 0.80)
+
+
+def thinned(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
+    """Return every `step`-th row and column of a layer, row 0 the southernmost."""
+    rows, cols = maps.grid.rows, maps.grid.cols
+    strip, wide = (most // step * step or step for most in (STRIP, WIDE))
+    bands = []
+    for row in range(0, rows, strip):
+        boxes = [Box(row, min(row + strip, rows), col, min(col + wide, cols)) for col in range(0, cols, wide)]
+        # A copy each: a view would keep all cells that were read.
+        parts = [maps.read(name, box)[::step, ::step].copy() for box in boxes]
+        bands.append(np.concatenate(parts, axis=1))
+    return np.concatenate(bands)
+
+
+def step_of(grid: Grid) -> int:
+    """Return how many cells one pixel of the picture stands for along a side."""
+    return max(1, math.ceil(max(grid.rows, grid.cols) / MOST_PIXELS))
+
+
+def ground_png(maps: Maps) -> bytes:
+    """Return a PNG, north up."""
+    from PIL import Image
+
+    step = step_of(maps.grid)
+    state = thinned(maps, "state", step)
+    height = filled(np.asarray(thinned(maps, "height_m", step), np.float32))
+    light = (0.35 + 0.75 * shade(height, maps.grid.cell_m * step)).clip(0, 1)
+    tint = np.where((state == SAFE)[..., None], SAFE_TINT, UNSAFE_TINT)
+    picture = np.zeros((*state.shape, 4), np.uint8)
+    picture[..., :3] = (255 * tint * light[..., None]).astype(np.uint8)
+    picture[..., 3] = np.where((state == UNKNOWN) & np.isnan(height), 0, 255)
+    out = io.BytesIO()
+    Image.fromarray(picture[::-1]).save(out, "PNG", optimize=False, compress_level=6)
+    return out.getvalue()

@@ -1,0 +1,83 @@
+"""What a survey says of itself, for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from companion.desk.clouds.unit_statements import unit_name
+from companion.desk.survey.findings import Findings
+from companion.desk.survey.no_zone import reason
+from params import Parameters
+
+COARSE = 0.25  # of a cell
+WGS84_ERROR_M = 2.0  # greater ones are worth a warning to whoever lands by latitude and longitude
+
+
+def summary(
+    files: Sequence[Path], found: Findings, described: list[dict[str, Any]], outputs: list[Path]
+) -> dict[str, Any]:
+    """Return the JSON object of a survey but for its duration; it holds no NaN."""
+    reference = found.metric.reference
+    return {
+        "files": [str(path) for path in files],
+        "skipped": list(found.skipped),
+        "crs": reference.name,
+        "epsg": reference.epsg,
+        "unit_m": reference.unit_m,
+        "vertical_unit_m": reference.vertical_m,
+        "vertical_unit_from": reference.vertical_from,
+        "wgs84_error_m": found.metric.wgs84_error_m,
+        "points": {
+            "read": found.n_read,
+            "used": found.n_used,
+            "dropped": {name: count for name, count in found.dropped.items() if count},
+            "per_m2": round(found.density_per_m2, 3),
+        },
+        "cells": {"cell_m": found.parameters.cell_m, **found.cells},
+        "coverage_m": found.parameters.coverage_m,
+        "zones": described,
+        "no_zone": reason(found),
+        "outputs": [str(path) for path in outputs],
+        "warnings": [*_warnings(found), *_coarse(found)],
+        "stage_ms": {name: round(ms, 1) for name, ms in found.stage_ms.items()},
+    }
+
+
+def _coarse(found: Findings) -> list[str]:
+    """Say so when 32-bit coordinates are too large to be exact to a quarter of a cell."""
+    step_m = found.step * max(found.metric.x_m, found.metric.y_m)
+    if step_m <= COARSE * found.parameters.cell_m:
+        return []
+    return [f"32-bit coordinates of this size are {step_m:g} m apart: store them as 64-bit numbers"]
+
+
+def _warnings(found: Findings) -> list[str]:
+    """Say what the user must know before he trusts the zones."""
+    own, warnings = found.parameters, []
+    default = Parameters.model_fields["coverage_m"].default
+    if own.coverage_m > default:
+        warnings.append(
+            f"{found.density_per_m2:.1f} points/m2: gaps of up to {own.coverage_m:g} m count as seen,"
+            " so a narrower hazard may have no return"
+        )
+    if not found.cells["safe"] + found.cells["unsafe"]:
+        warnings.append(
+            f"{found.density_per_m2:.1f} points/m2 cover no ground without gaps of {own.coverage_m:g} m:"
+            " try a larger --cell-m or --set coverage_m"
+        )
+    if found.dropped.get("stray"):
+        warnings.append(f"{found.dropped['stray']} points lie far from all others and were dropped")
+    if found.n_cut:
+        warnings.append(
+            f"{found.n_cut} zones are parts of larger ones, cut along lines of a fixed lattice: they adjoin"
+        )
+    reference, error_m = found.metric.reference, found.metric.wgs84_error_m
+    if reference.vertical_from == "horizontal unit" and reference.vertical_m != 1.0:
+        unit = unit_name(reference.vertical_m)
+        warnings.append(f"{reference.name} has no heights: z is taken in {unit} like x and y")
+    if error_m is None or error_m > WGS84_ERROR_M:
+        known = "an unknown error" if error_m is None else f"an error of up to {error_m:g} m"
+        warnings.append(f"latitudes and longitudes have {known}: PROJ knows no better way to WGS-84")
+    return warnings

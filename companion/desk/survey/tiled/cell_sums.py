@@ -1,0 +1,152 @@
+"""Points of a box of cells, from the sorted files that hold some, joined to sums by cell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.survey.tiled import array_file
+from companion.desk.survey.tiled.census import EVERYTHING
+from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown
+from slz import Box
+from slz.kernels.survey.point_binning import BLOCK, join
+from slz.points.outliers import CLOUD_GROUP, in_a_group
+
+RADIUS_M, LEAST = CLOUD_GROUP
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """The points of one block in one sorted file."""
+
+    row: int
+    col: int
+    cells: NDArray[np.uint16]
+    heights: NDArray[np.int32]
+    low: int
+    high: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """Sums over a box of cells, see `join`. n_used, n_outliers: of the inner box."""
+
+    box: Box
+    count: NDArray[np.int32]
+    total: NDArray[np.int64]
+    extreme: NDArray[np.int32]
+    n_used: int
+    n_outliers: int
+
+
+def segments(paths: Sequence[Path], box: Box) -> Iterator[Segment]:
+    """Return the points of all blocks that touch a box, file by file."""
+    for path in paths:
+        arrays, _ = array_file.read(path)
+        blocks, ends = arrays["blocks"], arrays["ends"]
+        touched = (
+            (blocks[:, 0] * BLOCK < box.row1)
+            & ((blocks[:, 0] + 1) * BLOCK > box.row0)
+            & (blocks[:, 1] * BLOCK < box.col1)
+            & ((blocks[:, 1] + 1) * BLOCK > box.col0)
+        )
+        for k in np.flatnonzero(touched).tolist():
+            part = slice(int(ends[k - 1]) if k else 0, int(ends[k]))
+            yield Segment(
+                int(blocks[k, 0]),
+                int(blocks[k, 1]),
+                arrays["cells"][part],
+                arrays["heights"][part],
+                int(arrays["low"][k]),
+                int(arrays["high"][k]),
+            )
+
+
+def gathered(
+    paths: Sequence[Path], inner: Box, margin: int, whole: Box, interval: tuple[int, int], cell_m: float
+) -> Sums:
+    """Join all points of a box and its margin, without strays and outliers.
+
+    Parameters
+    ----------
+    whole
+        The survey's box, which holds some of the inner one; points beyond it are astray.
+    interval
+        Heights believed; points beyond it count when so many lie together as `outliers.CLOUD_GROUP` asks.
+        Distances are between the centres of cells, and the radius is longer by a cell's diagonal: rather too
+        many count than too few, since what counts is an obstacle.
+    """
+    box = common(grown(inner, margin), whole)
+    rows, cols = box.shape
+    count, total = np.zeros((rows, cols), np.int32), np.zeros((rows, cols), np.int64)
+    extreme = np.zeros((rows, cols, 4), np.int32)
+    radius_m = RADIUS_M + cell_m * math.sqrt(2)
+    around = common(grown(box, math.ceil(radius_m / cell_m) + 1), whole)
+    low, high = interval
+    beyond: list[NDArray[np.int64]] = []
+    for part in segments(paths, around):
+        offset = block_box(part.row, part.col)
+        place = (offset.row0 - box.row0, offset.col0 - box.col0, rows, cols)
+        join(part.cells, part.heights, *place, low, high, count, total, extreme)
+        if part.low < low or part.high > high:
+            beyond.append(_beyond(part, offset, interval))
+    n_outliers = 0
+    if beyond:
+        n_outliers = _join_groups(
+            np.concatenate(beyond), around, box, inner, cell_m, radius_m, count, total, extreme
+        )
+    here = common(inner, box)
+    n_used = int(
+        count[here.row0 - box.row0 : here.row1 - box.row0, here.col0 - box.col0 : here.col1 - box.col0].sum()
+    )
+    return Sums(box, count, total, extreme, n_used, n_outliers)
+
+
+def _beyond(part: Segment, offset: Box, interval: tuple[int, int]) -> NDArray[np.int64]:
+    """Return (n, 3) row, col and height of the points whose height is not believed."""
+    heights = np.asarray(part.heights)
+    held = np.flatnonzero((heights < interval[0]) | (heights > interval[1]))
+    cells = part.cells[held].astype(np.int64)
+    return np.column_stack(
+        [offset.row0 + cells // BLOCK, offset.col0 + cells % BLOCK, heights[held].astype(np.int64)]
+    )
+
+
+def _join_groups(
+    points: NDArray[np.int64],
+    around: Box,
+    box: Box,
+    inner: Box,
+    cell_m: float,
+    radius_m: float,
+    count: NDArray[np.int32],
+    total: NDArray[np.int64],
+    extreme: NDArray[np.int32],
+) -> int:
+    """Join those points beyond the interval that are in a group; return how many of the inner box are not."""
+    points = points[_in(points, around)]
+    places = points * np.array([cell_m, cell_m, UNIT_M])
+    grouped = in_a_group(places, radius_m, LEAST)
+    counted = points[grouped & _in(points, box)]
+    rows, cols = box.shape
+    for row, col in {(int(r), int(c)) for r, c in counted[:, :2] // BLOCK}:
+        own = counted[(counted[:, :2] // BLOCK == (row, col)).all(axis=1)]
+        cells = (own[:, 0] % BLOCK * BLOCK + own[:, 1] % BLOCK).astype(np.uint16)
+        offset = block_box(row, col)
+        place = (offset.row0 - box.row0, offset.col0 - box.col0, rows, cols)
+        join(cells, own[:, 2].astype(np.int32), *place, *EVERYTHING, count, total, extreme)
+    return int(np.count_nonzero(~grouped & _in(points, inner)))
+
+
+def _in(points: NDArray[np.int64], box: Box) -> NDArray[np.bool_]:
+    return (
+        (points[:, 0] >= box.row0)
+        & (points[:, 0] < box.row1)
+        & (points[:, 1] >= box.col0)
+        & (points[:, 1] < box.col1)
+    )

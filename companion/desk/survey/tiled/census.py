@@ -1,0 +1,99 @@
+"""What all points together say: where the survey lies, which heights are believed, how dense it is.
+
+All of it is counted, so that it is the same in whatever order the pieces come.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.survey.stray_points import CORE, REACH
+from companion.desk.survey.tiled import array_file
+from companion.desk.survey.tiled.lattice import UNIT_M
+from slz import Box
+from slz.kernels.points.histogram import ends_of
+
+GAP_BINS = 4  # of an empty gap
+MOST_OUTLIERS = 0.002  # share of the points at either end, see `slz.points.outliers.gap_interval`
+EVERYTHING = (-(2**31), 2**31 - 1)
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Census:
+    """What is known of all points before anything is drawn.
+
+    box: cells of the survey, without strays. interval: lowest and highest height believed, in `UNIT_M`; what
+    lies beyond must be in a group. lowest: the lowest height of all. n_read, dropped: as in `Chunk`.
+    """
+
+    box: Box
+    interval: tuple[int, int]
+    lowest: int
+    n_read: int
+    dropped: dict[str, int]
+
+
+def take(paths: Iterable[Path], bin_m: float) -> Census:
+    """Count the points of sorted files, of which one at least holds some."""
+    rows, cols, bins = (_Tally() for _ in range(3))
+    dropped: Counter[str] = Counter()
+    n_read, low, high = 0, EVERYTHING[1], EVERYTHING[0]
+    for path in paths:
+        arrays, notes = array_file.read(path)
+        n_read += int(notes["n_read"])
+        dropped.update(notes["dropped"])
+        for tally, name in ((rows, "rows"), (cols, "cols"), (bins, "bins")):
+            tally.add(arrays[name])
+        if len(arrays["low"]):
+            low, high = min(low, int(arrays["low"].min())), max(high, int(arrays["high"].max()))
+    (row0, row1), (col0, col1) = _reach(rows.table()), _reach(cols.table())
+    interval = _interval(bins.table(), bin_m / UNIT_M, low, high)
+    return Census(Box(row0, row1, col0, col1), interval, low, n_read, dict(dropped))
+
+
+class _Tally:
+    """Adds up counts by number."""
+
+    def __init__(self) -> None:
+        self.count: Counter[int] = Counter()
+
+    def add(self, listed: Ints) -> None:
+        for number, count in listed.tolist():
+            self.count[number] += count
+
+    def table(self) -> Ints:
+        """Return (n, 2) numbers in their order, and counts."""
+        return np.array(sorted(self.count.items()), np.int64)
+
+
+def _reach(lines: Ints) -> tuple[int, int]:
+    """Return the first line and the one after the last that are not astray, see `stray_points`."""
+    number, count = lines.T
+    below = np.cumsum(count)
+    median = number[np.searchsorted(below, (below[-1] + 1) // 2)]
+    distance = np.abs(number - median)
+    order = np.argsort(distance, kind="stable")
+    below = np.cumsum(count[order])
+    reach = distance[order][np.searchsorted(below, int(np.floor(CORE * (below[-1] - 1))) + 1)]
+    if reach > 0:
+        number = number[distance <= REACH * reach]
+    return int(number[0]), int(number[-1]) + 1
+
+
+def _interval(bins: Ints, units: float, low: int, high: int) -> tuple[int, int]:
+    """Return the heights believed by the rule of `slz.points.outliers.gap_interval`, in bins from zero."""
+    number, count = bins.T
+    dense = np.zeros(number[-1] - number[0] + 1, np.int64)
+    dense[number - number[0]] = count
+    first, last = ends_of(dense, int(MOST_OUTLIERS * count.sum()), GAP_BINS)
+    return (
+        low if first <= 0 else int(np.ceil((number[0] + first) * units)),
+        high if last >= len(dense) - 1 else int(np.floor((number[0] + last + 1) * units)),
+    )

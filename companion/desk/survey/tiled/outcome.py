@@ -1,0 +1,65 @@
+"""What a tiled survey found, as all outputs want it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.desk.survey.findings import Findings
+from companion.desk.survey.geographic_polygon import wgs84
+from companion.desk.survey.tiled.tile_store import Store
+from companion.desk.survey.tiled.tiled_survey import Surveyed
+from slz import TerrainMaps
+from slz.zones.ranking import rank
+
+
+def of_tiles(surveyed: Surveyed) -> Findings:
+    """Return the zones of a survey, ranked, and its maps in their tiles."""
+    by_id = {one.zone.id: one for one in surveyed.found}
+    zones = rank((one.zone for one in surveyed.found), surveyed.parameters)
+    ranked = [by_id[zone.id] for zone in zones]
+    rows, cols = surveyed.layout.whole.shape
+    return Findings(
+        metric=surveyed.metric,
+        parameters=surveyed.parameters,
+        maps=Store(surveyed.layout),
+        drawings=surveyed.drawings,
+        zones=zones,
+        shapes=[wgs84(one.polygon_m, surveyed.metric) for one in ranked],
+        outlines_m=[one.polygon_m for one in ranked],
+        square_centres_m=[one.square_centre_m for one in ranked],
+        n_obstacles=[one.n_obstacles for one in ranked],
+        cells={
+            "rows": rows,
+            "cols": cols,
+            "safe": surveyed.n_safe,
+            "unsafe": surveyed.n_unsafe,
+            "unknown": rows * cols - surveyed.n_safe - surveyed.n_unsafe,
+        },
+        n_read=surveyed.n_read,
+        n_used=surveyed.n_used,
+        dropped=surveyed.dropped,
+        density_per_m2=surveyed.density_per_m2,
+        step=surveyed.step,
+        skipped=[one.document() for one in surveyed.skipped],
+        n_cut=sum(one.cut for one in surveyed.found),
+        stage_ms=surveyed.stage_ms,
+    )
+
+
+def whole_maps(findings: Findings) -> TerrainMaps:
+    """Return all maps in memory, for pictures; the slope's standard error and the relief are not kept."""
+    maps, grid = findings.maps, findings.maps.grid
+    box = grid.everything
+    nothing = np.full(box.shape, np.nan, np.float32)
+    return TerrainMaps(
+        frame=findings.metric.frame,
+        grid=grid,
+        box=box,
+        height_m=maps.read("height_m", box),
+        slope_deg=maps.read("slope_deg", box),
+        slope_sigma_deg=nothing,
+        roughness=maps.read("roughness", box),
+        relief_m=nothing,
+        certainty=maps.read("certainty", box),
+        state=maps.read("state", box),
+    )

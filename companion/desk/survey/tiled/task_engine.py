@@ -1,0 +1,155 @@
+"""Who carries out the tasks of a survey: this process, or workers of Dask."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import Any, Protocol, TypeVar
+
+from companion.runtime.allocator import ENVIRONMENT
+from companion.runtime.errors import CompanionError, UsageError
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+R = TypeVar("R")
+AHEAD = 3  # tasks of each worker that are handed out at a time
+MOST_DEATHS = 10  # of workers at one task, before it is taken for the task's fault
+WORKER_MEMORY = "1GiB"
+CONNECT_S = 10.0
+
+
+class Engine(Protocol):
+    """Carries out tasks that may be repeated: what a task leaves is a file, whole or absent."""
+
+    def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
+        """Call the task with every item, and what all share; return items and results as they come.
+
+        Workers begin at once, while the caller does something else; this process, when it is asked.
+        """
+
+
+class InProcess:
+    """One task after the other, here."""
+
+    def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
+        for item in items:
+            yield item, task(item, *shared)
+
+
+class Distributed:
+    """Tasks on the workers of a Dask scheduler. What a worker that dies was at is done by another."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
+        from distributed import as_completed
+
+        waiting = iter(items)
+        futures: dict[Any, T] = {}
+
+        def hand_out(most: int) -> list[Any]:
+            new = []
+            for _, item in zip(range(most), waiting, strict=False):
+                future = self._client.submit(task, item, *shared, pure=False)
+                futures[future] = item
+                new.append(future)
+            return new
+
+        def results(first: list[Any]) -> Iterator[tuple[T, R]]:
+            flow = as_completed(first)
+            for future in flow:
+                item = futures.pop(future)
+                try:
+                    result = future.result()
+                except Exception as error:
+                    raise _translated(error) from None
+                for new in hand_out(1):
+                    flow.add(new)
+                yield item, result
+
+        return results(hand_out(AHEAD * max(2, self._workers)))
+
+    @property
+    def _workers(self) -> int:
+        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+
+    def process_ids(self) -> list[int]:
+        """Return the numbers of the workers' processes."""
+        return sorted(self._client.run(os.getpid).values())
+
+
+def _translated(error: Exception) -> Exception:
+    from distributed import CancelledError, KilledWorker
+
+    if isinstance(error, CancelledError):
+        return CompanionError("the scheduler is gone: start it and its workers, and run again")
+    if isinstance(error, KilledWorker):
+        return CompanionError(
+            "workers died again and again at one task: give them more memory; run again to go on"
+        )
+    return error
+
+
+@contextmanager
+def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
+    """Return who carries out the tasks: a scheduler's workers, so many processes here, or this process.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, no scheduler answers, or both were asked for.
+    CompanionError
+        A worker could not be started.
+    """
+    if scheduler is None and workers is None:
+        yield InProcess()
+        return
+    if scheduler is not None and workers is not None:
+        raise UsageError("--scheduler and --workers exclude each other: the scheduler's workers are used")
+    if workers is not None and workers < 1:
+        raise UsageError(f"--workers {workers}: one at least")
+    try:
+        import dask
+        import distributed
+    except ImportError:
+        raise UsageError("--workers and --scheduler need Dask: pip install 'slz[survey]'") from None
+    logging.getLogger("distributed").setLevel(logging.WARNING)  # importing it has set a level of its own
+    settings = {
+        "distributed.scheduler.allowed-failures": MOST_DEATHS,
+        "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.comm.timeouts.connect": "10s",
+        # By default Dask has workers give every array that comes and goes back to the system.
+        **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()},
+    }
+    with dask.config.set(settings):
+        if scheduler is not None:
+            try:
+                client = distributed.Client(scheduler, timeout=CONNECT_S)
+            except (OSError, ValueError) as error:
+                raise UsageError(f"--scheduler {scheduler}: no scheduler answers: {error}") from None
+            with client:
+                if not client.scheduler_info(n_workers=-1)["workers"]:
+                    log.warning("%s has no workers yet: the survey begins when there is one", scheduler)
+                yield Distributed(client)
+            return
+        with ExitStack() as stack:
+            try:
+                cluster = stack.enter_context(
+                    distributed.LocalCluster(
+                        n_workers=workers,
+                        threads_per_worker=1,
+                        memory_limit=WORKER_MEMORY,
+                        dashboard_address="127.0.0.1:0",  # None would take port 8787 all the same
+                        scheduler_kwargs={"dashboard": False},
+                        host="127.0.0.1",
+                        silence_logs="CRITICAL",
+                    )
+                )
+                client = stack.enter_context(distributed.Client(cluster))
+            except (OSError, RuntimeError) as error:
+                raise CompanionError(f"--workers {workers}: they could not be started: {error}") from None
+            yield Distributed(client)

@@ -1,0 +1,121 @@
+"""The drawn tiles of a survey, read in any window."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.survey.tiled import array_file
+from companion.desk.survey.tiled.lattice import common, within
+from slz import UNKNOWN, Box, Grid
+from slz.grid import read_at
+
+HELD = 8  # tiles whose files stay mapped: 22 MB each at most, which count as memory of the worker
+Key = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the tiles are: folder of their files, cells along a side, the survey's box and its cells' side.
+
+    The window of all cells has its south-west corner at 0, 0 m: cell (whole.row0, whole.col0).
+    """
+
+    folder: Path
+    side: int
+    whole: Box
+    cell_m: float
+
+    def path(self, key: Key) -> Path:
+        return self.folder / f"{key[0]}_{key[1]}.tile"
+
+    def box(self, key: Key) -> Box:
+        row, col = key
+        return Box(row * self.side, (row + 1) * self.side, col * self.side, (col + 1) * self.side)
+
+    def held(self, key: Key) -> Box:
+        """Return the cells of a tile that are of the survey."""
+        return common(self.box(key), self.whole)
+
+    def local(self, box: Box) -> Box:
+        """Return a box of the lattice as `grid` counts it."""
+        row, col = self.whole.row0, self.whole.col0
+        return Box(box.row0 - row, box.row1 - row, box.col0 - col, box.col1 - col)
+
+    def keys(self, box: Box) -> Iterator[Key]:
+        """Return the keys of the tiles that a box touches."""
+        if box.empty:
+            return
+        for row in range(box.row0 // self.side, (box.row1 - 1) // self.side + 1):
+            for col in range(box.col0 // self.side, (box.col1 - 1) // self.side + 1):
+                yield row, col
+
+    @property
+    def grid(self) -> Grid:
+        """The raster of the whole survey; its row and column 0 are the box's first."""
+        return Grid(0.0, 0.0, self.cell_m, *self.whole.shape)
+
+
+@dataclass(slots=True)
+class Store:
+    """Reads layers over boxes counted from the survey's own corner, as `Layout.grid` counts them."""
+
+    of_the_sources: ClassVar = False
+
+    layout: Layout
+    _open: OrderedDict[Key, tuple[Box, dict[str, NDArray[Any]]] | None] = field(default_factory=OrderedDict)
+
+    def tile(self, key: Key) -> tuple[Box, dict[str, NDArray[Any]]] | None:
+        """Return the cells a tile holds (lattice) and its layers; None where there is none."""
+        if key in self._open:
+            self._open.move_to_end(key)
+            return self._open[key]
+        path = self.layout.path(key)
+        found = None
+        if path.exists():
+            layers, notes = array_file.read(path)
+            found = Box(*notes["box"]), layers
+        self._open[key] = found
+        if len(self._open) > HELD:
+            self._open.popitem(last=False)
+        return found
+
+    def read(self, name: str, box: Box) -> NDArray[Any]:
+        """Return a copy of a layer over a box; where nothing was drawn it is NaN, the state 255."""
+        whole = self.layout.whole
+        wanted = Box(
+            box.row0 + whole.row0, box.row1 + whole.row0, box.col0 + whole.col0, box.col1 + whole.col0
+        )
+        state = name == "state"
+        empty: Any = UNKNOWN if state else 0.0 if name == "certainty" else np.nan
+        out = np.full(box.shape, empty, np.uint8 if state else np.float32)
+        for key in self.layout.keys(wanted):
+            tile = self.tile(key)
+            if tile is None:
+                continue
+            held, layers = tile
+            part = common(held, wanted)
+            if not part.empty:
+                out[within(part, wanted)] = layers[name][within(part, held)]
+        return out
+
+    # ---- what `slz.zones.description.describe` asks of a terrain -------------------------------------------
+
+    @property
+    def grid(self) -> Grid:
+        return self.layout.grid
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]:
+        return np.asarray(self.read(name, box), np.float32)
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        return read_at(lambda box: self.layer(name, box), cells)
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        return np.asarray(self.read("state", box), np.uint8)

@@ -1,0 +1,317 @@
+"""A survey of any size, step by step: sort, count, draw, join, describe."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, TypeVar
+
+from companion.desk.clouds.cloud_source import Source
+from companion.desk.survey.files import geotiff
+from companion.desk.survey.findings import Drawings
+from companion.desk.survey.local_metres import Metric
+from companion.desk.survey.overview import ground_png
+from companion.desk.survey.point_density import coverage_for
+from companion.desk.survey.tiled import array_file, plan
+from companion.desk.survey.tiled.block_density import per_m2, tally
+from companion.desk.survey.tiled.census import Census, take
+from companion.desk.survey.tiled.crs_scale import first_guess, metric_of
+from companion.desk.survey.tiled.derive_tiles import Ground, draw_tile
+from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
+from companion.desk.survey.tiled.progress import Progress
+from companion.desk.survey.tiled.sort_points import Piece, sort_piece
+from companion.desk.survey.tiled.task_engine import Engine
+from companion.desk.survey.tiled.tile_labels import joined, label_tile
+from companion.desk.survey.tiled.tile_store import Layout, Store
+from companion.desk.survey.tiled.tiled_zones import batches, describe_zones
+from companion.desk.survey.tiled.zone_file import Found, load
+from companion.runtime.errors import UsageError
+from params import Parameters
+from slz import Box
+from slz.terrain.derive import reach_of
+from slz.zones.detection import side_in_cells
+
+SORTED_BYTES = 6.5  # on disk for a point
+LEAST_SHARES = {
+    "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
+}  # fmt: skip
+MOST_CELLS = 4 * 10**12  # 0.08 bytes on disk for each of which nothing is known: 320 GB
+MOST_LINES = 2**31 - 1  # rows or columns of a raster of GDAL
+MOST_ZONES = 10**9
+MOST_HELD = 40_000_000  # cells of a survey whose zones keep theirs in memory, for pictures
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """What a survey found, and where its maps lie. found: in the order of their IDs, from 1 on.
+
+    drawings: of its maps, in the work folder.
+    """
+
+    layout: Layout
+    drawings: Drawings
+    metric: Metric
+    parameters: Parameters
+    density_per_m2: float
+    n_read: int
+    n_used: int
+    dropped: dict[str, int]
+    n_safe: int
+    n_unsafe: int
+    step: float
+    found: list[Found]
+    skipped: list[plan.Skipped]
+    stage_ms: dict[str, float]
+
+
+class Survey:
+    """One survey in a work folder; whatever of it is there already is not done again."""
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        work: Path,
+        parameters: Parameters,
+        engine: Engine,
+        tell: Callable[[str, float], None],
+        crs: str | None = None,
+        tile_m: float | None = None,
+        vertical_unit: str | None = None,
+    ) -> None:
+        self._files, self._work, self._crs = files, work, crs
+        self._vertical_unit = vertical_unit
+        self._parameters = parameters
+        self._engine = engine
+        self._progress = Progress(tell)
+        self._side = plan.tile_side(tile_m, parameters.cell_m)
+        self._bin_m = parameters.outlier_gap_m / 4
+        self.stage_ms: dict[str, float] = {}
+
+    def run(self) -> Surveyed:
+        """Carry the survey out.
+
+        Raises
+        ------
+        UsageError
+            A file, their CRS or the work folder cannot be used, or no point is left.
+        """
+        p = self._parameters
+        sources, skipped = plan.opened(self._files, self._crs, self._vertical_unit)
+        guess = first_guess(sources, p.cell_m)
+        self._check_room(sources)
+        wanted = plan.manifest(self._files, self._crs, p, guess, self._side, self._vertical_unit)
+        plan.claim(self._work, wanted)
+        sorted_, census, metric, broken = self._sorted(sources, guess)
+        skipped += broken
+        _check_cells(census.box, p.cell_m)
+        plan.begin(self._work, sorted_)
+        layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
+        density, p = self._fitted(layout, sorted_)
+        drawn = self._drawn(layout, sorted_, census, metric, p)
+        drawings, begun = self._drawings(layout, metric)  # workers write them beside all that follows
+        self._zones(layout, p)
+        self._follow("writing", begun, len(drawings.rasters) + 1)
+        rows, cols = layout.whole.shape
+        small = rows * cols <= MOST_HELD
+        found = sorted(
+            (
+                one if small else _without_cells(one)
+                for path in (self._work / "zones").glob("*.zones")
+                for one in load(path)
+            ),
+            key=lambda one: one.first,
+        )
+        found = [replace(one, zone=replace(one.zone, id=k)) for k, one in enumerate(found, start=1)]
+        used, lone = drawn["n_used"], drawn["n_outliers"]
+        astray = census.n_read - sum(census.dropped.values()) - used - lone
+        dropped = Counter(census.dropped) + Counter(stray=astray, outlier=lone)
+        return Surveyed(
+            layout, drawings, metric, p, density, census.n_read, used, dict(dropped), drawn["safe"],
+            drawn["unsafe"], plan.spacing(sources, census.box, guess), found, skipped, self.stage_ms,
+        )  # fmt: skip
+
+    # ---- steps ----------------------------------------------------------------------------------
+
+    def _each(
+        self, what: str, task: Callable[..., Any], items: Sequence[T], done: int, *shared: Any
+    ) -> list[tuple[T, Any]]:
+        """Carry out the tasks of a step and tell how far it is."""
+        return self._follow(what, self._engine.each(task, items, *shared), len(items), done)
+
+    def _follow(
+        self, what: str, begun: Iterator[tuple[T, R]], total: int, done: int = 0
+    ) -> list[tuple[T, R]]:
+        """Wait for the tasks of a step and tell how far it is."""
+        began = time.perf_counter()
+        self._progress.step(what, LEAST_SHARES[what], total, done)
+        results = []
+        for count, pair in enumerate(begun, start=1):
+            results.append(pair)
+            self._progress.at(count)
+        ms = (time.perf_counter() - began) * 1e3
+        self.stage_ms[what] = self.stage_ms.get(what, 0.0) + ms
+        return results
+
+    def _sorted(
+        self, sources: Sequence[Source], lattice: Lattice
+    ) -> tuple[list[Path], Census, Metric, list[plan.Skipped]]:
+        """Sort all points; twice where only they tell how long a unit of the CRS is."""
+        paths, census, broken = self._sort(sources, lattice, "sorted")
+        metric = metric_of(sources[0], census, lattice)
+        if (metric.x_m, metric.y_m) != (lattice.x_m, lattice.y_m):
+            lattice = replace(lattice, x_m=metric.x_m, y_m=metric.y_m)
+            for path in paths:
+                path.unlink(missing_ok=True)
+            again = f"sorted-{lattice.x_m!r}-{lattice.y_m!r}"  # other files in use have another middle
+            paths, census, broken = self._sort(sources, lattice, again)
+        box, cell_m = census.box, lattice.cell_m
+        origin = (
+            box.col0 * cell_m / lattice.x_m,
+            box.row0 * cell_m / lattice.y_m,
+            math.floor(census.lowest * UNIT_M / lattice.z_m),
+        )
+        return paths, census, replace(metric, origin=origin), broken
+
+    def _sort(
+        self, sources: Sequence[Source], lattice: Lattice, folder: str
+    ) -> tuple[list[Path], Census, list[plan.Skipped]]:
+        (self._work / folder).mkdir(exist_ok=True)
+        pieces = plan.pieces(self._files, sources, self._crs, self._work / folder, self._vertical_unit)
+        done = sum(piece.sorted.exists() for piece in pieces)
+        outcomes = self._each("sorting", sort_piece, pieces, done, lattice, self._bin_m)
+        reasons = {piece.path: outcome.broken for piece, outcome in outcomes if outcome.broken}
+        whole = [piece for piece in pieces if piece.path not in reasons]
+        reasons |= _empty(whole)
+        whole = [piece for piece in whole if piece.path not in reasons]
+        broken = [plan.Skipped(path, str(reasons[path])) for path in self._files if path in reasons]
+        if not whole:
+            raise UsageError(broken[0].reason)
+        paths = [piece.sorted for piece in whole]
+        return paths, take(paths, self._bin_m), broken
+
+    def _fitted(self, layout: Layout, paths: list[Path]) -> tuple[float, Parameters]:
+        """Return the density, and parameters whose limits hold a survey of any size."""
+        p = self._parameters
+        tiles = plan.tiles(layout, paths, 0)
+        shared = (layout.whole, p.cell_m)
+        pairs = self._each("counting", _tally, tiles, 0, *shared)
+        density = per_m2([found for _, found in pairs], p.cell_m)
+        own: dict[str, Any] = {}
+        if "coverage_m" not in p.model_fields_set:
+            own["coverage_m"] = coverage_for(density, p.cell_m, p.coverage_m, p.min_square_m)
+        if "max_zones" not in p.model_fields_set:
+            own["max_zones"] = MOST_ZONES
+        return density, p.model_copy(update=own)
+
+    def _drawn(
+        self, layout: Layout, paths: list[Path], census: Census, metric: Metric, p: Parameters
+    ) -> Counter[str]:
+        tiles = plan.tiles(layout, paths, reach_of(p, p.cell_m).margin + 16)
+        done = sum(tile.drawn.exists() for tile in tiles)
+        datum = round(metric.origin[2] * metric.z_m / UNIT_M)
+        ground = Ground(census.box, census.interval, datum, p)
+        total: Counter[str] = Counter()
+        for _, notes in self._each("drawing", draw_tile, tiles, done, ground):
+            total.update({name: notes[name] for name in ("n_used", "n_outliers", "safe", "unsafe")})
+        return total
+
+    def _drawings(self, layout: Layout, metric: Metric) -> tuple[Drawings, Iterator[Any]]:
+        """Begin with the files of the maps."""
+        folder = self._work / "drawings"
+        layers = [
+            (folder / f"{layer.name}.tif", layer) for layer in geotiff.layers(metric, source_mode=False)
+        ]
+        picture = folder / "ground.png"
+        store = Store(layout)
+        rasters = self._engine.each(_write_raster, layers, store, metric)
+        pictures = self._engine.each(_write_picture, [picture], store)
+        return Drawings([path for path, _ in layers], picture), chain[Any](rasters, pictures)
+
+    def _zones(self, layout: Layout, p: Parameters) -> None:
+        """Join the safe ground of all tiles and work out every zone."""
+        keys = sorted(tuple(map(int, path.stem.split("_"))) for path in layout.folder.glob("*.tile"))
+        least = side_in_cells(p.min_square_m, layout.grid)
+        pairs = self._each("joining", _labelled, [(layout, key, least) for key in keys], 0)
+        work = batches(joined({found.key: found for _, found in pairs}), self._work / "zones")
+        done = sum(one.done.exists() for one in work)
+        self._each("zones", describe_zones, work, done, layout, p)
+
+    def _check_room(self, sources: Sequence[Source]) -> None:
+        """Refuse what does not fit on the disk, before hours are spent."""
+        need = SORTED_BYTES * sum(source.n_points for source in sources)
+        free = shutil.disk_usage(
+            next(part for part in (self._work, *self._work.parents) if part.exists())
+        ).free
+        if need > free:
+            raise UsageError(
+                f"{self._work}: {free / 1e9:.1f} GB are free, the points alone take {need / 1e9:.1f} GB:"
+                " choose another disk by --out, or map fewer files at a time"
+            )
+
+
+def _check_cells(box: Box, cell_m: float) -> None:
+    """Refuse a survey whose maps would have too many cells, before any is drawn."""
+    rows, cols = box.shape
+    excess = max(rows * cols / MOST_CELLS, (max(rows, cols) / MOST_LINES) ** 2)
+    if excess > 1:
+        fits = math.ceil(cell_m * math.sqrt(excess) * 1.01 * 100) / 100
+        raise UsageError(
+            f"{cols * cell_m / 1e3:.0f} km x {rows * cell_m / 1e3:.0f} km are too many cells of {cell_m:g} m:"
+            f" --cell-m {fits:g} would do, or map fewer files at a time"
+        )
+
+
+def _write_raster(asked: tuple[Path, geotiff.Layer], maps: Store, metric: Metric) -> None:
+    path, layer = asked
+    if not path.exists():
+        with array_file.whole(path) as unfinished:
+            geotiff.write(unfinished.path, layer, maps, metric)
+
+
+def _write_picture(path: Path, maps: Store) -> None:
+    if not path.exists():
+        with array_file.whole(path) as unfinished:
+            unfinished.path.write_bytes(ground_png(maps))
+
+
+def _without_cells(found: Found) -> Found:
+    """Return a zone without what grows with its area; its outline and boundary grow with its rim."""
+    return replace(found, zone=replace(found.zone, cells=found.zone.cells[:0, :0]))
+
+
+def _tally(tile: Any, whole: Any, cell_m: float) -> Any:
+    return tally(tile.sources, tile.box, whole, cell_m)
+
+
+def _labelled(asked: tuple[Layout, Any, int]) -> Any:
+    return label_tile(*asked)
+
+
+def _empty(pieces: Sequence[Piece]) -> dict[Path, str]:
+    """Return the files none of whose points can be used, and why."""
+    used: Counter[Path] = Counter()
+    read: Counter[Path] = Counter()
+    dropped: dict[Path, Counter[str]] = {}
+    for piece in pieces:
+        arrays, notes = array_file.read(piece.sorted)
+        used[piece.path] += len(arrays["cells"])
+        read[piece.path] += int(notes["n_read"])
+        dropped.setdefault(piece.path, Counter()).update(notes["dropped"])
+    return {
+        path: f"{path}: none of its {read[path]} points is usable{_reasons(dropped[path])}"
+        for path in dropped
+        if not used[path]
+    }
+
+
+def _reasons(dropped: Counter[str]) -> str:
+    counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in dropped.items() if count)
+    return f" ({counts})" if counts else ""

@@ -1,0 +1,88 @@
+"""Zones that were worked out, in a file: arrays and JSON, so that nothing in it can run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon
+
+from companion.desk.survey.tiled import array_file
+from slz import Box, Zone
+from slz.zone import LandingPoint
+
+NUMBERS = (
+    "id",
+    "area_m2",
+    "certainty",
+    "n_safe",
+    "n_unsafe",
+    "n_uncertain",
+    "slope_deg",
+    "roughness",
+    "why",
+)
+ARRAYS = ("cells", "boundary_cells", "corners_enu_m")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A zone worked out. first: its place in the order of IDs. cut: whether it is part of a greater one."""
+
+    first: int
+    zone: Zone
+    polygon_m: MultiPolygon
+    square_centre_m: tuple[float, float]
+    n_obstacles: int
+    cut: bool
+
+
+def save(path: Path, zones: Sequence[Found]) -> None:
+    """Write zones; their obstacles are only counted."""
+    arrays: dict[str, NDArray[Any]] = {}
+    notes = []
+    for number, found in enumerate(zones):
+        zone = found.zone
+        arrays |= {f"{number} {name}": getattr(zone, name) for name in ARRAYS}
+        arrays[f"{number} best"] = zone.best.enu_m
+        arrays[f"{number} polygon"] = np.frombuffer(shapely.to_wkb(found.polygon_m), np.uint8)
+        best = asdict(zone.best)
+        del best["enu_m"]
+        notes.append(
+            {name: getattr(zone, name) for name in NUMBERS}
+            | {
+                "box": asdict(zone.box),
+                "best": best,
+                "first": found.first,
+                "square_centre_m": found.square_centre_m,
+                "n_obstacles": found.n_obstacles,
+                "cut": found.cut,
+            }
+        )
+    array_file.write(path, arrays, {"zones": notes})
+
+
+def load(path: Path) -> list[Found]:
+    """Read what `save` wrote."""
+    arrays, notes = array_file.read(path)
+    return [_found(number, arrays, told) for number, told in enumerate(notes["zones"])]
+
+
+def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> Found:
+    fields: dict[str, Any] = {name: told[name] for name in NUMBERS}
+    fields |= {name: arrays[f"{number} {name}"] for name in ARRAYS}
+    zone = Zone(
+        **fields,
+        box=Box(**told["box"]),
+        obstacles=(),
+        best=LandingPoint(enu_m=arrays[f"{number} best"], **told["best"]),
+    )
+    east, north = told["square_centre_m"]
+    polygon = shapely.from_wkb(arrays[f"{number} polygon"].tobytes())
+    assert isinstance(polygon, MultiPolygon)  # noqa: S101 - it was written so
+    return Found(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"])

@@ -1,0 +1,74 @@
+"""What is told of every zone: a row of the summary and a feature of zones.geojson."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shapely.geometry import MultiPolygon, mapping
+
+from companion.desk.survey.findings import Findings
+from companion.desk.survey.local_metres import Metric
+from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from slz import Zone
+
+
+def rows(findings: Findings) -> list[dict[str, Any]]:
+    """Return one JSON object a zone, the best first; why: what places it behind the one before.
+
+    lat, lon, elevation_m: the landing point, WGS-84 and metres above the cloud's vertical datum.
+    square_centre: [lon, lat] of the largest safe square. Areas and lengths are those on the ground.
+    """
+    metric, zones = findings.metric, findings.zones
+    if not zones:
+        return []
+    points = metric.lonlat(np.array([zone.best.enu_m[:2] for zone in zones])).round(DEGREE_DECIMALS)
+    centres = metric.lonlat(np.array(findings.square_centres_m)).round(DEGREE_DECIMALS)
+    return [
+        {**_row(zone, metric), "obstacles": n, "why": zone.why, "rank": rank}
+        | {"lat": point[1], "lon": point[0], "square_centre": centre}
+        for rank, (zone, n, point, centre) in enumerate(
+            zip(zones, findings.n_obstacles, points.tolist(), centres.tolist(), strict=True), start=1
+        )
+    ]
+
+
+def write_geojson(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
+    """Write the zones as a GeoJSON feature collection (RFC 7946: WGS-84, longitude before latitude)."""
+    with path.open("w", encoding="utf-8") as file:
+        file.write('{"type": "FeatureCollection", "features": [')
+        for k, (shape, row) in enumerate(zip(shapes, described, strict=True)):
+            geometry = mapping(shape.geoms[0] if len(shape.geoms) == 1 else shape)
+            feature = {"type": "Feature", "id": row["id"], "geometry": geometry, "properties": row}
+            file.write((", " if k else "") + json.dumps(feature))
+        file.write("]}")
+
+
+def _row(zone: Zone, metric: Metric) -> dict[str, Any]:
+    best = zone.best
+    length = math.sqrt(metric.area_factor)
+    return {
+        "id": zone.id,
+        "area_m2": round(zone.area_m2 * metric.area_factor, 3),
+        "certainty": round(zone.certainty, 4),
+        "slope_deg": _number(zone.slope_deg, 3),
+        "roughness": _number(zone.roughness, 4),
+        "square_side_m": round(best.square_side_m * length, 3),
+        "square_centre": None,
+        "lat": None,
+        "lon": None,
+        "elevation_m": _number(metric.altitude_m(float(best.enu_m[2])), 3),
+        "point_certainty": round(best.certainty, 4),
+        "point_slope_deg": _number(best.slope_deg, 3),
+        "clearance_m": round(best.clearance_m * length, 3),
+        "boundary_points": len(zone.boundary_cells),
+        "corner_points": len(zone.corners_enu_m),
+    }
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(value, digits) if math.isfinite(value) else None  # JSON knows no NaN

@@ -1,0 +1,49 @@
+"""What the pilot must not overlook, as a rule without memory: it stands as long as its reason does."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+Level = Literal["critical", "warning"]
+
+
+def standing(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dict[str, str]]:
+    """Return the alarms that stand, the gravest first.
+
+    Parameters
+    ----------
+    state
+        Document of `companion.flight.dashboard.state_document.state`.
+    selected
+        The landing point in the newest report, None without one.
+    """
+    found: list[tuple[Level, str, str]] = []
+    if selected is not None and selected["state"] == "unsafe":
+        by = " (far map)" if selected["judged_by"] == "far" else ""
+        found.append(("critical", "point-unsafe", f"LANDING POINT UNSAFE{by}"))
+    if not state["connected"]:
+        found.append(("critical", "no-autopilot", "NO AUTOPILOT"))
+    elif not state["heard"]:
+        found.append(("critical", "mode-unknown", "FLIGHT MODE UNKNOWN: no heartbeat"))
+    if state["phase"] == "failsafe":
+        found.append(("critical", "failsafe", f"AUTOPILOT FAILSAFE: {state['mode']} FLIES, TAKE OVER"))
+    elif state["failsafe"]:
+        found.append(("critical", "failsafe", "AUTOPILOT FAILSAFE"))
+    if state["estimate_lost"]:
+        found.append(("critical", "estimate", f"AUTOPILOT LOST ITS {state['estimate_lost'].upper()}"))
+    if state["armed"] and not state["lidar_ok"] and not state["on_ground"]:
+        found.append(("critical", "no-lidar", state["blind"].upper()))
+    if state["east_m"] is None and state["connected"]:
+        found.append(("critical", "no-position", "NO POSITION"))
+    if state["battery_low"]:
+        found.append(("critical", "battery", "BATTERY LOW"))
+    if state["pipeline_failed"]:
+        found.append(("critical", "pipeline", "MAP FAILED: no zone can be trusted"))
+    if selected is not None and selected["state"] == "unknown":
+        found.append(("warning", "point-unknown", "Landing point not judged: nothing seen there"))
+    if state["unfit"]:
+        more = f" and {len(state['unfit']) - 1} more: see slz doctor" if len(state["unfit"]) > 1 else ""
+        found.append(("warning", "unfit", f"Autopilot not set up: {state['unfit'][0]}{more}"))
+    if state["blocked"]:
+        found.append(("warning", "blocked", "Obstacle ahead: held back"))
+    return [{"level": level, "key": key, "text": text} for level, key, text in found]

@@ -1,0 +1,192 @@
+"""The page as a part of the companion: an optional one, whose end is none of the landing's business."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import params
+from companion.flight.dashboard import state_document
+from companion.flight.dashboard.board import Board
+from companion.flight.dashboard.browser_orders import Command
+from companion.flight.dashboard.order_handler import Desk, FlightDesk
+from companion.flight.dashboard.security.access import Access, read_tokens
+from companion.flight.dashboard.security.address import bound, listen, parse_address
+from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.server import Server
+from companion.flight.dashboard.site import ANSWER_S, Site
+from companion.flight.landing.situation import Reply
+from companion.runtime.priority import SWITCH_S
+from params import Row
+from slz import Pipeline, Report
+
+if TYPE_CHECKING:
+    from companion.flight.app import Companion
+
+log = logging.getLogger(__name__)
+
+STATE_S = 0.1
+HEALTH_S = 1.0
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
+STEADY_S = 60.0
+
+
+class Front:
+    """Where and for whom a page is served; opened before the flight, so that a wrong address ends the start.
+
+    Parameters
+    ----------
+    address
+        HOST:PORT.
+    tokens
+        File of tokens, None for none.
+
+    Raises
+    ------
+    UsageError
+        The address is wrong, in use, or needs a token; the file is refused.
+    """
+
+    def __init__(self, address: str, tokens: Path | None = None) -> None:
+        wanted = parse_address(address)
+        known = None if tokens is None else read_tokens(tokens)
+        Access(wanted, known)  # refuse before the port is opened
+        self.socket = listen(wanted)
+        self.address = bound(self.socket)
+        self.door = Door(Access(self.address, known))
+
+    def close(self) -> None:
+        """Free the port."""
+        self.socket.close()
+
+
+def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Server:
+    """Begin to serve a board; orders go to the desk in the running loop."""
+    loop = asyncio.get_running_loop()
+
+    async def carry_out(order: Command) -> Reply:
+        asked = carry_out_in_time(desk, order, time.monotonic() + ANSWER_S)
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(asked, loop))
+
+    server = Server(lambda: Site(board, front.door, carry_out, about), front.socket)
+    server.start()
+    return server
+
+
+async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply:
+    """Do what was ordered unless it is too late for that: then its sender was told that nothing came of it.
+
+    until_s: of the monotonic clock. An abort is never too late.
+    """
+    if time.monotonic() > until_s and order.do != "abort":
+        return Reply(False, "the landing program was busy for too long: look and try again")
+    return await desk.carry_out(order)
+
+
+class Page:
+    """Shows a companion and takes orders for it."""
+
+    def __init__(self, companion: Companion, front: Front) -> None:
+        self._companion, self.front = companion, front
+        self.board = Board(companion.parameters)
+        self.board.computing = lambda: companion.worker.busy
+        self.starts = 0
+        self._server: Server | None = None
+        self._anew = True
+        self._last_state_s = self._last_health_s = -1e9
+        companion.link.on_text.subscribe(self.board.say)
+
+    async def run(self) -> None:
+        """Serve until cancelled; when the page's thread ends, start it anew after a growing pause."""
+        pause_s = FIRST_PAUSE_S
+        # Whoever computes for the landing takes Python's lock back from the page after this long.
+        sys.setswitchinterval(min(SWITCH_S, sys.getswitchinterval()))
+        log.info("the page is at http://%s/", self.front.address)
+        while True:
+            begun_s = time.monotonic()
+            try:
+                await self._serve()
+            except Exception:
+                log.exception("the page failed")
+            if time.monotonic() - begun_s > STEADY_S:
+                pause_s = FIRST_PAUSE_S
+            log.warning("the page is started again in %.0f s", pause_s)
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+
+    def report(self, report: Report) -> None:
+        """Show a report."""
+        latencies = self._companion.worker.latencies_ms
+        self.board.take(report, float(latencies.last) if latencies else float("nan"))
+
+    def close(self) -> None:
+        """End the page and free its port."""
+        if self._server is not None:
+            self._server.stop()
+        self.front.close()
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    async def _serve(self) -> None:
+        self.starts += 1
+        self.board.viewers = 0
+        self.board.drawn.clear()
+        self._anew = True
+        self._companion.worker.look = self._look
+        desk = FlightDesk(self._companion)
+        server = self._server = serve(self.front, self.board, desk, about(self._companion.settings.rows))
+        try:
+            while server.alive:
+                self._observe()
+                await asyncio.sleep(STATE_S)
+        finally:
+            server.ask_to_stop()
+        raise server.failure or RuntimeError("it ended by itself")
+
+    def _observe(self) -> None:
+        """Put the state on the board, ten times a second of real time at most."""
+        now_s, companion, board = time.monotonic(), self._companion, self.board
+        if companion.path_enu_m:
+            board.fly(_place(companion.path_enu_m.last))
+        if now_s - self._last_state_s >= 0.9 * STATE_S:
+            self._last_state_s = now_s
+            board.state = state_document.state(companion)
+        if now_s - self._last_health_s >= HEALTH_S and (board.viewers or board.health is None):
+            self._last_health_s = now_s
+            board.health = state_document.health(companion)
+
+    def _look(self, pipeline: Pipeline) -> None:
+        """Take what changed of the maps, in the pipeline's thread."""
+        if self.board.look(pipeline, anew=self._anew):
+            self._anew = False
+
+
+def about(rows: tuple[Row, ...]) -> dict[str, Any]:
+    """Return what a page is told once: the table of parameters."""
+    table = [
+        {
+            "name": row.name,
+            "mavlink": row.mavlink,
+            "unit": row.unit,
+            "low": row.low,
+            "high": row.high,
+            "whole": row.kind is int,
+            "choices": list(row.choices),
+            "default": row.default,
+            "help": row.sentence,
+            "allowed": params.allowed(row),
+            "live": row.live,
+        }
+        for row in rows
+    ]
+    return {"kind": "flight", "rows": table}
+
+
+def _place(enu_m: np.ndarray[Any, Any]) -> tuple[float, float, float]:
+    return round(float(enu_m[0]), 2), round(float(enu_m[1]), 2), round(float(enu_m[2]), 2)

@@ -1,0 +1,126 @@
+"""Maps in small numbers, and coarser ones: the kernels behind the page's blocks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+STEP_M = 0.005  # of heights
+MIDDLE = 32_768
+NO_HEIGHT = np.uint16(0)
+NO_VALUE = np.uint8(255)
+SLOPE_STEP_DEG, RELIEF_STEP_M, CERTAINTY_STEP = 0.25, 0.01, 0.005
+_UNSAFE, _SAFE, _UNKNOWN = 0, 1, 255  # as in `slz.terrain.terrain_maps`
+
+Floats = NDArray[np.float32]
+Small = NDArray[np.uint8]
+Heights = NDArray[np.uint16]
+
+
+@kernel("uint8(float32, float64)")
+def _steps(value: float, step: float) -> Any:
+    """Return a value in steps, 254 at most; 255 where unknown."""
+    if np.isnan(value):
+        return np.uint8(255)
+    return np.uint8(min(254.0, max(0.0, np.rint(value / step))))
+
+
+@kernel("uint16(float32, float64)")
+def _height(value: float, base_m: float) -> Any:
+    """Return a height in steps above a base, 1 to 65535; 0 where unknown."""
+    if np.isnan(value):
+        return np.uint16(0)
+    return np.uint16(min(65_535.0, max(1.0, np.rint((value - base_m) / STEP_M))))
+
+
+@kernel(
+    "boolean(float32[:, ::1], float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1], float64,"
+    " uint16[:, :], uint8[:, :], uint8[:, :], uint8[:, :], uint8[:, :])"
+)
+def quantise(
+    height_m: Floats,
+    slope_deg: Floats,
+    relief_m: Floats,
+    certainty: Floats,
+    state: Small,
+    base_m: float,
+    height: Heights,
+    slope: Small,
+    relief: Small,
+    sure: Small,
+    verdict: Small,
+) -> bool:
+    """Write maps in small numbers over what is there; tell whether anything changed.
+
+    The certainty of what is unknown is unknown, too.
+    """
+    changed = False
+    for row in range(state.shape[0]):
+        for col in range(state.shape[1]):
+            h = _height(height_m[row, col], base_m)
+            s = _steps(slope_deg[row, col], SLOPE_STEP_DEG)
+            r = _steps(relief_m[row, col], RELIEF_STEP_M)
+            v = state[row, col]
+            c = np.uint8(255) if v == _UNKNOWN else _steps(certainty[row, col], CERTAINTY_STEP)
+            if (
+                h != height[row, col]
+                or s != slope[row, col]
+                or r != relief[row, col]
+                or c != sure[row, col]
+                or v != verdict[row, col]
+            ):
+                changed = True
+                height[row, col] = h
+                slope[row, col] = s
+                relief[row, col] = r
+                sure[row, col] = c
+                verdict[row, col] = v
+    return changed
+
+
+@kernel(
+    "void(uint16[:, ::1], uint8[:, ::1], uint8[:, ::1], uint8[:, ::1], uint8[:, ::1], int64,"
+    " uint16[:, :], uint8[:, :], uint8[:, :], uint8[:, :], uint8[:, :])"
+)
+def halve(
+    height: Heights,
+    slope: Small,
+    relief: Small,
+    sure: Small,
+    verdict: Small,
+    shift: int,
+    out_height: Heights,
+    out_slope: Small,
+    out_relief: Small,
+    out_sure: Small,
+    out_verdict: Small,
+) -> None:
+    """Write each square of four cells as one: see `companion.flight.dashboard.map_block.coarser`.
+
+    shift: steps to add to heights, for another base.
+    """
+    for row in range(out_verdict.shape[0]):
+        for col in range(out_verdict.shape[1]):
+            total, count, unsafe, safe = 0, 0, 0, 0
+            least, steepest, roughest = np.int64(255), np.int64(-1), np.int64(-1)
+            for i in range(2 * row, 2 * row + 2):
+                for j in range(2 * col, 2 * col + 2):
+                    if height[i, j] != 0:
+                        total += int(height[i, j])
+                        count += 1
+                    if slope[i, j] != 255:
+                        steepest = max(steepest, np.int64(slope[i, j]))
+                    if relief[i, j] != 255:
+                        roughest = max(roughest, np.int64(relief[i, j]))
+                    least = min(least, np.int64(sure[i, j]))
+                    unsafe += verdict[i, j] == _UNSAFE
+                    safe += verdict[i, j] == _SAFE
+            out_height[row, col] = min(65_535, max(1, total // count + shift)) if count > 0 else 0
+            out_slope[row, col] = steepest if steepest >= 0 else 255
+            out_relief[row, col] = roughest if roughest >= 0 else 255
+            out_sure[row, col] = least
+            out_verdict[row, col] = _UNSAFE if unsafe > 0 else _SAFE if safe == 4 else _UNKNOWN

@@ -1,0 +1,66 @@
+"""Where the page is served: HOST:PORT."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from dataclasses import dataclass
+
+from companion.runtime.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Host and port; port 0 is any free one."""
+
+    host: str
+    port: int
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only programs on this computer reach it."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+def parse_address(text: str) -> Address:
+    """Return the address; raise `UsageError` if the text is none."""
+    host, colon, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not (colon and host and port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65536):
+        raise UsageError(f"--dashboard {text!r}: write HOST:PORT, such as 127.0.0.1:8080")
+    return Address(host, int(port))
+
+
+def listen(address: Address) -> socket.socket:
+    """Return a socket that listens there.
+
+    Raises
+    ------
+    UsageError
+        The port is in use, or the address is none of this computer's.
+    """
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    sock = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((address.host, address.port))
+        sock.listen(64)
+    except OSError as error:
+        sock.close()
+        raise UsageError(f"--dashboard {address}: {error.strerror or error}") from None
+    sock.setblocking(False)
+    return sock
+
+
+def bound(sock: socket.socket) -> Address:
+    """Return where a socket listens."""
+    host, port = sock.getsockname()[:2]
+    return Address(str(host), int(port))

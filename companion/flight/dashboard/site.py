@@ -1,0 +1,200 @@
+"""The page's own event loop: what browsers are sent, and what they may ask."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import secrets
+import time
+from collections import deque
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from companion.flight.dashboard.alarms import standing
+from companion.flight.dashboard.board import Board
+from companion.flight.dashboard.browser_orders import Command, Facts
+from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.tile_pyramid import LEVELS, Atlas
+from companion.flight.dashboard.zone_shapes import Picture
+from companion.flight.landing.situation import Reply
+from companion.flight.outputs.zone_feature import zone_feature
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.1
+ANSWER_S = 3.0
+STALE_S = 3.0
+TICKS_KEPT = 256  # older ones are stale whatever their age
+# The page waits for a window to be computed, but no longer than this: what it shows must not grow old.
+MOST_WAIT_S, LOOK_AGAIN_S = 0.2, 0.01
+Result = TypeVar("Result")
+
+
+class Site:
+    """Turns the board into messages, once for all browsers.
+
+    Parameters
+    ----------
+    board
+        Written by the companion.
+    door
+        Who may do what.
+    carry_out
+        Hands an order to the companion and waits for the answer.
+    about
+        What the page is told once: kind of page, parameters' table.
+
+    Attributes
+    ----------
+    tick
+        States that were shown so far: what a browser has seen. It rises only when the companion left a new
+        one, so that one which hangs is not taken for one that flies on.
+    serving
+        Name of this site; with another one the maps are sent anew.
+    state, zones, health, replay
+        Messages ready to send, each with a number that rises when it changes.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        door: Door,
+        carry_out: Callable[[Command], Awaitable[Reply]],
+        about: dict[str, Any],
+    ) -> None:
+        self.board, self.door, self.about = board, door, about
+        self.atlas = Atlas()
+        self.serving = secrets.token_hex(8)
+        self.tick = 0
+        self.state: tuple[int, str] = (0, "")
+        self.zones: tuple[int, str] = (0, "")
+        self.health: tuple[int, str] = (0, "")
+        self.replay: tuple[int, str] = (0, "")
+        self.picture: dict[str, Any] | None = None
+        self.refused = 0
+        self._carry_out = carry_out
+        self._picture = Picture()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-page-encoder")
+        self._collection: tuple[int, bytes] = (-1, b"")
+        self._sources: dict[str, Any] = {}
+        self._shown: tuple[Any, Any] = (None, None)
+        self._ticked_s: deque[float] = deque(maxlen=TICKS_KEPT)
+
+    # ---- what is sent ---------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Refresh ten times a second until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._keep_drawing(), name="page drawing")
+            while True:
+                await self.give_way()
+                self.refresh()
+                self.door.incidents.report()
+                await asyncio.sleep(TICK_S)
+
+    def refresh(self) -> None:
+        """Make the messages of this tick."""
+        board = self.board
+        shown, self._shown = self._shown, (board.state, board.replay)
+        renewed = self._shown[0] is not shown[0] or self._shown[1] is not shown[1]  # a replay may stand still
+        if board.state is not None and renewed:
+            self.tick += 1
+            self._ticked_s.append(time.monotonic())
+            selected = None if self.picture is None else self.picture["selected"]
+            document = {"t": "state", "tick": self.tick, **board.state}
+            document["alarms"] = standing(board.state, selected)
+            self.state = self.tick, json.dumps(document)
+        for name in ("health", "replay"):
+            source = getattr(board, name)
+            if source is not None and source is not self._sources.get(name):
+                self._sources[name] = source
+                number = getattr(self, name)[0] + 1
+                setattr(self, name, (number, json.dumps({"t": name, **source})))
+
+    async def _keep_drawing(self) -> None:
+        """Take reports and changes of the maps, in a thread."""
+        while True:
+            while self.board.drawn:
+                await self.in_thread(self.atlas.take, *self.board.drawn.popleft())
+            number, report = self.board.report_number, self.board.report
+            if report is not None and number != self.zones[0]:
+                document = await self.in_thread(self._picture.document, report, self.board.parameters)
+                document |= {"t": "zones", "number": number, "latency_ms": round(self.board.latency_ms, 1)}
+                self.picture = document
+                self.zones = number, await self.in_thread(json.dumps, document)
+            await asyncio.sleep(TICK_S)
+
+    async def in_thread(self, work: Callable[..., Result], *args: Any) -> Result:
+        """Run what takes milliseconds in the encoder's thread."""
+        await self.give_way()
+        return await asyncio.get_running_loop().run_in_executor(self._thread, work, *args)
+
+    async def give_way(self) -> None:
+        """Wait while a window is computed, for a fraction of a second at most."""
+        loop = asyncio.get_running_loop()
+        until_s = loop.time() + MOST_WAIT_S
+        while self.board.computing() and loop.time() < until_s:  # noqa: ASYNC110 - another thread's
+            await asyncio.sleep(LOOK_AGAIN_S)
+
+    async def block(self, name: str, serial: int, level: int, row: int, col: int) -> bytes | None:
+        """Return a block of a map, compressed; None where there is none, or the map is another one now."""
+        sheet = self.atlas.sheets.get(name)
+        if sheet is None or sheet.serial != serial or not 0 <= level < LEVELS:
+            return None
+        return await self.in_thread(sheet.encoded, level, row, col)
+
+    async def collection(self) -> bytes:
+        """Return the zones of the newest report as GeoJSON."""
+        number, report = self.board.report_number, self.board.report
+        if self._collection[0] != number:
+            self._collection = number, await self.in_thread(_collection, report)
+        return self._collection[1]
+
+    # ---- what is asked --------------------------------------------------------------------------
+
+    async def answer(self, order: Command, seen_tick: int | None) -> Reply:
+        """Carry out an order of an operator.
+
+        seen_tick: the newest state that the sender's screen showed, None for none. What was ordered on the
+        sight of one that is older than three seconds, or that was never shown, is refused, but for an abort.
+        """
+        age_s = None if seen_tick is None else self._age_s(seen_tick)
+        if (age_s is None or age_s > STALE_S) and order.do != "abort":
+            return Reply(False, "sent on the sight of old data: look and try again")
+        try:
+            async with asyncio.timeout(ANSWER_S):
+                return await self._carry_out(order)
+        except TimeoutError:
+            return Reply(False, "no answer from the landing program: try again")
+
+    def _age_s(self, tick: int) -> float | None:
+        """Return how long ago a state was shown; None when it was not, or too long ago."""
+        back = self.tick - tick
+        return time.monotonic() - self._ticked_s[-1 - back] if 0 <= back < len(self._ticked_s) else None
+
+    def facts(self, question: Facts) -> dict[str, Any]:
+        """Return what the maps say of a point."""
+        found = self.atlas.cell(question.east_m, question.north_m)
+        point = {"east_m": question.east_m, "north_m": question.north_m}
+        if found is None:
+            return {**point, "map": None, "state": "unknown"}
+        name, cell = found
+        fields = ("cell_m", "height_m", "slope_deg", "relief_m", "certainty", "state")
+        return {**point, "map": name} | {field: getattr(cell, field) for field in fields}
+
+    def close(self) -> None:
+        """End the encoder's thread."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+
+def _collection(report: Any) -> bytes:
+    features = []
+    for name in () if report is None else ("near", "far"):
+        part = getattr(report, name)
+        for zone in part.zones:
+            feature = zone_feature(zone, part.grid, report.frame)
+            feature["properties"]["map"] = name
+            features.append(feature)
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()

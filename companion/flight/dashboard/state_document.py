@@ -1,0 +1,148 @@
+"""What of the companion is shown: small documents, made in its loop in a fraction of a millisecond."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.axes import heading_rad
+from companion.flight.geometry.pose import Pose
+from companion.flight.landing.situation import FLYING
+from companion.flight.link.vehicle_state import VehicleState
+
+if TYPE_CHECKING:
+    from companion.flight.app import Companion
+
+LATENCIES = 300
+
+
+def state(companion: Companion) -> dict[str, Any]:
+    """Return pose, phase and whatever may change from one tick to the next."""
+    s = companion.situation()
+    pose = companion.history.latest(s.now_ns)
+    vehicle, executive, parameters = companion.link.vehicle, companion.executive, companion.parameters
+    aim = executive.aim_enu_m
+    low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
+    return {
+        "at_ns": s.now_ns,
+        "phase": executive.phase.value,
+        "flying": executive.phase in FLYING,
+        "mode": s.mode,
+        "guided": s.guided,
+        "armed": s.armed,
+        "on_ground": s.on_ground is True,
+        "connected": s.connected,
+        "heard": s.heard,
+        "lidar_ok": s.lidar_ok,
+        "blind": s.blind,
+        "failsafe": s.failsafe,
+        "estimate_lost": s.estimate_lost,
+        "blocked": s.blocked,
+        "pipeline_failed": companion.worker.invalid,
+        "battery_pct": s.battery_pct,
+        "battery_v": vehicle.battery_v,
+        "battery_low": low,
+        "unfit": list(companion.fitness.texts),
+        **_motion(pose),
+        "height_m": _finite(companion.streams.height_m, 1),
+        "height_home_m": _finite(s.height_above_home_m, 1),
+        "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
+        "aborts": executive.tally.aborts,
+        "reboots": vehicle.reboots,
+    }
+
+
+def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[str, Any]:
+    """Return the same document from a recording, as far as that tells."""
+    pose = history.latest(at_ns)
+    return {
+        "at_ns": at_ns,
+        "phase": "replay",
+        "flying": False,
+        "mode": vehicle.mode,
+        "guided": vehicle.guided,
+        "armed": vehicle.armed,
+        "on_ground": vehicle.landed == "on_ground",
+        "connected": True,
+        "heard": True,
+        "lidar_ok": True,
+        "blind": "",
+        "failsafe": vehicle.failsafe,
+        "estimate_lost": vehicle.health.estimate_lost,
+        "blocked": False,
+        "pipeline_failed": False,
+        "battery_pct": vehicle.battery_pct,
+        "battery_v": vehicle.battery_v,
+        "battery_low": False,
+        "unfit": [],
+        **_motion(pose),
+        "height_m": None,
+        "height_home_m": _finite(vehicle.relative_alt_m, 1),
+        "aim_enu_m": None,
+        "aborts": 0,
+        "reboots": vehicle.reboots,
+    }
+
+
+def _motion(pose: Pose | None) -> dict[str, Any]:
+    """Return where the vehicle is, how it moves and how it is turned; all None where that is not known."""
+    east, north, up = (None, None, None) if pose is None else _rounded(pose.position_enu_m)
+    roll, pitch, yaw = (None, None, None) if pose is None else _angles_deg(pose.rotation_enu_from_frd)
+    return {
+        "east_m": east,
+        "north_m": north,
+        "up_m": up,
+        "velocity_enu_ms": None if pose is None else _rounded(pose.velocity_enu_ms),
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "yaw_deg": yaw,
+    }
+
+
+def health(companion: Companion) -> dict[str, Any]:
+    """Return rates, delays and losses: how the program itself does."""
+    link = companion.link.statistics()
+    lidar, fusion = companion.lidar.statistics(), companion.assembler.statistics()
+    recorder = companion.recordings.recorder
+    return {
+        "ready": companion.link.ready,
+        "autopilot": companion.link.vehicle.autopilot,
+        "rates_hz": {name: round(rate, 1) for name, rate in link.rates_hz.items()},
+        "missing": list(link.missing),
+        "link_lost": link.lost,
+        "link_bad": link.bad,
+        "link_dropped": link.dropped,
+        "delay_p99_ms": _finite(link.delay_p99_ms, 1),
+        "sync_ms": _finite(link.residual_ms, 2) if companion.link.timesync.synced else None,
+        "windows": companion.worker.reports,
+        "dropped_windows": companion.worker.dropped_windows,
+        "latencies_ms": [round(ms, 1) for ms in companion.worker.latencies_ms.array(LATENCIES).tolist()],
+        "streams": companion.streams.statistics(),
+        "lidar": {name: value for name, value in lidar.items() if isinstance(value, int | float | str)},
+        "fusion": {name: value for name, value in fusion.items() if isinstance(value, int | float | str)},
+        "recording": None if recorder is None else recorder.statistics(),
+        "parameters": companion.settings.stored.model_dump(mode="json"),
+    }
+
+
+def _angles_deg(rotation_enu_from_frd: np.ndarray[Any, Any]) -> tuple[float, float, float]:
+    """Return roll, pitch and heading clockwise from north, in degrees."""
+    forward, right, down = rotation_enu_from_frd.T
+    pitch = math.asin(max(-1.0, min(1.0, float(forward[2]))))
+    roll = math.atan2(-float(right[2]), -float(down[2]))
+    return (
+        round(math.degrees(roll), 1),
+        round(math.degrees(pitch), 1),
+        round(math.degrees(heading_rad(rotation_enu_from_frd)) % 360, 1),
+    )
+
+
+def _rounded(vector: np.ndarray[Any, Any]) -> list[float]:
+    return [round(float(v), 2) for v in vector]
+
+
+def _finite(value: float | None, digits: int) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(float(value), digits)

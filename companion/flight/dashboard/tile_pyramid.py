@@ -1,0 +1,202 @@
+"""The maps as the page serves them: blocks of small numbers in a pyramid, made when a browser asks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from companion.flight.dashboard import map_block as blocks
+from companion.flight.dashboard.map_block import SIDE, Block
+from companion.flight.dashboard.quantise import (
+    CERTAINTY_STEP,
+    NO_VALUE,
+    RELIEF_STEP_M,
+    SLOPE_STEP_DEG,
+    STEP_M,
+)
+from slz import Drawn, DrawnTile
+from slz.kernels.cells.cell_record import TILE
+
+LEVELS = 6
+Key = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What a map says of one cell; None where unknown."""
+
+    cell_m: float
+    height_m: float | None
+    slope_deg: float | None
+    relief_m: float | None
+    certainty: float | None
+    state: str
+
+
+class Sheet:
+    """One map, near or far.
+
+    Block (row, col) of level k covers `SIDE` cells of 2^k times the map's, counted from its corner; it holds
+    blocks (2 row, 2 col) and its neighbours of level k - 1.
+
+    Attributes
+    ----------
+    serial
+        Of the map that is shown; with another one everything begins anew.
+    changes
+        Finest blocks and when each changed last, in numbers that rise.
+    """
+
+    def __init__(self) -> None:
+        self.serial = 0
+        self.west_m = self.south_m = self.cell_m = 0.0
+        self.changes: dict[Key, int] = {}
+        self._finest: dict[Key, Block] = {}
+        self._coarse: dict[tuple[int, int, int], Block] = {}
+        self._bytes: dict[tuple[int, int, int], tuple[int, bytes]] = {}
+        self._clock = 0
+
+    def take(self, drawn: Drawn) -> None:
+        """Take what changed of the map."""
+        if drawn.serial != self.serial:
+            self.serial = drawn.serial
+            self.west_m, self.south_m, self.cell_m = drawn.west_m, drawn.south_m, drawn.cell_m
+            for held in (self.changes, self._finest, self._coarse, self._bytes):
+                held.clear()
+        changed = {key for tile in drawn.tiles if (key := self._write(tile)) is not None}
+        changed |= {key for gone in drawn.gone if (key := self._clear(gone)) is not None}
+        self._clock += bool(changed)
+        for key in changed:
+            self.changes[key] = self._finest[key].version = self._clock
+
+    def since(self, clock: int) -> list[tuple[int, int, int]]:
+        """Return row, column and time of the finest blocks that changed after a time."""
+        return [(*key, at) for key, at in tuple(self.changes.items()) if at > clock]
+
+    @property
+    def clock(self) -> int:
+        """Time of the last change."""
+        return self._clock
+
+    def encoded(self, level: int, row: int, col: int) -> bytes | None:
+        """Return a block compressed, None where nothing is known."""
+        version = self._version(level, row, col)
+        if version is None:
+            return None
+        key = level, row, col
+        held = self._bytes.get(key)
+        if held is None or held[0] != version:
+            block = self._block(level, row, col, version)
+            cell_m = self.cell_m * 2**level
+            west_m, south_m = self.west_m + col * SIDE * cell_m, self.south_m + row * SIDE * cell_m
+            held = self._bytes[key] = version, blocks.encode(block, west_m, south_m, cell_m)
+        return held[1]
+
+    def cell(self, east_m: float, north_m: float) -> Cell | None:
+        """Return what is known of the cell at a point; None beyond all that was drawn."""
+        if not self.cell_m:
+            return None
+        row, col = int((north_m - self.south_m) // self.cell_m), int((east_m - self.west_m) // self.cell_m)
+        block = self._finest.get((row // SIDE, col // SIDE))
+        if block is None:
+            return None
+        at = row % SIDE, col % SIDE
+        height = int(block.height[at])
+        state = {0: "unsafe", 1: "safe"}.get(int(block.state[at]), "unknown")
+        return Cell(
+            self.cell_m,
+            None if height == 0 else round(block.base_m + height * STEP_M, 3),
+            _value(block.slope[at], SLOPE_STEP_DEG),
+            _value(block.relief[at], RELIEF_STEP_M),
+            _value(block.certainty[at], CERTAINTY_STEP),
+            state,
+        )
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    def _write(self, tile: DrawnTile) -> Key | None:
+        side = tile.state.shape[0]
+        key, row, col = _place(tile.key, side)
+        block = self._finest.get(key)
+        if block is None:
+            block = self._finest[key] = blocks.empty(blocks.base_of(tile.height_m))
+        return key if blocks.write(block, row, col, tile) else None
+
+    def _clear(self, gone: Key) -> Key | None:
+        key, row, col = _place(gone, TILE)
+        block = self._finest.get(key)
+        if block is None:
+            return None
+        blocks.clear(block, row, col, TILE)
+        return key
+
+    def _version(self, level: int, row: int, col: int) -> int | None:
+        """Return when a block changed last, None where nothing is known."""
+        rows = range(row << level, (row + 1) << level)
+        cols = range(col << level, (col + 1) << level)
+        found = [at for r in rows for c in cols if (at := self.changes.get((r, c))) is not None]
+        return max(found, default=None)
+
+    def _block(self, level: int, row: int, col: int, version: int) -> Block:
+        """Return a block of which something is known, made anew if it changed."""
+        if level == 0:
+            return self._finest[row, col]
+        held = self._coarse.get((level, row, col))
+        if held is None or held.version != version:
+            places = {(r, c): (level - 1, 2 * row + r, 2 * col + c) for r in (0, 1) for c in (0, 1)}
+            children = {
+                quarter: self._block(*place, changed)
+                for quarter, place in places.items()
+                if (changed := self._version(*place)) is not None
+            }
+            held = blocks.coarser(children, next(iter(children.values())).base_m)
+            held.version = version
+            self._coarse[level, row, col] = held
+        return held
+
+
+class Atlas:
+    """The near and the far map."""
+
+    def __init__(self) -> None:
+        self.sheets = {"near": Sheet(), "far": Sheet()}
+
+    def take(self, name: str, drawn: Drawn) -> None:
+        """Take what changed of a map."""
+        self.sheets[name].take(drawn)
+
+    def heads(self) -> dict[str, dict[str, Any]]:
+        """Return where the maps lie, for the page."""
+        return {
+            name: {
+                "serial": sheet.serial,
+                "west_m": sheet.west_m,
+                "south_m": sheet.south_m,
+                "cell_m": sheet.cell_m,
+                "side": SIDE,
+                "levels": LEVELS,
+            }
+            for name, sheet in self.sheets.items()
+            if sheet.serial
+        }
+
+    def cell(self, east_m: float, north_m: float) -> tuple[str, Cell] | None:
+        """Return the map that knows a point, the near one first, and what it says."""
+        for name, sheet in self.sheets.items():
+            found = sheet.cell(east_m, north_m)
+            if found is not None and (found.state != "unknown" or name == "far"):
+                return name, found
+        return None
+
+
+def _place(key: Key, side: int) -> tuple[Key, int, int]:
+    """Return the block that holds a tile, and the tile's row and column in it."""
+    per = SIDE // side
+    (block_row, row), (block_col, col) = divmod(key[0], per), divmod(key[1], per)
+    return (block_row, block_col), row * side, col * side
+
+
+def _value(number: np.uint8, step: float) -> float | None:
+    return None if number == NO_VALUE else round(float(number) * step, 3)

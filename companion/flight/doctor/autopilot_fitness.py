@@ -1,0 +1,199 @@
+"""Whether the autopilot is set up for a landing: its parameters, read at the start and at each hand-over."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from companion.flight.doctor.finding import Finding
+from companion.flight.doctor.parameter_check import ABSENT, UNREAD, parameter_findings
+from companion.flight.landing.situation import Severity
+from companion.flight.link.link import Link
+from companion.flight.link.parameter_reader import ParameterReader
+from companion.flight.link.vehicle_state import VehicleState
+from companion.runtime.clock import now_ns
+from params import Required, required
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+# What could not be read is asked for again after this, while it keeps a landing from beginning.
+AGAIN_NS = 10_000_000_000
+MOST_TEXTS = 3
+
+
+class Fitness:
+    """Reads what `slz doctor` reads, and says what is wrong; without I/O but for `run`.
+
+    It reads anew whenever the autopilot is found, rebooted, armed or put in the guided mode, and when an
+    order is taken. Faults are told once, and again when they differ; what keeps `--land auto` from landing is
+    told at each hand-over.
+
+    Parameters
+    ----------
+    auto
+        Whether it lands without an order.
+
+    Attributes
+    ----------
+    faults
+        What is wrong, as last read: the critical ones first.
+    """
+
+    def __init__(self, auto: bool = False) -> None:
+        self._auto = auto
+        self._rows: tuple[Required, ...] = ()
+        self._reader: ParameterReader | None = None
+        self._read = False  # as often as it was tried: the faults stand
+        self._read_once = False
+        self._handed_over = False  # since the last reading began, rather than a try to read what was lost
+        self._ended_ns = 0
+        self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
+        self._told: tuple[tuple[str, str], ...] = ()
+        self._texts: list[tuple[Severity, str]] = []
+        self.faults: tuple[Finding, ...] = ()
+
+    # ---- what is known --------------------------------------------------------------------------
+
+    @property
+    def fit(self) -> bool:
+        """Whether all that is critical was read since the last hand-over, and is right: unknown is not."""
+        return bool(self._rows) and not self._critical()
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """What is wrong, in short; nothing while it is being read for the first time."""
+        return tuple(_said(fault) for fault in self.faults)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what `--json` tells."""
+        return {
+            "read": self._read_once,
+            "fit": self.fit,
+            "wrong": [{"name": f.check, "found": f.found, "needed": f.needed} for f in self.faults],
+        }
+
+    def _critical(self) -> list[str]:
+        """Return the names of critical parameters that are not known to be right."""
+        values = {} if self._reader is None else self._reader.values
+        return [
+            row.name
+            for row in self._rows
+            if row.critical and not (row.name in values and row.accepts(values[row.name]))
+        ]
+
+    # ---- what happens ---------------------------------------------------------------------------
+
+    def step(self, vehicle: VehicleState, connected: bool, flying: bool, now: int) -> list[Any]:
+        """Return the requests to send now; flying: an order, or its own, is being carried out."""
+        if self._calls_for_reading(vehicle, connected, flying):
+            self._begin(vehicle)
+            self._handed_over = vehicle.guided and vehicle.armed
+        elif self._read and self._unread() and now - self._ended_ns > AGAIN_NS:
+            self._begin(vehicle)
+        if self._reader is None or vehicle.sysid is None or not connected:
+            return []
+        due = self._reader.due(vehicle.sysid, now)
+        if not self._read and self._reader.settled:
+            self._read, self._ended_ns = True, now
+            self._read_once = True
+            self._judge()
+            self._warn(flying)
+        return due
+
+    def take(self, message: Any) -> None:
+        """Take a PARAM_VALUE or PARAM_ERROR, asked for or not."""
+        if self._reader is not None:
+            self._reader.take(message)
+            if self._read:
+                self._judge()
+
+    def news(self) -> list[tuple[Severity, str]]:
+        """Return what the pilot is to be told, once."""
+        texts, self._texts = self._texts, []
+        return texts
+
+    async def run(self, link: Link, flying: Callable[[], bool]) -> None:
+        """Read and tell until cancelled."""
+        forget = [
+            link.subscribe(name, lambda message, _: self.take(message))
+            for name in ("PARAM_VALUE", "PARAM_ERROR")
+        ]
+        try:
+            while True:
+                for request in self.step(link.vehicle, link.connected, flying(), now_ns()):
+                    link.send(request)
+                for severity, text in self.news():
+                    log.info(text)
+                    link.statustext(text, severity.value)
+                await asyncio.sleep(TICK_S)
+        finally:
+            for unsubscribe in forget:
+                unsubscribe()
+
+    # ---- details --------------------------------------------------------------------------------
+
+    def _calls_for_reading(self, vehicle: VehicleState, connected: bool, flying: bool) -> bool:
+        """Tell whether another vehicle is there, or this one was handed over a moment ago."""
+        same: tuple[object, ...] = (connected, vehicle.autopilot, vehicle.reboots)
+        steps = (vehicle.guided, vehicle.armed, flying)
+        before, self._before = self._before, (same, steps)
+        if not connected or vehicle.sysid is None:
+            return False
+        if before is None or before[0] != same:
+            return True
+        return any(new and not old for new, old in zip(steps, before[1], strict=True))
+
+    def _begin(self, vehicle: VehicleState) -> None:
+        self._rows = tuple(sorted(required(vehicle.autopilot), key=lambda row: row.optional))
+        self._reader = ParameterReader(self._rows, vehicle.autopilot)
+        self._read = False
+
+    def _unread(self) -> bool:
+        values = {} if self._reader is None else self._reader.values
+        return any(row.critical and row.name not in values for row in self._rows)
+
+    def _judge(self) -> None:
+        if self._reader is None:
+            return
+        findings = parameter_findings(self._rows, self._reader.values, self._reader.absent)
+        critical = self._critical()
+        wrong = [finding for finding in findings if finding.state == "fail"]
+        self.faults = tuple(sorted(wrong, key=lambda finding: finding.check not in critical))
+        key = tuple((finding.check, finding.found) for finding in self.faults)
+        if key != self._told:
+            self._told = key
+            self._tell()
+
+    def _warn(self, flying: bool) -> None:
+        """Tell at a hand-over what is critical: a landing by itself waits for it, an order is carried out."""
+        critical, handed_over, self._handed_over = self._critical(), self._handed_over, False
+        if not critical or not handed_over:
+            return
+        if self._auto and not flying:
+            self._say(Severity.WARNING, f"no landing by itself: {critical[0]}")
+        else:
+            self._say(Severity.WARNING, f"landing is at risk: {critical[0]}")
+
+    def _tell(self) -> None:
+        if not self.faults:
+            self._say(Severity.INFO, "autopilot's parameters are right now")
+        shown = len(self.faults) if len(self.faults) <= MOST_TEXTS else MOST_TEXTS - 1
+        for fault in self.faults[:shown]:
+            self._say(Severity.WARNING, _said(fault))
+        if len(self.faults) > shown:
+            self._say(Severity.WARNING, f"{len(self.faults) - shown} more are wrong: see slz doctor")
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self._texts.append((severity, f"SLZ: {text}"[:50]))
+
+
+def _said(fault: Finding) -> str:
+    text = f"{fault.check} is {fault.found}, needs {fault.needed}"
+    if fault.found == UNREAD:
+        text = f"{fault.check} could not be read"
+    elif fault.found == ABSENT:
+        text = f"{fault.check} is missing"
+    return text

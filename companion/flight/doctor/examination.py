@@ -1,0 +1,156 @@
+"""Listens to autopilot and LiDAR for a while, then judges."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.doctor.finding import Finding
+from companion.flight.doctor.lidar_check import lidar_findings
+from companion.flight.doctor.link_check import link_findings
+from companion.flight.doctor.machine_check import machine_findings
+from companion.flight.doctor.neighbour_check import neighbour_findings
+from companion.flight.doctor.parameter_check import parameter_findings
+from companion.flight.doctor.version_check import Version, version_finding
+from companion.flight.link.link import Link
+from companion.flight.link.message_rates import expected
+from companion.flight.link.parameter_reader import ParameterReader
+from companion.flight.link.vehicle_identity import LISTEN_NS, VehicleIdentity
+from companion.flight.link.wire.signing import Signing
+from companion.flight.sensors.driver import Lidar, open_lidar
+from companion.runtime.clock import now_ns
+from params import Parameters, required
+
+log = logging.getLogger(__name__)
+
+STEP_S = 0.02
+TIMER_S = 0.01
+SETTLE_S = 2.0
+IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat comes within a second
+PARAMETERS_S = 20.0
+VERSION_TRIES, VERSION_S = 3, 0.3
+
+
+@dataclass(slots=True)
+class Examination:
+    """One run of the doctor.
+
+    Parameters
+    ----------
+    mavlink_url, lidar_url
+        As of `slz run`.
+    seconds
+        How long to listen.
+    signing
+        Of a link that is signed.
+    system
+        The vehicle's MAVLink system; None: the only aircraft heard.
+
+    Raises
+    ------
+    UsageError
+        From `run`: a URL is wrong or its port is in use.
+    """
+
+    mavlink_url: str
+    lidar_url: str
+    parameters: Parameters
+    seconds: float = 10.0
+    signing: Signing | None = None
+    system: int | None = None
+    late_ms: list[float] = field(default_factory=list)
+
+    async def run(self) -> list[Finding]:
+        """Return all findings; open nothing that stays open."""
+        identity = VehicleIdentity(self.system, LISTEN_NS)
+        link = Link(self.mavlink_url, self.parameters, self.signing, identity, alone=False)
+        lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
+        begun_ns = now_ns()
+        log.info("listening for %g s", self.seconds)
+        try:
+            async with asyncio.TaskGroup() as group:
+                parts = [
+                    group.create_task(link.run(), name="link"),
+                    group.create_task(lidar.run(), name="lidar"),
+                    group.create_task(self._watch_timer(), name="timer"),
+                ]
+                await self._identify(link)
+                await asyncio.sleep(self.seconds)
+                findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
+                firmware = version_finding(link.vehicle.autopilot, await self._version(link))
+                findings = [*self._link(link), firmware, *findings, *await self._parameters(link)]
+                await link.close()
+                for part in parts[1:]:
+                    part.cancel()
+        except BaseExceptionGroup as errors:
+            raise errors.exceptions[0] from None
+        log.info("measuring this computer; the first time this compiles for a minute")
+        # After all else, for it loads the CPU.
+        return [*findings, *machine_findings(self.parameters, self.late_ms)]
+
+    def _link(self, link: Link) -> list[Finding]:
+        streams = expected(link.vehicle.autopilot, self.parameters.pose_rate_hz)
+        others = neighbour_findings(link.identity)
+        if others and link.vehicle.sysid is None:
+            return others
+        return [*others, *link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)]
+
+    def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
+        statistics = lidar.statistics()
+        return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
+
+    async def _version(self, link: Link) -> Version | None:
+        told: list[Version] = []
+        forget = link.subscribe(
+            "AUTOPILOT_VERSION", lambda message, _: told.append(Version.unpack(message.flight_sw_version))
+        )
+        wanted = float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+        try:
+            for _ in range(VERSION_TRIES):  # its command may be answered, and the message lost
+                await link.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted, timeout_s=0.7, tries=2)
+                await asyncio.sleep(VERSION_S)
+                if told:
+                    break
+        finally:
+            forget()
+        return told[-1] if told else None
+
+    async def _parameters(self, link: Link) -> list[Finding]:
+        vehicle = link.vehicle
+        rows = required(vehicle.autopilot)
+        if vehicle.sysid is None:
+            return [Finding("parameters", "skipped", "no autopilot to ask")]
+        reader = ParameterReader(rows, vehicle.autopilot)
+        names = ("PARAM_VALUE", "PARAM_ERROR")
+        forget = [link.subscribe(name, lambda message, _: reader.take(message)) for name in names]
+        try:
+            async with asyncio.timeout(PARAMETERS_S):
+                while not reader.done:
+                    for request in reader.due(vehicle.sysid, now_ns()):
+                        link.send(request)
+                    await asyncio.sleep(STEP_S)
+        except TimeoutError:
+            pass  # what has not come is a finding
+        finally:
+            for unsubscribe in forget:
+                unsubscribe()
+        return parameter_findings(rows, reader.values, reader.absent)
+
+    async def _identify(self, link: Link) -> None:
+        """Wait until the vehicle is connected, which takes the time to listen for others; no longer."""
+        connected = asyncio.Event()
+        forget = link.on_connection.subscribe(lambda _: connected.set())
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(connected.wait(), IDENTIFY_S)
+        forget()
+
+    async def _watch_timer(self) -> None:
+        await asyncio.sleep(min(SETTLE_S, self.seconds / 2))
+        while True:
+            begun = now_ns()
+            await asyncio.sleep(TIMER_S)
+            self.late_ms.append((now_ns() - begun) * 1e-6 - 1000 * TIMER_S)

@@ -1,0 +1,121 @@
+"""The MAVLink link: heartbeat, streams, losses, clock."""
+
+from __future__ import annotations
+
+from companion.flight.doctor.finding import Finding, judged
+from companion.flight.link.link_statistics import LinkStatistics
+from companion.flight.link.message_rates import Stream
+from companion.flight.link.vehicle_state import VehicleState
+
+ROUND_TRIP_MS = 10.0
+"""PX4 starts its clock filter over at longer ones."""
+RESIDUAL_MS = 3.0
+LOSS = 0.01
+# A stream that arrives at less than this share of its rate is slow.
+SHARE = 0.8
+# Rates are of two seconds, in which one message more or less is chance.
+CHANCE_HZ = 0.5
+
+
+def link_findings(
+    url: str, vehicle: VehicleState, statistics: LinkStatistics, streams: tuple[Stream, ...]
+) -> list[Finding]:
+    """Judge what was heard; `streams` is what should arrive."""
+    if vehicle.sysid is None:
+        return [_silence(url, statistics)]
+    known = vehicle.autopilot in ("ardupilot", "px4")
+    name = {"ardupilot": "ArduPilot", "px4": "PX4"}.get(vehicle.autopilot, "unknown")
+    return [
+        judged(
+            "autopilot",
+            known,
+            f"{name}, system {vehicle.sysid}, mode {vehicle.mode}",
+            "ArduPilot or PX4",
+            "connect a vehicle with ArduCopter or PX4",
+        ),
+        *(_stream(stream, statistics) for stream in streams),
+        _losses(statistics),
+        *_clock(statistics),
+    ]
+
+
+def _silence(url: str, statistics: LinkStatistics) -> Finding:
+    if statistics.bad_bytes or statistics.bad:
+        remedy = (
+            "there are bytes but no MAVLink: check the baud rate and that the port's protocol is MAVLink 2"
+        )
+    elif statistics.received:
+        remedy = (
+            "MAVLink arrives, but no autopilot's heartbeat: connect to the vehicle, not to a ground station"
+        )
+    elif statistics.opened:
+        remedy = "nothing arrives: check cable, port and the autopilot's SERIALn_PROTOCOL (2) or MAV_n_CONFIG"
+    else:
+        remedy = "the port cannot be opened: check that the autopilot or its simulator runs and listens there"
+    return Finding("autopilot", "fail", f"no heartbeat at {url}", "a heartbeat a second", remedy)
+
+
+def _stream(stream: Stream, statistics: LinkStatistics) -> Finding:
+    rate_hz = statistics.rates_hz.get(stream.name, 0.0)
+    if stream.name in statistics.refused or (rate_hz == 0.0 and not stream.needed):
+        return Finding(f"rate of {stream.name}", "skipped", "this autopilot does not send it")
+    return _rate(stream, rate_hz)
+
+
+def _rate(stream: Stream, rate_hz: float) -> Finding:
+    needed = stream.rate_hz >= 10.0 or stream.name in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+    arrives_hz = stream.arrives_hz
+    less = _LESS if stream.needed else "what it tells (mode, estimator, sticks, fence) is seen late"
+    return judged(
+        f"rate of {stream.name}",
+        rate_hz >= min(SHARE * arrives_hz, arrives_hz - CHANCE_HZ),
+        f"{rate_hz:.1f} Hz",
+        f"{arrives_hz:g} Hz",
+        "use a faster port (921600 baud), or send less to others on it" if needed else less,
+        otherwise="fail" if needed else "warn",
+    )
+
+
+_LESS = "without it the reaction to a low battery, a moved home or the first fix is missing"
+
+
+def _losses(statistics: LinkStatistics) -> Finding:
+    whole = statistics.from_vehicle + statistics.lost
+    share = statistics.lost / whole if whole else 0.0
+    return judged(
+        "frames lost",
+        share <= LOSS,
+        f"{100 * share:.2f} % of {whole}",
+        f"at most {100 * LOSS:g} %",
+        "check wiring and flow control, or lower the load of the link",
+        otherwise="warn",
+    )
+
+
+def _clock(statistics: LinkStatistics) -> list[Finding]:
+    if statistics.time_source != "timesync":
+        return [
+            Finding(
+                "time synchronisation",
+                "fail",
+                "TIMESYNC is not answered",
+                "answers",
+                "use MAVLink 2 and an autopilot that answers; until then stamps rest on arrival times",
+            )
+        ]
+    return [
+        judged(
+            "round trip",
+            statistics.round_trip_ms <= ROUND_TRIP_MS,
+            f"{statistics.round_trip_ms:.2f} ms",
+            f"at most {ROUND_TRIP_MS:g} ms",
+            "connect the companion to the autopilot directly, not by radio",
+        ),
+        judged(
+            "residual of the clocks",
+            statistics.residual_ms <= RESIDUAL_MS,
+            f"{statistics.residual_ms:.2f} ms",
+            f"at most {RESIDUAL_MS:g} ms",
+            "lower the load of the link and of this computer",
+        ),
+    ]

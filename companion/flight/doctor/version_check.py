@@ -1,0 +1,55 @@
+"""The autopilot's firmware: which version it is, and what that means for us."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from companion.flight.doctor.finding import Finding
+from companion.flight.link.flight_modes import Autopilot
+
+# flight_sw_version's lowest byte, FIRMWARE_VERSION_TYPE: from this value on.
+_KINDS = ((255, "release"), (192, "release candidate"), (128, "beta"), (64, "alpha"), (0, "development"))
+NAMES: dict[str, str] = {"ardupilot": "ArduPilot", "px4": "PX4"}
+# The parameter files' oldest one, and the newest one whose source was read.
+OLDEST: dict[str, tuple[int, int]] = {"ardupilot": (4, 5), "px4": (1, 14)}
+NEWEST: dict[str, tuple[int, int]] = {"ardupilot": (4, 7), "px4": (1, 18)}
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """A firmware's version, as AUTOPILOT_VERSION.flight_sw_version packs it."""
+
+    major: int
+    minor: int
+    patch: int
+    kind: str
+
+    @classmethod
+    def unpack(cls, packed: int) -> Version:
+        """Return the version that 32 bits hold."""
+        major, minor, patch, kind = packed.to_bytes(4, "big")
+        return cls(major, minor, patch, next(name for least, name in _KINDS if kind >= least))
+
+    def __str__(self) -> str:
+        return f"{self.major}.{self.minor}.{self.patch} {self.kind}"
+
+
+def version_finding(autopilot: Autopilot, version: Version | None) -> Finding:
+    """Judge the version; None is one that was not told."""
+    name = NAMES.get(autopilot)
+    if name is None:
+        return Finding("firmware", "skipped", "no autopilot that is known")
+    (old_major, old_minor), (new_major, new_minor) = OLDEST[autopilot], NEWEST[autopilot]
+    needed = f"{old_major}.{old_minor} to {new_major}.{new_minor}"
+    if version is None:
+        remedy = "AUTOPILOT_VERSION was not answered: look at docs/hardware.md for what differs by version"
+        return Finding("firmware", "warn", f"{name}, version not told", needed, remedy)
+    found = f"{name} {version}"
+    if (version.major, version.minor) < OLDEST[autopilot]:
+        return Finding(
+            "firmware", "warn", found, needed, "update it: slz was not written for so old a version"
+        )
+    if (version.major, version.minor) > NEWEST[autopilot]:
+        remedy = "slz was not tried with so new a version: fly it in simulation first (docs/quickstart.md)"
+        return Finding("firmware", "warn", found, needed, remedy)
+    return Finding("firmware", "ok", found, needed)

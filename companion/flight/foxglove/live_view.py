@@ -1,0 +1,134 @@
+"""Serves what a recording shows, live: Foxglove and Lichtblick connect to `ws://HOST:PORT`."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import foxglove
+
+from companion.flight.geometry.pose import Pose
+from companion.flight.mapping.window_event import WindowEvent
+from companion.flight.recorder import foxglove_scene
+from companion.runtime.clock import now_ns
+from companion.runtime.errors import UsageError
+from slz import LocalFrame, Report, Window
+
+if TYPE_CHECKING:
+    from companion.flight.app import Companion
+
+log = logging.getLogger(__name__)
+
+HOST = "127.0.0.1"
+MOST_WAITING = 64
+POSE_NS = 100_000_000
+SHOWN = frozenset(
+    {
+        foxglove_scene.POINTS,
+        foxglove_scene.ZONES,
+        foxglove_scene.GEOJSON,
+        foxglove_scene.TRANSFORM,
+        foxglove_scene.FIX,
+        foxglove_scene.LOG,
+        foxglove_scene.PARAMETERS,
+    }
+)
+
+
+class LiveView:
+    """A server of the topics for the eye; it takes no orders and is reached from this computer only.
+
+    Messages are made and sent in a thread of their own; when that falls behind, the oldest are left out.
+
+    Parameters
+    ----------
+    port
+        0 is any free one.
+
+    Raises
+    ------
+    UsageError
+        The port is in use.
+    """
+
+    def __init__(self, companion: Companion, port: int) -> None:
+        self._clock_offset_ns = time.time_ns() - now_ns()
+        self._last_pose_ns = 0
+        self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-foxglove")
+        self.dropped = 0
+        self._context = context = foxglove.Context()  # its channels close with it
+        try:
+            self._server = foxglove.start_server(
+                name="slz",
+                host=HOST,
+                port=port,
+                context=context,
+                channel_filter=lambda channel: channel.topic in SHOWN,
+            )
+        except Exception as error:
+            raise UsageError(f"--foxglove {port}: {error}") from None
+        self._channels = {t: c for t, c in foxglove_scene.channels(context).items() if t in SHOWN}
+        companion.worker.on_window.subscribe(self.window)
+        companion.link.on_text.subscribe(self.text)
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self._server.port)
+
+    def window(self, _event: WindowEvent, window: Window) -> None:
+        """Show a window's points."""
+        wall_ns = self._wall_ns()
+        self._put(foxglove_scene.POINTS, lambda: foxglove_scene.cloud(window, wall_ns), wall_ns)
+
+    def report(self, report: Report) -> None:
+        """Show what came of a window."""
+        wall_ns = self._wall_ns()
+        self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), wall_ns)
+        self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), wall_ns)
+
+    def pose(self, pose: Pose, frame: LocalFrame) -> None:
+        """Show where the vehicle is, ten times a second at most."""
+        if now_ns() - self._last_pose_ns < POSE_NS:
+            return
+        self._last_pose_ns, wall_ns = now_ns(), self._wall_ns()
+        self._put(foxglove_scene.TRANSFORM, lambda: foxglove_scene.transform(pose, wall_ns), wall_ns)
+        self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), wall_ns)
+
+    def text(self, text: str, severity: int) -> None:
+        """Show what the pilot is told."""
+        level = logging.INFO if severity > 4 else logging.WARNING if severity > 2 else logging.CRITICAL
+        record = logging.LogRecord("slz", level, "", 0, text, None, None)
+        wall_ns = self._wall_ns()
+        self._put(foxglove_scene.LOG, lambda: foxglove_scene.line(record, wall_ns), wall_ns)
+
+    def close(self) -> None:
+        """End the server."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+        self._server.stop()
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    def _put(self, topic: str, make: Callable[[], Any], wall_ns: int) -> None:
+        channel = self._channels[topic]
+        if not channel.has_sinks():
+            return
+        self.dropped += len(self._waiting) == MOST_WAITING
+        self._waiting.append(lambda: channel.log(make(), log_time=wall_ns))
+        self._thread.submit(self._send)
+
+    def _send(self) -> None:
+        try:
+            self._waiting.popleft()()
+        except IndexError:
+            pass  # what waited longest was left out
+        except Exception:
+            log.exception("a message for Foxglove cannot be made")
+
+    def _wall_ns(self) -> int:
+        return now_ns() + self._clock_offset_ns

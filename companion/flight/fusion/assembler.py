@@ -1,0 +1,106 @@
+"""Batches of returns wait here until the poses around them are known."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+from companion.flight.fusion.georeference import Georeferencer
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.fusion.vehicle_and_dust_filter import Screen
+from companion.flight.sensors.returns import Returns, join
+from params import Parameters
+from slz import Scan
+
+SPAN_NS = 50_000_000
+# Returns kept waiting at most, some seconds of a fast sensor: memory is bounded whatever the stamps say.
+MOST_WAITING = 2_000_000
+
+
+class ScanAssembler:
+    """Gathers returns into scans of 50 ms and places them once poses bracket them.
+
+    Nothing is ever placed with an extrapolated pose: a batch that no pose has followed `pose_timeout_s` after
+    it, by the sensor's own stamps, is dropped.
+
+    Parameters
+    ----------
+    parameters
+        Mount, range gate and `pose_timeout_s`.
+    history
+        The vehicle's poses.
+    on_scan
+        Called with every scan, in order.
+
+    Attributes
+    ----------
+    stale
+        Returns dropped because no pose came in time, or too many waited.
+    scans
+        Scans handed on.
+    """
+
+    def __init__(self, parameters: Parameters, history: PoseHistory, on_scan: Callable[[Scan], None]) -> None:
+        self._patience_ns = round(parameters.pose_timeout_s * 1e9)
+        self._history = history
+        self._on_scan = on_scan
+        self._georeferencer = Georeferencer(parameters)
+        self._screen = Screen(parameters)
+        self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each
+        self._n_waiting = 0
+        self._gathered: list[Returns] = []
+        self.stale = 0
+        self.scans = 0
+
+    def add(self, returns: Returns) -> None:
+        """Take a batch; hand on the scans that are complete now."""
+        if not len(returns):
+            return
+        newest_ns = int(returns.stamp_ns.max())
+        self._waiting.append((newest_ns, returns))
+        self._n_waiting += len(returns)
+        self._place_bracketed()
+        self._drop_stale(newest_ns)
+
+    def statistics(self) -> dict[str, int]:
+        """Return scans handed on and returns dropped, by reason."""
+        return {
+            "scans": self.scans,
+            "stale": self.stale,
+            "out_of_range": self._georeferencer.out_of_range,
+            "without_pose": self._georeferencer.without_pose,
+            "pitched": self._georeferencer.pitched,
+            "vehicle": self._screen.vehicle,
+            "dust": self._screen.dust,
+        }
+
+    def _place_bracketed(self) -> None:
+        until_ns = self._history.bracketed_until_ns
+        while until_ns is not None and self._waiting and self._waiting[0][0] <= until_ns:
+            newest_ns, returns = self._waiting.popleft()
+            self._n_waiting -= len(returns)
+            self._gather(returns, newest_ns)
+
+    def _gather(self, returns: Returns, newest_ns: int) -> None:
+        """Add a batch to the scan; a scan ends once it spans 50 ms, and before a gap that would double it."""
+        if self._gathered and not 0 <= newest_ns - int(self._gathered[0].stamp_ns[0]) < 2 * SPAN_NS:
+            self._emit()
+        self._gathered.append(returns)
+        if newest_ns - int(self._gathered[0].stamp_ns[0]) >= SPAN_NS:
+            self._emit()
+
+    def _emit(self) -> None:
+        scan = self._georeferencer.georeference(self._screen.passed(join(self._gathered)), self._history)
+        self._gathered = []
+        if scan is not None:
+            self.scans += 1
+            self._on_scan(scan)
+
+    def _drop_stale(self, newest_ns: int) -> None:
+        """Drop what waited too long, or was stamped by a clock that has been set back since."""
+        while self._waiting and (
+            abs(newest_ns - self._waiting[0][0]) > self._patience_ns or self._n_waiting > MOST_WAITING
+        ):
+            _, returns = self._waiting.popleft()
+            self._n_waiting -= len(returns)
+            self.stale += len(returns)

@@ -1,0 +1,263 @@
+"""The vehicle's recent attitudes and positions, and its pose at any time between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
+from companion.flight.geometry.pose import Pose, turned
+from companion.runtime.sample_buffer import Track
+from params import Parameters
+from slz.frame import LocalFrame
+
+Floats = NDArray[np.float64]
+
+CAPACITY = 1024
+# A position this far from where the velocities lead is a correction of the estimate, not motion; unknown
+# accelerations are allowed for besides. Over a gap they count by what they can add to the way at the mean
+# velocity of both ends: a t^2 / 4, half of that if they change once.
+JUMP_M = 2.0
+ACCELERATION_MS2 = 10.0
+GAP_ACCELERATION_MS2 = 3.0
+EXTRAPOLATION_S = 0.1
+# Attitudes are told against the axes at the vehicle, the map's axes are those at its origin. Turned by this
+# angle, level ground has that slope and a return at 100 m is misplaced by 3.5 cm: 2.2 km north or south of
+# the origin, 1.5 km east or west of it at 47 degrees of latitude.
+MOST_TURN_RAD = math.radians(0.02)
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses at many stamps; rows that are not valid hold NaN.
+
+    position_enu_m : (n, 3). rotation_enu_from_frd : (n, 3, 3). valid : (n,) bool.
+    """
+
+    position_enu_m: Floats
+    rotation_enu_from_frd: Floats
+    valid: NDArray[np.bool_]
+
+
+class PoseHistory:
+    """Buffers of the autopilot's attitude and position, on the companion clock.
+
+    Parameters
+    ----------
+    parameters
+        `pose_timeout_s` is the longest gap that is interpolated over, and the age at which a pose is stale.
+    frame
+        Map frame; if None, the first position becomes its origin. A jump of the estimate that leads too far
+        from its origin begins another one.
+    capacity
+        Samples of each kind that are kept.
+
+    Attributes
+    ----------
+    frame
+        Map frame, None until known.
+    epoch
+        Rises by one whenever the position estimate jumps, the clocks start anew or another frame begins.
+    jumps, refused, misdated
+        Jumps of the estimate; samples that were out of order, repeated or not finite; samples dropped because
+        the autopilot's clock proved to be another one than that they were dated by.
+    """
+
+    def __init__(
+        self, parameters: Parameters, frame: LocalFrame | None = None, capacity: int = CAPACITY
+    ) -> None:
+        self._limit_ns = round(parameters.pose_timeout_s * 1e9)
+        self._attitudes = Track(4, capacity)
+        self._positions = Track(POSITION_WIDTH, capacity)
+        self._rates = np.zeros(3)
+        self.frame = frame
+        self.epoch = 0
+        self.jumps = 0
+        self.refused = 0
+        self._newest_lla: tuple[float, float, float] | None = None
+        self.misdated = 0
+        self._certain_ns: int | None = None
+        self._trusts_all = True
+        self._mappings = 0
+        self._stretch = 0  # between jumps of the estimate or of the autopilot's clock
+
+    def trust(self, until_ns: int | None, mappings: int) -> None:
+        """Place nothing by poses after a stamp: their stamps may be wrong; see `AutopilotClock`.
+
+        Where stamps are mapped anew, those after it were: they are forgotten, and nothing is interpolated
+        from before to after.
+        """
+        self._certain_ns, self._trusts_all = until_ns, False
+        if mappings == self._mappings:
+            return
+        self._mappings = mappings
+        self._stretch += 1
+        if until_ns is not None:
+            self.misdated += self._attitudes.drop_after(until_ns) + self._positions.drop_after(until_ns)
+
+    def add_attitude(self, stamp_ns: int, quat_wxyz: Sequence[float], rates: Sequence[float]) -> None:
+        """Take an attitude (body forward-right-down to north-east-down) and body rates in rad/s."""
+        quat = np.asarray(quat_wxyz, dtype=np.float64)
+        norm = float(np.linalg.norm(quat))
+        if not 0.5 < norm < 2 or not self._is_next(self._attitudes, stamp_ns):
+            self.refused += 1
+            return
+        self._attitudes.append(stamp_ns, quat / norm)
+        self._rates = np.nan_to_num(np.asarray(rates, dtype=np.float64), posinf=0, neginf=0)
+
+    def add_position(
+        self, stamp_ns: int, lat_deg: float, lon_deg: float, alt_m: float, vel_ned_ms: Sequence[float]
+    ) -> None:
+        """Take a position (WGS-84 degrees, altitude in m) and its rates north, east, down in m/s."""
+        velocity = np.asarray(vel_ned_ms, dtype=np.float64)[[1, 0, 2]] * (1, 1, -1)
+        if not self._is_place(lat_deg, lon_deg, alt_m, velocity) or not self._is_next(
+            self._positions, stamp_ns
+        ):
+            self.refused += 1
+            return
+        if self.frame is None:
+            self.frame = LocalFrame(lat_deg, lon_deg, alt_m)
+        position = self.frame.enu_m(lat_deg, lon_deg, alt_m)
+        if self._has_jumped(stamp_ns, position, velocity):
+            self.jumps += 1
+            self.epoch += 1
+            self._stretch += 1
+            if self.frame.turn_rad(lat_deg, lon_deg) > MOST_TURN_RAD:
+                self._change_frame(LocalFrame(lat_deg, lon_deg, alt_m))
+                position = np.zeros(3)
+        self._newest_lla = lat_deg, lon_deg, alt_m
+        self._positions.append(stamp_ns, (*position, *velocity, self._stretch))
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the vehicle is so far from the map's origin that another frame should begin."""
+        if self.frame is None or self._newest_lla is None:
+            return False
+        return self.frame.turn_rad(*self._newest_lla[:2]) > MOST_TURN_RAD
+
+    def begin_frame(self, frame: LocalFrame | None = None) -> LocalFrame:
+        """Begin another map frame, at the newest position if none is given, and return it.
+
+        What was sampled is carried over; the epoch rises, for what was mapped is of the frame before.
+
+        Raises
+        ------
+        ValueError
+            No frame is given and there is no position.
+        """
+        if frame is None:
+            if self._newest_lla is None:
+                raise ValueError("a frame cannot begin without a position")
+            frame = LocalFrame(*self._newest_lla)
+        self.epoch += 1
+        self._change_frame(frame)
+        return frame
+
+    def _change_frame(self, frame: LocalFrame) -> None:
+        """Write the places that are kept in another frame; velocities are along the axes at the vehicle."""
+        if self.frame is not None and len(self._positions):
+            places = self._positions.values[:, :3]
+            places[:] = frame.enu_m(*self.frame.lla(places).T)
+        self.frame = frame
+
+    def begin_anew(self) -> None:
+        """Forget what was sampled: the autopilot began anew, and so did its estimate."""
+        self._attitudes.clear()
+        self._positions.clear()
+        self.epoch += 1
+        self._stretch += 1
+
+    @property
+    def bracketed_until_ns(self) -> int | None:
+        """Newest time that both attitude and position cover for certain, None without either."""
+        attitude, position = self._attitudes.newest_ns, self._positions.newest_ns
+        if attitude is None or position is None:
+            return None
+        if self._trusts_all:
+            return min(attitude, position)
+        return None if self._certain_ns is None else min(attitude, position, self._certain_ns)
+
+    def samples(self) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64], Floats, int]:
+        """Return what kernels read: stamps and samples of attitude and position, and the longest gap."""
+        a, p = self._attitudes, self._positions
+        return a.stamp_ns, a.values, p.stamp_ns, p.values, self._limit_ns
+
+    def interpolate(self, stamp_ns: NDArray[np.int64]) -> Poses:
+        """Return the poses at stamps (n,); never extrapolates, nor crosses a gap or a jump."""
+        n = len(stamp_ns)
+        poses = Poses(np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.bool_))
+        interpolate(
+            np.ascontiguousarray(stamp_ns),
+            *self.samples(),
+            poses.position_enu_m,
+            poses.rotation_enu_from_frd,
+            poses.valid,
+        )
+        return poses
+
+    def latest(self, now_ns: int) -> Pose | None:
+        """Return the newest pose carried forward to now, by 0.1 s at most; None if it is stale.
+
+        Its stamp is the time that it holds for.
+        """
+        attitude_ns, position_ns = self._attitudes.newest_ns, self._positions.newest_ns
+        if attitude_ns is None or position_ns is None:
+            return None
+        if max(abs(now_ns - attitude_ns), abs(now_ns - position_ns)) > self._limit_ns:
+            return None
+        stamp_ns = min(now_ns, min(attitude_ns, position_ns) + round(EXTRAPOLATION_S * 1e9))
+        sample = self._positions.values[-1]
+        velocity = sample[3:6].copy()
+        return Pose(
+            stamp_ns=stamp_ns,
+            position_enu_m=sample[:3] + velocity * _bounded_s(stamp_ns - position_ns),
+            velocity_enu_ms=velocity,
+            quat_wxyz=turned(self._attitudes.values[-1], self._rates, _bounded_s(stamp_ns - attitude_ns)),
+            epoch=self.epoch,
+        )
+
+    # ---- what is taken --------------------------------------------------------------------------
+
+    def _is_next(self, track: Track, stamp_ns: int) -> bool:
+        """Tell whether a stamp is newer than the last; one far older means that the clock began anew."""
+        newest = track.newest_ns
+        if newest is None or stamp_ns > newest:
+            return True
+        if newest - stamp_ns <= self._limit_ns:
+            return False
+        self.begin_anew()
+        return True
+
+    @staticmethod
+    def _is_place(lat_deg: float, lon_deg: float, alt_m: float, velocity: Floats) -> bool:
+        """Tell a place on Earth from none."""
+        on_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180
+        return on_earth and bool(np.isfinite(alt_m) and np.isfinite(velocity).all())
+
+    def _has_jumped(self, stamp_ns: int, position: Floats, velocity: Floats) -> bool:
+        if not len(self._positions):
+            return False
+        last = self._positions.values[-1]
+        elapsed_s = (stamp_ns - int(self._positions.stamp_ns[-1])) * 1e-9
+        way = (last[3:6] + velocity) * (elapsed_s / 2)
+        allowed_m = motion_m(elapsed_s, self._limit_ns * 1e-9)
+        if last[STRETCH] != self._stretch:  # the clock jumped between: nobody knows how much time passed
+            allowed_m += float(np.linalg.norm(way))
+        return bool(np.linalg.norm(position - last[:3] - way) > allowed_m)
+
+
+def motion_m(elapsed_s: float, timeout_s: float) -> float:
+    """Return how far from where the mean velocity leads a vehicle can be by its own motion, after so long.
+
+    Beyond `timeout_s` it is a gap, in which no such manoeuvre as between two samples goes on throughout.
+    """
+    aside_ms2 = ACCELERATION_MS2 / 2 if elapsed_s <= timeout_s else GAP_ACCELERATION_MS2 / 4
+    return float(JUMP_M + aside_ms2 * elapsed_s**2)
+
+
+def _bounded_s(nanoseconds: int) -> float:
+    return min(max(nanoseconds * 1e-9, -EXTRAPOLATION_S), EXTRAPOLATION_S)

@@ -1,0 +1,52 @@
+"""What is no ground is taken out before it is mapped: the vehicle itself, rain and dust near the sensor.
+
+Nothing is called free for it: a ray whose return is dropped shows nothing, and ground that nobody saw stays
+unknown.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.geometry.sensor_mount import Mount
+from companion.flight.sensors.returns import Returns
+from params import Parameters
+
+
+class Screen:
+    """Drops returns and counts them by reason.
+
+    - the vehicle: nearer to the autopilot than `vehicle_m`;
+    - rain and dust: nearer to the sensor than `dust_reach_m`, and weaker than `dust_intensity` or not the
+      last return of their ray, for what lets light pass is no ground.
+
+    Isolated returns are dropped by the pipeline, see `outliers`; the range gate is the georeferencer's.
+
+    Attributes
+    ----------
+    vehicle, dust
+        Returns dropped so far.
+    """
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._p = parameters
+        self._mount = Mount(parameters)
+        self.vehicle = 0
+        self.dust = 0
+
+    def passed(self, returns: Returns) -> Returns:
+        """Return the returns that pass, in their order."""
+        p = self._p
+        drop = np.zeros(len(returns), bool)
+        if p.vehicle_m > 0:
+            body = returns.xyz_sensor_m @ self._mount.rotation_frd_from_sensor.T + self._mount.lever_frd_m
+            drop = np.einsum("ij,ij->i", body, body) < p.vehicle_m**2
+            self.vehicle += int(drop.sum())
+        if p.dust_reach_m > 0:
+            xyz = returns.xyz_sensor_m
+            near = np.einsum("ij,ij->i", xyz, xyz) < p.dust_reach_m**2
+            weak = returns.intensity < p.dust_intensity
+            dust = near & (weak | (returns.echo < returns.echoes)) & ~drop
+            self.dust += int(dust.sum())
+            drop = drop | dust
+        return returns.part(~drop) if drop.any() else returns

@@ -1,0 +1,34 @@
+"""News of the selected landing point: said the moment its state changes (SLZ thesis 4.3.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.landing.situation import Severity
+from slz import PointState, Report
+
+
+class PointWatch:
+    """Compares the selected point with what was last said of it."""
+
+    def __init__(self) -> None:
+        self._said: tuple[NDArray[np.float64], PointState] | None = None
+
+    def news(self, report: Report) -> tuple[Severity, str] | None:
+        """Return what to tell the pilot after a window, None when nothing changed."""
+        point = report.selected
+        if point is None:
+            self._said = None
+            return None
+        same = self._said is not None and np.array_equal(self._said[0], point.enu_m)
+        if same and self._said is not None and self._said[1] is point.state:
+            return None
+        self._said = point.enu_m, point.state
+        where = "" if point.zone_id is None else f" in zone {point.zone_id}"
+        by = ", far map" if point.judged_by == "far" else ""
+        if point.state is PointState.UNSAFE:
+            return Severity.CRITICAL, f"SLZ: landing point is UNSAFE{by}"
+        if point.state is PointState.UNKNOWN:
+            return Severity.WARNING, f"SLZ: landing point is unknown{by}"
+        return Severity.NOTICE, f"SLZ: landing point is safe{where}{by}"

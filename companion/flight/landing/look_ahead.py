@@ -1,0 +1,59 @@
+"""Stops the vehicle before what stands in its way, whether or not the autopilot does.
+
+ArduPilot's avoidance acts on velocities in its guided mode, PX4's on nothing that a companion commands.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from companion.flight.landing.guidance import BRAKING_MS2
+from companion.flight.landing.situation import Vector
+
+ASIDE_M = 1.5  # half the corridor's width
+LEVEL_M = 2.0  # half its height
+MARGIN_M = 3.0
+STRAYS = 2  # so many returns may be dust
+SLOW_MS = 0.3
+
+
+def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> tuple[Vector, bool]:
+    """Return a velocity from which the vehicle stops `MARGIN_M` before anything, and whether that is none.
+
+    Parameters
+    ----------
+    velocity_frd_ms
+        Wanted velocity (3,), forward, right, down in level axes, m/s.
+    around_frd_m
+        Points (n, 3) from the vehicle in the same axes, m; within `least_m` they are the vehicle itself.
+    """
+    horizontal = held_back_along(velocity_frd_ms[:2], around_frd_m, least_m)
+    sink = float(velocity_frd_ms[2])
+    if sink < 0:
+        above = np.hypot(around_frd_m[:, 0], around_frd_m[:, 1]) < ASIDE_M
+        sink = max(sink, -stopping_speed_ms(-around_frd_m[above, 2], least_m))
+    wanted, left = float(np.hypot(*velocity_frd_ms[:2])), float(np.hypot(*horizontal))
+    return np.array([*horizontal, sink]), wanted > SLOW_MS and left < SLOW_MS
+
+
+def held_back_along(velocity_ms: Vector, around_m: Vector, least_m: float) -> Vector:
+    """Return the horizontal velocity (2,), slowed down by what stands in its corridor."""
+    speed = float(np.hypot(*velocity_ms))
+    if speed < 1e-6:
+        return np.zeros(2)
+    way = velocity_ms / speed
+    along = around_m[:, :2] @ way
+    aside = np.abs(around_m[:, :2] @ np.array([-way[1], way[0]]))
+    ahead = along[(aside < ASIDE_M) & (np.abs(around_m[:, 2]) < LEVEL_M)]
+    return np.asarray(way * min(speed, stopping_speed_ms(ahead, least_m)))
+
+
+def stopping_speed_ms(ahead_m: Vector, least_m: float) -> float:
+    """Return the greatest speed that can be braked before the nearest of the distances ahead."""
+    ahead_m = ahead_m[ahead_m > least_m]
+    if len(ahead_m) <= STRAYS:
+        return math.inf
+    nearest = float(np.partition(ahead_m, STRAYS)[STRAYS])
+    return math.sqrt(2 * BRAKING_MS2 * max(0.0, nearest - MARGIN_M))

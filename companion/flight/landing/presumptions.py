@@ -1,0 +1,226 @@
+"""What each stage of a landing presumes of the vehicle, and the reaction when it does not hold.
+
+`TABLE` is the table of docs/reactions.md. `Presumptions` checks it at every step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from companion.flight.landing.aim import Aim
+from companion.flight.landing.mode_ownership import Custody
+from companion.flight.landing.situation import Situation
+
+
+class Stage(Enum):
+    """Columns of the table: the phases that command, and the landing below `commit_height_m`."""
+
+    SURVEY = "survey"
+    APPROACH = "approach"
+    DESCEND = "descend"
+    FINAL = "final"
+    COMMITTED = "committed"
+    CLIMB = "climb"
+    HOLD = "hold"
+
+
+LANDING = (Stage.FINAL, Stage.COMMITTED)
+
+
+class Presumption(Enum):
+    """Rows of the table, in the order in which they are checked."""
+
+    ARMED = "armed, in the air"
+    MODE = "mode set by slz or at the hand-over"
+    ESTIMATE = "estimator trusted"
+    NO_FAILSAFE = "no failsafe"
+    GPS = "GPS has a fix"
+    STICKS = "sticks at rest"
+    POSITION = "position known"
+    TARGET = "landing target used"
+    OVER = "over the point"
+    SINKS = "sinks"
+    LEVEL = "does not sink unasked"
+
+
+class Reaction(Enum):
+    """What the executive does."""
+
+    ENDS = "ends"  # the flight is over
+    HANDS_OFF = "hands off"  # the pilot flies: nothing more is commanded
+    STAND_BACK = "stand back"  # the autopilot flies by its own failsafe, or blind: nothing more is commanded
+    BREAK_OFF = "break off"  # guided mode, climb, next zone
+    HOLD = "hold"  # stand still until it holds again
+    RETURN = "return"  # stop sinking and fly back over the point
+    CALL = "call"  # "take over", and go on asking the vehicle
+    TELL = "tell"  # warn the pilot, and go on
+    NONE = "-"  # not presumed
+
+
+def _row(*reactions: Reaction) -> dict[Stage, Reaction]:
+    every = reactions * len(Stage) if len(reactions) == 1 else reactions
+    return dict(zip(Stage, every, strict=True))
+
+
+_NO, _BREAK, _CALL, _OFF = Reaction.NONE, Reaction.BREAK_OFF, Reaction.CALL, Reaction.HANDS_OFF
+_HOLD = Reaction.HOLD
+# Columns: survey, approach, descend, final, committed, climb, hold.
+TABLE: dict[Presumption, dict[Stage, Reaction]] = {
+    Presumption.ARMED: _row(Reaction.ENDS),
+    Presumption.MODE: _row(_OFF),
+    Presumption.ESTIMATE: _row(Reaction.STAND_BACK),
+    Presumption.NO_FAILSAFE: _row(Reaction.TELL),
+    Presumption.GPS: _row(Reaction.TELL),
+    Presumption.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
+    Presumption.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
+    Presumption.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
+    Presumption.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
+    Presumption.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
+    Presumption.LEVEL: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
+}
+
+SECOND = 1_000_000_000
+# A breach must last so long: longer than one wrong message, a gust, or the change from one speed to another.
+PATIENCE_NS = {
+    Presumption.ESTIMATE: SECOND,
+    Presumption.GPS: SECOND // 2,
+    Presumption.STICKS: SECOND // 4,
+    Presumption.OVER: SECOND // 2,
+    Presumption.SINKS: 3 * SECOND // 2,
+    Presumption.LEVEL: 3 * SECOND,
+}
+CALL_AGAIN_NS = 30 * SECOND
+STICK_US = 80  # beyond the dead zones of both autopilots
+HELD_US = 150  # from the middle of the pulse: no calibrated transmitter rests so far off, a stick is held
+MIDDLE_US = 1500
+CLIMBING_MS = 0.5  # upwards in a landing: not the moment of the change to LAND
+SINKING_MS = 0.5  # faster downwards than asked
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A presumption that does not hold, the reaction to it, and what to tell the pilot."""
+
+    presumption: Presumption
+    reaction: Reaction
+    what: str = ""
+
+
+class Presumptions:
+    """Checks what the present stage presumes, step by step."""
+
+    def __init__(self) -> None:
+        self._since_ns: dict[Presumption, int] = {}
+        self._told_ns: dict[Presumption, int] = {}
+        self._rest_us: tuple[int, int] | None = None  # the sticks before the autopilot's landing
+        self._landing_since_ns: int | None = None
+        self._stage: Stage | None = None
+
+    def breach(
+        self,
+        stage: Stage,
+        s: Situation,
+        aim: Aim,
+        custody: Custody,
+        *,
+        asked_up_ms: float | None,
+        off_point_m: float,
+    ) -> Breach | None:
+        """Return the first presumption that does not hold and must be reacted to, None while there is none.
+
+        Parameters
+        ----------
+        asked_up_ms
+            Vertical speed asked for by the last order, None without one.
+        off_point_m
+            Farthest from the point in the autopilot's landing; below the commit height half of it.
+        """
+        self._follow(stage, s)
+        broken = self._state(stage, s, custody)
+        if s.velocity_enu_ms is not None and Presumption.POSITION not in broken:
+            limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
+            broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
+        lasting = [presumption for presumption in Presumption if self._lasts(presumption, broken, s.now_ns)]
+        for presumption in lasting:
+            reaction = TABLE[presumption][stage]
+            if presumption is Presumption.MODE and (s.failsafe or s.breached):
+                reaction = Reaction.STAND_BACK
+            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_tell(presumption, s.now_ns):
+                continue
+            if reaction not in (Reaction.NONE, Reaction.RETURN):  # the descent returns by its own steering
+                return Breach(presumption, reaction, broken[presumption])
+        return None
+
+    def _follow(self, stage: Stage, s: Situation) -> None:
+        """Note when the autopilot's landing begins, and where the sticks rested until then."""
+        landing = stage in LANDING
+        if not landing:
+            self._landing_since_ns = None
+        elif self._landing_since_ns is None:
+            self._landing_since_ns = s.now_ns
+        if not landing or self._rest_us is None:
+            self._rest_us = s.sticks_us
+        if stage is not self._stage and not (landing and self._stage in LANDING):
+            self._since_ns.clear()  # but for the commit height, about which a landing may waver
+        self._stage = stage
+
+    def _state(self, stage: Stage, s: Situation, custody: Custody) -> dict[Presumption, str]:
+        """Return what of the vehicle's state does not hold at this moment, with the words for it."""
+        landing = stage in LANDING
+        broken: dict[Presumption, str] = {}
+        if s.connected and (not s.armed or (s.on_ground is True and landing)):
+            broken[Presumption.ARMED] = ""
+        if s.connected and custody.lost(s):
+            broken[Presumption.MODE] = s.mode
+        if s.estimate_lost:
+            broken[Presumption.ESTIMATE] = f"{s.estimate_lost} lost"
+        if s.failsafe:
+            broken[Presumption.NO_FAILSAFE] = s.cause
+        if s.gps_lost:
+            broken[Presumption.GPS] = ""
+        if self._sticks_moved(s):
+            broken[Presumption.STICKS] = ""
+        since_ns, lost_ns = self._landing_since_ns, s.target_lost_ns
+        if since_ns is not None and lost_ns is not None and lost_ns > since_ns:
+            broken[Presumption.TARGET] = "target lost"
+        if s.position_enu_m is None or s.velocity_enu_ms is None:
+            broken[Presumption.POSITION] = "position lost"
+        return broken
+
+    def _sticks_moved(self, s: Situation) -> bool:
+        if s.sticks_us is None or self._rest_us is None:
+            return False
+        moved = any(abs(now - rest) > STICK_US for now, rest in zip(s.sticks_us, self._rest_us, strict=True))
+        return moved or any(abs(now - MIDDLE_US) > HELD_US for now in s.sticks_us)
+
+    def _lasts(self, presumption: Presumption, broken: dict[Presumption, str], now_ns: int) -> bool:
+        """Tell whether it has been broken for as long as it must."""
+        if presumption not in broken:
+            self._since_ns.pop(presumption, None)
+            if TABLE[presumption][Stage.SURVEY] is Reaction.TELL:
+                self._told_ns.pop(presumption, None)
+            return False
+        since_ns = self._since_ns.setdefault(presumption, now_ns)
+        return now_ns - since_ns >= PATIENCE_NS.get(presumption, 0)
+
+    def _must_tell(self, presumption: Presumption, now_ns: int) -> bool:
+        told_ns = self._told_ns.get(presumption)
+        if told_ns is not None and now_ns - told_ns < CALL_AGAIN_NS:
+            return False
+        self._told_ns[presumption] = now_ns
+        return True
+
+
+def _motion(
+    s: Situation, up_ms: float, asked_up_ms: float | None, away_m: float, limit_m: float
+) -> dict[Presumption, str]:
+    """Return what of the vehicle's motion does not hold at this moment, with the words for it."""
+    broken: dict[Presumption, str] = {}
+    if away_m > limit_m:
+        broken[Presumption.OVER] = f"{away_m:.1f} m off the point"
+    if s.landing and up_ms > CLIMBING_MS:
+        broken[Presumption.SINKS] = "climbs in landing"
+    if s.guided and s.heard and asked_up_ms is not None and up_ms < min(0.0, asked_up_ms) - SINKING_MS:
+        broken[Presumption.LEVEL] = "sinking"
+    return broken

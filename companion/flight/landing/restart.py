@@ -1,0 +1,68 @@
+"""A flight that is under way when the companion starts, because it was killed or started late."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.landing.executive import Executive
+from companion.flight.landing.landing_memory import Landing, LandingMemory
+from companion.flight.landing.situation import Phase, Situation, Vector
+from slz import LocalFrame
+
+PATIENCE_NS = 3_000_000_000  # for the position, before the landing is called unwatched
+OVER_M = 3.0  # farther from the point the landing is not the one that was left
+
+
+class Restart:
+    """Takes a landing up again, or tells that it is not watched; once, when the autopilot is heard."""
+
+    def __init__(self, memory: LandingMemory) -> None:
+        self._left = memory.left
+        self._first_ns: int | None = None
+        self.decided = False
+
+    def step(
+        self,
+        s: Situation,
+        executive: Executive,
+        frame: LocalFrame | None,
+        sysid: int | None,
+        boot_ms: int | None,
+    ) -> None:
+        """Decide as soon as enough is known.
+
+        Parameters
+        ----------
+        sysid, boot_ms
+            The autopilot's system and time since boot.
+        """
+        if self.decided or not s.connected or not s.heard:
+            return
+        self._first_ns = s.now_ns if self._first_ns is None else self._first_ns
+        waiting = s.now_ns - self._first_ns < PATIENCE_NS
+        if (boot_ms is None or s.on_ground is None or s.position_enu_m is None or frame is None) and waiting:
+            return
+        self.decided = True
+        if not s.armed or s.on_ground is True:
+            return
+        left = self._left if self._left is not None and self._left.is_of(sysid, boot_ms) else None
+        point = _point(left, frame)
+        if s.landing and point is not None and _over(s, point):
+            executive.resume_landing(s, point)
+        elif left is not None:
+            executive.tell_restart(s, "restarted")
+        elif s.landing:
+            executive.tell_restart(s, "started")
+
+
+def _point(left: Landing | None, frame: LocalFrame | None) -> Vector | None:
+    """Return the point of an autopilot's landing that was left, None if none was under way."""
+    if left is None or frame is None or not left.has_point or left.phase != Phase.FINAL.value:
+        return None
+    return frame.enu_m(left.lat_deg, left.lon_deg, left.alt_m)
+
+
+def _over(s: Situation, point_enu_m: Vector) -> bool:
+    if s.position_enu_m is None:
+        return False
+    return float(np.hypot(*(point_enu_m - s.position_enu_m)[:2])) <= OVER_M

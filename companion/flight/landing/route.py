@@ -1,0 +1,118 @@
+"""The way at flight level: how high, round which corners, and over what stands in it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from enum import Enum
+
+import numpy as np
+
+from companion.flight.landing.expanding_square import expanding_square
+from companion.flight.landing.guidance import heading_rad, level, towards
+from companion.flight.landing.situation import Orders, Situation, Vector
+from params import Parameters
+from slz.pipeline import reach_m
+
+BLOCKED_NS = 2_000_000_000
+STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way
+AT_CORNER_M = 3.0
+TURN_M = 6.0  # nearer than this the heading stays
+
+
+class Way(Enum):
+    """What a route does about something in the way."""
+
+    FREE = "free"
+    CLIMBING = "climbing"
+    TOO_HIGH = "too high"
+
+
+class Route:
+    """Height to fly at, and the corners of an expanding square search.
+
+    The search goes no farther than half of `zone_m` from where it began: it begins anew there.
+
+    Attributes
+    ----------
+    height_m
+        Up in the map frame; minus infinity before it begins.
+    """
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._p = parameters
+        self.height_m = 0.0
+        self._corners: Iterator[tuple[float, float]] | None = None
+        self._corner: Vector | None = None
+        self._middle = np.zeros(2)
+        self._risen_m = 0.0
+        self._blocked_since_ns: int | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is a corner to fly to."""
+        return self._corner is not None
+
+    def begin(self, position_enu_m: Vector, height_above_home_m: float, least_m: float) -> None:
+        """Search about a position, at its height, at survey height, or at `least_m` if that is higher."""
+        east, north, up = (float(v) for v in position_enu_m)
+        self.height_m = max(up + max(0.0, self._p.survey_height_m - height_above_home_m), least_m)
+        self._middle = np.array([east, north])
+        self._search(self._middle)
+        self._risen_m = 0.0
+
+    def forget(self) -> None:
+        """Drop what an earlier flight left."""
+        self._corner = self._corners = None
+        self.height_m = -math.inf
+
+    def move(self, jump_enu_m: Vector) -> None:
+        """Follow a jump of the position estimate; the search begins anew about its next corner."""
+        self.height_m += float(jump_enu_m[2])
+        self._middle = self._middle + jump_enu_m[:2]
+        if self._corner is not None:
+            self._search(self._corner + jump_enu_m[:2])
+
+    def _search(self, about_m: Vector) -> None:
+        self._corner = about_m
+        self._corners = expanding_square(float(about_m[0]), float(about_m[1]), 1.6 * reach_m(self._p))
+
+    def to_corner(self, position_enu_m: Vector, way: Way) -> Vector:
+        """Return the offset (2,) to the corner; at it, or where the way is too high, to the next one."""
+        if self._corner is None or self._corners is None:
+            raise RuntimeError("the search has not begun")
+        offset = self._corner - position_enu_m[:2]
+        if float(np.hypot(*offset)) < AT_CORNER_M or way is Way.TOO_HIGH:
+            self._corner = np.array(next(self._corners))
+            if float(np.hypot(*(self._corner - self._middle))) > self._p.zone_m / 2:
+                self._search(self._middle)
+            offset = self._corner - position_enu_m[:2]
+        return np.asarray(offset)
+
+    def fly(self, position_enu_m: Vector, offset_m: Vector, speed_ms: float) -> Orders:
+        """Return the orders that cover an offset (2,) at the route's height."""
+        climb = level(self.height_m - float(position_enu_m[2]), self._p.climb_speed_ms)
+        horizontal = towards(offset_m, speed_ms)
+        course = heading_rad(horizontal) if float(np.hypot(*offset_m)) > TURN_M else None
+        yaw = None if course is None else course + math.radians(self._p.crab_deg)
+        return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
+
+    def way(self, s: Situation) -> Way:
+        """Rise in steps over what has been in the way for a while; tell when it is too high for that."""
+        if not s.blocked:
+            self._blocked_since_ns = None
+            return Way.FREE
+        if self._blocked_since_ns is None:
+            self._blocked_since_ns = s.now_ns
+        if s.now_ns - self._blocked_since_ns < BLOCKED_NS:
+            return Way.FREE
+        self._blocked_since_ns = None
+        if self._risen_m >= MOST_UP_M:
+            return Way.TOO_HIGH
+        self._risen_m += STEP_UP_M
+        self.height_m += STEP_UP_M
+        return Way.CLIMBING
+
+    def unblocked(self) -> None:
+        """Count anew how long something is in the way."""
+        self._blocked_since_ns = None

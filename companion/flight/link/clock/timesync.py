@@ -1,0 +1,271 @@
+"""The autopilot's clock in ours, from MAVLink's TIMESYNC, without I/O.
+
+We send our time, the autopilot answers with it and its own. Half-way between sending and receiving is when it
+answered, give or take half the round trip. Only the quickest of the recent round trips are believed, and a
+straight line through them gives the offset and the drift between the two clocks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from statistics import median
+
+from companion.flight.link.clock.least_delay import LeastDelay
+
+FAST_NS = 200_000_000
+HURRY_NS = 50_000_000  # between requests while something says that the offset has changed
+SLOW_NS = 1_000_000_000
+# Exchanges at the fast rate before the slow one, and those needed before the offset is believed.
+FAST_COUNT = 25
+NEEDED = 5
+WINDOW = 40
+# A round trip is believed up to this much above the best of the window: the jitter of a good link.
+GATE_NS = 1_500_000
+REPLY_TIMEOUT_NS = 2_000_000_000
+# Drift is fitted over a span this long; over less, noise would pass for drift.
+DRIFT_SPAN_NS = 10_000_000_000
+# An offset that contradicts the line by more than the round trips explain, so many times in a row, is a jump.
+JUMP_NS = 10_000_000
+JUMP_COUNT = 3
+# Longer than a busy computer holds up a simulated autopilot; no exchange quick for so long is a slow link.
+SLOW_LINK_NS = 500_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One answered request: its middle in our time, our time minus the autopilot's, how long it took.
+
+    quick: it took as long as the quickest of late, give or take `JUMP_NS`.
+    """
+
+    local_ns: int
+    offset_ns: int
+    round_trip_ns: int
+    quick: bool
+
+
+class TimeSync:
+    """Offset between the companion's clock and the autopilot's.
+
+    Parameters
+    ----------
+    salt
+        0..999, added to our stamps so that two programs on one network never send the same one.
+
+    Attributes
+    ----------
+    resets, strays
+        Times it started over; replies that answer none of our requests.
+    answered_ns
+        Our time of the newest answer, None before any.
+    confirmed_ns
+        Our time of the newest exchange that confirmed the offset in use; None without any. One that took
+        longer than the quickest by more than `JUMP_NS` tells less than that and confirms nothing, but where
+        all have done so for `SLOW_LINK_NS`: then the link is slow, and not the autopilot held up.
+    """
+
+    def __init__(self, salt: int = 0) -> None:
+        self._salt = salt
+        self._trips = LeastDelay()
+        self._slow_since_ns: int | None = None  # no exchange has been quick
+        self._pending: dict[int, int] = {}  # stamp sent -> when
+        self._next_ns: int | None = None
+        self._sent = 0
+        self._asked_ns: int | None = None
+        self.answered_ns: int | None = None
+        self.resets = 0
+        self.strays = 0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._window: deque[Exchange] = deque(maxlen=WINDOW)
+        self._jumps: list[Exchange] = []
+        self._reference_ns = 0
+        self._offset_ns = 0.0
+        self._drift = 0.0
+        self._residual_ns = 0.0
+        self._worst_ns = 0.0
+        self._sent = 0
+        self.confirmed_ns: int | None = None
+
+    # ---- exchange -------------------------------------------------------------------------------
+
+    def request(self, now_ns: int) -> int | None:
+        """Return the stamp to send as ts1 (with tc1 = 0) if a request is due."""
+        if self._next_ns is not None and now_ns < self._next_ns:
+            return None
+        self._next_ns = now_ns + (FAST_NS if self._sent < FAST_COUNT or self._jumps else SLOW_NS)
+        self._sent += 1
+        self._asked_ns = now_ns
+        stamp = now_ns - now_ns % 1000 + self._salt
+        for old in [old for old, sent in self._pending.items() if now_ns - sent > REPLY_TIMEOUT_NS]:
+            del self._pending[old]
+        self._pending[stamp] = now_ns
+        return stamp
+
+    def hurry(self) -> None:
+        """Let the next request be due 50 ms after the last: the offset is in doubt."""
+        if self._asked_ns is not None and self._next_ns is not None:
+            self._next_ns = min(self._next_ns, self._asked_ns + HURRY_NS)
+
+    def reply(self, tc1: int, ts1: int, now_ns: int) -> None:
+        """Take the autopilot's answer: its time `tc1` and our stamp `ts1`, back at `now_ns`."""
+        sent_ns = self._pending.pop(ts1, None)
+        if sent_ns is None:
+            self.strays += 1
+            return
+        round_trip = now_ns - sent_ns
+        if not 0 <= round_trip <= REPLY_TIMEOUT_NS or tc1 <= 0:
+            return
+        self.answered_ns = now_ns
+        middle = sent_ns + round_trip // 2
+        quick = round_trip - self._trips.add(sent_ns, now_ns) <= JUMP_NS
+        if quick:
+            self._slow_since_ns = None
+        elif self._slow_since_ns is None:
+            self._slow_since_ns = now_ns
+        self._add(Exchange(middle, middle - tc1, round_trip, quick))
+
+    def reset(self) -> None:
+        """Forget everything: the autopilot rebooted, or its clock is another one."""
+        self._pending.clear()
+        self._next_ns = None
+        self.resets += 1
+        self._trips = LeastDelay()
+        self._clear()
+
+    def _add(self, exchange: Exchange) -> None:
+        if self.synced and self._contradicts(exchange):
+            self._jumps.append(exchange)
+            if len(self._jumps) < JUMP_COUNT:
+                self.hurry()  # stamps are wrong until the jump is believed
+                return
+            jumps = self._jumps
+            self.resets += 1
+            self._clear()
+            self._begin_with(jumps, exchange)
+        elif self.synced or not self.resets:
+            self._jumps.clear()
+            if (
+                exchange.quick or not self.synced
+            ):  # many slow ones, asked for in a hurry, would push out what is known
+                self._window.append(exchange)
+        elif self._tells(exchange):  # the clock may have jumped again meanwhile
+            self._begin_with([*self._window, exchange], exchange)
+        if not self._window:
+            return
+        self._fit()
+        error_ns = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
+        if self.synced and self._tells(exchange) and error_ns <= _tolerance_ns(exchange):
+            self.confirmed_ns = exchange.local_ns
+
+    def _tells(self, exchange: Exchange) -> bool:
+        """Tell whether an exchange says something of the offset: a slow one where the link itself is slow."""
+        since_ns = self._slow_since_ns
+        return exchange.quick or (since_ns is not None and exchange.local_ns - since_ns >= SLOW_LINK_NS)
+
+    def _begin_with(self, exchanges: list[Exchange], newest: Exchange) -> None:
+        """Take those of some exchanges that agree with the newest as the first of another clock."""
+        self._window.clear()
+        most_ns = _tolerance_ns(newest)
+        self._window.extend(e for e in exchanges if abs(e.offset_ns - newest.offset_ns) <= most_ns)
+
+    def _contradicts(self, exchange: Exchange) -> bool:
+        error = abs(exchange.offset_ns - self._offset_at(exchange.local_ns))
+        return error > JUMP_NS + (exchange.round_trip_ns + self.round_trip_ns) / 2
+
+    def _fit(self) -> None:
+        """Fit offset and drift to the quickest exchanges of the window."""
+        gate = self._gate_ns()
+        good = [e for e in self._window if e.round_trip_ns <= gate]
+        self._reference_ns = good[-1].local_ns
+        base = good[-1].offset_ns  # differences to it keep their precision in floats
+        offsets = [float(e.offset_ns - base) for e in good]
+        times = [float(e.local_ns - self._reference_ns) for e in good]
+        # An offset is wrong by half its round trip at most: what spreads wider drifts, over any span.
+        drifts = times[-1] - times[0] >= DRIFT_SPAN_NS or max(offsets) - min(offsets) > gate + JUMP_NS
+        self._drift = _slope(times, offsets) if drifts and len(good) >= NEEDED else 0.0
+        level = median(o - self._drift * t for t, o in zip(times, offsets, strict=True))
+        self._offset_ns = base + level
+        errors = [abs(o - self._drift * t - level) for t, o in zip(times, offsets, strict=True)]
+        self._residual_ns, self._worst_ns = median(errors), max(errors)
+
+    def _gate_ns(self) -> int:
+        """Return the round trip up to which exchanges are believed: at least a quarter of them are."""
+        trips = sorted(e.round_trip_ns for e in self._window)
+        enough = trips[min(len(trips), max(NEEDED, len(trips) // 4)) - 1]
+        return max(trips[0] + GATE_NS, enough)
+
+    # ---- use ------------------------------------------------------------------------------------
+
+    @property
+    def synced(self) -> bool:
+        """Whether enough exchanges agree for the offset to be used."""
+        return len(self._window) >= NEEDED
+
+    @property
+    def round_trip_ns(self) -> int:
+        """Best round trip of the recent ones, 0 before the first."""
+        return min((e.round_trip_ns for e in self._window), default=0)
+
+    @property
+    def residual_ns(self) -> float:
+        """Median distance of the believed exchanges from the fit."""
+        return self._residual_ns
+
+    @property
+    def worst_residual_ns(self) -> float:
+        """Greatest distance of the believed exchanges from the fit."""
+        return self._worst_ns
+
+    @property
+    def drift_ppm(self) -> float:
+        """How much faster our clock runs than the autopilot's."""
+        return self._drift * 1e6
+
+    def to_local_ns(self, autopilot_ns: int) -> int:
+        """Return our time at which the autopilot's clock shows `autopilot_ns`.
+
+        Raises
+        ------
+        ValueError
+            If not synced yet.
+        """
+        if not self.synced:
+            raise ValueError("the clocks are not synchronised yet")
+        # offset(local) = offset + drift (local - reference), with local = autopilot + offset(local)
+        elapsed = (autopilot_ns + self._offset_ns - self._reference_ns) / (1.0 - self._drift)
+        return self._reference_ns + round(elapsed)
+
+    def to_autopilot_ns(self, local_ns: int) -> int:
+        """Return the autopilot's time at our time `local_ns`; raises as `to_local_ns` does."""
+        if not self.synced:
+            raise ValueError("the clocks are not synchronised yet")
+        return local_ns - round(self._offset_at(local_ns))
+
+    def _offset_at(self, local_ns: int) -> float:
+        return self._offset_ns + self._drift * (local_ns - self._reference_ns)
+
+
+def _tolerance_ns(exchange: Exchange) -> int:
+    """Return by how much an exchange may differ from the offset and still agree with it."""
+    return JUMP_NS + (0 if exchange.quick else exchange.round_trip_ns // 2)
+
+
+def answer(tc1: int, ts1: int, now_ns: int) -> tuple[int, int] | None:
+    """Return (tc1, ts1) of the reply to another's request, None if it is no request.
+
+    Zero would make the reply a request itself, so our clock's zero is sent as one.
+    """
+    return None if tc1 != 0 else (max(1, now_ns), ts1)
+
+
+def _slope(times: list[float], values: list[float]) -> float:
+    mean_time = sum(times) / len(times)
+    mean_value = sum(values) / len(values)
+    spread = sum((t - mean_time) ** 2 for t in times)
+    if spread == 0:
+        return 0.0
+    rise = sum((t - mean_time) * (v - mean_value) for t, v in zip(times, values, strict=True))
+    return rise / spread

@@ -1,0 +1,189 @@
+"""What each incoming message means for us, without I/O: who sent it, what it changes, what it calls for."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.clock.autopilot_clock import AutopilotClock
+from companion.flight.link.clock.timesync import answer
+from companion.flight.link.command_server import CommandServer
+from companion.flight.link.position_fix import PositionGate
+from companion.flight.link.vehicle_identity import Candidate, VehicleIdentity
+from companion.flight.link.vehicle_state import Quaternion, Vector, VehicleState, is_autopilot, reduce
+from companion.flight.link.wire.codec import Codec
+from companion.runtime.event import Event
+
+log = logging.getLogger(__name__)
+
+
+class Inbox:
+    """Reads the wire: keeps the vehicle's state and clock, and says what happens as events.
+
+    Only what the autopilot of the vehicle sends counts, component 1 of its system: other components of the
+    same system, such as a gimbal, tell their own attitude and state by the same messages.
+
+    Parameters
+    ----------
+    identity
+        Which system is the vehicle. Poses are those of the system that it follows; whatever answers or
+        commands waits until that is the vehicle.
+    gate
+        Holds the first positions back until they are believed.
+
+    Attributes
+    ----------
+    vehicle
+        Newest state of the vehicle, unknown until it is identified.
+    foreign
+        Messages of others that were not for us.
+    """
+
+    def __init__(
+        self,
+        codec: Codec,
+        server: CommandServer,
+        identity: VehicleIdentity | None = None,
+        gate: PositionGate | None = None,
+    ) -> None:
+        self._codec = codec
+        self._server = server
+        self.identity = VehicleIdentity() if identity is None else identity
+        self.gate = PositionGate() if gate is None else gate
+        self.clock = AutopilotClock(salt=codec.component_id)
+        self.vehicle = VehicleState()
+        self._followed = VehicleState()
+        self._bound = False
+        self.foreign = 0
+        self.outgoing: Event[[Any]] = Event()  # message to send in answer
+        self.reason: Event[[str, bool]] = Event()  # why an operator's command was (not) accepted
+        self.acknowledged: Event[[Any, int]] = Event()
+        self.heartbeat: Event[[]] = Event()
+        self.rebooted: Event[[]] = Event()
+        self.changed: Event[[VehicleState, VehicleState]] = Event()
+        self.attitude: Event[[int, Quaternion, Vector]] = Event()
+        self.position: Event[[int, float, float, float, Vector]] = Event()
+        self.certain: Event[[int | None, int]] = Event()  # up to when stamps are; how often they were mended
+        self.stranger: Event[[Candidate]] = Event()  # another vehicle, heard for the first time
+
+    @property
+    def followed(self) -> VehicleState:
+        """Newest state of the vehicle, or of the system that may be."""
+        return self.vehicle if self._bound else self._followed
+
+    def take(self, message: Any, now_ns: int) -> bool:
+        """Take a message; return whether the autopilot that is followed sent it."""
+        self.settle(now_ns)
+        kind = message.get_type()
+        if kind in ("COMMAND_LONG", "COMMAND_INT") and self._command(message, now_ns):
+            return False
+        if kind == "HEARTBEAT":
+            self._identify(message, now_ns)
+        if not self.is_ours(message):
+            self.foreign += 1
+            return False
+        if kind == "TIMESYNC":
+            self._timesync(message, now_ns)
+        elif kind == "COMMAND_ACK":
+            self._acknowledgement(message, now_ns)
+        else:
+            self._reduce(message, now_ns)
+        self.settle(now_ns)
+        return True
+
+    def settle(self, now_ns: int) -> None:
+        """Take the system that is followed for the vehicle once it was the only one for long enough."""
+        found = self._followed
+        if self._bound or found.sysid is None or not self.identity.settle(now_ns):
+            return
+        self._bound, old, self.vehicle = True, self.vehicle, found
+        self._codec.system_id = found.sysid
+        log.info("vehicle is system %d", found.sysid)
+        self.heartbeat.emit()
+        self.changed.emit(old, found)
+
+    def _identify(self, message: Any, now_ns: int) -> None:
+        if not is_autopilot(message):
+            return
+        followed = self.identity.system
+        stranger = self.identity.hear(message, now_ns)
+        if stranger is not None:
+            log.warning("%s is heard too; ours is system %s", stranger, self.identity.system)
+            self.stranger.emit(stranger)
+        if followed is not None and self.identity.system != followed:
+            self._followed = VehicleState()
+            self.gate.close()
+            self.clock.reset()
+            self.rebooted.emit()
+
+    def is_ours(self, message: Any) -> bool:
+        """Tell whether the autopilot sent it; a heartbeat shows a program that calls itself component 1."""
+        return bool(
+            message.get_srcSystem() == self.identity.system
+            and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+            and (message.get_type() != "HEARTBEAT" or is_autopilot(message))
+        )
+
+    def _command(self, message: Any, now_ns: int) -> bool:
+        result = self._server.take(message, self._codec.system_id, self._codec.component_id, now_ns)
+        if result is None:
+            return False
+        self.outgoing.emit(result.ack)
+        if result.executed and result.reply.reason:
+            self.reason.emit(result.reply.reason, result.reply.result == mavlink.MAV_RESULT_ACCEPTED)
+        return True
+
+    def _timesync(self, message: Any, now_ns: int) -> None:
+        reply = answer(message.tc1, message.ts1, now_ns)
+        if reply is None:
+            self.clock.timesync.reply(message.tc1, message.ts1, now_ns)
+        elif self._bound:
+            self.outgoing.emit(mavlink.MAVLink_timesync_message(*reply))
+
+    def _acknowledgement(self, message: Any, now_ns: int) -> None:
+        # Zero is everybody; old autopilots leave the fields out, which reads as zero.
+        if message.target_system in (0, self._codec.system_id) and message.target_component in (
+            0,
+            self._codec.component_id,
+        ):
+            self.acknowledged.emit(message, now_ns)
+
+    def _reduce(self, message: Any, now_ns: int) -> None:
+        old = self.followed
+        new = reduce(old, message, now_ns)
+        if new is old:
+            return
+        if self._bound:
+            self.vehicle = new
+        else:
+            self._followed = new
+        if new.reboots != old.reboots:
+            log.warning("the autopilot rebooted")
+            self.gate.close()
+            self.clock.reset()
+            self.rebooted.emit()
+        if self._bound:
+            if message.get_type() == "HEARTBEAT":
+                self.heartbeat.emit()
+            self.changed.emit(old, new)
+        self._pose(old, new, message, now_ns)
+
+    def _pose(self, old: VehicleState, new: VehicleState, message: Any, now_ns: int) -> None:
+        """Hand on the pose of a message: a tuple that is another object was in it, and was valid."""
+        if new.attitude_wxyz is not None and new.attitude_wxyz is not old.attitude_wxyz:
+            stamp = self._stamp_ns(message, now_ns)
+            if stamp is not None and new.rates_rad_s is not None:
+                self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
+        if new.position_lla is not None and new.position_lla is not old.position_lla:
+            stamp = self._stamp_ns(message, now_ns)
+            believed = self.gate.lets(new.fix, now_ns)
+            if believed and stamp is not None and new.velocity_ned_ms is not None:
+                self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
+
+    def _stamp_ns(self, message: Any, now_ns: int) -> int | None:
+        """Return our time of a pose; first tell how far stamps are certain."""
+        stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
+        self.certain.emit(self.clock.certain_ns, self.clock.mappings)
+        return stamp

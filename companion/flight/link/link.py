@@ -1,0 +1,450 @@
+"""The companion's MAVLink link: one vehicle, its state, its clock, commands both ways."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.clock.autopilot_clock import AutopilotClock
+from companion.flight.link.clock.timesync import TimeSync
+from companion.flight.link.command import Command, CommandResult
+from companion.flight.link.command_server import CommandServer, Handler
+from companion.flight.link.commander import Commander
+from companion.flight.link.flight_modes import mode_parameters
+from companion.flight.link.inbox import Inbox
+from companion.flight.link.link_statistics import LinkStatistics, RateMeter, quantile_ms
+from companion.flight.link.message_rates import Stream, StreamKeeper, wanted
+from companion.flight.link.position_fix import PATIENCE_NS, PositionGate
+from companion.flight.link.statustext import statustext
+from companion.flight.link.transport.mavlink_url import parse_url
+from companion.flight.link.transport.reconnecting import Transport
+from companion.flight.link.unheard_texts import UnheardTexts
+from companion.flight.link.vehicle_identity import LISTEN_NS, Candidate, VehicleIdentity
+from companion.flight.link.vehicle_state import Quaternion, Vector, VehicleState
+from companion.flight.link.wire.codec import Codec
+from companion.flight.link.wire.signing import Signing
+from companion.runtime.clock import now_ns
+from companion.runtime.event import Event, Unsubscribe
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+HEARTBEAT_S = 1.0
+STREAM_PAUSE_S = 0.1
+# The new mode shows in the next heartbeat, a second later at worst.
+MODE_CONFIRM_S = 2.5
+
+
+class Link:
+    """MAVLink link to one vehicle.
+
+    Parameters
+    ----------
+    url
+        As `companion.flight.link.transport.mavlink_url.parse_url` takes it.
+    parameters
+        Uses `component_id`, `pose_rate_hz` and `link_timeout_s`.
+    signing
+        Signs what is sent; what comes must be signed, too.
+    identity
+        Which system is the vehicle; the only aircraft heard in the first 2.5 s if None.
+    alone
+        Whether `run` ends with an error when two systems may be the vehicle; otherwise none is, and
+        `identity.ambiguous` says so.
+
+    Attributes
+    ----------
+    identity
+        Which system is the vehicle.
+    connected
+        Whether the autopilot's heartbeat was heard within `link_timeout_s`.
+    system_status
+        MAV_STATE of our own heartbeat; `ready` sets it.
+    on_change
+        Event (old, new) of the vehicle's state.
+    on_connection
+        Event (connected) when the autopilot is found, lost or found again.
+    on_attitude
+        Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
+    on_position
+        Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
+    on_certain
+        Event (until_ns, mappings) before each pose: up to which of our times stamps of poses are certain, and
+        how often those after it proved wrong, see `AutopilotClock`.
+    on_reboot
+        Event when the autopilot's clock began anew.
+    on_text
+        Event (text, severity) of what the pilot is shown.
+    on_frame, on_sent, on_time_asked
+        Events of the wire, for recordings: (message, now_ns) before it is taken; (frame); (now_ns) of each
+        request for the autopilot's time.
+
+    Raises
+    ------
+    UsageError
+        If the URL is none.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        parameters: Parameters,
+        signing: Signing | None = None,
+        identity: VehicleIdentity | None = None,
+        *,
+        alone: bool = True,
+    ) -> None:
+        self._parameters = parameters
+        self._transport = Transport(parse_url(url))
+        self._codec = Codec(parameters.component_id, signing)
+        self._server = CommandServer()
+        self.identity = VehicleIdentity(listen_ns=LISTEN_NS) if identity is None else identity
+        self._alone = alone
+        self._inbox = Inbox(self._codec, self._server, self.identity, PositionGate(PATIENCE_NS))
+        self._streams = StreamKeeper()
+        self._commander = Commander(self._send_command)
+        self._rates = RateMeter()
+        self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
+        self._text_id = 0
+        self._unheard = UnheardTexts()
+        self._silent_since_ns = 0  # the last heartbeat before the link was lost
+        self._stop: asyncio.Event | None = None
+        self._failure: asyncio.Future[None] | None = None
+        self._ended = asyncio.Event()
+        self.connected = False
+        self.system_status: int = mavlink.MAV_STATE_BOOT
+        self.on_connection: Event[[bool]] = Event()
+        self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
+        self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
+        self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
+        self.on_certain: Event[[int | None, int]] = self._inbox.certain
+        self.on_reboot: Event[[]] = self._inbox.rebooted
+        self.on_text: Event[[str, int]] = Event()
+        self.on_frame: Event[[Any, int]] = Event()
+        self.on_sent: Event[[bytes]] = Event()
+        self.on_time_asked: Event[[int]] = Event()
+        self._inbox.outgoing.subscribe(self.send)
+        self._inbox.reason.subscribe(self._tell_reason)
+        self._inbox.acknowledged.subscribe(self._commander.acknowledge)
+        self._inbox.heartbeat.subscribe(self._heard)
+        self._inbox.rebooted.subscribe(self._streams.restart)
+        self._inbox.stranger.subscribe(self._warn_of)
+
+    # ---- what is known --------------------------------------------------------------------------
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """Newest state of the vehicle."""
+        return self._inbox.vehicle
+
+    @property
+    def believes_position(self) -> bool:
+        """Whether the vehicle's position is told by now, and not held back for want of a fix."""
+        return self._inbox.gate.is_open
+
+    @property
+    def clock(self) -> AutopilotClock:
+        """Maps the autopilot's stamps to ours."""
+        return self._inbox.clock
+
+    @property
+    def timesync(self) -> TimeSync:
+        """The autopilot's clock in ours."""
+        return self._inbox.clock.timesync
+
+    @property
+    def system_id(self) -> int:
+        """System that we speak as, the vehicle's once it is known."""
+        return self._codec.system_id
+
+    @property
+    def component_id(self) -> int:
+        """Component that we speak as."""
+        return self._codec.component_id
+
+    @property
+    def ready(self) -> bool:
+        """Whether our heartbeat says that we work (MAV_STATE_ACTIVE) or still start (MAV_STATE_BOOT)."""
+        return bool(self.system_status == mavlink.MAV_STATE_ACTIVE)
+
+    @ready.setter
+    def ready(self, ready: bool) -> None:
+        self.system_status = mavlink.MAV_STATE_ACTIVE if ready else mavlink.MAV_STATE_BOOT
+
+    def statistics(self) -> LinkStatistics:
+        """Counters, rates and the state of the clock."""
+        at_ns, codec, clock = now_ns(), self._codec, self._inbox.clock
+        sync, signing = clock.timesync, codec.signing
+        return LinkStatistics(
+            received=codec.received,
+            from_vehicle=codec.from_vehicle,
+            lost=codec.lost,
+            bad=codec.bad,
+            bad_bytes=codec.bad_bytes,
+            unknown=codec.unknown,
+            sent=codec.sent,
+            dropped=self._transport.dropped,
+            foreign=self._inbox.foreign,
+            opened=self._transport.opened,
+            rates_hz=self._rates.rates_hz(at_ns),
+            missing=self._streams.missing(at_ns),
+            refused=self._streams.refused,
+            time_source=clock.source,
+            round_trip_ms=sync.round_trip_ns * 1e-6,
+            residual_ms=sync.residual_ns * 1e-6,
+            worst_residual_ms=sync.worst_residual_ns * 1e-6,
+            delay_p50_ms=quantile_ms(clock.delays_ns, 0.5),
+            delay_p99_ms=quantile_ms(clock.delays_ns, 0.99),
+            drift_ppm=sync.drift_ppm,
+            time_resets=sync.resets,
+            implausible_stamps=clock.implausible,
+            commands_executed=self._server.executed,
+            commands_repeated=self._server.repeated,
+            unsigned=signing.unsigned if signing else 0,
+            forged=signing.forged if signing else 0,
+            replayed=signing.replayed if signing else 0,
+            orders_refused=codec.refused_orders,
+        )
+
+    # ---- who wants to know ----------------------------------------------------------------------
+
+    def subscribe(
+        self, type_name: str, handler: Callable[[Any, int], None], *, anyone: bool = False
+    ) -> Unsubscribe:
+        """Call `handler(message, now_ns)` for each message of a type from the vehicle, or from anyone."""
+        return self._subscribers[type_name, anyone].subscribe(handler)
+
+    def on_command(self, handler: Handler) -> None:
+        """Let `handler` carry out and answer commands addressed to this component."""
+        self._server.handler = handler
+
+    # ---- what is sent ---------------------------------------------------------------------------
+
+    def send(self, message: Any) -> None:
+        """Send a message as this component; dropped and counted while no channel is open."""
+        frame = self._codec.encode(message)
+        self._transport.write(frame)
+        self.on_sent.emit(frame)
+
+    async def command(
+        self,
+        command_id: int,
+        *params: float,
+        frame: int | None = None,
+        x: int = 0,
+        y: int = 0,
+        z: float = 0.0,
+        timeout_s: float = 1.5,
+        tries: int = 3,
+        supersede: bool = False,
+    ) -> CommandResult:
+        """Send the vehicle a command and wait for its result.
+
+        Parameters
+        ----------
+        params
+            Up to seven of COMMAND_LONG; with a `frame` (COMMAND_INT) the first four, and x, y (degrees x 1e7,
+            in local frames metres x 1e4) and z (m).
+        supersede
+            End an earlier command of this number instead of waiting for its result.
+        """
+        command = Command(command_id, params, frame, x, y, z)
+        return await self._commander.run(command, timeout_s=timeout_s, tries=tries, supersede=supersede)
+
+    async def set_mode(self, name: str, timeout_s: float = 1.5, tries: int = 3) -> CommandResult:
+        """Ask for a flight mode by name and wait until the vehicle says that it is in it."""
+        command_id = mavlink.MAV_CMD_DO_SET_MODE
+        numbers = mode_parameters(self.vehicle.autopilot, self.vehicle.vehicle_type, name)
+        if numbers is None:
+            return CommandResult(command_id, "unsupported")
+        custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        result = await self.command(
+            command_id, custom, *numbers, timeout_s=timeout_s, tries=tries, supersede=True
+        )
+        if not result.ok or await self._sees_mode(name):
+            return result
+        return CommandResult(command_id, "unconfirmed", result.tries)
+
+    def statustext(self, text: str, severity: int) -> None:
+        """Show a text to the pilot (MAV_SEVERITY 0 emergency to 7 debug)."""
+        self._send_text(text, severity)
+        if self._stop is not None:  # before `run` there is no clock, and nobody hears
+            self._unheard.note(text, severity, now_ns())
+        self.on_text.emit(text, severity)
+
+    def _send_text(self, text: str, severity: int) -> None:
+        self._text_id = self._text_id % 65535 + 1
+        for message in statustext(text, severity, self._text_id):
+            self.send(message)
+
+    # ---- life -----------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Keep the link until `close` or cancelled; the last heartbeat says that we go (MAV_STATE_POWEROFF).
+
+        Raises
+        ------
+        UsageError
+            If the address cannot be opened and never will be, or two systems may be the vehicle.
+        Exception
+            Whatever a subscriber raised.
+        """
+        self._stop, self._failure = asyncio.Event(), asyncio.get_running_loop().create_future()
+        self._ended.clear()
+        try:
+            async with asyncio.TaskGroup() as group:
+                tasks = [
+                    group.create_task(
+                        self._transport.run(self._on_bytes, self._on_up), name="link transport"
+                    ),
+                    group.create_task(self._beat(), name="link heartbeat"),
+                    group.create_task(self._tick(), name="link clock and watch"),
+                    group.create_task(self._keep_streams(), name="link streams"),
+                    group.create_task(_wait_for(self._failure), name="link failure"),
+                ]
+                try:
+                    await self._stop.wait()
+                finally:  # closed, cancelled or failed: while the channel is still open
+                    self._send_heartbeat(mavlink.MAV_STATE_POWEROFF)
+                for task in tasks:
+                    task.cancel()
+        except BaseExceptionGroup as failures:
+            raise failures.exceptions[0] from None
+        finally:
+            self.connected = False
+            self._stop = None
+            self._ended.set()
+
+    async def close(self) -> None:
+        """Let `run` say good-bye, close the channel and return; does nothing if it does not run."""
+        if self._stop is None:
+            return
+        self._stop.set()
+        await self._ended.wait()
+
+    def _on_up(self) -> None:
+        self._codec.restart()
+        self._streams.restart()
+        self._send_heartbeat()
+
+    def _on_bytes(self, data: bytes) -> None:
+        """Take bytes off the wire; an exception here is a fault of ours and ends `run`."""
+        try:
+            at_ns = now_ns()
+            for message in self._codec.decode(data):
+                self._take(message, at_ns)
+        except Exception as error:
+            if self._failure is not None and not self._failure.done():
+                self._failure.set_exception(error)
+
+    def _take(self, message: Any, at_ns: int) -> None:
+        self.on_frame.emit(message, at_ns)
+        name = message.get_type()
+        from_vehicle = self._inbox.take(message, at_ns)
+        if from_vehicle:
+            self._rates.note(name, at_ns)
+            self._streams.heard(name, at_ns)
+        for key in ((name, True), ("*", True), (name, False)):
+            if key in self._subscribers and (key[1] or from_vehicle):
+                self._subscribers[key].emit(message, at_ns)
+
+    # ---- tasks ----------------------------------------------------------------------------------
+
+    async def _beat(self) -> None:
+        while True:
+            self._send_heartbeat()
+            await asyncio.sleep(HEARTBEAT_S)
+
+    async def _tick(self) -> None:
+        while True:
+            at_ns, timeout_ns = now_ns(), round(self._parameters.link_timeout_s * 1e9)
+            self._inbox.settle(at_ns)
+            if self._alone and self.identity.ambiguous:
+                raise self.identity.error()
+            heard_ns = self.vehicle.last_heartbeat_ns
+            if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
+                self._silent_since_ns = heard_ns
+                self._set_connected(False)
+            if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
+                self.on_time_asked.emit(at_ns)
+                self.send(mavlink.MAVLink_timesync_message(0, stamp))
+            await asyncio.sleep(TICK_S)
+
+    async def _keep_streams(self) -> None:
+        while True:
+            stream = self._streams.due(now_ns()) if self.connected else None
+            if stream is not None:
+                result = await self._ask(stream)
+                if result.outcome != "not_connected":
+                    answered = result.outcome in ("denied", "unsupported", "failed", "accepted")
+                    self._streams.asked(stream, now_ns(), accepted=result.ok, answered=answered)
+                    continue
+            await asyncio.sleep(STREAM_PAUSE_S)  # while the line is down a request ends without any waiting
+
+    async def _ask(self, stream: Stream) -> CommandResult:
+        return await self.command(
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            float(stream.message_id),
+            float(stream.interval_us),
+            timeout_s=0.7,
+            tries=2,
+        )
+
+    # ---- details --------------------------------------------------------------------------------
+
+    def _send_heartbeat(self, status: int | None = None) -> None:
+        kind, autopilot = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID
+        status = self.system_status if status is None else status
+        self.send(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, status, 3))
+
+    def _send_command(self, command: Command, tries: int) -> bool:
+        # A lost heartbeat is no reason not to try: the way out may still be open.
+        if self.vehicle.sysid is None or not self._transport.up:
+            return False
+        self.send(command.message(self.vehicle.sysid, mavlink.MAV_COMP_ID_AUTOPILOT1, tries))
+        return True
+
+    def _tell_reason(self, reason: str, accepted: bool) -> None:
+        self.statustext(reason, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING)
+
+    def _warn_of(self, stranger: Candidate) -> None:
+        ours = self.vehicle.sysid
+        self.statustext(
+            f"SLZ: vehicle {stranger.system} heard too, ours is {ours}", mavlink.MAV_SEVERITY_WARNING
+        )
+
+    def _heard(self) -> None:
+        if not self.connected:
+            self._streams.want(wanted(self.vehicle.autopilot, self._parameters.pose_rate_hz))
+            self._set_connected(True)
+            again = [] if self._stop is None else self._unheard.again(self._silent_since_ns, now_ns())
+            for text, severity in again:
+                self._send_text(text, severity)
+
+    def _set_connected(self, connected: bool) -> None:
+        self.connected = connected
+        log.info("autopilot connected") if connected else log.warning("autopilot lost")
+        self.on_connection.emit(connected)
+
+    async def _sees_mode(self, name: str) -> bool:
+        seen = asyncio.Event()
+        unsubscribe = self.on_change(lambda _, new: seen.set() if new.mode == name else None)
+        try:
+            async with asyncio.timeout(MODE_CONFIRM_S):
+                if self.vehicle.mode != name:
+                    await seen.wait()
+        except TimeoutError:
+            return False
+        finally:
+            unsubscribe()
+        return True
+
+
+async def _wait_for(failure: asyncio.Future[None]) -> None:
+    await failure

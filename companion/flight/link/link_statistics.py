@@ -1,0 +1,105 @@
+"""How the link does."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from companion.flight.link.clock.autopilot_clock import Source
+
+WINDOW_NS = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatistics:
+    """Snapshot of counters since the start; rates are of the last two seconds.
+
+    Attributes
+    ----------
+    from_vehicle, lost
+        Frames of the vehicle's autopilot, and those missing by its sequence numbers.
+    bad, bad_bytes, unknown
+        Broken frames; bytes outside any frame; messages that the dialect lacks.
+    dropped
+        Messages of ours that no open channel took.
+    foreign
+        Messages of other systems and components, ignored unless addressed to us.
+    opened
+        Times a channel was opened.
+    missing
+        Streams asked for that are away or slow.
+    delay_p50_ms, delay_p99_ms
+        How long the vehicle's stamped messages were under way, of the newest thousand; None without TIMESYNC.
+    residual_ms, worst_residual_ms
+        Median and greatest distance of the TIMESYNC exchanges believed from the line through them.
+    unsigned, forged, replayed
+        Frames refused because a key is set: without signature, with a wrong one, with an old timestamp.
+    orders_refused
+        Commands and parameter changes among them.
+    refused
+        Streams that the autopilot does not have.
+    """
+
+    received: int
+    from_vehicle: int
+    lost: int
+    bad: int
+    bad_bytes: int
+    unknown: int
+    sent: int
+    dropped: int
+    foreign: int
+    opened: int
+    rates_hz: dict[str, float]
+    missing: tuple[str, ...]
+    time_source: Source
+    round_trip_ms: float
+    residual_ms: float
+    worst_residual_ms: float
+    delay_p50_ms: float | None
+    delay_p99_ms: float | None
+    drift_ppm: float
+    time_resets: int
+    implausible_stamps: int
+    commands_executed: int
+    commands_repeated: int
+    unsigned: int
+    forged: int
+    replayed: int
+    orders_refused: int
+    refused: tuple[str, ...] = ()
+
+
+def quantile_ms(values_ns: Collection[int], share: float) -> float | None:
+    """Return the value below which a share of all lies, in milliseconds; None of none."""
+    if not values_ns:
+        return None
+    return round(sorted(values_ns)[min(len(values_ns) - 1, int(share * len(values_ns)))] * 1e-6, 3)
+
+
+class RateMeter:
+    """Messages a second by name, over windows of two seconds."""
+
+    def __init__(self) -> None:
+        self._begun_ns: int | None = None
+        self._counts: dict[str, int] = {}
+        self._rates_hz: dict[str, float] = {}
+
+    def note(self, name: str, now_ns: int) -> None:
+        """Count a message."""
+        self._turn(now_ns)
+        self._counts[name] = self._counts.get(name, 0) + 1
+
+    def rates_hz(self, now_ns: int) -> dict[str, float]:
+        """Return the rates over the newest full window."""
+        self._turn(now_ns)
+        return dict(self._rates_hz)
+
+    def _turn(self, now_ns: int) -> None:
+        if self._begun_ns is None:
+            self._begun_ns = now_ns
+        elapsed_ns = now_ns - self._begun_ns
+        if elapsed_ns >= WINDOW_NS:
+            self._rates_hz = {name: count * 1e9 / elapsed_ns for name, count in self._counts.items()}
+            self._counts = {}
+            self._begun_ns = now_ns

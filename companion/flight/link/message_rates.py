@@ -1,0 +1,185 @@
+"""Which messages we want from the autopilot, and which of them have to be asked for (again)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.wire.current_mode import CURRENT_MODE
+
+# A stream silent for longer than this, or than three of its periods, is asked for again; then ever more
+# seldom, as an autopilot without a battery monitor will never send its status.
+AWAY_NS = 2_000_000_000
+# So is one that arrives at less than half its rate over this span: another program may have slowed it.
+SPAN_NS = 4_000_000_000
+LONGEST_PAUSE_NS = 30_000_000_000
+
+
+# PX4 sends its mode when it changes, and else so often, whatever was asked for.
+PX4_MODE_HZ = 2.0
+PX4_HEARTBEAT_HZ = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A message and how often it is wanted.
+
+    needed: not one that some autopilots never have to send; one that is not needed and is refused is not
+    asked for again. steady_hz: what arrives at best where it is sent on change; None is `rate_hz`.
+    """
+
+    name: str
+    message_id: int
+    rate_hz: float
+    needed: bool = True
+    steady_hz: float | None = None
+
+    @property
+    def arrives_hz(self) -> float:
+        """Rate of a healthy link."""
+        return self.rate_hz if self.steady_hz is None else self.steady_hz
+
+    @property
+    def interval_us(self) -> int:
+        return round(1e6 / self.rate_hz)
+
+
+def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
+    """Return the streams that an autopilot is asked for, the most needed first."""
+    px4 = autopilot == "px4"
+    streams = [
+        Stream("ATTITUDE_QUATERNION", mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
+        Stream("GLOBAL_POSITION_INT", mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, pose_rate_hz),
+        Stream("EXTENDED_SYS_STATE", mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
+        _PX4_MODE if px4 else _MODE,
+        Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
+        Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),  # a fix, without which no map begins
+        Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
+        Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
+    ]
+    if px4:  # its landing target is taken in its local frame
+        streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
+    return (*streams, *_health(autopilot))
+
+
+def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
+    """Return what tells of the estimator, the sticks and the fence, where the autopilot has them."""
+    sticks = Stream("RC_CHANNELS", mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0, needed=False)
+    if autopilot == "px4":
+        return (
+            Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0, needed=False),
+            Stream("MANUAL_CONTROL", mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL, 5.0, needed=False),
+            sticks,
+        )
+    return (
+        Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 5.0, needed=False),
+        sticks,
+        Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 2.0, needed=False),
+    )
+
+
+def expected(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
+    """Return the streams that should arrive: those asked for, and PX4's heartbeat, whose rate is fixed."""
+    asked = wanted(autopilot, pose_rate_hz)
+    if any(stream.name == _MODE.name for stream in asked):
+        return asked
+    return (*asked, Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, PX4_HEARTBEAT_HZ))
+
+
+_MODE = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 5.0)
+_PX4_MODE = Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=PX4_MODE_HZ)
+
+
+class StreamKeeper:
+    """Remembers when each stream was last asked for and heard.
+
+    Attributes
+    ----------
+    requests
+        Requests made, first ones and repetitions.
+    """
+
+    def __init__(self) -> None:
+        self._streams: dict[str, Stream] = {}
+        self._heard_ns: dict[str, int] = {}
+        self._asked_ns: dict[str, int] = {}
+        self._pause_ns: dict[str, int] = {}
+        self._spans: dict[str, tuple[int, int]] = {}  # beginning, messages since
+        self._slow: set[str] = set()
+        self._refused: set[str] = set()
+        self.requests = 0
+
+    def want(self, streams: tuple[Stream, ...]) -> None:
+        """Replace what is wanted; all of it is due."""
+        self._streams = {stream.name: stream for stream in streams}
+        self.restart()
+
+    def restart(self) -> None:
+        """Ask for everything anew: the autopilot rebooted or the link came back."""
+        for memory in (
+            self._heard_ns,
+            self._asked_ns,
+            self._pause_ns,
+            self._spans,
+            self._slow,
+            self._refused,
+        ):
+            memory.clear()
+
+    def heard(self, name: str, now_ns: int) -> None:
+        """Note a message."""
+        stream = self._streams.get(name)
+        if stream is None or name not in self._asked_ns:
+            return
+        self._heard_ns[name] = now_ns
+        begun_ns, count = self._spans.setdefault(name, (now_ns, 0))
+        if now_ns - begun_ns < SPAN_NS:
+            self._spans[name] = (begun_ns, count + 1)
+            return
+        self._spans[name] = (now_ns, 0)
+        if count / (now_ns - begun_ns) < 0.5e-9 * stream.arrives_hz:
+            self._slow.add(name)
+        else:
+            self._slow.discard(name)
+            self._pause_ns.pop(name, None)
+
+    def due(self, now_ns: int) -> Stream | None:
+        """Return the first stream to ask for now, None if all flow."""
+        return next((s for s in self._streams.values() if self._is_due(s, now_ns)), None)
+
+    def asked(self, stream: Stream, now_ns: int, *, accepted: bool, answered: bool = True) -> None:
+        """Note a request, whether it was answered at all, and whether the autopilot agreed to it."""
+        self.requests += 1
+        name = stream.name
+        if not stream.needed and answered and not accepted:
+            self._refused.add(name)
+        pause = min(2 * self._pause_ns.get(name, AWAY_NS // 2), LONGEST_PAUSE_NS)
+        self._pause_ns[name] = pause if accepted else max(pause, 2 * AWAY_NS)
+        self._asked_ns[name] = now_ns
+        self._spans.pop(name, None)
+        self._slow.discard(name)
+
+    def missing(self, now_ns: int) -> tuple[str, ...]:
+        """Return the names of needed streams that were asked for and never came, are away, or are slow."""
+        asked = (s for s in self._streams.values() if s.needed and s.name in self._asked_ns)
+        return tuple(s.name for s in asked if s.name not in self._heard_ns or self._lacks(s, now_ns))
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """Names of streams that the autopilot does not have; it is not asked for them again."""
+        return tuple(sorted(self._refused))
+
+    def _is_due(self, stream: Stream, now_ns: int) -> bool:
+        if stream.name in self._refused:
+            return False
+        asked = self._asked_ns.get(stream.name)
+        if asked is None:
+            return True
+        return self._lacks(stream, now_ns) and now_ns - asked > self._pause_ns.get(stream.name, AWAY_NS)
+
+    def _lacks(self, stream: Stream, now_ns: int) -> bool:
+        patience = max(AWAY_NS, 3 * round(1e9 / stream.arrives_hz))
+        heard = self._heard_ns.get(stream.name, self._asked_ns[stream.name])
+        return stream.name in self._slow or now_ns - heard > patience

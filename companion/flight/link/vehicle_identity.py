@@ -1,0 +1,166 @@
+"""Identification of the vehicle among the MAVLink systems on one line, without I/O."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.runtime.errors import UsageError
+
+log = logging.getLogger(__name__)
+
+# Two heartbeats of each autopilot on the line, which sends one a second, and half a second of delay.
+LISTEN_NS = 2_500_000_000
+# MAV_TYPE of what can send an autopilot's heartbeat and never lands from the air with a LiDAR: stations,
+# parts of a vehicle, and vehicles of ground and water. Numbers, for the dialect lacks the newest.
+NOT_AIRCRAFT = frozenset(
+    {
+        5,  # antenna tracker
+        6,  # ground control station
+        10,  # ground rover
+        11,  # surface boat
+        12,  # submarine
+        18,  # onboard controller
+        26,  # gimbal
+        27,  # ADS-B
+        30,  # camera
+        31,  # charging station
+        32,  # FLARM
+        33,  # servo
+        34,  # Open Drone ID
+        36,  # battery
+        37,  # parachute
+        38,  # log
+        39,  # OSD
+        40,  # IMU
+        41,  # GPS
+        42,  # winch
+        44,  # illuminator
+        45,  # spacecraft
+        46,  # ground quadruped
+        48,  # gripper
+        49,  # radio
+    }
+)
+NAME_IT = "name the vehicle that carries the LiDAR by --system"
+
+
+class AmbiguousVehicleError(UsageError):
+    """Two systems may be the vehicle, and none was named."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A system with an autopilot. vehicle_type: MAV_TYPE. armed: as of the newest heartbeat."""
+
+    system: int
+    vehicle_type: int
+    armed: bool
+
+    def __str__(self) -> str:
+        return f"system {self.system} ({type_name(self.vehicle_type)})"
+
+
+def type_name(vehicle_type: int) -> str:
+    """Return the name of a MAV_TYPE as words, its number where the dialect has none."""
+    entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
+    name = "" if entry is None else str(entry.name)
+    return name.removeprefix("MAV_TYPE_").replace("_", " ").lower() or f"type {vehicle_type}"
+
+
+def several(candidates: Iterable[Candidate]) -> str:
+    """Return the error of more than one candidate in words."""
+    names = " and ".join(map(str, sorted(candidates, key=lambda candidate: candidate.system)))
+    return f"{names} are heard: {NAME_IT}"
+
+
+class VehicleIdentity:
+    """Which system is the vehicle: the one that was named, else the only aircraft heard.
+
+    The first candidate is followed at once; it is the vehicle once it was the only one for `listen_ns`. Two
+    candidates in that time are ambiguous for good. One heard later changes nothing: in flight another vehicle
+    must never be commanded in place of the first.
+
+    Parameters
+    ----------
+    named
+        The vehicle's system; its type does not matter then.
+    listen_ns
+        How long to listen for a second candidate.
+    remembered
+        Vehicle of the run before. Heard armed, it is the vehicle at once: this run follows a fall of the last
+        in flight, and must not wait or end because somebody else is near.
+
+    Attributes
+    ----------
+    named, remembered
+        As given.
+    system
+        The system that is followed, None while none is.
+    settled
+        Whether that is the vehicle.
+    candidates, passed_over
+        By system: aircraft heard; autopilots of types that are none.
+    """
+
+    def __init__(self, named: int | None = None, listen_ns: int = 0, remembered: int | None = None) -> None:
+        self.named = named
+        self._listen_ns = listen_ns
+        self.remembered = remembered
+        self._begun_ns = 0
+        self._listened = False
+        self.system: int | None = None
+        self.settled = False
+        self.candidates: dict[int, Candidate] = {}
+        self.passed_over: dict[int, Candidate] = {}
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether two candidates were heard before one was the vehicle.
+
+        The vehicle of the run before may be heard last: then not until the time to listen is over.
+        """
+        several_heard = not self.settled and self.named is None and len(self.candidates) > 1
+        return several_heard and (self.remembered is None or self._listened)
+
+    @property
+    def known(self) -> int | None:
+        """The vehicle's system if it was named or is settled."""
+        return self.named or (self.system if self.settled else None)
+
+    def error(self) -> AmbiguousVehicleError:
+        """Return what to tell the user while it is ambiguous."""
+        return AmbiguousVehicleError(several(self.candidates.values()))
+
+    def hear(self, message: Any, now_ns: int) -> Candidate | None:
+        """Take an autopilot's heartbeat; return the candidate if it is new and not the vehicle."""
+        armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        heard = Candidate(message.get_srcSystem(), int(message.type), armed)
+        if heard.system != self.named and heard.vehicle_type in NOT_AIRCRAFT:
+            if heard.system not in self.passed_over:
+                log.info("%s is no aircraft, and not taken for the vehicle", heard)
+            self.passed_over[heard.system] = heard
+            return None
+        new = heard.system not in self.candidates
+        self.candidates[heard.system] = heard
+        if self.settled:
+            return heard if new and heard.system != self.system else None
+        if self.named is not None:
+            if heard.system == self.named:
+                self.system, self.settled = heard.system, True
+        elif heard.system == self.remembered and heard.armed:
+            self.system, self.settled = heard.system, True
+        elif self.system is None:
+            self.system, self._begun_ns = heard.system, now_ns
+        return None
+
+    def settle(self, now_ns: int) -> bool:
+        """Make the only candidate the vehicle once it was listened for long enough; tell whether it is."""
+        if self.system is not None and not self.settled:
+            self._listened = now_ns - self._begun_ns >= self._listen_ns
+            self.settled = self._listened and not self.ambiguous
+        return self.settled

@@ -1,0 +1,318 @@
+"""What the autopilot says of the vehicle, reduced message by message to one snapshot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link import autopilot_health as health
+from companion.flight.link.autopilot_health import FAILSAFE_STATES, Health
+from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
+from companion.flight.link.position_fix import MESSAGES as FIX_MESSAGES
+from companion.flight.link.position_fix import PositionFix
+
+Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+# Boot time that goes back by less is a frame overtaken on the way.
+REBOOT_MS = 1000
+OVERTAKEN_NS = {"px4": 200_000_000}  # in which an autopilot sends less than 128 messages
+OVERTAKEN_DEFAULT_NS = 400_000_000
+# Height over home from which an armed vehicle flies for certain, when it does not say so itself.
+AIRBORNE_M = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """Snapshot of the vehicle; None is unknown, and so is everything an autopilot said before it rebooted.
+
+    Attributes
+    ----------
+    position_lla
+        Latitude, longitude (degrees), altitude above mean sea level (m).
+    velocity_ned_ms, local_ned_m
+        North, east, down; `local_ned_m` from the autopilot's own origin.
+    attitude_wxyz
+        Unit quaternion that turns body forward-right-down into north-east-down.
+    position_boot_ms, local_boot_ms, boot_ms
+        Autopilot's time of the position, of the local position, and of its newest message.
+    reboots
+        Times the autopilot's clock went back.
+    fix
+        What it says of its position's source.
+    heartbeat_seq, mode_seq
+        Number of the newest heartbeat, and of the newest message that told the mode, among all messages of
+        the autopilot, 8 bits.
+    mode_heard_ns
+        When the mode was told last, by HEARTBEAT or CURRENT_MODE.
+    displaced
+        Whether the mode is not the one that its pilot chose, as CURRENT_MODE tells a second before the
+        heartbeat speaks of a failsafe.
+    health
+        What it says of its estimator, its sensors, its fence and the pilot's sticks.
+    """
+
+    sysid: int | None = None
+    autopilot: Autopilot = "unknown"
+    vehicle_type: int = 0
+    armed: bool = False
+    mode: str = ""
+    custom_mode: int = 0
+    system_status: int = 0
+    last_heartbeat_ns: int | None = None
+    heartbeat_seq: int = 0
+    mode_heard_ns: int | None = None
+    mode_seq: int = 0
+    displaced: bool = False
+    reported_landed: Landed = "unknown"
+    battery_pct: float | None = None
+    battery_v: float | None = None
+    home_lla: Vector | None = None
+    fix: PositionFix = PositionFix()  # noqa: RUF009 - it is frozen
+    position_lla: Vector | None = None
+    position_boot_ms: int = 0
+    relative_alt_m: float | None = None
+    velocity_ned_ms: Vector | None = None
+    heading_deg: float | None = None
+    local_ned_m: Vector | None = None
+    local_boot_ms: int = 0
+    attitude_wxyz: Quaternion | None = None
+    rates_rad_s: Vector | None = None
+    boot_ms: int | None = None
+    suspect_boot_ms: int | None = None
+    reboots: int = 0
+    health: Health = field(default_factory=Health)
+
+    @property
+    def landed(self) -> Landed:
+        """Whether it stands or flies: what it reports, else what arming and height leave no doubt about."""
+        if self.reported_landed != "unknown":
+            return self.reported_landed
+        if self.last_heartbeat_ns is None:
+            return "unknown"
+        if not self.armed:
+            return "on_ground"
+        if self.relative_alt_m is not None and self.relative_alt_m > AIRBORNE_M:
+            return "in_air"
+        return "unknown"
+
+    @property
+    def guided(self) -> bool:
+        """Whether the vehicle is in the mode that follows our setpoints."""
+        return self.mode == GUIDED.get(self.autopilot)
+
+    @property
+    def landing(self) -> bool:
+        """Whether the vehicle is in the mode that lands it at our target."""
+        return self.mode == PRECISION_LANDING.get(self.autopilot)
+
+    @property
+    def failsafe(self) -> bool:
+        """Whether the autopilot says that it is in a failsafe of its own."""
+        return self.system_status in FAILSAFE_STATES or (self.displaced and self.armed)
+
+
+def is_autopilot(message: Any) -> bool:
+    """Tell whether this is the heartbeat of an autopilot, not of a companion, camera or ground station."""
+    return bool(
+        message.get_type() == "HEARTBEAT"
+        and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+        and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+        and message.type != mavlink.MAV_TYPE_GCS
+    )
+
+
+def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
+    """Return the state after a message of the vehicle's autopilot.
+
+    A message from before a reboot, or overtaken on its way by more than a second, changes nothing; nor does a
+    heartbeat or a mode that a later one has overtaken.
+    """
+    kind = message.get_type()
+    if kind in _STAMPED:
+        timed = _follow_boot_time(state, message.time_boot_ms)
+        if timed is None:
+            return replace(state, suspect_boot_ms=message.time_boot_ms)
+        state = timed
+    if kind in FIX_MESSAGES:
+        state = replace(state, fix=state.fix.after(message))
+    reducer = _REDUCERS.get(kind)
+    state = state if reducer is None else reducer(state, message, now_ns)
+    found = health.reduce(state.health, message, now_ns)
+    return state if found is state.health else replace(state, health=found)
+
+
+def boot_step_ms(old_ms: int, new_ms: int) -> int:
+    """Return the step between two 32-bit boot times, negative when it goes back, across their overflow."""
+    return (new_ms - old_ms + 2**31) % 2**32 - 2**31
+
+
+def _follow_boot_time(state: VehicleState, boot_ms: int) -> VehicleState | None:
+    """Return the state at a boot time: the same, a new one after a reboot, or None for a lone old message."""
+    if state.boot_ms is None:
+        return replace(state, boot_ms=boot_ms)
+    step = boot_step_ms(state.boot_ms, boot_ms)
+    if step >= -REBOOT_MS:
+        newest = boot_ms if step > 0 else state.boot_ms
+        return replace(state, boot_ms=newest, suspect_boot_ms=None)
+    # One old message may have been held up; two in order are a clock that began anew.
+    if state.suspect_boot_ms is None or boot_step_ms(state.suspect_boot_ms, boot_ms) <= 0:
+        return None
+    return VehicleState(
+        sysid=state.sysid,
+        autopilot=state.autopilot,
+        vehicle_type=state.vehicle_type,
+        armed=state.armed,
+        mode=state.mode,
+        custom_mode=state.custom_mode,
+        last_heartbeat_ns=state.last_heartbeat_ns,
+        mode_heard_ns=state.mode_heard_ns,
+        boot_ms=boot_ms,
+        reboots=state.reboots + 1,
+    )
+
+
+def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    if _overtaken(state.autopilot, m, state.heartbeat_seq, state.last_heartbeat_ns, now_ns):
+        return state
+    autopilot: Autopilot = "other"
+    if m.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        autopilot = "ardupilot"
+    elif m.autopilot == mavlink.MAV_AUTOPILOT_PX4:
+        autopilot = "px4"
+    heard = replace(
+        state,
+        sysid=m.get_srcSystem(),
+        autopilot=autopilot,
+        vehicle_type=m.type,
+        armed=bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
+        system_status=m.system_status,
+        last_heartbeat_ns=now_ns,
+        heartbeat_seq=m.get_seq(),
+    )
+    return _mode(heard, m, now_ns)
+
+
+def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    told = _mode(state, m, now_ns)
+    if told is state:
+        return state
+    return replace(told, displaced=m.intended_custom_mode not in (0, m.custom_mode))
+
+
+def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    """Take the mode of a HEARTBEAT or CURRENT_MODE, whichever was sent later."""
+    if state.sysid is None or _overtaken(state.autopilot, m, state.mode_seq, state.mode_heard_ns, now_ns):
+        return state
+    return replace(
+        state,
+        mode=mode_name(state.autopilot, state.vehicle_type, m.custom_mode),
+        custom_mode=m.custom_mode,
+        mode_heard_ns=now_ns,
+        mode_seq=m.get_seq(),
+    )
+
+
+def _overtaken(autopilot: Autopilot, m: Any, last_seq: int, last_ns: int | None, now_ns: int) -> bool:
+    """Tell whether a message was sent before the last one: it was held up, or is delivered a second time.
+
+    Its mode is an old one, and would look as if the pilot had set it. After `OVERTAKEN_NS` the numbers, of
+    eight bits, say nothing any more.
+    """
+    if last_ns is None or now_ns - last_ns > OVERTAKEN_NS.get(autopilot, OVERTAKEN_DEFAULT_NS):
+        return False
+    return bool((m.get_seq() - last_seq) % 256 > 128)
+
+
+_LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}
+
+
+def _extended_sys_state(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    return replace(state, reported_landed=_LANDED.get(m.landed_state, "unknown"))
+
+
+def _sys_status(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    volts = m.voltage_battery / 1000 if 0 < m.voltage_battery < 0xFFFF else state.battery_v
+    return replace(state, battery_pct=_percent(m.battery_remaining, state.battery_pct), battery_v=volts)
+
+
+def _battery_status(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    if m.id != 0:
+        return state
+    return replace(state, battery_pct=_percent(m.battery_remaining, state.battery_pct))
+
+
+def _percent(value: int, old: float | None) -> float | None:
+    return float(value) if 0 <= value <= 100 else old
+
+
+def _home_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    return replace(state, home_lla=_lla(m.latitude, m.longitude, m.altitude) or state.home_lla)
+
+
+def _global_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    lla = _lla(m.lat, m.lon, m.alt, zero=state.fix.good is True)
+    if lla is None:
+        return state
+    return replace(
+        state,
+        position_lla=lla,
+        position_boot_ms=m.time_boot_ms,
+        relative_alt_m=m.relative_alt / 1000,
+        velocity_ned_ms=(m.vx / 100, m.vy / 100, m.vz / 100),
+        heading_deg=m.hdg / 100 if m.hdg < 36_000 else state.heading_deg,
+    )
+
+
+def _local_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    local = (float(m.x), float(m.y), float(m.z))
+    if not all(map(math.isfinite, local)):
+        return state
+    return replace(state, local_ned_m=local, local_boot_ms=m.time_boot_ms)
+
+
+def _attitude(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    quaternion = unit_quaternion(m.q1, m.q2, m.q3, m.q4)
+    rates = (float(m.rollspeed), float(m.pitchspeed), float(m.yawspeed))
+    if quaternion is None or not all(map(math.isfinite, rates)):
+        return state
+    return replace(state, attitude_wxyz=quaternion, rates_rad_s=rates)
+
+
+def unit_quaternion(w: float, x: float, y: float, z: float) -> Quaternion | None:
+    """Return the quaternion at length one, None if it is no rotation (NaN, or off by over 10 %)."""
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    if not 0.9 <= norm <= 1.1:  # also false for NaN
+        return None
+    return w / norm, x / norm, y / norm, z / norm
+
+
+def _lla(lat_e7: int, lon_e7: int, alt_mm: int, *, zero: bool = False) -> Vector | None:
+    """Return degrees and metres; None for 0, 0, which autopilots send before they know where they are.
+
+    zero: 0, 0 is a place, as any other.
+    """
+    if (lat_e7 == 0 and lon_e7 == 0 and not zero) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
+        return None
+    return lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm / 1000
+
+
+_STAMPED = frozenset(
+    {"ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "SYSTEM_TIME"}
+)
+_REDUCERS: dict[str, Callable[[VehicleState, Any, int], VehicleState]] = {
+    "HEARTBEAT": _heartbeat,
+    "CURRENT_MODE": _current_mode,
+    "EXTENDED_SYS_STATE": _extended_sys_state,
+    "SYS_STATUS": _sys_status,
+    "BATTERY_STATUS": _battery_status,
+    "HOME_POSITION": _home_position,
+    "GLOBAL_POSITION_INT": _global_position,
+    "LOCAL_POSITION_NED": _local_position,
+    "ATTITUDE_QUATERNION": _attitude,
+}

@@ -1,0 +1,156 @@
+"""MAVLink messages to bytes and back (MAVLink 2, the dialect ardupilotmega, which includes common)."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.wire.framing import Framer, message_id
+from companion.flight.link.wire.signing import Signing, Verdict
+
+log = logging.getLogger(__name__)
+
+Message = Any  # pymavlink is untyped
+
+# A larger step of the sequence number means that the sender began anew, not that so many frames were lost;
+# unless it is nearly a whole turn: then it is an old frame come late.
+LARGEST_GAP = 127
+OUT_OF_ORDER = 16
+# What tells us to do or to change something.
+ORDERS = frozenset(
+    {"COMMAND_LONG", "COMMAND_INT", "COMMAND_CANCEL", "PARAM_SET", "PARAM_EXT_SET", "SETUP_SIGNING"}
+)
+
+
+class Codec:
+    """Both directions of one link.
+
+    Parameters
+    ----------
+    component_id
+        Component that we speak as.
+    signing
+        Signs what is sent and judges what comes; without it everything is believed, signed or not.
+
+    Attributes
+    ----------
+    received, undecodable
+        Frames decoded; frames that are whole but make no message.
+    sent
+        Messages encoded.
+    refused_orders
+        Commands and parameter changes among the frames that `signing` refused.
+    """
+
+    def __init__(self, component_id: int, signing: Signing | None = None) -> None:
+        self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=component_id)
+        self._reader = mavlink.MAVLink(None)  # without a key: signatures are judged before it decodes
+        self.signing = signing
+        if signing is not None:
+            self._mavlink.signing.secret_key = signing.secret
+            self._mavlink.signing.sign_outgoing = True
+        self.refused_orders = 0
+        self._warned: set[Verdict] = set()
+        self._framer = Framer()
+        self._sequences: dict[tuple[int, int], int] = {}
+        self._heard: Counter[int] = Counter()  # frames of each system's autopilot
+        self._lost: Counter[int] = Counter()
+        self.received = 0
+        self.undecodable = 0
+        self.sent = 0
+
+    @property
+    def system_id(self) -> int:
+        """System that we speak as: the vehicle's own once it is known."""
+        return int(self._mavlink.srcSystem)
+
+    @system_id.setter
+    def system_id(self, system_id: int) -> None:
+        self._mavlink.srcSystem = system_id
+
+    @property
+    def component_id(self) -> int:
+        return int(self._mavlink.srcComponent)
+
+    @property
+    def from_vehicle(self) -> int:
+        """Frames decoded of the vehicle's autopilot."""
+        return self._heard[self.system_id]
+
+    @property
+    def lost(self) -> int:
+        """Gaps in the sequence numbers of the vehicle's autopilot; of others it passes on only some."""
+        return self._lost[self.system_id]
+
+    @property
+    def bad(self) -> int:
+        """Candidates that were no valid frame."""
+        return self._framer.bad_frames + self.undecodable
+
+    @property
+    def bad_bytes(self) -> int:
+        return self._framer.bad_bytes
+
+    @property
+    def unknown(self) -> int:
+        return self._framer.unknown
+
+    def decode(self, data: bytes) -> Iterator[Message]:
+        """Return the messages that these bytes complete; never raises on what came over the wire."""
+        for frame in self._framer.feed(data):
+            if self.signing is not None and not self._believed(frame, self.signing):
+                continue
+            try:
+                message = self._reader.decode(frame)
+            except mavlink.MAVError:
+                self.undecodable += 1
+                continue
+            self.received += 1
+            self._follow(message)
+            yield message
+
+    def encode(self, message: Message) -> bytes:
+        """Return the frame of a message, numbered in sequence.
+
+        Raises
+        ------
+        struct.error, TypeError
+            If a field does not fit its type: a fault of the program, not of the wire.
+        """
+        if self.signing is not None:
+            self._mavlink.signing.timestamp = self.signing.next_tick()
+        frame = bytes(message.pack(self._mavlink))
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        self.sent += 1
+        return frame
+
+    def restart(self) -> None:
+        """Forget partial frames and sequence numbers: the channel is a new one."""
+        self._framer.reset()
+        self._sequences.clear()
+
+    def _believed(self, frame: bytearray, signing: Signing) -> bool:
+        verdict = signing.judge(frame)
+        if verdict in ("good", "allowed"):
+            return True
+        name = mavlink.mavlink_map[message_id(frame)].msgname
+        self.refused_orders += name in ORDERS
+        if verdict not in self._warned:
+            self._warned.add(verdict)
+            log.warning("%s frames are refused: a key is set (the first was %s)", verdict, name)
+        return False
+
+    def _follow(self, message: Message) -> None:
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        sequence = message.get_seq()
+        last = self._sequences.get(sender)
+        step = 1 if last is None else (sequence - last) % 256
+        if sender[1] == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            self._heard[sender[0]] += 1
+            self._lost[sender[0]] += step - 1 if 1 <= step <= LARGEST_GAP else 0
+        if 1 <= step <= LARGEST_GAP or LARGEST_GAP < step < 256 - OUT_OF_ORDER:
+            self._sequences[sender] = sequence

@@ -1,0 +1,235 @@
+"""The pipeline's own thread: scans in, reports out."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.mapping.report_invariants import (
+    OLDEST_NS,
+    BrokenInvariantError,
+    Invariants,
+    LateReportError,
+)
+from companion.flight.mapping.window_event import WindowEvent, runs
+from companion.runtime.clock import now_ns
+from companion.runtime.event import Event
+from companion.runtime.ring_buffer import Recent
+from params import Parameters
+from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
+from slz.prior import Source as PriorSource
+from slz.warm_up import warm_up
+
+log = logging.getLogger(__name__)
+
+
+class PipelineWorker:
+    """Gathers scans into windows and runs them through the pipeline in one thread.
+
+    A window that comes while another is computed waits; a third replaces the waiting one, and its points are
+    counted as dropped. An exception in the pipeline, or a report that breaks an invariant, makes `invalid`
+    true until a window succeeds again. What is too old to land by, because scans stopped in the middle of a
+    window or the computer is slow, is dropped and counted, and the last report stands until it is too old.
+
+    Parameters
+    ----------
+    prior
+        Gives ground surveyed before the flight.
+    oldest_ns
+        A window or report that ended longer ago is too old to land by.
+
+    Attributes
+    ----------
+    failed, late
+        Windows whose report was withdrawn; windows and reports that were too old.
+    on_invalid
+        Event of a report that failed after others succeeded, with the reason.
+    on_window
+        Event of a window that the pipeline takes now.
+    look
+        Called with the pipeline, in its thread, after a report while no window waits; for displays.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        on_report: Callable[[Report], None],
+        prior: PriorSource | None = None,
+        *,
+        oldest_ns: int = OLDEST_NS,
+    ) -> None:
+        self._parameters = parameters
+        self._prior = prior
+        self._on_report = on_report
+        self._numbers: list[int] = []
+        self._windower = Windower(parameters.window_s)
+        self._pipeline = new_pipeline(parameters, prior)
+        self._oldest_ns = oldest_ns
+        self._invariants = Invariants(oldest_ns)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
+        self._waiting: tuple[Window, list[int], float] | None = None
+        self._windows = 0
+        self.on_window: Event[[WindowEvent, Window]] = Event()
+        self.look: Callable[[Pipeline], None] | None = None
+        self._wake = asyncio.Event()
+        self._select: list[NDArray[np.float64] | None] = []
+        self._forget = False
+        self.on_invalid: Event[[str]] = Event()
+        self.invalid = False
+        self.failed = 0
+        self.late = 0
+        self._busy_since_s: float | None = None
+        self.dropped_windows = 0
+        self.reports = 0
+        self.latencies_ms = Recent(10_000)
+
+    async def warm_up(self) -> None:
+        """Load or compile all kernels; call it before the heartbeat says ready."""
+        await asyncio.get_running_loop().run_in_executor(self._thread, warm_up, self._parameters)
+
+    def offer(self, scan: Scan, number: int = 0) -> None:
+        """Take a scan, by its number among all; never blocks."""
+        window = self._windower.add(scan)
+        numbers, self._numbers = self._numbers, [number] if window is not None else [*self._numbers, number]
+        if window is not None:
+            self._put(window, numbers)
+
+    def flush(self) -> None:
+        """Take what was gathered as a window: for a while nothing is mapped, and it must not wait so long."""
+        window = self._windower.flush()
+        numbers, self._numbers = self._numbers, []
+        if window is not None:
+            self._put(window, numbers)
+
+    def _put(self, window: Window, numbers: list[int]) -> None:
+        if self._waiting is not None:
+            self.dropped_windows += 1
+        self._waiting = (window, numbers, time.perf_counter())
+        self._wake.set()
+
+    def restart(self) -> None:
+        """Forget the map and the selection: the position estimate was moved, and both lie elsewhere now."""
+        self._forget = True
+        self._select = []
+        self._waiting = None
+        self._numbers = []
+        self._windower = Windower(self._parameters.window_s)
+
+    @property
+    def window_s(self) -> float:
+        """Span of the window that is being gathered: the pipeline adapts it."""
+        return self._windower.window_s
+
+    @property
+    def busy(self) -> bool:
+        """Whether a window is being computed."""
+        return self._busy_since_s is not None
+
+    def hangs(self, limit_s: float) -> bool:
+        """Tell whether a window has been computed for longer than a limit."""
+        since_s = self._busy_since_s
+        return since_s is not None and asyncio.get_running_loop().time() - since_s > limit_s
+
+    def select(self, enu_m: NDArray[np.float64] | None) -> None:
+        """Put a landing point under watch from the next window on."""
+        self._select = [enu_m]
+
+    async def run(self) -> None:
+        """Process windows until cancelled."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            if self._waiting is None:
+                continue
+            (window, numbers, arrived), self._waiting = self._waiting, None
+            if now_ns() - window.end_ns > self._oldest_ns:
+                self.late += 1
+                continue
+            selects, self._select = self._select, []
+            anew, self._forget = self._forget, False
+            points = tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in selects)
+            self.on_window.emit(WindowEvent(self._windows, runs(numbers), points, anew), window)
+            self._windows += 1
+            task = partial(self._process, window, selects, anew, loop.time)
+            self._busy_since_s = loop.time()
+            try:
+                report = await loop.run_in_executor(self._thread, task)
+            except LateReportError as error:
+                self.late += 1
+                log.warning("a report came too late: %s", error)
+                continue
+            except Exception as error:
+                self._withdraw(error)
+                continue
+            finally:
+                self._busy_since_s = None
+            if self._forget:  # the estimate moved meanwhile: this tells of places that lie elsewhere now
+                continue
+            self.invalid = False
+            self.reports += 1
+            self._windower.window_s = report.choice.window_s
+            self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
+            self._on_report(report)
+            if self.look is not None and self._waiting is None:
+                await self._show(loop, self.look)
+            if self._waiting is None:
+                await self._prepare(loop)
+
+    async def _show(self, loop: asyncio.AbstractEventLoop, look: Callable[[Pipeline], None]) -> None:
+        """Let a display look; one that fails looks no more, and the landing goes on."""
+        try:
+            await loop.run_in_executor(self._thread, look, self._pipeline)
+        except Exception:
+            self.look = None
+            log.exception("the display of the map failed; it is drawn no more")
+
+    async def _prepare(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Let the pipeline make memory ready; a failure costs time only."""
+        try:
+            await loop.run_in_executor(self._thread, self._pipeline.prepare)
+        except Exception:
+            log.exception("no memory could be made ready for the next window")
+
+    def _withdraw(self, error: Exception) -> None:
+        """Call the last answer invalid: this window has none."""
+        was_invalid, self.invalid = self.invalid, True
+        self.failed += 1
+        known = isinstance(error, BrokenInvariantError)
+        trace = None if known else error
+        log.error("a window failed, the last report is withdrawn: %s", error, exc_info=trace)
+        if not was_invalid:
+            self.on_invalid.emit(str(error) if known else type(error).__name__)
+
+    def _process(
+        self,
+        window: Window,
+        selects: list[NDArray[np.float64] | None],
+        anew: bool,
+        time_s: Callable[[], float],
+    ) -> Report:
+        if anew:
+            self._pipeline = new_pipeline(self._parameters, self._prior)
+        for point in selects:
+            self._pipeline.select(point)
+        report = self._pipeline.process(window)
+        self._invariants.check(report, self._pipeline, round(time_s() * 1e9))
+        return report
+
+    def close(self) -> TerrainMaps | None:
+        """End the thread after the window under way; return the last maps."""
+        self._thread.shutdown(wait=True, cancel_futures=True)
+        return self._pipeline.maps()
+
+
+def new_pipeline(parameters: Parameters, prior: PriorSource | None = None) -> Pipeline:
+    """Return a pipeline that takes a second core where there is one."""
+    return Pipeline(parameters, threads=min(2, os.cpu_count() or 1), prior=prior)

@@ -1,0 +1,58 @@
+"""How regularly a stream is sent, and how old its pose was."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from companion.runtime.ring_buffer import Recent
+
+MOST = 20_000  # kept, a quarter of an hour at 20 Hz
+
+
+class Cadence:
+    """Intervals between the messages of a stream that ought to have a period.
+
+    Parameters
+    ----------
+    hz
+        The rate it ought to have; None for a stream that is sent when there is something to send.
+    """
+
+    def __init__(self, hz: float | None) -> None:
+        self._period_ms = None if hz is None else 1e3 / hz
+        self._last_ns: int | None = None
+        self._intervals_ms = Recent(MOST)
+        self._ages_ms = Recent(MOST)
+        self.count = 0
+
+    def note(self, now_ns: int, pose_age_ns: int | None = None) -> None:
+        """Take the instant of a message, and the age of the newest sample of the pose that it rests on."""
+        if self._last_ns is not None:
+            self._intervals_ms.append((now_ns - self._last_ns) * 1e-6)
+        if pose_age_ns is not None:
+            self._ages_ms.append(pose_age_ns * 1e-6)
+        self._last_ns = now_ns
+        self.count += 1
+
+    def pause(self) -> None:
+        """Note that it stops: what lies between this and the next message is no interval."""
+        self._last_ns = None
+
+    def summary(self) -> dict[str, Any]:
+        """Return the count, the rate, and quantiles of jitter and pose age; nothing of what is unknown."""
+        out: dict[str, Any] = {"count": self.count}
+        intervals = self._intervals_ms.array()
+        if intervals.any():  # all of them 0: it was sent at one instant only
+            out["hz"] = round(1e3 / float(intervals.mean()), 2)
+            if self._period_ms is not None:
+                out["jitter_ms"] = _quantiles(np.abs(intervals - self._period_ms))
+        if self._ages_ms:
+            out["pose_age_ms"] = _quantiles(self._ages_ms.array())
+        return out
+
+
+def _quantiles(values: Any) -> dict[str, float]:
+    p50, p99, most = np.percentile(values, [50, 99, 100])
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(float(most), 2)}

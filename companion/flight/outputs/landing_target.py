@@ -1,0 +1,103 @@
+"""LANDING_TARGET as each autopilot takes it.
+
+ArduPilot takes body forward-right-down with a positive distance, PX4 its own local north-east-down; each
+refuses the other's frame. The stamp is always the companion's own time, which we answer TIMESYNC with: PX4
+adds the offset itself, and would take its own boot time for a future that never expires.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.geometry.axes import Floats, PoseLike, body_frd_m
+from companion.flight.link.vehicle_state import VehicleState, boot_step_ms
+from slz.frame import LocalFrame
+
+# ArduPilot drops a target at distance zero silently.
+LEAST_DISTANCE_M = 0.01
+# Local and global position farther apart than this in time do not tell where the local origin is.
+PAIR_MS = 200
+
+
+def landing_target(
+    vehicle: VehicleState,
+    point_enu_m: ArrayLike,
+    pose: PoseLike,
+    now_ns: int,
+    *,
+    pose_timeout_s: float,
+    frame: LocalFrame | None = None,
+) -> Any | None:
+    """Return the message that leads the vehicle to a point, None if none can be vouched for.
+
+    Parameters
+    ----------
+    vehicle
+        Its autopilot decides on the frame: PX4's is LOCAL_NED, all others get BODY_FRD.
+    point_enu_m
+        Landing point (3,) in the map frame, m.
+    pose
+        Newest pose; one older than `pose_timeout_s` leads nowhere: None.
+    now_ns
+        Companion clock.
+    frame
+        Map frame; without it, or while the place of PX4's local origin is unknown, PX4 gets None.
+    """
+    if now_ns - pose.stamp_ns > pose_timeout_s * 1e9:
+        return None
+    point = np.asarray(point_enu_m, dtype=np.float64)
+    if not all(np.isfinite(a).all() for a in (point, pose.position_enu_m, pose.rotation_enu_from_frd)):
+        return None
+    body = body_frd_m(point, pose)
+    if vehicle.autopilot != "px4":
+        return _message(mavlink.MAV_FRAME_BODY_FRD, body, body, now_ns)
+    origin = None if frame is None else local_origin_enu_m(frame, vehicle)
+    if origin is None:
+        return None
+    east, north, up = point - origin
+    return _message(mavlink.MAV_FRAME_LOCAL_NED, np.array([north, east, -up]), body, now_ns)
+
+
+def _message(frame: int, target_m: Floats, body_m: Floats, now_ns: int) -> Any:
+    forward, right, down = (float(value) for value in body_m)
+    x, y, z = (float(value) for value in target_m)
+    if frame == mavlink.MAV_FRAME_BODY_FRD and math.hypot(x, y, z) < LEAST_DISTANCE_M:
+        x, y, z = 0.0, 0.0, LEAST_DISTANCE_M  # on the point: it is right below
+    return mavlink.MAVLink_landing_target_message(
+        max(1, now_ns // 1000),
+        0,
+        frame,
+        # ArduPilot reads the angles as right and backward of straight down (AC_PrecLand_MAVLink).
+        math.atan2(right, max(down, LEAST_DISTANCE_M)),
+        math.atan2(-forward, max(down, LEAST_DISTANCE_M)),
+        max(LEAST_DISTANCE_M, math.hypot(forward, right, down)),
+        0.0,
+        0.0,
+        x,
+        y,
+        z,
+        [1.0, 0.0, 0.0, 0.0],
+        mavlink.LANDING_TARGET_TYPE_VISION_OTHER,
+        1,
+    )
+
+
+def local_origin_enu_m(frame: LocalFrame, vehicle: VehicleState) -> Floats | None:
+    """Return where the autopilot's local origin lies in the map frame (3,), None while that is unknown.
+
+    The local position, moved with the velocity to the time of the global one, is subtracted from it, so the
+    result follows an origin that the estimator moves.
+    """
+    if vehicle.position_lla is None or vehicle.local_ned_m is None or vehicle.velocity_ned_ms is None:
+        return None
+    step_ms = boot_step_ms(vehicle.local_boot_ms, vehicle.position_boot_ms)
+    if abs(step_ms) > PAIR_MS:
+        return None
+    local_ned = np.array(vehicle.local_ned_m) + np.array(vehicle.velocity_ned_ms) * (step_ms / 1000)
+    local_enu = local_ned[[1, 0, 2]] * np.array([1.0, 1.0, -1.0])
+    return np.asarray(frame.enu_m(*vehicle.position_lla) - local_enu)

@@ -1,0 +1,238 @@
+"""What autopilot and ground stations are told at steady rates, whatever else goes on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.axes import Floats, level_frd_m
+from companion.flight.geometry.pose import Pose
+from companion.flight.link.link import Link
+from companion.flight.mapping.clearance import BAND_M, band_m, height_m, obstacle_points_enu_m
+from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.outputs.cadence import Cadence
+from companion.flight.outputs.distance_sensor import downward_distance
+from companion.flight.outputs.landing_status import Status, status_messages
+from companion.flight.outputs.landing_target import landing_target
+from companion.flight.outputs.obstacle_distance import obstacle_distance
+from companion.flight.outputs.obstacle_points import obstacle_points
+from companion.runtime.clock import now_ns
+from params import Parameters
+from slz import Nearby, Report
+
+HEIGHT_HZ = 10.0
+STATUS_HZ = 1.0
+POINTS_EVERY = 3
+CELL_POINTS = 3
+FARTHEST_M = 50.0
+# A map older than this no longer says what stands around the vehicle.
+REPORT_NS = 5_000_000_000
+
+
+class Streams:
+    """Sends each message at its own rate, with the newest pose, from what the others left here.
+
+    Parameters
+    ----------
+    ranges
+        Whether to tell ranges and obstacles: not where the LiDAR's own data come from the autopilot, which
+        hands on what it is sent, so that the map would confirm itself.
+
+    Attributes
+    ----------
+    target_enu_m
+        Landing point to lead the vehicle to (3,), or None for none.
+    report
+        The newest one, or None while there is none.
+    height_m
+        Height over the ground below as last told, None while unknown.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        history: PoseHistory,
+        memory: ObstacleMemory,
+        parameters: Parameters,
+        status: Callable[[], Status],
+        ranges: bool = True,
+    ) -> None:
+        self._link = link
+        self._history = history
+        self._memory = memory
+        self._parameters = parameters
+        self._status = status
+        self._ranges = ranges
+        self._batch_ms = 0
+        self._turn = 0
+        self.target_enu_m: Floats | None = None
+        self.report: Report | None = None
+        self.height_m: float | None = None
+        self._report_ns = 0
+        self._cadences = {
+            "LANDING_TARGET": Cadence(parameters.landing_target_hz),
+            "OBSTACLE_DISTANCE": Cadence(parameters.obstacle_hz),
+            "OBSTACLE_DISTANCE_3D": Cadence(None),
+            "DISTANCE_SENSOR": Cadence(HEIGHT_HZ),
+        }
+
+    def take(self, report: Report) -> None:
+        """Use a report from now on."""
+        self.report, self._report_ns = report, now_ns()
+
+    def forget(self) -> None:
+        """Use no report and nothing seen before: the position estimate was moved."""
+        self.report = None
+        self._memory.forget()
+
+    async def run(self) -> None:
+        """Send until cancelled."""
+        p = self._parameters
+        async with asyncio.TaskGroup() as group:
+            for name, hz, send in (
+                ("landing target", lambda: p.landing_target_hz, self.send_target),
+                ("obstacles", lambda: p.obstacle_hz, self.send_obstacles),
+                ("height", lambda: HEIGHT_HZ, self.send_height),
+                ("status", lambda: STATUS_HZ, self.send_status),
+            ):
+                group.create_task(_every(hz, send), name=name)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return the cadence of each stream by the name of its message."""
+        return {name: cadence.summary() for name, cadence in self._cadences.items()}
+
+    def around_level_m(self, pose: Pose, at_ns: int, low_m: float) -> Floats:
+        """Return (n, 3) forward, right, down of what is known around: fresh returns, and the map's cells.
+
+        Cells reach from the ground to their tops; those lower than `low_m` below the vehicle are left out. A
+        cell counts as so many points that nobody takes it for dust.
+        """
+        fresh, around = self._memory.level_frd_m(pose, at_ns), self._around()
+        if around is None:
+            return fresh.copy()
+        columns = around.columns_enu_m(float(pose.position_enu_m[2]) - low_m)
+        columns[:, 2] = np.minimum(columns[:, 2], pose.position_enu_m[2])
+        return np.concatenate([fresh, np.repeat(level_frd_m(columns, pose), CELL_POINTS, axis=0)])
+
+    # ---- the streams ----------------------------------------------------------------------------
+
+    def send_target(self) -> None:
+        """Lead the vehicle to the landing point, if there is one."""
+        at_ns = now_ns()
+        pose = None if self.target_enu_m is None else self._history.latest(at_ns)
+        message = None
+        if pose is not None and self.target_enu_m is not None:
+            message = landing_target(
+                self._link.vehicle,
+                self.target_enu_m,
+                pose,
+                at_ns,
+                pose_timeout_s=self._parameters.pose_timeout_s,
+                frame=self._history.frame,
+            )
+        self._send("LANDING_TARGET", message)
+
+    def send_obstacles(self) -> None:
+        """Tell what stands around the vehicle; nothing while the LiDAR is silent, which it must not hide."""
+        pose = self._pose_of_fresh_scans()
+        if pose is None:
+            self._send("OBSTACLE_DISTANCE", None)
+            return
+        p, around = self._parameters, self._around()
+        at_ns = now_ns()
+        reach_m = min(p.lidar_max_m, FARTHEST_M)
+        if self._link.vehicle.landed == "on_ground":  # the ground itself would count, and forbid arming
+            nothing = np.empty((0, 3))
+            band = -BAND_M, BAND_M
+            message = obstacle_distance(nothing, at_ns, min_m=p.lidar_min_m, max_m=reach_m, band_m=band)
+            self._send("OBSTACLE_DISTANCE", message)
+            return
+        band = band_m(self._height_m(pose, at_ns), p.relief_m)
+        if self._turn % POINTS_EVERY == 0:
+            self._send_points(pose, around, band[1], reach_m)
+        self._turn += 1
+        columns = np.empty((0, 3))
+        if around is not None:
+            columns = level_frd_m(around.columns_enu_m(float(pose.position_enu_m[2]) - band[1]), pose)
+        message = obstacle_distance(
+            self._memory.level_frd_m(pose, at_ns),
+            at_ns,
+            min_m=p.lidar_min_m,
+            max_m=reach_m,
+            band_m=band,
+            columns_frd_m=columns,
+            cell_m=0.0 if around is None else around.cell_m,
+        )
+        self._send("OBSTACLE_DISTANCE", message)
+
+    def _send_points(self, pose: Pose, around: Nearby | None, low_m: float, reach_m: float) -> None:
+        """Send a batch of points to ArduPilot; the distances must follow, for some versions forget them."""
+        if self._link.vehicle.autopilot != "ardupilot":
+            return
+        selected = None if self.report is None else self.report.selected
+        points = obstacle_points_enu_m(pose.position_enu_m, around, selected, low_m)
+        self._batch_ms = max(self._batch_ms + 1, self._boot_ms())
+        least_m = self._parameters.lidar_min_m
+        for message in obstacle_points(points, pose, self._batch_ms, min_m=least_m, max_m=reach_m):
+            self._send("OBSTACLE_DISTANCE_3D", message)
+
+    def send_height(self) -> None:
+        """Tell the height over the ground below, while it is known."""
+        pose = self._pose_of_fresh_scans()
+        height = self.height_m = None if pose is None else self._height_m(pose, now_ns())
+        message = None
+        if pose is not None and height is not None:
+            message = downward_distance(height, self._boot_ms(), -float(pose.rotation_enu_from_frd[2, 2]))
+        self._send("DISTANCE_SENSOR", message)
+
+    def send_status(self) -> None:
+        """Tell ground stations how the landing stands."""
+        for message in status_messages(self._status(), self._boot_ms()):
+            self._link.send(message)
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    def _send(self, name: str, message: Any | None) -> None:
+        cadence = self._cadences[name]
+        if message is None:
+            cadence.pause()
+            return
+        self._link.send(message)
+        at_ns, newest_ns = now_ns(), self._history.bracketed_until_ns
+        cadence.note(at_ns, None if newest_ns is None else at_ns - newest_ns)
+
+    def _pose_of_fresh_scans(self) -> Pose | None:
+        if not self._ranges:
+            return None
+        at_ns, newest_ns = now_ns(), self._memory.newest_ns
+        if newest_ns is None or at_ns - newest_ns > self._parameters.lidar_timeout_s * 1e9:
+            return None
+        return self._history.latest(at_ns)
+
+    def _height_m(self, pose: Pose, at_ns: int) -> float:
+        return height_m(pose.position_enu_m, at_ns, self._memory, self._around(), self._parameters.relief_m)
+
+    def _around(self) -> Nearby | None:
+        old = self.report is None or now_ns() - self._report_ns > REPORT_NS
+        return None if old or self.report is None else self.report.nearby
+
+    def _boot_ms(self) -> int:
+        return self._link.vehicle.boot_ms or 0
+
+
+async def _every(hz: Callable[[], float], act: Callable[[], None]) -> None:
+    """Act at the multiples of a period from now, asked for each time; those that passed are left out."""
+    loop = asyncio.get_running_loop()
+    due_s = loop.time()
+    while True:
+        act()
+        period_s = 1 / hz()
+        due_s += period_s
+        late_s = loop.time() - due_s
+        if late_s > 0:
+            due_s += period_s * (late_s // period_s)
+        await asyncio.sleep(due_s - loop.time())

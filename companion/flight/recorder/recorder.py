@@ -1,0 +1,193 @@
+"""Listens to the program's parts and records what they take and what comes of it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from companion.flight.geometry.pose import Pose
+from companion.flight.link.vehicle_identity import VehicleIdentity
+from companion.flight.mapping.window_event import WindowEvent
+from companion.flight.recorder import foxglove_scene, journal
+from companion.flight.recorder.recording_writer import MIB, Entry, McapWriter
+from companion.runtime.clock import now_ns
+from params import Parameters
+from slz import LocalFrame, Report, Window
+
+CLOUD_BYTES = 12 * foxglove_scene.MOST_POINTS
+SMALL_BYTES = 512
+POSE_NS = 100_000_000
+FIX_NS = 200_000_000
+
+
+class Recorder:
+    """Records one flight.
+
+    What a replay needs is lost only when the queue to the disk is full; then a gap is noted, and the replay
+    says so.
+
+    Parameters
+    ----------
+    path
+        File to make.
+    lidar
+        Kind of the sensor, as in the LiDAR's URL.
+    parameters
+        In force now; `record_mb` bounds the file.
+    wall_offset_ns
+        What the time of day is ahead of the companion's clock; one number, for the file's stamps must not
+        jump.
+    setup
+        What beside the sensor's packets decodes them.
+    identity
+        Which system is the vehicle, as far as it is known.
+    gated
+        Positions are held back until one comes with a fix.
+
+    Raises
+    ------
+    UsageError
+        The file is there or cannot be made.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        lidar: str,
+        parameters: Parameters,
+        wall_offset_ns: int,
+        setup: str = "",
+        scans: int = 0,
+        identity: VehicleIdentity | None = None,
+        gated: bool = False,
+    ) -> None:
+        self._wall_offset_ns = wall_offset_ns
+        self._lost = 0
+        self._last_pose_ns = self._last_fix_ns = 0
+        values = parameters.model_dump(mode="json")
+        metadata = {
+            "version": str(journal.VERSION),
+            "lidar": lidar,
+            "lidar_setup": setup,
+            "parameters": json.dumps(values),
+            "clock_offset_ns": str(wall_offset_ns),
+            "scans": str(scans),
+            "gated": str(int(gated)),
+        }
+        if identity is not None:
+            metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
+        self._writer = McapWriter(path, foxglove_scene.channels, int(parameters.record_mb * MIB), metadata)
+        self._handler = _LogHandler(self._log)
+        logging.getLogger("companion").addHandler(self._handler)
+        self._put(foxglove_scene.PARAMETERS, json.dumps(values).encode(), now_ns())
+
+    # ---- what the replay needs ------------------------------------------------------------------
+
+    def frame_in(self, message: Any, at_ns: int) -> None:
+        """Record a frame that was believed."""
+        self._raw(journal.MAVLINK_IN, bytes(message.get_msgbuf()), at_ns)
+
+    def frame_out(self, frame: bytes) -> None:
+        """Record a frame that was sent."""
+        self._put(journal.MAVLINK_OUT, frame, now_ns())
+
+    def time_asked(self, at_ns: int) -> None:
+        """Record that the autopilot was asked for its time."""
+        self._raw(journal.EVENT, json.dumps({"time_asked_ns": at_ns}).encode(), at_ns)
+
+    def packets(self, batch: journal.Batch) -> None:
+        """Record a batch of the sensor's packets, before they are decoded."""
+        self._raw(journal.LIDAR, journal.pack_batch(batch), now_ns())
+
+    def window(self, event: WindowEvent, window: Window) -> None:
+        """Record that the pipeline takes a window now."""
+        at_ns = now_ns()
+        self._raw(journal.EVENT, journal.pack_window(event), at_ns)
+        self._put(
+            foxglove_scene.POINTS,
+            lambda: foxglove_scene.cloud(window, self._wall_ns(at_ns)),
+            at_ns,
+            CLOUD_BYTES,
+        )
+
+    def frame_begun(self, frame: LocalFrame) -> None:
+        """Record that another map frame begins."""
+        at_ns = now_ns()
+        self._raw(journal.EVENT, journal.pack_frame(frame), at_ns)
+
+    def report(self, report: Report) -> None:
+        """Record what came of a window."""
+        at_ns = now_ns()
+        wall_ns = self._wall_ns(at_ns)
+        self._raw(journal.REPORT, lambda: journal.report_document(report), at_ns)
+        self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), at_ns)
+        self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), at_ns)
+
+    # ---- what is for the eye only ---------------------------------------------------------------
+
+    def pose(self, pose: Pose, frame: LocalFrame) -> None:
+        """Record where the vehicle is, ten times a second at most."""
+        at_ns = now_ns()
+        wall_ns = self._wall_ns(at_ns)
+        if at_ns - self._last_pose_ns >= POSE_NS:
+            self._last_pose_ns = at_ns
+            self._put(foxglove_scene.TRANSFORM, lambda: foxglove_scene.transform(pose, wall_ns), at_ns)
+        if at_ns - self._last_fix_ns >= FIX_NS:
+            self._last_fix_ns = at_ns
+            self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), at_ns)
+
+    def changed(self, name: str, value: Any) -> None:
+        """Record a parameter that was set."""
+        self._put(foxglove_scene.PARAMETERS, json.dumps({name: value}).encode(), now_ns())
+
+    # ---- end ------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Write what waits and end the file."""
+        logging.getLogger("companion").removeHandler(self._handler)
+        self._writer.close()
+
+    def statistics(self) -> dict[str, Any]:
+        """Return messages written and dropped by topic, and why the recording ended early, if it did."""
+        writer = self._writer
+        return {
+            "size_mb": round(writer.size_bytes / MIB, 1),
+            "written": dict(writer.written),
+            "dropped": dict(writer.dropped),
+            "ended": writer.ended,
+        }
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    def _raw(self, topic: str, data: bytes | Callable[[], Any], at_ns: int) -> None:
+        """Record what a replay needs; say where something of it was lost."""
+        if self._lost and self._put(journal.GAP, json.dumps({"lost": self._lost}).encode(), at_ns):
+            self._lost = 0
+        if self._lost or not self._put(topic, data, at_ns):
+            self._lost += 1
+
+    def _put(self, topic: str, data: bytes | Callable[[], Any], at_ns: int, size: int = SMALL_BYTES) -> bool:
+        size = len(data) if isinstance(data, bytes) else size
+        return self._writer.put(Entry(topic, self._wall_ns(at_ns), data, size))
+
+    def _wall_ns(self, at_ns: int) -> int:
+        return at_ns + self._wall_offset_ns
+
+    def _log(self, record: logging.LogRecord) -> None:
+        at_ns = round(time.time() * 1e9)
+        self._writer.put(
+            Entry(foxglove_scene.LOG, at_ns, lambda: foxglove_scene.line(record, at_ns), SMALL_BYTES)
+        )
+
+
+class _LogHandler(logging.Handler):
+    def __init__(self, take: Callable[[logging.LogRecord], None]) -> None:
+        super().__init__(logging.INFO)
+        self._take = take
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._take(record)

@@ -1,0 +1,124 @@
+"""Recordings of a flight: one asked for at the start, others begun and ended in flight."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from companion.flight.landing.situation import Reply
+from companion.flight.link.link import Link
+from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.recorder.recorder import Recorder
+from companion.flight.sensors.driver import HasBatches
+from companion.flight.services.settings import Settings
+from companion.runtime.clock import WallOffset
+from companion.runtime.errors import UsageError
+from companion.runtime.event import Unsubscribe
+from companion.runtime.state_directory import StateDir
+
+log = logging.getLogger(__name__)
+
+
+class Recordings:
+    """Makes one recording at a time of what link, sensor, pipeline and settings tell.
+
+    Parameters
+    ----------
+    stream
+        Of the first sensor; a second one's data are not recorded.
+    state
+        Where those begun in flight are kept; None for nowhere.
+    scans
+        How many scans there were before now: windows name theirs by this count.
+
+    Attributes
+    ----------
+    recorder
+        Of the recording under way, None while there is none.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        stream: HasBatches,
+        worker: PipelineWorker,
+        settings: Settings,
+        wall_offset_ns: WallOffset,
+        state: StateDir | None,
+        scans: Callable[[], int] = lambda: 0,
+    ) -> None:
+        self._link, self._stream, self._worker, self._settings = link, stream, worker, settings
+        self._wall_offset_ns, self._scans = wall_offset_ns, scans
+        self._folder = None if state is None else state.folder / "recordings"
+        self._unsubscribe: Sequence[Unsubscribe] = ()
+        self.recorder: Recorder | None = None
+
+    def begin(self, path: Path) -> None:
+        """Record into a file.
+
+        Raises
+        ------
+        UsageError
+            It cannot be made.
+        """
+        stream, settings = self._stream, self._settings
+        link = self._link.identity, not self._link.believes_position
+        begun = self._wall_offset_ns(), stream.setup, self._scans()
+        recorder = Recorder(path, stream.kind, settings.running, *begun, *link)
+        self._unsubscribe = (
+            self._link.on_frame.subscribe(recorder.frame_in),
+            self._link.on_sent.subscribe(recorder.frame_out),
+            self._link.on_time_asked.subscribe(recorder.time_asked),
+            stream.batches.subscribe(recorder.packets),
+            self._worker.on_window.subscribe(recorder.window),
+            settings.on_change.subscribe(recorder.changed),
+        )
+        self.recorder = recorder
+
+    def begin_flight(self, path: Path) -> None:
+        """Record into a file, or beside it where there is one; without a recording it flies all the same."""
+        try:
+            self.begin(fresh(path))
+        except (OSError, UsageError) as error:
+            log.warning("this flight is not recorded: %s", error)
+
+    async def ask(self, on: bool) -> Reply:
+        """Begin a recording in the state directory, or end the one that is made."""
+        recorder = self.recorder
+        if on == (recorder is not None):
+            return Reply(False, "recording already" if on else "nothing is recorded")
+        if recorder is not None:
+            self.recorder = None
+            for unsubscribe in self._unsubscribe:
+                unsubscribe()
+            await asyncio.get_running_loop().run_in_executor(None, recorder.close)
+            return Reply(True, "recording ended")
+        if self._folder is None:
+            return Reply(False, "there is no state directory to record in")
+        path = self._folder / time.strftime("slz-%Y%m%d-%H%M%S.mcap", time.gmtime())
+        try:
+            self._folder.mkdir(exist_ok=True)
+            self.begin(path)
+        except (OSError, UsageError) as error:
+            return Reply(False, f"cannot record: {error}")
+        return Reply(True, f"recording {path.name}")
+
+    def close(self) -> None:
+        """End the recording; its counts stay."""
+        if self.recorder is not None:
+            self.recorder.close()
+
+    def statistics(self) -> dict[str, Any] | None:
+        """Return the counts of the recording, None of none."""
+        return None if self.recorder is None else self.recorder.statistics()
+
+
+def fresh(path: Path) -> Path:
+    """Return a path at which there is nothing: this one, or the same with the next free number."""
+    names = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
+    return next(name for name in itertools.chain([path], names) if not name.exists())

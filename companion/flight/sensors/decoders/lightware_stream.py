@@ -1,0 +1,111 @@
+"""Bytes of a LightWare sensor in, batches of returns out; without I/O.
+
+The sensor sends no time. Its readings come evenly, so those of one piece are dated backwards from its arrival
+by the rate of the last second, or closer together where that would reach behind the piece before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.sensors.decoders.lightware_protocol import LightwareDecoder
+from companion.flight.sensors.packet_stream import Batch, OnReturns
+from companion.flight.sensors.returns import Returns
+from companion.runtime.event import Event
+from params import Parameters
+
+LONGEST_NS = 20_000_000  # between two readings, at 50 a second
+SPAN_NS = 1_000_000_000
+
+
+class LightwareStream:
+    """Decodes and dates readings; the same interface as `PacketStream`.
+
+    Attributes
+    ----------
+    batches
+        Event of the bytes of a batch, before they are decoded.
+    last_arrival_ns
+        Of a reading; None before any.
+    """
+
+    def __init__(self, parameters: Parameters, on_returns: OnReturns) -> None:
+        self._decoder = LightwareDecoder()
+        self._on_returns = on_returns
+        self._delay_ns = round(parameters.lidar_delay_ms * 1e6)
+        self._kept: Batch = []
+        self._begun_ns: int | None = None
+        self._last_ns: int | None = None
+        self._count = 0
+        self._period_ns = LONGEST_NS
+        self._rate_hz = 0.0
+        self.batches: Event[[Batch]] = Event()
+        self.last_arrival_ns: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """As in the URL."""
+        return "lightware"
+
+    @property
+    def setup(self) -> str:
+        """Its data tell all."""
+        return ""
+
+    def __len__(self) -> int:
+        """Return the number of pieces that wait to be decoded."""
+        return len(self._kept)
+
+    def take(self, data: bytes, host: str, arrival_ns: int) -> None:
+        """Keep bytes for the next batch."""
+        self._kept.append((arrival_ns, data))
+
+    def flush(self, now_ns: int) -> None:
+        """Decode what was kept and hand it on."""
+        if not self._kept:
+            return
+        kept, self._kept = self._kept, []
+        self.batches.emit(kept)
+        points: list[NDArray[np.float32]] = []
+        stamps: list[NDArray[np.int64]] = []
+        for arrival_ns, data in kept:
+            before = self._decoder.counters.packets
+            found, numbers = self._decoder.feed(data)
+            readings = self._decoder.counters.packets - before
+            if not readings:
+                continue
+            self._follow(readings, arrival_ns)
+            points.append(found)
+            stamps.append(self._dated(readings, arrival_ns - self._delay_ns)[numbers])
+        if any(map(len, points)):
+            self._on_returns(Returns.plain(np.concatenate(points), np.concatenate(stamps)))
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters of readings and returns, and of what was dropped and why."""
+        return asdict(self._decoder.counters) | {
+            "last_arrival_ns": self.last_arrival_ns,
+            "rate_hz": self._rate_hz,
+        }
+
+    def _dated(self, count: int, newest_ns: int) -> NDArray[np.int64]:
+        """Return when so many readings were taken, the last of them now, and none before the one before."""
+        since_ns = LONGEST_NS * count if self._last_ns is None else max(0, newest_ns - self._last_ns)
+        step_ns = min(self._period_ns, since_ns // count)
+        self._last_ns = newest_ns
+        return np.asarray(newest_ns - np.arange(count, dtype=np.int64)[::-1] * step_ns)
+
+    def _follow(self, readings: int, arrival_ns: int) -> None:
+        """Keep the rate of readings over the last whole second."""
+        self.last_arrival_ns = arrival_ns
+        if self._begun_ns is None:
+            self._begun_ns = arrival_ns
+            return
+        self._count += readings
+        elapsed_ns = arrival_ns - self._begun_ns
+        if elapsed_ns >= SPAN_NS:
+            self._rate_hz = self._count * 1e9 / elapsed_ns
+            self._period_ns = min(LONGEST_NS, elapsed_ns // self._count)
+            self._begun_ns, self._count = arrival_ns, 0

@@ -1,0 +1,156 @@
+"""Decoder of the Livox Mid-360's point packets (Livox LiDAR communication protocol for the Mid-360, v1.4).
+
+A packet is a header of 36 bytes, little endian, and `dot_num` points. `length` counts the whole packet. The
+checksum covers everything from the time stamp on. `timestamp` is the first point's time, `time_interval` the
+time from the first point to the last. `udp_cnt` counts packets, from zero in every frame or without an end.
+Points are given forward, left, up of the sensor's centre. The Mid-360's four laser lines fire in turn, so a
+point's line is its place in the packet modulo four, as the maker's own driver has it; each ray gives one
+return.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+from zlib import crc32
+
+import numpy as np
+
+from companion.flight.sensors.decoders.livox_points import decode_points
+from companion.flight.sensors.returns import RawReturns
+
+# version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
+# crc32, timestamp (ns)
+HEADER = struct.Struct("<BHHHHBBB12xIQ")
+CHECKED_FROM = 28
+IMU = 0
+POINT_BYTES = {1: 14, 2: 8, 3: 10}
+REORDERED = 64  # a packet at most this much behind the newest is late, one farther behind starts a frame
+MOST_NS = 2**62
+TOGETHER = 64  # packets joined for one call: within a processor's nearer memory
+
+
+@dataclass(slots=True)
+class LivoxCounters:
+    """What came, and what was dropped and why.
+
+    `unchecked` packets carry a checksum of zero, which the protocol does not give a meaning: they are taken,
+    since UDP has a checksum of its own.
+    """
+
+    packets: int = 0
+    imu: int = 0
+    malformed: int = 0
+    bad_checksum: int = 0
+    unchecked: int = 0
+    lost_packets: int = 0
+    returns: int = 0
+    no_return: int = 0
+    low_confidence: int = 0
+
+
+@dataclass(slots=True)
+class LivoxDecoder:
+    """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
+
+    kind: ClassVar[str] = "livox"
+    setup: ClassVar[str] = ""
+
+    counters: LivoxCounters = field(default_factory=LivoxCounters)
+    _packets: list[bytes] = field(default_factory=list)
+    _points: int = 0  # in them
+    _next_count: int = 0  # after the newest packet's
+    _sound: tuple[bytes, tuple[int, ...]] = (b"", ())
+
+    def __len__(self) -> int:
+        """Return the number of packets taken and not decoded yet."""
+        return len(self._packets)
+
+    def check(self, packet: bytes) -> int | None:
+        """Return the sensor's time of a packet's last point (ns), or None for what is no sound point packet.
+
+        What is dropped is counted.
+        """
+        c = self.counters
+        if len(packet) < HEADER.size:
+            c.malformed += 1
+            return None
+        header = HEADER.unpack_from(packet)
+        version, length, interval, count, _, _, kind, _, crc, stamp = header
+        if version != 0 or length != len(packet):
+            c.malformed += 1
+            return None
+        if crc == 0:
+            c.unchecked += 1
+        elif crc32(packet[CHECKED_FROM:]) != crc:
+            c.bad_checksum += 1
+            return None
+        if kind == IMU:
+            c.imu += 1
+            return None
+        size = POINT_BYTES.get(kind)
+        if size is None or count == 0 or length != HEADER.size + count * size or stamp > MOST_NS:
+            c.malformed += 1
+            return None
+        self._sound = packet, header
+        last_ns: int = stamp + interval * 100
+        return last_ns
+
+    def take(self, packet: bytes) -> None:
+        """Keep a packet that `check` found sound."""
+        checked, header = self._sound
+        if checked is not packet:
+            header = HEADER.unpack_from(packet)
+        if header[4] == self._next_count:
+            self._next_count += 1
+        else:
+            self._count_lost(header[4])
+        self._packets.append(packet)
+        self._points += header[3]
+
+    def drain(self) -> RawReturns:
+        """Decode the packets taken; what is no return, or one of low confidence, is dropped and counted."""
+        most = self._points
+        xyz = np.empty((most, 3), np.float32)
+        stamps = np.empty(most, np.int64)
+        intensity = np.empty(most, np.uint8)
+        ring = np.empty(most, np.uint8)
+        kept = 0
+        for first in range(0, len(self._packets), TOGETHER):
+            data = np.frombuffer(b"".join(self._packets[first : first + TOGETHER]), np.uint8)
+            returns, absent, doubtful = decode_points(
+                data, xyz[kept:], stamps[kept:], intensity[kept:], ring[kept:]
+            )
+            kept += returns
+            self.counters.no_return += absent
+            self.counters.low_confidence += doubtful
+        self.counters.packets += len(self._packets)
+        self._packets.clear()
+        self._points = 0
+        self.counters.returns += kept
+        one = np.ones(kept, np.uint8)
+        return RawReturns(xyz[:kept], stamps[:kept], intensity[:kept], ring[:kept], one, one)
+
+    def decode(self, packets: Sequence[bytes]) -> RawReturns:
+        """Check and decode packets together; without any return the arrays are empty."""
+        for packet in packets:
+            if self.check(packet) is not None:
+                self.take(packet)
+        return self.drain()
+
+    def _count_lost(self, udp_count: int) -> None:
+        """Count gaps of a counter that runs on, or that begins anew with each frame."""
+        newest = self._next_count - 1
+        ahead = 0 if newest < 0 else (udp_count - newest - 1) % 65536
+        if newest < 0 or ahead < 32768:
+            self.counters.lost_packets += ahead
+            self._next_count = udp_count + 1
+        elif newest - udp_count <= min(REORDERED, newest // 2):
+            # Late, and counted as lost when a later one overtook it; a repeated packet is no late one.
+            if udp_count != newest and self.counters.lost_packets:
+                self.counters.lost_packets -= 1
+        else:
+            self.counters.lost_packets += udp_count  # a new frame, whose first packets may be missing
+            self._next_count = udp_count + 1

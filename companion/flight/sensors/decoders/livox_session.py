@@ -1,0 +1,73 @@
+"""Keeps a Mid-360 sampling and sending to this computer."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable
+from typing import Any
+
+from companion.flight.sensors.decoders.livox_protocol import PORT, LivoxControl
+from companion.runtime.clock import now_ns
+from companion.runtime.errors import UsageError
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.2
+
+
+class LivoxSession(asyncio.DatagramProtocol):
+    """Talks to the sensor's control port.
+
+    Parameters
+    ----------
+    sensor
+        Its address; its port too, where it is not 56100, as ADDRESS:PORT.
+    port
+        On which this computer receives points.
+    last_point_ns
+        When the newest points came.
+    """
+
+    def __init__(self, sensor: str, port: int, last_point_ns: Callable[[], int | None]) -> None:
+        host, _, own = sensor.partition(":")
+        self._sensor = host, int(own or PORT)
+        self._port = port
+        self._last_point_ns = last_point_ns
+        self._control: LivoxControl | None = None
+        self._heard = False
+
+    async def run(self) -> None:
+        """Ask until it samples, and whenever it stops, until cancelled.
+
+        Raises
+        ------
+        UsageError
+            There is no way to that address.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=self._sensor)
+        except OSError as error:
+            why = error.strerror or error
+            raise UsageError(f"LiDAR at {self._sensor[0]}: {why}; is the network card set up?") from None
+        own: socket.socket = transport.get_extra_info("socket")
+        self._control = LivoxControl(own.getsockname()[0], self._port)
+        try:
+            while True:
+                request = self._control.due(now_ns(), self._last_point_ns())
+                if request is not None:
+                    transport.sendto(request)
+                await asyncio.sleep(TICK_S)
+        finally:
+            transport.close()
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        """Take an answer."""
+        if self._control is not None and self._control.take(data) and not self._heard:
+            self._heard = True
+            log.info("LiDAR at %s answers", self._sensor[0])
+
+    def error_received(self, exc: Exception) -> None:
+        """Ignore that nobody listens there yet: it is asked again."""

@@ -1,0 +1,229 @@
+"""Packets of one LiDAR in, batches of returns on the companion's clock out; without I/O."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, Protocol
+
+from companion.flight.sensors.device_clock import SensorClock
+from companion.flight.sensors.packet_identification import NAMES, lookalike
+from companion.flight.sensors.returns import RawReturns, Returns
+from companion.flight.sensors.synchronised_clock import SynchronisedClock
+from companion.runtime.clock import WallOffset
+from companion.runtime.event import Event
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+RATE_NS = 1_000_000_000
+REMEMBERED = 64  # packets among which a repeated one is looked for
+
+OnReturns = Callable[[Returns], None]
+Batch = list[tuple[int, bytes]]  # arrival and packet
+
+
+class Decoder(Protocol):
+    """What decodes a sensor's packets."""
+
+    counters: Any
+    """Dataclass of what came, and what was dropped and why."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of sensor, as in its URL."""
+
+    @property
+    def setup(self) -> str:
+        """What beside its packets decodes them: the sensor's own description, or nothing."""
+
+    def check(self, packet: bytes) -> int | None:
+        """Return the sensor's time of a packet's last point (ns), or None, counted, for what is none."""
+
+    def take(self, packet: bytes) -> None:
+        """Keep a packet that `check` found sound."""
+
+    def drain(self) -> RawReturns:
+        """Decode the packets kept."""
+
+    def __len__(self) -> int:
+        """Return the number of packets kept."""
+
+
+class PacketStream:
+    """Checks, dates and decodes packets.
+
+    It listens to one sensor, that `named` if one is: another host's packets are counted as foreign until
+    the first has been silent for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet
+    that the network delivers twice is taken once. Packets of another maker are counted, and the first is
+    logged; so are those at which the decoder fails. Where it fails at all of them, the sensor is silent.
+
+    Parameters
+    ----------
+    decoder
+        Of this kind of sensor.
+    parameters
+        `lidar_clock`, `lidar_delay_ms` and `lidar_timeout_s`.
+    wall_offset_ns
+        What the time of day is ahead of the companion's clock; for a sensor synchronised by PTP or GPS.
+    on_returns
+        Called with every batch.
+
+    Attributes
+    ----------
+    batches
+        Event of the packets of a batch, before it is decoded.
+    last_arrival_ns
+        Of a sound packet; None before any.
+    """
+
+    def __init__(
+        self,
+        decoder: Decoder,
+        parameters: Parameters,
+        on_returns: OnReturns,
+        wall_offset_ns: Callable[[], int] | None = None,
+        named: str | None = None,
+    ) -> None:
+        self._decoder = decoder
+        self._on_returns = on_returns
+        delay_ns = round(parameters.lidar_delay_ms * 1e6)
+        self._clock: SensorClock | SynchronisedClock = SensorClock(delay_ns)
+        if parameters.lidar_clock != "free":
+            self._clock = SynchronisedClock(wall_offset_ns or WallOffset(), delay_ns)
+        self._patience_ns = round(parameters.lidar_timeout_s * 1e9)
+        self._named = named
+        self._host: str | None = None
+        self._foreign = 0
+        self._repeated = 0
+        self._wrong_sensor = 0
+        self._failed = 0
+        self._decoded_ns: int | None = None
+        self._recent: deque[int] = deque(maxlen=REMEMBERED)
+        self._kept: Batch = []
+        self._rate = _Rate()
+        self.batches: Event[[Batch]] = Event()
+        self.last_arrival_ns: int | None = None
+
+    @property
+    def kind(self) -> str:
+        """Kind of sensor, as in its URL."""
+        return self._decoder.kind
+
+    @property
+    def setup(self) -> str:
+        """What beside its packets decodes them."""
+        return self._decoder.setup
+
+    def __len__(self) -> int:
+        """Return the number of packets that wait to be decoded."""
+        return len(self._decoder)
+
+    def take(self, packet: bytes, host: str, arrival_ns: int) -> None:
+        """Keep a packet for the next batch; what is none is counted and dropped."""
+        try:
+            stamp_ns = self._decoder.check(packet)
+        except Exception:
+            self._fail([(arrival_ns, packet)])
+            return
+        if stamp_ns is None:
+            self._suspect(packet, host)
+            return
+        if not self._is_ours(host, arrival_ns):
+            self._foreign += 1
+            return
+        if self._is_repeated(packet):
+            self._repeated += 1
+            return
+        if self._clock.is_jump(stamp_ns, arrival_ns):
+            self.flush(arrival_ns)  # the packets before have the clock of before
+        self._clock.observe(stamp_ns, arrival_ns)
+        try:
+            self._decoder.take(packet)
+        except Exception:
+            self._fail([(arrival_ns, packet)])
+            return
+        self._kept.append((arrival_ns, packet))
+        self.last_arrival_ns = arrival_ns
+
+    def flush(self, now_ns: int) -> None:
+        """Decode what was kept and hand it on."""
+        if not self._kept:
+            return
+        kept, self._kept = self._kept, []
+        self.batches.emit(kept)
+        try:
+            raw = self._decoder.drain()
+        except Exception:
+            self._fail(kept)
+            return
+        self._decoded_ns = kept[-1][0]
+        if len(raw):
+            self._rate.add(now_ns, len(raw))
+            self._on_returns(raw.later(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters of packets and returns, and of what was dropped and why."""
+        return asdict(self._decoder.counters) | {
+            "foreign": self._foreign,
+            "repeated": self._repeated,
+            "wrong_sensor": self._wrong_sensor,
+            "failed": self._failed,
+            "clock_resets": self._clock.resets,
+            "clock_follows": getattr(self._clock, "keeps", None),
+            "last_arrival_ns": self.last_arrival_ns,
+            "rate_hz": self._rate.hz,
+        }
+
+    def _fail(self, lost: Batch) -> None:
+        """Count packets at which the decoder fails, as if they had not come; the first with its traceback."""
+        if not self._failed:
+            log.exception("the decoder of %s fails; the packet began %s", self.kind, lost[0][1][:64].hex())
+        self._failed += len(lost)
+        self.last_arrival_ns = self._decoded_ns
+
+    def _is_ours(self, host: str, arrival_ns: int) -> bool:
+        silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns
+        if host != self._host and silent and host == (self._named or host):
+            log.info("LiDAR at %s", host)
+            self._host = host
+        return host == self._host
+
+    def _is_repeated(self, packet: bytes) -> bool:
+        digest = hash(packet)
+        repeated = digest in self._recent
+        if not repeated:
+            self._recent.append(digest)
+        return repeated
+
+    def _suspect(self, packet: bytes, host: str) -> None:
+        """Say once what sends to this port if it is another maker's sensor."""
+        found = lookalike(packet)
+        if found is None or found == self.kind:
+            return
+        if not self._wrong_sensor:
+            log.error(
+                "packets from %s look like those of %s, not of %s: is %s: meant in the LiDAR's URL?",
+                *(host, NAMES[found], NAMES.get(self.kind, self.kind), found),
+            )
+        self._wrong_sensor += 1
+
+
+class _Rate:
+    """Returns a second, over the last whole second in which any came."""
+
+    def __init__(self) -> None:
+        self.hz = 0.0
+        self._since_ns: int | None = None
+        self._count = 0
+
+    def add(self, now_ns: int, count: int) -> None:
+        if self._since_ns is None:
+            self._since_ns = now_ns
+        elapsed_ns = now_ns - self._since_ns
+        if elapsed_ns >= RATE_NS:
+            self.hz = self._count * 1e9 / elapsed_ns
+            self._since_ns, self._count = now_ns, 0
+        self._count += count

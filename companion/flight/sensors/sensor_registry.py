@@ -1,0 +1,60 @@
+"""Sensors of others: decoders that a program of the user's adds before it calls ours (`docs/driver.md`)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from companion.flight.sensors.packet_stream import Decoder
+
+OURS = frozenset({"livox", "velodyne", "ouster", "flash", "radar", "lightware", "mavlink"})
+
+
+@dataclass(frozen=True, slots=True)
+class OtherSensor:
+    """Makes the decoder of a kind of sensor; default_port: its own UDP port, None if it has none."""
+
+    make: Callable[[], Decoder]
+    default_port: int | None
+
+
+_SENSORS: dict[str, OtherSensor] = {}
+
+
+def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None = None) -> None:
+    """Make `KIND:HOST:PORT` the URL of a UDP LiDAR, for `--lidar`, replay and all else of this process.
+
+    Parameters
+    ----------
+    kind
+        Lower-case letters, digits and hyphens; the decoder's own `kind`.
+    make
+        Returns a new decoder.
+    default_port
+        Taken where the URL names none, 1 to 65535; None: the URL must.
+
+    Raises
+    ------
+    ValueError
+        The kind is malformed or taken, or the port is none.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9-]*", kind):
+        raise ValueError(f"sensor {kind!r}: a kind is lower-case letters, digits and hyphens")
+    if kind in OURS or kind in _SENSORS:
+        raise ValueError(f"sensor {kind!r} is there already: take another name")
+    if default_port is not None and not 0 < default_port < 65536:
+        raise ValueError(f"sensor {kind!r}: default port {default_port} is not from 1 to 65535")
+    _SENSORS[kind] = OtherSensor(make, default_port)
+
+
+def remove_sensor(kind: str) -> None:
+    """Take back what `add_sensor` added; KeyError if it was not."""
+    del _SENSORS[kind]
+
+
+def other_sensor(kind: str) -> OtherSensor | None:
+    """Return what was added under a name, None for nothing."""
+    return _SENSORS.get(kind)

@@ -1,0 +1,90 @@
+"""The operator's orders as parameters, for ground stations that can set these but send no MAV_CMD_USER_1."""
+
+from __future__ import annotations
+
+from companion.flight.landing.operator_commands import (
+    ABORT,
+    CONFIRM,
+    LAND_AT_BEST,
+    LAND_NOW,
+    SELECT,
+    Operator,
+)
+from companion.flight.services.settings import Change
+from companion.runtime.clock import now_ns
+from params import Row
+
+SELECT_ROW = Row(
+    name="select",
+    mavlink="SLZ_SELECT",
+    unit="",
+    kind=int,
+    low=0,
+    high=2**24,
+    choices=(),
+    default=0,
+    source="operator",
+    sentence="Zone to select by its ID: its best point comes under watch. Reads as the zone under watch.",
+    live=True,
+)
+DO_ROW = Row(
+    name="do",
+    mavlink="SLZ_DO",
+    unit="",
+    kind=int,
+    low=0,
+    high=4,
+    choices=(),
+    default=0,
+    source="operator",
+    sentence="Order: 1 land at the best zone, 2 at the selected point, 3 emergency, 4 abort. Reads as 0.",
+    live=True,
+)
+ORDERS = {1: LAND_AT_BEST, 2: CONFIRM, 3: LAND_NOW, 4: ABORT}
+# A station that missed the answer sets the parameter again: no second order, as long as the first stands.
+REPEAT_NS = 3_000_000_000
+
+
+class OrderParameters:
+    """Keeps SLZ_SELECT and SLZ_DO; nothing of them is stored, and a file of saved parameters orders nothing.
+
+    Attributes
+    ----------
+    rows
+        The two parameters.
+    do
+        Always 0.
+    """
+
+    def __init__(self, operator: Operator) -> None:
+        self._operator = operator
+        self._last: tuple[str, int, int] | None = None  # an order taken: name, value, turn
+        self._last_ns = 0
+        self.rows = (SELECT_ROW, DO_ROW)
+        self.do = 0
+
+    @property
+    def stored(self) -> OrderParameters:
+        """What to read the values from."""
+        return self
+
+    @property
+    def select(self) -> int:
+        """Zone under watch, 0 for none."""
+        return self._operator.watched_zone()
+
+    def change(self, name: str, value: int) -> Change:
+        """Carry out an order, or say why not."""
+        if value == 0:
+            return Change(True, "")
+        row = SELECT_ROW if name == "select" else DO_ROW
+        if row.high is not None and not 0 < value <= row.high:
+            return Change(False, f"{row.mavlink}: must be 0 to {row.high:g}")
+        if (name, value, self._operator.turns) == self._last and now_ns() - self._last_ns < REPEAT_NS:
+            return Change(True, "")
+        what, which = (SELECT, value) if name == "select" else (ORDERS[value], 0)
+        reply = self._operator.order(what, which)
+        repeatable = reply.accepted and what != ABORT  # an abort is carried out each time
+        self._last = (name, value, self._operator.turns) if repeatable else None
+        self._last_ns = now_ns()
+        return Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")

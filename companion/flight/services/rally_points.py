@@ -1,0 +1,227 @@
+"""The best zones as the autopilot's rally points: its own RTL then lands on surveyed ground.
+
+RTL flies to the nearest of rally points and home, also when this program is dead. So only ground of the near
+map that is certain enough is given, and it is taken back when the vehicle is disarmed, lest the next flight
+return to where cars stand by then. The pilot's own points are kept.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.mission_protocol import HIGHEST_M, Download, RallyPoint, Transfer, Upload
+from companion.flight.link.vehicle_state import VehicleState
+from params import Parameters
+from slz import Report, Zone
+
+log = logging.getLogger(__name__)
+
+MOST = 5
+LIMIT_M = 300.0  # RALLY_LIMIT_KM: ArduPilot ignores what is farther
+CHANGED_M = 2.0
+# Between two transfers of ours; after one of somebody else; between looks at what others may have changed.
+PAUSE_NS = 10_000_000_000
+QUIET_NS = 5_000_000_000
+LOOK_NS = 60_000_000_000
+LONGEST_PAUSE_NS = 80_000_000_000
+METRES_PER_E7 = 0.0111319
+HALF_ROUND_E7 = 1_800_000_000
+# The autopilot may give back a coordinate rounded otherwise.
+SAME_E7 = 2
+TRANSFERS = frozenset(
+    {
+        "MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_REQUEST_LIST", "MISSION_ITEM",
+        "MISSION_ITEM_INT", "MISSION_ACK", "MISSION_CLEAR_ALL", "MISSION_WRITE_PARTIAL_LIST",
+    }
+)  # fmt: skip
+
+
+def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -> tuple[RallyPoint, ...]:
+    """Return the rally points of a report: its best near zones, safe and certain, in reach of the vehicle.
+
+    As long as no near zone is, those surveyed before the flight stand in.
+    """
+    if vehicle.position_lla is None or vehicle.relative_alt_m is None:
+        return ()
+    lat, lon, alt = vehicle.position_lla
+    here = (round(lat * 1e7), round(lon * 1e7))
+    home_m = alt - vehicle.relative_alt_m
+    found = _points(report, report.near.zones, parameters.min_certainty, here, home_m, parameters)
+    if not found and report.prior is not None:
+        found = _points(report, report.prior.zones, 0.0, here, home_m, parameters)
+    return found
+
+
+def _points(
+    report: Report,
+    zones: Iterable[Zone],
+    least_certainty: float,
+    here: tuple[int, int],
+    home_m: float,
+    parameters: Parameters,
+) -> tuple[RallyPoint, ...]:
+    points: list[RallyPoint] = []
+    for zone in zones:
+        best = zone.best
+        if best.certainty < least_certainty or not all(map(math.isfinite, best.enu_m)):
+            continue
+        there = [float(v) for v in report.frame.lla(best.enu_m)]
+        above_home_m = math.ceil(there[2] - home_m + parameters.rally_height_m - 0.01)
+        point = RallyPoint(round(there[0] * 1e7), round(there[1] * 1e7), max(-HIGHEST_M, above_home_m))
+        if apart_m(point, *here) <= LIMIT_M:
+            points.append(point)
+        if len(points) == MOST:
+            break
+    return tuple(points)
+
+
+def apart_m(point: RallyPoint, lat_e7: int, lon_e7: int) -> float:
+    """Return the distance over ground, good to a percent over kilometres."""
+    # The shorter way round, across the date line too.
+    turn_e7 = (point.lon_e7 - lon_e7 + HALF_ROUND_E7) % (2 * HALF_ROUND_E7) - HALF_ROUND_E7
+    east = turn_e7 * METRES_PER_E7 * math.cos(math.radians(lat_e7 * 1e-7))
+    return math.hypot((point.lat_e7 - lat_e7) * METRES_PER_E7, east)
+
+
+def moved(old: tuple[RallyPoint, ...], new: tuple[RallyPoint, ...]) -> bool:
+    """Tell whether points differ by more than what is worth a transfer."""
+
+    def near(a: RallyPoint, b: RallyPoint) -> bool:
+        return apart_m(a, b.lat_e7, b.lon_e7) <= CHANGED_M and abs(a.alt_m - b.alt_m) <= CHANGED_M
+
+    return len(old) != len(new) or any(not any(near(a, b) for b in old) for a in new)
+
+
+class Rally:
+    """Keeps our points on the vehicle beside those of others.
+
+    Parameters
+    ----------
+    ours
+        Points of ours that an earlier run may have left on the vehicle.
+
+    Attributes
+    ----------
+    ours
+        Points that may be on the vehicle and are ours: remember them for the next start.
+    foreign
+        Points of others on the vehicle, as of the last look.
+    uploads, failures
+        Transfers that changed the vehicle's points; transfers that did not end well.
+    """
+
+    def __init__(self, ours: Iterable[RallyPoint] = ()) -> None:
+        self.ours: tuple[RallyPoint, ...] = tuple(ours)
+        self.foreign: tuple[RallyPoint, ...] = ()
+        self.uploads = 0
+        self.failures = 0
+        self._there: tuple[RallyPoint, ...] | None = None  # ours on the vehicle for certain
+        self._goal: tuple[RallyPoint, ...] = ()
+        self._owed: tuple[RallyPoint, ...] = ()  # of others, that a broken upload may have cut off
+        self._transfer: Transfer | None = None
+        self._next_ns = 0
+        self._look_ns = 0
+        self._others_ns: int | None = None
+        self._pause_ns = PAUSE_NS
+
+    @property
+    def busy(self) -> bool:
+        """Whether a transfer is under way."""
+        return self._transfer is not None
+
+    def poll(
+        self, now_ns: int, wanted: tuple[RallyPoint, ...] | None, vehicle: int, us: tuple[int, int]
+    ) -> list[Any]:
+        """Return what to send now.
+
+        Parameters
+        ----------
+        wanted
+            Points that should be on the vehicle; None leaves them as they are.
+        vehicle, us
+            The vehicle's system; our system and component.
+        """
+        if self._transfer is None:
+            if wanted is None or not self._calls_for(wanted, now_ns):
+                return []
+            self._goal = wanted
+            self._transfer = Download(vehicle, *us)
+        out = self._transfer.poll(now_ns)
+        return out + self._go_on(now_ns, vehicle, us)
+
+    def hear(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
+        """Take a message of the mission protocol, whoever sent it, and return the answers."""
+        if message.get_type() not in TRANSFERS:
+            return []
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        if (message.target_system, message.target_component) != us:
+            if vehicle in (sender[0], message.target_system):  # not of another vehicle's points
+                self._others_ns = now_ns
+            return []
+        if self._transfer is None or sender != (vehicle, mavlink.MAV_COMP_ID_AUTOPILOT1):
+            return []
+        return self._transfer.take(message, now_ns) + self._go_on(now_ns, vehicle, us)
+
+    def _calls_for(self, wanted: tuple[RallyPoint, ...], now_ns: int) -> bool:
+        if now_ns < self._next_ns or self._others_are_at_it(now_ns):
+            return False
+        if not wanted and not self.ours:
+            return False
+        return self._there is None or moved(self._there, wanted) or (bool(wanted) and now_ns >= self._look_ns)
+
+    def _others_are_at_it(self, now_ns: int) -> bool:
+        return self._others_ns is not None and now_ns - self._others_ns < QUIET_NS
+
+    def _go_on(self, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
+        """Start what follows a transfer that has ended."""
+        transfer = self._transfer
+        if transfer is None or transfer.outcome is None:
+            return []
+        self._transfer = None
+        self._next_ns = now_ns + PAUSE_NS
+        if transfer.outcome != "done":
+            return self._failed(transfer, now_ns)
+        self._pause_ns = PAUSE_NS
+        if not isinstance(transfer, Download):
+            self.uploads += 1
+            self._owed = ()
+            self._settled(now_ns)
+            return []
+        points = tuple(transfer.points)
+        found = tuple(p for p in points if not any(_same(p, own) for own in self.ours))
+        left = tuple(p for p in points if p not in found)
+        lost = tuple(p for p in self._owed if not any(_same(p, other) for other in found))
+        self.foreign = (*found, *lost)
+        if not lost and not moved(left, self._goal):
+            self._goal = left
+            self._settled(now_ns)
+            return []
+        if self._others_are_at_it(now_ns):
+            return []
+        self.ours = (*self.ours, *self._goal)  # before it is so: we may die in between
+        self._transfer = Upload(vehicle, *us, (*self.foreign, *self._goal))
+        return self._transfer.poll(now_ns)
+
+    def _settled(self, now_ns: int) -> None:
+        self.ours = self._there = self._goal
+        self._look_ns = now_ns + LOOK_NS
+
+    def _failed(self, transfer: Transfer, now_ns: int) -> list[Any]:
+        self.failures += 1
+        self._there = None
+        if isinstance(transfer, Upload):
+            self._owed = self.foreign
+        self._next_ns = now_ns + self._pause_ns
+        self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
+        what = "reading" if isinstance(transfer, Download) else "writing"
+        log.warning("%s rally points: %s (%d)", what, transfer.outcome, transfer.refusal)
+        return []
+
+
+def _same(a: RallyPoint, b: RallyPoint) -> bool:
+    return abs(a.lat_e7 - b.lat_e7) <= SAME_E7 and abs(a.lon_e7 - b.lon_e7) <= SAME_E7

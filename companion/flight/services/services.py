@@ -1,0 +1,183 @@
+"""What the link serves beside the landing: parameters, rally points, and the memory of signing."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.link import Link
+from companion.flight.link.mission_protocol import RallyPoint
+from companion.flight.link.wire.signing import HIGHEST_TICK, Signing
+from companion.flight.link.wire.signing_key import read_key
+from companion.flight.services.parameter_server import Keeper, ParameterServer
+from companion.flight.services.rally_points import TRANSFERS, Rally, best_points
+from companion.flight.services.settings import Settings
+from companion.runtime.clock import now_ns
+from companion.runtime.state_directory import StateDir
+from slz import Report
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+SIGNING_FILE = "signing"
+RALLY_FILE = "rally"
+
+
+def start_signing(key_file: Path, state: StateDir) -> Signing:
+    """Read the key and go on from the timestamp of the last flight, from the date if there is none.
+
+    Raises
+    ------
+    UsageError
+        The key is refused, or the timestamp's file cannot be read at all.
+    """
+    key = read_key(key_file)
+    text = state.read(SIGNING_FILE, damaged=True)
+    text = "0" if text is None else text.strip()
+    tick = _tick(text)
+    if tick is None:
+        path = state.folder / SIGNING_FILE
+        log.warning("%s: %r is no timestamp; those of signing begin with the date", path, text[:20])
+    log.info("MAVLink is signed: the key is %s", key.form)
+    return Signing(key.secret, tick or 0)
+
+
+def _tick(text: str) -> int | None:
+    """Return the timestamp that a text is, None if it is none."""
+    if not (text.isascii() and text.isdigit() and len(text) <= len(str(HIGHEST_TICK))):
+        return None
+    return int(text) if int(text) <= HIGHEST_TICK else None
+
+
+class Services:
+    """Serves the parameters to ground stations, and the best zones to the autopilot as rally points.
+
+    Parameters
+    ----------
+    link, settings
+        Where they come from, and who keeps the values.
+    signing, state
+        The signed link's timestamp and our rally points are remembered there.
+    report
+        Gives the newest report, None while there is none that is fresh.
+    orders
+        Parameters that are orders.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        settings: Settings,
+        signing: Signing | None = None,
+        state: StateDir | None = None,
+        report: Callable[[], Report | None] = lambda: None,
+        orders: tuple[Keeper, ...] = (),
+    ) -> None:
+        self._link = link
+        self._settings = settings
+        self.report = report
+        self._seen: Report | None = None
+        self._points: tuple[RallyPoint, ...] = ()
+        self._signing = signing
+        self._state = state
+        self._unsynced = False
+        self.parameters = ParameterServer(settings, *orders)
+        self.parameters.told.subscribe(self._tell)
+        for name in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
+            link.subscribe(name, self._parameter, anyone=True)
+        self._remembered = () if state is None else _read_points(state)
+        self.rally = Rally(self._remembered)
+        for name in sorted(TRANSFERS):
+            link.subscribe(name, self._mission, anyone=True)
+
+    async def run(self) -> None:
+        """Send what is due until cancelled."""
+        try:
+            while True:
+                for message in self.parameters.poll(now_ns()):
+                    self._link.send(message)
+                self._keep_rally_points()
+                await self._sync_points()
+                await self._save_timestamp()
+                await asyncio.sleep(TICK_S)
+        finally:
+            if self._signing is not None:
+                self._write_timestamp(self._signing.tick)
+
+    def _parameter(self, message: Any, _at_ns: int) -> None:
+        self.parameters.bytewise = self._link.vehicle.autopilot == "px4"
+        for answer in self.parameters.take(message, self._link.system_id, self._link.component_id):
+            self._link.send(answer)
+
+    def _mission(self, message: Any, at_ns: int) -> None:
+        link = self._link
+        if link.vehicle.sysid is not None:
+            us = (link.system_id, link.component_id)
+            self._send_mission(self.rally.hear(message, at_ns, link.vehicle.sysid, us))
+
+    def _keep_rally_points(self) -> None:
+        link = self._link
+        if link.vehicle.sysid is None or not (link.connected or self.rally.busy):
+            return
+        us = (link.system_id, link.component_id)
+        self._send_mission(self.rally.poll(now_ns(), self._wanted_points(), link.vehicle.sysid, us))
+
+    def _wanted_points(self) -> tuple[RallyPoint, ...] | None:
+        """Return the rally points that should be there now, None to leave them as they are."""
+        parameters, vehicle = self._settings.running, self._link.vehicle
+        if parameters.rally == "off" or not vehicle.armed:
+            return ()
+        report = self.report()
+        if report is None:
+            return None
+        if report is not self._seen:  # once a report: the tick is twenty times as quick
+            self._seen, self._points = report, best_points(report, vehicle, parameters)
+        return self._points
+
+    def _send_mission(self, messages: list[Any]) -> None:
+        """Send; first remember which points are ours, for we may die before they are taken back."""
+        if self._state is not None and self.rally.ours != self._remembered:
+            self._remembered = self.rally.ours
+            lines = "".join(f"{p.lat_e7} {p.lon_e7} {p.alt_m}\n" for p in self._remembered)
+            if fault := self._state.write(RALLY_FILE, lines, durable=False):
+                log.warning("our rally points are not remembered: %s", fault)
+            self._unsynced = not fault
+        for message in messages:
+            self._link.send(message)
+
+    def _tell(self, text: str, accepted: bool) -> None:
+        log.info(text)
+        self._link.statustext(text, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING)
+
+    async def _sync_points(self) -> None:
+        """Let our points survive a power cut; in a thread, for nothing here may wait for a card."""
+        if self._unsynced and self._state is not None:
+            self._unsynced = False
+            if fault := await asyncio.to_thread(self._state.sync, RALLY_FILE):
+                log.warning("our rally points are not kept: %s", fault)
+
+    async def _save_timestamp(self) -> None:
+        tick = None if self._signing is None else self._signing.to_save()
+        if tick is not None:
+            await asyncio.to_thread(self._write_timestamp, tick)
+
+    def _write_timestamp(self, tick: int) -> None:
+        if self._state is not None and (fault := self._state.write(SIGNING_FILE, f"{tick}\n")):
+            log.warning("the timestamp of signing is not kept: %s", fault)
+
+
+def _read_points(state: StateDir) -> tuple[RallyPoint, ...]:
+    """Return the points that an earlier run may have left on the vehicle; a line that is none is left out."""
+    points = []
+    for line in (state.read(RALLY_FILE, damaged=True) or "").splitlines():
+        try:
+            lat_e7, lon_e7, alt_m = map(int, line.split())
+            points.append(RallyPoint(lat_e7, lon_e7, alt_m))
+        except ValueError:
+            log.warning("%s: %r is no rally point", state.folder / RALLY_FILE, line[:40])
+    return tuple(points)

@@ -1,0 +1,128 @@
+"""Parameters that can be changed while the program runs, and are remembered for the next start."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, cast
+
+import params
+from companion.runtime.errors import UsageError
+from companion.runtime.event import Event
+from companion.runtime.state_directory import StateDir
+from params import ParameterError, Parameters, Row
+
+FILE = "parameters.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What became of a new value: whether it is kept, and what to tell the pilot."""
+
+    accepted: bool
+    reason: str
+
+
+class Settings:
+    """Holder of the parameters in force and of those for the next start.
+
+    A value whose row is `live` takes effect at once, any other at the next start. Either is refused, and the
+    old one kept, when it is out of range or does not go with the others, now or at the next start.
+
+    Attributes
+    ----------
+    running, stored
+        Parameters in force; those of the next start.
+    rows
+        The table.
+    on_change
+        Told the Python name and the value of what was set.
+    """
+
+    def __init__(self, parameters: Parameters, state: StateDir | None = None) -> None:
+        self.running = self.stored = parameters
+        self._state = state
+        self._changed = {} if state is None else read_stored(state)
+        self.on_change: Event[[str, Any]] = Event()
+        self.rows = params.rows()
+        self._rows = {row.name: row for row in self.rows}
+
+    @property
+    def live(self) -> Parameters:
+        """Parameters that always read as the ones in force: hand these to whatever runs on."""
+        return cast(Parameters, _Live(self))
+
+    def change(self, name: str, value: Any) -> Change:
+        """Set a parameter by its Python name; out of range, the old value stays."""
+        row = self._rows[name]
+        try:
+            stored = params.build(self.stored.model_dump() | {name: value})
+            running = self.running
+            if row.live:
+                running = params.build(running.model_dump() | {name: value})
+        except ParameterError as error:
+            return Change(False, f"{row.mavlink}: {_short(str(error), row)}")
+        new = getattr(stored, name)
+        if new == getattr(self.stored, name):
+            return Change(True, "")
+        changed = self._changed | {name: new}
+        if self._state is not None and (fault := self._state.write_behind(FILE, _toml(changed))):
+            return Change(False, f"{row.mavlink} not kept: {fault}")
+        self.stored, self.running, self._changed = stored, running, changed
+        self.on_change.emit(name, new)
+        when = "now" if row.live else "at the next start"
+        return Change(True, f"{row.mavlink} {_shown(new)} {row.unit}".rstrip() + f" {when}")
+
+
+class _Live:
+    """Reads as the parameters in force; made for readers that keep it while values change."""
+
+    __slots__ = ("_settings",)
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._settings.running, name)
+
+
+def load(profile: str, settings: Iterable[str], state: StateDir) -> Parameters:
+    """Return the parameters to start with: profile, then what was set in flight, then the command line.
+
+    Raises
+    ------
+    ParameterError
+        The profile or a setting is wrong.
+    UsageError
+        What was stored is: start without it only knowingly.
+    """
+    settings = list(settings)
+    params.load(profile, settings)  # their own faults first
+    try:
+        return params.load(profile, settings, read_stored(state))
+    except ParameterError as error:
+        raise UsageError(f"{state.folder / FILE}: {error}; mend or delete the file") from None
+
+
+def read_stored(state: StateDir) -> dict[str, Any]:
+    """Return the values of the state directory's file; raise `UsageError` if it is no TOML."""
+    try:
+        return tomllib.loads(state.read(FILE) or "")
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{state.folder / FILE}: {error}; mend or delete the file") from None
+
+
+def _toml(values: dict[str, Any]) -> str:
+    lines = (f"{name} = {json.dumps(value)}\n" for name, value in sorted(values.items()))
+    return "# Set over MAVLink; --set on the command line wins over these.\n" + "".join(lines)
+
+
+def _short(error: str, row: Row) -> str:
+    """Return a refusal without the name, which stands before it, as the pilot's screen is narrow."""
+    return f"must be {params.allowed(row)}" if "is refused: it must be" in error else error
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

@@ -1,0 +1,151 @@
+"""The first start on a computer, or after an update: kernels are compiled, by all cores, and kept."""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import logging
+import os
+import queue
+import re
+import runpy
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+from subprocess import DEVNULL, PIPE
+from types import ModuleType
+from typing import IO, cast
+
+from params import Parameters
+
+log = logging.getLogger(__name__)
+
+ROOT = Path(__file__).parents[2]
+FLOWN = ("slz/kernels", "companion/flight")  # folders with kernels of a flight
+_OF_KERNELS = runpy.run_path(str(ROOT / "slz" / "kernels" / "source_stamp.py"))  # its package would load all
+sources_of: Callable[[Path, Path], dict[Path, bytes]] = _OF_KERNELS["sources_of"]
+stamp: Callable[[Path, Path], bytes] = _OF_KERNELS["stamp"]
+COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's, of this Python
+EAGER = re.compile(
+    rb'@kernel\(\s*f?"'
+)  # compiled when it is imported; others with the kernels that call them
+# Folders of `slz/kernels` that not every flight needs.
+OF_SOURCE_MODE = frozenset({"paper"})
+SELDOM = frozenset({"instruments", "survey"})  # seconds, when they are used
+NO_MORE = frozenset[str]()
+MOST_CORES = 4  # half a gigabyte of memory
+
+
+def of_mode(mode: str) -> frozenset[str]:
+    """Return the folders of kernels that a mode needs beside those of every flight."""
+    return OF_SOURCE_MODE if mode == "source" else NO_MORE
+
+
+def is_first(also: frozenset[str] = NO_MORE) -> bool:
+    """Tell whether some source of a flight's kernels has nothing compiled, or only what it was before.
+
+    also: folders of kernels looked at beside those of every flight.
+    """
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return False  # nothing is ever compiled
+    compiled: dict[str, list[Path]] = {}
+    for folder in _caches():
+        for path in folder.rglob(COMPILED):
+            compiled.setdefault(path.name.partition(".")[0], []).append(path)
+    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources(also))
+
+
+def _is_compiled(source: Path, compiled: list[Path]) -> bool:
+    """Tell whether something compiled is newer than its sources, or of the same text: Numba goes by that."""
+    written = max(path.stat().st_mtime for path in sources_of(source, ROOT))
+    if any(path.stat().st_mtime >= written for path in compiled):
+        return True
+    text = stamp(source, ROOT)
+    return any(text in path.read_bytes() for path in compiled)
+
+
+def compile_kernels(progress: Callable[[int, int], None], also: frozenset[str] = NO_MORE) -> None:
+    """Compile what is not compiled yet, as many modules at a time as there are cores.
+
+    Whatever goes wrong here is left to whoever imports the kernels next: that compiles what is missing.
+
+    Parameters
+    ----------
+    progress
+        Called with the number of modules done and of all, by several threads.
+    also
+        Folders of kernels compiled beside those of every flight.
+    """
+    sources = sorted(_sources(also), key=lambda path: -path.stat().st_size)  # the longest begin first
+    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources]
+    waiting, count = queue.SimpleQueue[str](), itertools.count(1)
+    for name in names:
+        waiting.put(name)
+    cores = min(MOST_CORES, len(os.sched_getaffinity(0)))
+    children: list[subprocess.Popen[str]] = []
+    with ThreadPoolExecutor(cores) as threads:
+        try:
+            work = waiting, lambda: progress(next(count), len(names)), children
+            wait([threads.submit(_have_compiled, *work) for _ in range(cores)])
+        except BaseException:  # a signal
+            for child in children:
+                child.terminate()
+            raise
+
+
+def everything() -> None:
+    """Compile all there is, for whoever installs the program."""
+    compile_kernels(lambda *_: None, OF_SOURCE_MODE | SELDOM)
+    importlib.import_module("companion.flight.app")
+    importlib.import_module("slz.warm_up").warm_up(Parameters())
+
+
+def _have_compiled(
+    waiting: queue.SimpleQueue[str], done: Callable[[], None], children: list[subprocess.Popen[str]]
+) -> None:
+    """Give the modules that wait to a process, one after the other."""
+    command = [sys.executable, "-m", "companion.runtime.kernel_compilation"]
+    try:
+        with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, stderr=DEVNULL, text=True, cwd=ROOT) as child:
+            children.append(child)
+            asked, told = cast(IO[str], child.stdin), cast(IO[str], child.stdout)
+            while True:
+                asked.write(waiting.get_nowait() + "\n")
+                asked.flush()
+                if not told.readline():
+                    return
+                done()
+    except (queue.Empty, OSError) as error:
+        log.debug("no more is compiled: %r", error)
+
+
+def _kernels_alone() -> None:
+    """Put an empty package in the place of `slz`, which would import all kernels before the first one."""
+    package = ModuleType("slz")
+    package.__path__ = [str(ROOT / "slz")]
+    sys.modules["slz"] = package
+
+
+def _sources(also: frozenset[str] = NO_MORE) -> Iterator[Path]:
+    """Return the modules with kernels that are compiled when they are imported."""
+    left_out = (OF_SOURCE_MODE | SELDOM) - also
+    for path in itertools.chain.from_iterable((ROOT / folder).rglob("*.py") for folder in FLOWN):
+        if path.parent.name not in left_out and EAGER.search(path.read_bytes()):
+            yield path
+
+
+def _caches() -> list[Path]:
+    """Return where Numba may keep what it compiled: beside the sources, or where those cannot be written."""
+    if own := os.environ.get("NUMBA_CACHE_DIR"):
+        return [Path(own)]
+    at_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
+    return [ROOT / "slz", ROOT / "companion", at_home]
+
+
+if __name__ == "__main__":  # of `compile_kernels`: modules come by name, a line each, and are imported
+    _kernels_alone()
+    for line in sys.stdin:
+        importlib.import_module(line.strip())
+        print("done", flush=True)

@@ -1,0 +1,123 @@
+"""An event loop on simulated time: whenever it is idle, it asks the simulator to advance.
+
+The program under it is unchanged: sockets are real, `asyncio.sleep` and time-outs follow the simulated clock,
+and nothing waits for a wall clock. A worker thread's computation takes no simulated time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+import socket
+import struct
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import TypeVar, TypeVarTuple, Unpack
+
+from companion.runtime.errors import CompanionError
+
+Args = TypeVarTuple("Args")
+Result = TypeVar("Result")
+
+# Half an hour of a companion's clock before the simulator's zero: clocks of two machines never agree.
+CLOCK_OFFSET_NS = 1_800_000_000_000
+ALONE_STEP_NS = 2_500_000
+
+
+class LockstepLoop(asyncio.SelectorEventLoop):
+    """Selector loop whose `time()` is that of a simulator stepped by `advance`.
+
+    Parameters
+    ----------
+    advance
+        Called when every ready callback has run and no computation is under way; returns the new simulated
+        time in nanoseconds. What it sends to sockets must be there when it returns.
+    """
+
+    def __init__(self, advance: Callable[[], int]) -> None:
+        self._simulated_ns = CLOCK_OFFSET_NS
+        self._computing = 0
+        self._alone = False
+        self._advance = advance
+        super().__init__(_IdleSelector(self._on_idle))
+
+    def let_go(self) -> None:
+        """Ask the simulator no more: from now on time passes by itself, so that everything comes to its end.
+
+        Safe in a signal handler, also while the simulator is being asked.
+        """
+        self._alone = True
+
+    def time(self) -> float:
+        return self._simulated_ns * 1e-9
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[Unpack[Args]], Result], *args: *Args
+    ) -> asyncio.Future[Result]:
+        future = super().run_in_executor(executor, func, *args)
+        self._computing += 1
+        future.add_done_callback(self._computed)
+        return future
+
+    def _computed(self, _future: object) -> None:
+        self._computing -= 1
+
+    def _on_idle(self) -> bool:
+        """Advance the simulator; tell whether time moved, which it does not during a computation."""
+        if self._computing and not self._alone:
+            return False
+        self._simulated_ns = self._next_ns()
+        return True
+
+    def _next_ns(self) -> int:
+        if not self._alone:
+            try:
+                return CLOCK_OFFSET_NS + self._advance()
+            except CompanionError:
+                if not self._alone:
+                    raise
+        return self._simulated_ns + ALONE_STEP_NS
+
+
+class _IdleSelector(selectors.DefaultSelector):
+    """Selector that, instead of sleeping, lets the simulated time pass."""
+
+    def __init__(self, on_idle: Callable[[], bool]) -> None:
+        super().__init__()
+        self._on_idle = on_idle
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        events: list[tuple[selectors.SelectorKey, int]] = super().select(0)
+        if events or (timeout is not None and timeout <= 0):
+            return events
+        if self._on_idle():
+            return list(super().select(0))
+        return list(super().select(0.05))  # a thread computes; its result wakes the selector
+
+
+class LockstepClient:
+    """Client of a simulator in another process: one byte asks, eight bytes of nanoseconds answer."""
+
+    def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = 60.0) -> None:
+        try:
+            self._socket = socket.create_connection((host, port), timeout_s)
+        except OSError as error:
+            raise CompanionError(f"no simulator answers on {host}:{port}: {error}") from None
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def advance(self) -> int:
+        """Let the simulator take one step and return its time in nanoseconds."""
+        try:
+            self._socket.sendall(b"\x01")
+            answer = b""
+            while len(answer) < 8:
+                part = self._socket.recv(8 - len(answer))
+                if not part:
+                    raise CompanionError("the simulator ended")
+                answer += part
+        except OSError as error:
+            raise CompanionError(f"the simulator stopped answering: {error}") from None
+        return int(struct.unpack("<q", answer)[0])
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,424 @@
+"""The simulated autopilot: ArduCopter's behaviour where a companion or a ground station can tell."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pymap3d
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.autopilot.cascade_control import VelocityLoop, attitude_for, rate_command
+from sitl.autopilot.commands import Commands
+from sitl.autopilot.failsafe import PERIOD_NS, Failsafes
+from sitl.autopilot.modes import NEEDS_POSITION, PILOTED, Mode, Navigator
+from sitl.autopilot.parameters import DEFAULTS
+from sitl.autopilot.position_aiding import PositionAiding
+from sitl.autopilot.precland import PrecisionLanding
+from sitl.autopilot.proximity import Proximity
+from sitl.autopilot.radio_receiver import RadioReceiver
+from sitl.autopilot.rally import Rally
+from sitl.autopilot.telemetry import Telemetry
+from sitl.vehicle.multirotor import GRAVITY_MS2
+from sitl.vehicle.rigid_body import State, to_euler
+
+F64 = NDArray[np.float64]
+Demand = tuple[F64, float]
+
+log = logging.getLogger(__name__)
+
+MAX_TURN_RAD_S = math.radians(60.0)
+MAX_LEAN_RAD = math.radians(20.0)
+FULL_V, EMPTY_V = 16.8, 14.0
+OUTER_LOOP_NS = 10_000_000
+AVOID_PROXIMITY = 2
+LANDED_NS = 1_000_000_000
+RANGEFINDER_NS = 500_000_000
+
+
+class Autopilot:
+    """Modes, arming, guidance, precision landing, failsafes, parameters and messages.
+
+    Parameters
+    ----------
+    origin_lla
+        Latitude, longitude (degrees) and altitude (m) of the world's origin.
+    parameters
+        Values that differ from `sitl.autopilot.parameters.DEFAULTS`.
+    boot_offset_ns
+        Time since boot at the simulation's zero.
+    ready_after_s
+        Simulated seconds until the position estimate lets it arm.
+    """
+
+    sysid = 1
+    compid = 1
+
+    def __init__(
+        self,
+        origin_lla: tuple[float, float, float],
+        parameters: dict[str, float] | None = None,
+        *,
+        boot_offset_ns: int = 3_217_000_000,
+        ready_after_s: float = 5.0,
+    ) -> None:
+        self.origin_lla = origin_lla
+        self.parameters = DEFAULTS | (parameters or {})
+        self.boot_offset_ns = boot_offset_ns
+        self.mode = Mode.STABILIZE
+        self.armed = False
+        self.airborne = False
+        self.battery_pct = 100.0
+        self.late_ns: Callable[[], int] = lambda: 0
+        self.battery_sag_v = 0.0
+        self.truth_source: Callable[[], State] | None = None
+        self.precland = PrecisionLanding()
+        self.proximity = Proximity()
+        self.aiding = PositionAiding()
+        self.receiver = RadioReceiver()
+        self.navigator = Navigator(self.parameters, self.precland)
+        self.rally = Rally(self)
+        self.failsafes = Failsafes(self)
+        self.commands = Commands(self)
+        self.telemetry = Telemetry(self)
+        self.faults = 0
+        """Messages that broke a handler and were dropped."""
+        self.mode_changes: list[tuple[int, str]] = []
+        self.estimate: State | None = None
+        self.rangefinder: tuple[int, float] | None = None
+        self._ready_ns = round(ready_after_s * 1e9)
+        self._now_ns = 0
+        self._estimate_ns = 0
+        self._outgoing: deque[tuple[int | None, Any]] = deque()
+        self._velocity = VelocityLoop()
+        self._yaw_rad: float | None = None
+        self._wanted: tuple[F64, float] = (np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
+        self._next_outer_ns = 0
+        self._next_check_ns = 0
+        self._settled_since_ns: int | None = None
+        self._silent_until_ns = 0
+
+    # ---- what others ask --------------------------------------------------------------------------
+
+    @property
+    def mode_name(self) -> str:
+        return self.mode.name
+
+    @property
+    def landing_target_enu_m(self) -> F64 | None:
+        """Latest accepted LANDING_TARGET in the estimate's frame."""
+        return self.precland.latest_enu_m
+
+    @property
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    @property
+    def boot_ns(self) -> int:
+        """Time since boot."""
+        return self._now_ns + self.boot_offset_ns
+
+    @property
+    def clock_ns(self) -> int:
+        """Time since boot that its clock shows; it goes on while a busy computer holds up the simulation."""
+        return self.boot_ns + self.late_ns()
+
+    @property
+    def estimate_boot_ns(self) -> int:
+        """Time since boot of the present estimate, which is a tick older than what is sent of it."""
+        return self._estimate_ns + self.boot_offset_ns
+
+    @property
+    def settled(self) -> bool:
+        """Whether the estimator has settled after its start."""
+        return self._now_ns >= self._ready_ns
+
+    @property
+    def position_ok(self) -> bool:
+        """Whether there is a position good enough to arm and to navigate on."""
+        return self.settled and self.aiding.absolute and not self.failsafes.ekf
+
+    @property
+    def battery_v(self) -> float:
+        """Voltage of the battery."""
+        return EMPTY_V + (FULL_V - EMPTY_V) * self.battery_pct / 100 - self.battery_sag_v
+
+    @property
+    def battery_used_mah(self) -> float:
+        """Charge taken from the battery."""
+        return (100.0 - self.battery_pct) / 100 * self.parameters["BATT_CAPACITY"]
+
+    def add_link(self, link: int) -> None:
+        """Start the default streams on a link."""
+        self.telemetry.add_link(link, self._now_ns)
+
+    def receive(self, message: Any, link: int, now_ns: int) -> None:
+        """Take a message for this autopilot or for everybody."""
+        self._now_ns = max(self._now_ns, now_ns)
+        if self._now_ns < self._silent_until_ns:
+            return
+        self.add_link(link)
+        try:
+            self.commands.receive(message, link)
+        except Exception:  # a peer must not be able to stop the simulation, whatever it sends
+            self.faults += 1
+            log.exception("a %s was dropped", message.get_type())
+
+    def send(self, message: Any, link: int | None = None) -> None:
+        """Queue a message for a link, or for all."""
+        self._outgoing.append((link, message))
+
+    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
+        """Send a STATUSTEXT to everybody."""
+        self.send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50], 0, 0))
+
+    def take_outgoing(self, now_ns: int) -> list[tuple[int | None, Any]]:
+        """Return what is to be sent now: link or None for all, and the message."""
+        self._now_ns = max(self._now_ns, now_ns)
+        if self._now_ns < self._silent_until_ns:
+            return []
+        self.telemetry.emit(self._now_ns)
+        self.rally.step(self._now_ns)
+        out = list(self._outgoing)
+        self._outgoing.clear()
+        return out
+
+    def lla(self, enu_m: F64) -> tuple[float, float, float]:
+        """Return latitude, longitude, altitude of a point of the estimate's frame."""
+        lat, lon, alt = pymap3d.enu2geodetic(*(float(v) for v in enu_m), *self.origin_lla)
+        return float(lat), float(lon), float(alt)
+
+    def enu_m(self, lat_deg: float, lon_deg: float, alt_m: float) -> F64:
+        """Return a geodetic point in the estimate's frame."""
+        return np.array(pymap3d.geodetic2enu(lat_deg, lon_deg, alt_m, *self.origin_lla), np.float64)
+
+    @property
+    def height_above_home_m(self) -> float:
+        return (
+            0.0 if self.estimate is None else float(self.estimate.pos_enu_m[2] - self.navigator.home_enu_m[2])
+        )
+
+    # ---- what happens to it ------------------------------------------------------------------------
+
+    def set_mode(self, mode: Mode) -> bool:
+        """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
+        if self.estimate is None or (mode in NEEDS_POSITION and not self.position_ok):
+            self.say(f"Mode change to {mode.name} failed: requires position", mavlink.MAV_SEVERITY_WARNING)
+            return False
+        if mode is not self.mode:
+            self.mode = mode
+            self.navigator.rally_enu_m = self.rally.points_enu_m()
+            self.navigator.enter(mode, self.estimate)
+            self.navigator.blind = mode is Mode.LAND and not self.position_ok
+            self.failsafes.in_charge = False
+            self.failsafes.fence.recover(self._now_ns)
+            self.mode_changes.append((self._now_ns, mode.name))
+            self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        return True
+
+    def arm(self) -> str | None:
+        """Arm; return the reason when that is refused."""
+        if self.armed:
+            return None
+        if not self.position_ok:
+            return "Arm: Need Position Estimate"
+        if self.mode in (Mode.LAND, Mode.RTL, Mode.BRAKE):
+            return f"Arm: {self.mode.name} mode not armable"
+        if self.parameters["PRX1_TYPE"] == 2 and not self.proximity.fresh(self._now_ns):
+            return "Arm: PRX1: No Data"
+        if self.estimate is not None:
+            self.navigator.home_enu_m = self.estimate.pos_enu_m.copy()
+            self._velocity.reset(np.zeros(3))
+        self.armed = True
+        self._yaw_rad = None
+        self._settled_since_ns = None
+        self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+        self.say("Arming motors")
+        return None
+
+    def disarm(self, *, force: bool = False) -> str | None:
+        """Disarm; return the reason when that is refused."""
+        if self.airborne and not force:
+            return "Disarm: vehicle is flying"
+        if self.armed:
+            self.armed = False
+            self.airborne = False
+            self.say("Disarming motors")
+            self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        return None
+
+    def crash(self) -> None:
+        """Stop the motors, as the crash check does."""
+        if self.armed:
+            self.disarm(force=True)
+            self.say("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
+
+    def lose(self, elapsed_ns: int) -> None:
+        """Stand still for so long: the time since boot does not go on."""
+        self.boot_offset_ns -= elapsed_ns
+
+    def reboot(self, silent_s: float) -> None:
+        """Begin anew in flight, as after a watchdog's reset: armed and in the same mode, all else forgotten.
+
+        It is deaf and mute for so long; the time since boot begins at zero now.
+        """
+        self._silent_until_ns = self._now_ns + round(silent_s * 1e9)
+        self.boot_offset_ns = -self._now_ns
+        self.precland = self.navigator.precland = PrecisionLanding()
+        self.proximity = Proximity()
+        self.failsafes = Failsafes(self)
+        self.rangefinder = None
+        self.telemetry.restart()
+        self._outgoing.clear()
+        if self.estimate is not None:
+            self.navigator.enter(self.mode, self.estimate)
+
+    def follow_reset(self, jump_enu_m: F64) -> None:
+        """Move every target with a reset of the position estimate, so that the vehicle stays where it is."""
+        self.navigator.move(jump_enu_m)
+        self.precland.move(jump_enu_m)
+
+    def take_off(self, height_m: float) -> str | None:
+        """Climb to a height above home; return the reason when that is refused."""
+        if self.mode is not Mode.GUIDED:
+            return "Takeoff: GUIDED needed"
+        if not self.armed or self.estimate is None:
+            return "Takeoff: not armed"
+        if self.airborne:
+            return "Takeoff: already flying"
+        self.navigator.enter(Mode.GUIDED, self.estimate)
+        self.navigator.takeoff_up_m = float(self.navigator.home_enu_m[2]) + height_m
+        return None
+
+    def step(self, dt_s: float, now_ns: int, estimate: State, on_ground: bool) -> Demand:
+        """Return the body rates (rad/s) and thrust (m/s2) wanted of the motors."""
+        self._now_ns = now_ns
+        first = self.estimate is None
+        self.estimate, self._estimate_ns = estimate, now_ns
+        if first:
+            self.navigator.home_enu_m = estimate.pos_enu_m.copy()
+            self.navigator.enter(self.mode, estimate)
+        if now_ns >= self._next_check_ns:
+            self._next_check_ns = now_ns + PERIOD_NS
+            self._check()
+        if not self.armed:
+            self.airborne = False
+            return np.zeros(3), 0.0
+        if now_ns >= self._next_outer_ns:
+            self._next_outer_ns = now_ns + OUTER_LOOP_NS
+            self.precland.remember(now_ns, estimate)
+            self._outer(now_ns, estimate, on_ground)
+        quat, thrust = self._wanted
+        return rate_command(estimate.quat_wxyz, quat), thrust
+
+    def _check(self) -> None:
+        """Do what is done ten times a second, armed or not."""
+        jump_enu_m = self.aiding.take_reset()
+        if jump_enu_m is not None:
+            self.follow_reset(jump_enu_m)
+        self.failsafes.check()
+        for severity, text in self.precland.news(self._now_ns):
+            self.say(text, severity)
+
+    def _outer(self, now_ns: int, estimate: State, on_ground: bool) -> None:
+        dt_s = OUTER_LOOP_NS * 1e-9
+        self.battery_pct = max(0.0, self.battery_pct - 100 * dt_s / (20 * 60))
+        self.airborne = self.airborne or not on_ground
+        wants_up = self.navigator.takeoff_up_m is not None
+        if on_ground and not wants_up:
+            self._on_ground(now_ns)
+            self._velocity.reset(np.zeros(3))
+            self._wanted = (_level(estimate), 2.0 if self.armed else 0.0)
+            return
+        self._settled_since_ns = None
+        self.navigator.sticks = self.receiver.sticks(now_ns)
+        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._range_down_m())
+        velocity = self._avoid(velocity, estimate)
+        level = self._without_position()
+        if level:
+            velocity = np.array([*estimate.vel_enu_ms[:2], velocity[2]])
+        acceleration = self._velocity.acceleration(
+            velocity, estimate, dt_s, self.parameters["WPNAV_ACCEL"] / 100
+        )
+        if level:
+            acceleration[:2] = self._lean(estimate)
+        self._wanted = attitude_for(acceleration, self._slew_yaw(estimate, dt_s))
+
+    def _without_position(self) -> bool:
+        """Return whether the mode flies level, or as the sticks lean it, for want of a position."""
+        if self.mode is Mode.LAND:
+            return self.navigator.blind
+        return self.mode not in NEEDS_POSITION and self.settled and not self.aiding.absolute
+
+    def _lean(self, estimate: State) -> F64:
+        """Return the level acceleration (2,) east, north of the roll and pitch sticks."""
+        sticks, yaw = self.navigator.sticks, to_euler(estimate.quat_wxyz)[2]
+        most = GRAVITY_MS2 * math.tan(MAX_LEAN_RAD)
+        right, ahead = most * sticks.right, most * sticks.forward
+        east = ahead * math.sin(yaw) + right * math.cos(yaw)
+        return np.array([east, ahead * math.cos(yaw) - right * math.sin(yaw)])
+
+    def _on_ground(self, now_ns: int) -> None:
+        """Disarm after a second on the ground in a landing mode, else after DISARM_DELAY."""
+        if self._settled_since_ns is None:
+            self._settled_since_ns = now_ns
+        settled_ns = now_ns - self._settled_since_ns
+        if settled_ns <= LANDED_NS:
+            return
+        self.airborne = False
+        delay_ns = self.parameters["DISARM_DELAY"] * 1e9
+        if self.mode in (Mode.LAND, Mode.RTL) or 0 < delay_ns < settled_ns:
+            self.disarm()
+
+    def _avoid(self, velocity: F64, estimate: State) -> F64:
+        """Hold a GUIDED velocity back from obstacles; a GUIDED position is flown through them."""
+        p, guided = self.parameters, self.navigator.guided
+        if (
+            self.mode is not Mode.GUIDED
+            or guided.velocity_enu_ms is None
+            or guided.position_enu_m is not None
+        ):
+            return velocity
+        if p["PRX1_TYPE"] != 2 or not int(p["AVOID_ENABLE"]) & AVOID_PROXIMITY:
+            return velocity
+        yaw_rad = to_euler(estimate.quat_wxyz)[2]
+        return self.proximity.limited(velocity, yaw_rad, p["AVOID_MARGIN"], self._now_ns)
+
+    def _range_down_m(self) -> float | None:
+        """Return the rangefinder's distance, None when it is off, late or out of its range."""
+        p = self.parameters
+        if p["RNGFND1_TYPE"] == 10 and self.rangefinder is not None:
+            stamp, distance = self.rangefinder
+            fresh = self._now_ns - stamp < RANGEFINDER_NS
+            if fresh and p["RNGFND1_MIN"] <= distance <= p["RNGFND1_MAX"]:
+                return distance
+        return None
+
+    def _slew_yaw(self, estimate: State, dt_s: float) -> float:
+        """Turn the wanted heading towards what GUIDED asked for, at 60 degrees per second at most."""
+        if self._yaw_rad is None:
+            self._yaw_rad = to_euler(estimate.quat_wxyz)[2]
+        guided = self.navigator.guided
+        if self.mode is Mode.GUIDED:
+            if guided.yaw_rate_rad_s is not None:
+                if self._now_ns - guided.stamp_ns <= self.parameters["GUID_TIMEOUT"] * 1e9:
+                    rate = max(-MAX_TURN_RAD_S, min(MAX_TURN_RAD_S, guided.yaw_rate_rad_s))
+                    self._yaw_rad += rate * dt_s
+            elif guided.yaw_rad is not None:
+                error = math.remainder(guided.yaw_rad - self._yaw_rad, 2 * math.pi)
+                step = MAX_TURN_RAD_S * dt_s
+                self._yaw_rad += max(-step, min(step, error))
+        elif self.mode in PILOTED:
+            self._yaw_rad += MAX_TURN_RAD_S * self.navigator.sticks.clockwise * dt_s
+        return self._yaw_rad
+
+
+def _level(estimate: State) -> F64:
+    _, _, yaw = to_euler(estimate.quat_wxyz)
+    return np.array([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])

@@ -1,0 +1,105 @@
+"""What the autopilot believes: the truth with errors like those of an EKF on GPS, compass and barometer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.autopilot.position_aiding import PositionAiding
+from sitl.compilation import kernel
+from sitl.vehicle.rigid_body import State, multiply
+
+F64 = NDArray[np.float64]
+SMOOTHING_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateErrors:
+    """Standard deviations and correlation times of slow errors, and of white noise on top.
+
+    The defaults stand for a GPS receiver with good sky after the filter has settled; drift over a minute is
+    some decimetres, attitude a tenth of a degree.
+    """
+
+    horizontal_m: float = 0.15
+    vertical_m: float = 0.15
+    position_tau_s: float = 60.0
+    velocity_ms: float = 0.03
+    velocity_tau_s: float = 5.0
+    tilt_deg: float = 0.1
+    tilt_tau_s: float = 20.0
+    yaw_deg: float = 0.5
+    yaw_tau_s: float = 60.0
+    white_position_m: float = 0.003
+    white_velocity_ms: float = 0.01
+    white_attitude_deg: float = 0.02
+
+    @classmethod
+    def none(cls) -> EstimateErrors:
+        """Return an estimate that is the truth."""
+        return cls(**dict.fromkeys(("horizontal_m", "vertical_m", "velocity_ms", "tilt_deg", "yaw_deg"), 0.0),
+                   white_position_m=0.0, white_velocity_ms=0.0, white_attitude_deg=0.0)  # fmt: skip
+
+
+@kernel()
+def _drift(error: F64, smooth: F64, sigma: F64, tau: F64, dt: float, draw: F64) -> None:
+    """Advance Gauss-Markov errors, and the low-passed ones that are used."""
+    for i in range(len(error)):
+        share = dt / tau[i]
+        error[i] += -error[i] * share + sigma[i] * np.sqrt(2 * share) * draw[i]
+        smooth[i] += (error[i] - smooth[i]) * dt / SMOOTHING_S
+
+
+class Estimator:
+    """Turns true states into estimated ones, tick by tick.
+
+    `aiding` is shared with the autopilot, which reports it; by default GPS is never lost.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        errors: EstimateErrors | None = None,
+        aiding: PositionAiding | None = None,
+    ) -> None:
+        e = errors or EstimateErrors()
+        self._rng = rng
+        self._aiding = aiding or PositionAiding()
+        tilt, yaw = np.radians(e.tilt_deg), np.radians(e.yaw_deg)
+        self._sigma = np.array(
+            [e.horizontal_m] * 2 + [e.vertical_m] + [e.velocity_ms] * 3 + [tilt] * 2 + [yaw]
+        )
+        self._tau = np.array(
+            [e.position_tau_s] * 3 + [e.velocity_tau_s] * 3 + [e.tilt_tau_s] * 2 + [e.yaw_tau_s]
+        )
+        self._white = np.array(
+            [e.white_position_m] * 3 + [e.white_velocity_ms] * 3 + [np.radians(e.white_attitude_deg)] * 3
+        )
+        self._error = self._sigma * rng.standard_normal(9)
+        self._smooth = self._error.copy()
+        self._draws = np.zeros((0, 18))
+        self._next = 0
+        self.jump_enu_m = np.zeros(3)
+        """Added to every position: a reset of the filter."""
+
+    def update(self, dt_s: float, state: State) -> State:
+        """Return the estimate of a true state, dt after the last."""
+        if self._next == len(self._draws):
+            self._draws, self._next = self._rng.standard_normal((2048, 18)), 0
+        draw = self._draws[self._next]
+        self._next += 1
+        _drift(self._error, self._smooth, self._sigma, self._tau, dt_s, draw[:9])
+        off = self._smooth + self._white * draw[9:]
+        aiding = self._aiding
+        aiding.update(dt_s)
+        turn = np.array([1.0, off[6] / 2, off[7] / 2, off[8] / 2])
+        turn /= np.sqrt(float(turn @ turn))
+        return State(
+            pos_enu_m=state.pos_enu_m + off[0:3] + self.jump_enu_m + aiding.offset_enu_m,
+            vel_enu_ms=state.vel_enu_ms + off[3:6] + aiding.velocity_error_enu_ms,
+            quat_wxyz=multiply(turn, state.quat_wxyz),
+            rates_frd_rad_s=state.rates_frd_rad_s,
+            acc_enu_ms2=state.acc_enu_ms2,
+        )

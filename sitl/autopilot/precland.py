@@ -1,0 +1,105 @@
+"""Precision landing from LANDING_TARGET, with the behaviour measured on ArduCopter.
+
+Only MAV_FRAME_BODY_FRD with position_valid and a distance leads to the target; MAV_FRAME_LOCAL_FRD is taken
+too, and leads elsewhere: the vector is not turned by the heading. The target is believed after two seconds of
+updates without a gap of half a second, predicted for two seconds when they stop, and then lost.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.vehicle.rigid_body import State, ned, rotate
+
+F64 = NDArray[np.float64]
+
+NEEDED_NS = 2_000_000_000
+GAP_NS = 500_000_000
+PREDICTED_NS = 2_000_000_000
+BODY_FRD, LOCAL_FRD = 12, 20
+FILTER_SHARE = 0.25
+INFO, CRITICAL = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_CRITICAL
+NONE, SEEN, BELIEVED = range(3)
+RISING = {SEEN: "PrecLand: Target Found", BELIEVED: "PrecLand: Init Complete"}
+FALLING = {SEEN: "PrecLand: Init Failed", BELIEVED: "PrecLand: Target Lost"}
+
+
+class PrecisionLanding:
+    """Estimator of the landing target in the estimate's own east-north-up frame."""
+
+    def __init__(self) -> None:
+        self._poses: deque[tuple[int, F64, F64]] = deque(maxlen=128)
+        self._first_ns: int | None = None
+        self._last_ns: int | None = None
+        self._last_stamp: int | None = None
+        self._target: F64 | None = None
+        self.frame_refused = False
+        self._stage = NONE
+
+    def remember(self, now_ns: int, estimate: State) -> None:
+        """Keep the pose, so that a target can be placed with the pose of its own time."""
+        self._poses.append((now_ns, estimate.pos_enu_m, estimate.quat_wxyz))
+
+    def receive(self, message: Any, now_ns: int, lag_s: float) -> str | None:
+        """Take a LANDING_TARGET; return a text for the operator when its frame is refused the first time."""
+        if not message.position_valid or message.frame not in (BODY_FRD, LOCAL_FRD):
+            if self.frame_refused or not message.position_valid:
+                return None
+            self.frame_refused = True
+            return "Plnd: Frame not supported"
+        body = np.array([message.x, message.y, message.z], np.float64)
+        if not message.distance > 0 or not np.isfinite([*body, message.distance]).all() or not self._poses:
+            return None
+        if message.time_usec == self._last_stamp:
+            return None
+        self._last_stamp = message.time_usec
+        wanted = now_ns - round(lag_s * 1e9)
+        _, position, attitude = min(self._poses, key=lambda pose: abs(pose[0] - wanted))
+        measured = position + ned(body if message.frame == LOCAL_FRD else rotate(attitude, body))
+        if self._last_ns is None or now_ns - self._last_ns > GAP_NS or self._target is None:
+            self._first_ns = now_ns if not self.acquired(now_ns) else self._first_ns
+            self._target = measured
+        else:
+            self._target = self._target + FILTER_SHARE * (measured - self._target)
+        self._last_ns = now_ns
+        return None
+
+    def move(self, jump_enu_m: F64) -> None:
+        """Follow a reset of the position estimate."""
+        moved = [(stamp, position + jump_enu_m, attitude) for stamp, position, attitude in self._poses]
+        self._poses = deque(moved, maxlen=self._poses.maxlen)
+        self._target = None if self._target is None else self._target + jump_enu_m
+
+    def acquired(self, now_ns: int) -> bool:
+        """Tell whether the target is believed now."""
+        if self._first_ns is None or self._last_ns is None:
+            return False
+        long_enough = self._last_ns - self._first_ns >= NEEDED_NS
+        return long_enough and now_ns - self._last_ns <= PREDICTED_NS
+
+    def news(self, now_ns: int) -> list[tuple[int, str]]:
+        """Return severity and text of what became of the target since the last call, as ArduPilot says it."""
+        before, self._stage = self._stage, self._stage_now(now_ns)
+        if self._stage < before:
+            lost = [(CRITICAL, FALLING[before])]
+            return lost if self._stage == NONE else [*lost, (INFO, RISING[self._stage])]
+        return [(INFO, RISING[stage]) for stage in range(before + 1, self._stage + 1)]
+
+    def _stage_now(self, now_ns: int) -> int:
+        if self.acquired(now_ns):
+            return BELIEVED
+        return SEEN if self._last_ns is not None and now_ns - self._last_ns <= GAP_NS else NONE
+
+    def target(self, now_ns: int) -> F64 | None:
+        """Return the target (3,) east, north, up, or None while it is not believed."""
+        return self._target if self.acquired(now_ns) else None
+
+    @property
+    def latest_enu_m(self) -> F64 | None:
+        """The latest accepted target, believed or not."""
+        return self._target

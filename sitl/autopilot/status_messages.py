@@ -1,0 +1,136 @@
+"""Messages on the vehicle's health: HEARTBEAT, SYS_STATUS, battery, GPS, EKF, radio control and fence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.autopilot.modes import Mode
+from sitl.autopilot.position_aiding import TEST_RATIO, UNAIDED
+
+if TYPE_CHECKING:
+    from sitl.autopilot.autopilot import Autopilot
+
+_OTHERS: int = (
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+    | mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+    | mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    | mavlink.MAV_SYS_STATUS_SENSOR_Z_ALTITUDE_CONTROL
+    | mavlink.MAV_SYS_STATUS_AHRS
+)
+UNKNOWN_RSSI, SATELLITES, SATELLITES_WITHOUT_FIX = 255, 17, 3
+
+
+class StatusMessages:
+    """What each message says now; None where ArduCopter sends none."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._ap = autopilot
+        self._fixed = (0, 0, 0)
+        self.makers: dict[int, Callable[[], Any]] = {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery,
+            mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
+            mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
+            mavlink.MAVLINK_MSG_ID_FENCE_STATUS: self._fence_status,
+        }
+
+    def _heartbeat(self) -> Any:
+        ap = self._ap
+        flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if ap.armed else 0
+        if ap.mode in (Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.LOITER, Mode.BRAKE):
+            flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+            flags |= 0 if ap.navigator.blind else mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR,
+            mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            flags,
+            int(ap.mode),
+            self._state(),
+            3,
+        )
+
+    def _state(self) -> int:
+        """Return MAV_STATE: any failsafe but the fence is critical, the ground is standby."""
+        if self._ap.failsafes.any_triggered:
+            return int(mavlink.MAV_STATE_CRITICAL)
+        return int(mavlink.MAV_STATE_ACTIVE if self._ap.airborne else mavlink.MAV_STATE_STANDBY)
+
+    def _sys_status(self) -> Any:
+        """Return SYS_STATUS: bits of what is present, enabled and healthy.
+
+        ArduCopter's GPS bit stays healthy without a fix; a landing without position has its position
+        control off. A fence that is off is present and healthy, not enabled.
+        """
+        ap, safe = self._ap, self._ap.failsafes
+        # bit, enabled, healthy
+        rows = (
+            (mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, True, not safe.radio),
+            (mavlink.MAV_SYS_STATUS_SENSOR_BATTERY, True, not safe.battery),
+            (mavlink.MAV_SYS_STATUS_GEOFENCE, safe.fence.enabled, not safe.fence.breached),
+            (mavlink.MAV_SYS_STATUS_PREARM_CHECK, True, ap.position_ok),
+            (
+                mavlink.MAV_SYS_STATUS_SENSOR_XY_POSITION_CONTROL,
+                not ap.navigator.blind,
+                not ap.navigator.blind,
+            ),
+        )
+        present = _OTHERS | sum(bit for bit, _, _ in rows)
+        enabled = _OTHERS | sum(bit for bit, on, _ in rows if on)
+        health = _OTHERS | sum(bit for bit, _, healthy in rows if healthy)
+        return mavlink.MAVLink_sys_status_message(
+            present, enabled, health, 200, self._volts_mv(), 1200, round(ap.battery_pct), 0, 0, 0, 0, 0, 0
+        )
+
+    def _volts_mv(self) -> int:
+        return round(self._ap.battery_v * 1000)
+
+    def _battery(self) -> Any:
+        ap = self._ap
+        return mavlink.MAVLink_battery_status_message(
+            0, 0, 3, 2500, [self._volts_mv()] + [65535] * 9, 1200, round(ap.battery_used_mah), -1,
+            round(ap.battery_pct),
+        )  # fmt: skip
+
+    def _gps_raw(self) -> Any:
+        """Return GPS_RAW_INT; without a fix the last place."""
+        ap, estimate = self._ap, self._ap.estimate
+        fix = ap.aiding.fix_type
+        if estimate is None or fix < mavlink.GPS_FIX_TYPE_3D_FIX:
+            return mavlink.MAVLink_gps_raw_int_message(
+                ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, 0, 0, SATELLITES_WITHOUT_FIX
+            )
+        lat, lon, alt = ap.lla(estimate.pos_enu_m)
+        self._fixed = round(lat * 1e7), round(lon * 1e7), round(alt * 1000)
+        east, north = (float(v) for v in estimate.vel_enu_ms[:2])
+        course = round(math.degrees(math.atan2(east, north)) * 100) % 36000
+        fix = fix if ap.settled else mavlink.GPS_FIX_TYPE_2D_FIX
+        speed = round(math.hypot(east, north) * 100)
+        return mavlink.MAVLink_gps_raw_int_message(
+            ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, speed, course, SATELLITES
+        )
+
+    def _ekf_status(self) -> Any:
+        aiding = self._ap.aiding
+        flags = aiding.flags if self._ap.settled else UNAIDED
+        level = aiding.test_ratio
+        return mavlink.MAVLink_ekf_status_report_message(flags, level, level, TEST_RATIO, TEST_RATIO, 0.0)
+
+    def _rc_channels(self) -> Any:
+        ap = self._ap
+        channels = ap.receiver.channels(ap.now_ns)
+        boot_ms = ap.boot_ns // 1_000_000
+        unused = [0] * (18 - len(channels))
+        return mavlink.MAVLink_rc_channels_message(boot_ms, len(channels), *channels, *unused, UNKNOWN_RSSI)
+
+    def _fence_status(self) -> Any:
+        fence = self._ap.failsafes.fence
+        return fence.status() if fence.enabled else None

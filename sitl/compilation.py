@@ -1,0 +1,49 @@
+"""The decorator that compiles the simulator's kernels with Numba."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+ROOT = Path(__file__).parent
+
+
+def kernel(signature: object = None) -> Callable[[F], F]:
+    """Compile a function with Numba, without the GIL and cached on disk.
+
+    Numba keeps compiled code until the source of the kernel itself changes, but that code holds kernels and
+    constants of other modules too. The cache is therefore marked with all sources of the simulator.
+
+    Parameters
+    ----------
+    signature
+        A Numba signature compiles at import (entry points); None compiles at the first call
+        (helpers, which are compiled with the entry point that calls them).
+        ``fastmath`` is never on: it would let the compiler assume that NaN does not exist.
+    """
+
+    def decorate(function: F) -> F:
+        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+        if index is not None:  # none where the compiler is off
+            index._source_stamp = index._source_stamp, _stamp()
+        if signature is not None and index is not None:
+            compiled.compile(signature)
+            compiled.disable_compile()
+        return cast(F, compiled)
+
+    return decorate
+
+
+@functools.cache
+def _stamp() -> bytes:
+    whole = hashlib.sha256()
+    for path in sorted(ROOT.rglob("*.py")):
+        whole.update(path.read_bytes())
+    return whole.digest()

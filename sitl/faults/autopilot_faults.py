@@ -1,0 +1,122 @@
+"""Faults of the autopilot: a reboot in flight, an estimate that moves, lost time, a pilot who takes over."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.autopilot.modes import Mode
+from sitl.faults.fault import Fault
+
+if TYPE_CHECKING:
+    from sitl.simulation import Simulation
+
+F64 = NDArray[np.float64]
+
+REBOOT_S = 2.0
+JUMP_M = 5.0
+DRIFT_MS, DRIFT_M = 0.3, 5.0
+TICK_LIMIT_S = 0.1
+HELD_S, GOES_ON_S = (0.02, 0.3), (0.04, 0.6)
+PILOTS = (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
+RETRY_NS = 1_000_000_000
+
+
+class Reboot(Fault):
+    """The autopilot's watchdog restarts it: it is deaf and mute, then its clock begins at zero.
+
+    It comes back armed and in its mode, without guided target, landing target, ranges and message intervals.
+    """
+
+    def begin(self, simulation: Simulation) -> None:
+        simulation.autopilot.reboot(REBOOT_S)
+
+
+class EstimateJump(Fault):
+    """The position estimate is reset by 5 m; the autopilot's own targets move with it."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._jump_enu_m = _level(rng, JUMP_M)
+
+    def begin(self, simulation: Simulation) -> None:
+        simulation.estimator.jump_enu_m = simulation.estimator.jump_enu_m + self._jump_enu_m
+        simulation.autopilot.follow_reset(self._jump_enu_m)
+
+
+class EstimateDrift(Fault):
+    """The position estimate wanders off at 0.3 m/s, up to 5 m, and stays there: GPS between reflections."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._velocity_enu_ms = _level(rng, DRIFT_MS)
+        self._last_ns: int | None = None
+        self._moved_m = 0.0
+
+    def begin(self, simulation: Simulation) -> None:
+        self._last_ns = simulation.now_ns
+
+    def step(self, simulation: Simulation) -> None:
+        if self._last_ns is None or self._moved_m >= DRIFT_M:
+            return
+        elapsed_s = min((simulation.now_ns - self._last_ns) * 1e-9, TICK_LIMIT_S)
+        self._last_ns = simulation.now_ns
+        self._moved_m += DRIFT_MS * elapsed_s
+        estimator = simulation.estimator
+        estimator.jump_enu_m = estimator.jump_enu_m + self._velocity_enu_ms * elapsed_s
+
+
+class HeldUp(Fault):
+    """A busy computer holds up a simulated autopilot again and again, so that its clock loses time.
+
+    It and its vehicle stand still for up to 0.3 s, a third of the time; sensors and the companion go on.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._until_ns = 0
+
+    def begin(self, simulation: Simulation) -> None:
+        self._until_ns = simulation.now_ns
+
+    def step(self, simulation: Simulation) -> None:
+        if simulation.now_ns >= self._until_ns:
+            simulation.held_up = not simulation.held_up
+            spans_s = HELD_S if simulation.held_up else GOES_ON_S
+            self._until_ns = simulation.now_ns + round(float(self._rng.uniform(*spans_s)) * 1e9)
+
+    def end(self, simulation: Simulation) -> None:
+        simulation.held_up = False
+
+
+class PilotMode(Fault):
+    """The pilot takes over by a mode that holds, and asks for it until it shows.
+
+    Raises
+    ------
+    ValueError
+        On `begin`, if nobody flies the simulation.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.mode = PILOTS[int(rng.integers(len(PILOTS)))]
+        self._next_ns = 0
+
+    def begin(self, simulation: Simulation) -> None:
+        if simulation.pilot is None:
+            raise ValueError("pilot mode: this simulation has no pilot; give it pilot_height_m")
+        self._next_ns = simulation.now_ns
+        self.step(simulation)
+
+    def step(self, simulation: Simulation) -> None:
+        pilot = simulation.pilot
+        if pilot is not None and pilot.mode != self.mode and simulation.now_ns >= self._next_ns:
+            self._next_ns = simulation.now_ns + RETRY_NS
+            pilot.set_mode(self.mode)
+
+
+def _level(rng: np.random.Generator, length: float) -> F64:
+    """Return a horizontal vector of a length, its direction drawn."""
+    bearing = float(rng.uniform(0.0, 2 * math.pi))
+    return np.array([length * math.cos(bearing), length * math.sin(bearing), 0.0])

@@ -1,0 +1,108 @@
+"""Faults of the companion's line: what a bad plug, a full radio or a busy network does to datagrams."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sitl.faults.fault import Fault
+from sitl.faults.faulty_wire import SpoiltWire, Treatment
+
+if TYPE_CHECKING:
+    from sitl.simulation import Simulation
+
+Arriving = list[tuple[float, bytes]]
+
+LOST_SHARE = 0.3
+BURST_S = 0.6
+DELAY_S = 0.5
+DUPLICATED, COPY_S = 0.3, 0.3
+SHUFFLE_S = 0.25
+CORRUPTED, MOST_BITS = 0.2, 8
+
+
+class LinkFault(Fault):
+    """Treats all that passes the spoilt wires of a simulation.
+
+    Raises
+    ------
+    ValueError
+        On `begin`, if none of the wires is a `SpoiltWire`.
+    """
+
+    def __init__(self, treatment: Treatment) -> None:
+        self._treatment = treatment
+
+    def begin(self, simulation: Simulation) -> None:
+        for wire in _spoilt(simulation):
+            wire.treatment = self._treatment
+
+    def end(self, simulation: Simulation) -> None:
+        for wire in _spoilt(simulation):
+            wire.treatment = None
+
+
+def _spoilt(simulation: Simulation) -> list[SpoiltWire]:
+    wires = [wire for wire in simulation.router.wires if isinstance(wire, SpoiltWire)]
+    if not wires:
+        raise ValueError("link fault: no wire of this simulation is a SpoiltWire; open it as one")
+    return wires
+
+
+class Loss:
+    """Nothing passes."""
+
+    def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
+        return []
+
+
+class Bursts:
+    """Nothing passes for bursts that last 0.6 s on the average, 30 % of the time (Gilbert's model)."""
+
+    def __init__(self) -> None:
+        self._lost = False
+        self._until_ns = 0
+
+    def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
+        self._until_ns = self._until_ns or now_ns
+        while self._until_ns <= now_ns:
+            self._lost = not self._lost
+            mean_s = BURST_S if self._lost else BURST_S * (1 / LOST_SHARE - 1)
+            self._until_ns += 1 + round(rng.exponential(mean_s) * 1e9)
+        return [] if self._lost else [(0.0, data)]
+
+
+class Delay:
+    """Everything comes half a second late."""
+
+    def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
+        return [(DELAY_S, data)]
+
+
+class Duplicates:
+    """Of 30 % a copy comes up to 0.3 s later."""
+
+    def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
+        copies = [(float(rng.uniform(0.0, COPY_S)), data)] if rng.random() < DUPLICATED else []
+        return [(0.0, data), *copies]
+
+
+class Reordering:
+    """Everything is late by up to 0.25 s, each datagram by another time."""
+
+    def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
+        return [(float(rng.uniform(0.0, SHUFFLE_S)), data)]
+
+
+class Corruption:
+    """Of 20 % one to eight bits are turned over; half of these are cut short, too."""
+
+    def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
+        if rng.random() >= CORRUPTED:
+            return [(0.0, data)]
+        spoilt = bytearray(data)
+        for place in rng.integers(8 * len(spoilt), size=rng.integers(1, MOST_BITS + 1)):
+            spoilt[int(place) // 8] ^= 1 << int(place) % 8
+        length = len(spoilt) if rng.random() < 0.5 else int(rng.integers(1, len(spoilt) + 1))
+        return [(0.0, bytes(spoilt[:length]))]

@@ -1,6 +1,0 @@
-"""A flash LiDAR: one pulse lights the whole scene, every pixel records its own echo."""
-
-from sitl.flash.focal_plane import FocalPlane, RawFrame
-from sitl.flash.instrument import FlashLidar
-
-__all__ = ["FlashLidar", "FocalPlane", "RawFrame"]

@@ -1,0 +1,181 @@
+"""A flown survey as a cloud: what the LiDAR would measure along parallel lines, placed with the true pose.
+
+For evaluating the mapping alone, without the errors of a navigation filter. The vehicle keeps its height over
+the highest thing within its swath, as a terrain follower does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl import scenes
+from sitl.scenes import Scene
+from sitl.sensors.mid360 import Mid360
+from sitl.truth.truth import safe_map
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+SWATH_M = 15.0
+SMOOTHING_M = 20.0
+CHUNK_NS = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Parallel lines, flown one after the other from west to east and back.
+
+    height_m: above the highest thing below. spacing_m: between lines. extent_m: x_min, y_min, x_max, y_max.
+    climb_m: gained steadily from the first line's start to the last one's end.
+    """
+
+    extent_m: tuple[float, float, float, float]
+    height_m: float = 20.0
+    spacing_m: float = 15.0
+    speed_ms: float = 5.0
+    climb_m: float = 0.0
+
+
+class Track:
+    """Where the vehicle is along the lines, level, its nose along the line."""
+
+    def __init__(self, scene: Scene, lines: Lines) -> None:
+        x0, y0, x1, y1 = lines.extent_m
+        count = max(1, int(np.ceil((y1 - y0) / lines.spacing_m)))
+        rows = y0 + (np.arange(count) + 0.5) * (y1 - y0) / count
+        ends = [((x0, y), (x1, y)) if i % 2 == 0 else ((x1, y), (x0, y)) for i, y in enumerate(rows)]
+        self._corners = np.array([corner for line in ends for corner in line])
+        steps = np.hypot(*np.diff(self._corners, axis=0).T)
+        self._along = np.concatenate([[0.0], np.cumsum(steps)])
+        self._speed = lines.speed_ms
+        self.duration_s = float(self._along[-1]) / lines.speed_ms
+        places = np.arange(0.0, self._along[-1] + 1.0, 1.0)
+        climb = lines.climb_m * places / max(1.0, float(places[-1]))
+        self._places, self._heights = places, self._clear(scene, places) + lines.height_m + climb
+
+    def _clear(self, scene: Scene, places: F64) -> F64:
+        """Return the highest surface within the swath, smoothed so that the vehicle can follow."""
+        x, y = self._position(places)
+        offset = np.arange(-SWATH_M, SWATH_M + 1.0, 1.0)
+        dx, dy = np.meshgrid(offset, offset)
+        z, _ = scene.world.surface(x[:, None] + dx.ravel(), y[:, None] + dy.ravel())
+        z = np.where(np.isnan(z), -np.inf, z).max(axis=1)
+        z[np.isinf(z)] = z[np.isfinite(z)].min()
+        reach = int(SMOOTHING_M)
+        padded = np.pad(z, 2 * reach, mode="edge")
+        highest = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+        smooth = np.convolve(highest, np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
+        out: F64 = smooth[: len(places)]
+        return out
+
+    def _position(self, along_m: F64) -> tuple[F64, F64]:
+        x = np.interp(along_m, self._along, self._corners[:, 0])
+        y = np.interp(along_m, self._along, self._corners[:, 1])
+        return x, y
+
+    def at(self, stamps_ns: I64) -> tuple[F64, F64]:
+        """Return positions ENU (n, 3) and quaternions (n, 4) body FRD to NED."""
+        along: F64 = stamps_ns.astype(np.float64) * 1e-9 * self._speed
+        x, y = self._position(along)
+        ahead, _ = self._position(along + 0.5)
+        behind, _ = self._position(along - 0.5)
+        heading = np.where(ahead >= behind, np.pi / 2, -np.pi / 2)
+        zero = np.zeros_like(x)
+        quat = np.column_stack([np.cos(heading / 2), zero, zero, np.sin(heading / 2)])
+        return np.column_stack([x, y, np.interp(along, self._places, self._heights)]), quat
+
+
+def fly(
+    scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000
+) -> Iterator[tuple[F64, I64, F64]]:
+    """Yield, a tenth of a second at a time, returns ENU (n, 3), their stamps and where the sensor was (3,).
+
+    What the sensor marks as rain, dust or echo is left out, as a driver does.
+    """
+    lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
+    track = Track(scene, lines)
+    for start in range(0, int(track.duration_s * 1e9), CHUNK_NS):
+        shots = lidar.look(start, start + CHUNK_NS, track.at, scene.world)
+        good = (shots.echoes.range_m != 0) & (lidar.tags(shots) == 0)
+        points, stamps = lidar.points_m(shots)[good], lidar.stamps_ns(shots)[good]
+        position, attitude = track.at(stamps)
+        sensor = position + lidar.mount.lever_enu_m(attitude)
+        last = sensor[-1] if len(sensor) else track.at(np.array([start]))[0][0]
+        yield sensor + lidar.mount.to_enu(points, attitude), stamps, last
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Fly lines over a scene and write the cloud and the truth below it into one file."""
+    parser = argparse.ArgumentParser(
+        prog="python -m sitl.flown_survey", description=str(__doc__).splitlines()[0]
+    )
+    parser.add_argument("--scene", default="stadium", help=", ".join(scenes.NAMES))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--extent", metavar="X0,Y0,X1,Y1", help="metres; default: the scene's own")
+    parser.add_argument("--height", type=float, default=20.0, help="m above the highest thing below")
+    parser.add_argument("--spacing", type=float, default=15.0, help="m between lines")
+    parser.add_argument("--speed", type=float, default=5.0, help="m/s")
+    parser.add_argument("--climb", type=float, default=0.0, help="m gained over all lines")
+    parser.add_argument("--point-rate", type=int, default=200_000)
+    parser.add_argument("--cell", type=float, default=0.2, help="cell of the truth, m")
+    parser.add_argument("--footprint", type=float, default=2.0, help="footprint of the truth, m")
+    parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
+    parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.npz")
+    options = parser.parse_args(arguments)
+    try:
+        scene = scenes.build(options.scene, options.seed)
+        extent = _extent(options.extent, scene)
+        lines = Lines(extent, options.height, options.spacing, options.speed, options.climb)
+        returns = list(fly(scene, lines, options.seed, options.point_rate))
+    except ValueError as error:
+        parser.error(str(error))
+    truth = safe_map(
+        scene.world,
+        extent,
+        options.cell,
+        options.footprint,
+        options.slope_limit,
+        options.relief_limit,
+    )
+    np.savez(
+        options.out,
+        points_enu_m=np.concatenate([part[0] for part in returns]).astype(np.float32),
+        stamp_ns=np.concatenate([part[1] for part in returns]),
+        sensor_enu_m=np.array([part[2] for part in returns]),
+        count=np.array([len(part[1]) for part in returns]),
+        extent_m=np.array(extent),
+        cell_m=options.cell,
+        safe=truth.safe,
+        height_m=truth.height_m,
+        slope_deg=truth.slope_deg,
+        relief_m=truth.relief_m,
+        regions=json.dumps({name: list(corners) for name, corners in scene.regions.items()}),
+        description=scene.description,
+    )
+    return 0
+
+
+def _extent(text: str | None, scene: Scene) -> tuple[float, float, float, float]:
+    if text is None:
+        return scene.extent_m
+    try:
+        x0, y0, x1, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--extent {text!r}: write X0,Y0,X1,Y1") from None
+    low = scene.extent_m
+    if not (low[0] <= x0 < x1 <= low[2] and low[1] <= y0 < y1 <= low[3]):
+        raise ValueError(f"--extent {text!r} must lie within {low}")
+    return x0, y0, x1, y1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,101 @@
+"""Ground of a scene: hills, random relief and materials on a grid of posts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sitl.world.primitives import Ground, Kind
+
+F64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MICRO_RELIEF_M: dict[Kind, float] = {
+    Kind.ASPHALT: 0.003,
+    Kind.PAVING: 0.003,
+    Kind.GRASS: 0.010,
+    Kind.SOIL: 0.013,
+    Kind.ROCK: 0.06,
+    Kind.SAND: 0.010,
+    Kind.SNOW: 0.010,
+}
+"""Standard deviation of single posts; peaks reach about three times as far."""
+LAWN_RELIEF_M = 0.004
+
+
+class Terrain:
+    """A square grid of posts that hills, levels and materials are worked into.
+
+    Parameters
+    ----------
+    half_m
+        The ground covers -half_m .. half_m in x and y.
+    post_m
+        Distance between posts.
+    rng
+        Source of all relief.
+    """
+
+    def __init__(self, half_m: float, post_m: float, rng: np.random.Generator) -> None:
+        count = round(2 * half_m / post_m) + 1
+        axis = (np.arange(count) - (count - 1) / 2) * post_m
+        self.post_m, self._rng = post_m, rng
+        self.x, self.y = np.meshgrid(axis, axis)
+        self.z: F64 = np.zeros((count, count))
+        self.relief_m: F64 = np.full((count, count), MICRO_RELIEF_M[Kind.GRASS])
+        self.kind = np.full((count, count), Kind.GRASS, dtype=np.uint8)
+
+    def rectangle(self, x0: float, y0: float, x1: float, y1: float) -> Mask:
+        """Return which posts lie in a rectangle."""
+        mask: Mask = (self.x >= x0) & (self.x <= x1) & (self.y >= y0) & (self.y <= y1)
+        return mask
+
+    def ellipse(self, x: float, y: float, radius_x: float, radius_y: float) -> Mask:
+        """Return which posts lie in an ellipse."""
+        mask: Mask = ((self.x - x) / radius_x) ** 2 + ((self.y - y) / radius_y) ** 2 <= 1.0
+        return mask
+
+    def hill(self, x: float, y: float, height_m: float, sigma_m: float) -> None:
+        """Raise a bell-shaped hill; it is steepest at sigma_m from its top, 0.61 height / sigma."""
+        distance2 = (self.x - x) ** 2 + (self.y - y) ** 2
+        self.z += height_m * np.exp(-distance2 / (2.0 * sigma_m**2))
+
+    def swell(self, std_m: float, length_m: float) -> None:
+        """Add random relief of a standard deviation and a length of its waves."""
+        noise = self._rng.standard_normal(self.z.shape)
+        smooth = ndimage.gaussian_filter(noise, length_m / self.post_m / 4.0, mode="reflect")
+        self.z += std_m * smooth / smooth.std()
+
+    def cover(self, where: Mask, kind: Kind, relief_m: float | None = None) -> None:
+        """Give a part of the ground a material and the micro relief that goes with it."""
+        self.kind[where] = kind
+        self.relief_m[where] = MICRO_RELIEF_M[kind] if relief_m is None else relief_m
+
+    def level(self, where: Mask, height_m: float, blend_m: float) -> None:
+        """Flatten a part of the ground at a height, with a smooth shoulder blend_m wide around it."""
+        distance = ndimage.distance_transform_edt(~where) * self.post_m
+        share = np.clip(1.0 - distance / blend_m, 0.0, 1.0)
+        share = share * share * (3.0 - 2.0 * share)
+        self.z += share * (height_m - self.z)
+
+    def flood(self, where: Mask, height_m: float, bank_m: float) -> None:
+        """Lay still water at a height."""
+        self.level(where, height_m, bank_m)
+        self.cover(where, Kind.WATER, 0.0)
+
+    def at(self, x: float, y: float) -> float:
+        """Return the height of the post nearest to (x, y), without micro relief."""
+        i = round((x - self.x[0, 0]) / self.post_m)
+        j = round((y - self.y[0, 0]) / self.post_m)
+        return float(self.z[j, i])
+
+    def ground(self) -> Ground:
+        """Return the finished ground, with its micro relief."""
+        z = self.z + self.relief_m * self._rng.standard_normal(self.z.shape)
+        water = self.kind == Kind.WATER
+        # A square is water only with water at all its corners, so that its surface is level.
+        wet = water[:-1, :-1] & water[1:, :-1] & water[:-1, 1:] & water[1:, 1:]
+        square = np.where(self.kind[:-1, :-1] == Kind.WATER, np.uint8(Kind.SOIL), self.kind[:-1, :-1])
+        square[wet] = Kind.WATER
+        return Ground(float(self.x[0, 0]), float(self.y[0, 0]), self.post_m, z, square)

@@ -1,0 +1,75 @@
+"""The sensors of ground that can be simulated, by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sitl.sensors.flash.flash_sensor import FlashSensor
+from sitl.sensors.lidar_port import PTY, Address, LidarPort, Sensor, SerialPort, UdpPort
+from sitl.sensors.mid360 import Mid360
+from sitl.sensors.opal import Opal
+from sitl.sensors.ouster_os1 import Ouster
+from sitl.sensors.radar.radar_sensor import RadarSensor
+from sitl.sensors.sf45 import Sf45
+from sitl.sensors.vlp16 import Vlp16
+
+DEFAULTS = {
+    "mid360": "127.0.0.1:56301",
+    "vlp16": "127.0.0.1:2368",
+    "opal": "127.0.0.1:56301",
+    "ouster": "127.0.0.1:7502",
+    "flash": "127.0.0.1:7610",
+    "radar": "127.0.0.1:7611",
+    "sf45": PTY,
+}
+"""Name of each, and where its data go: to the port that the real one takes, or to a pseudo-terminal."""
+PERIODIC = frozenset({"mid360", "opal"})
+"""LiDARs with one pulse every so many whole nanoseconds; the others take any rate, or have their own."""
+
+
+def rates_beside(rate_hz: int) -> tuple[int, int]:
+    """Return the nearest rates below and above that divide 10^9."""
+    below = next(rate for rate in range(rate_hz, 0, -1) if 10**9 % rate == 0)
+    above = next(rate for rate in range(rate_hz, 10**9 + 1) if 10**9 % rate == 0)
+    return below, above
+
+
+def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Address) -> LidarPort:
+    """Return a LiDAR by its name that looks down and sends its data somewhere.
+
+    Parameters
+    ----------
+    name
+        One of `DEFAULTS`.
+    point_rate_hz
+        Pulses a second that are simulated; an SF45 sends what it is asked for.
+    to
+        Of a kind that goes with the sensor.
+
+    Raises
+    ------
+    ValueError
+        There is none of this name, it cannot fire so many, or its data do not go there.
+    """
+    if isinstance(to, str) != (name == "sf45"):
+        raise ValueError(f"LiDAR {name} sends to {'a serial device' if name == 'sf45' else 'HOST:PORT'}")
+    if isinstance(to, str):
+        return SerialPort(Sf45(rng), to)
+    return UdpPort(_build(name, rng, point_rate_hz), to)
+
+
+def _build(name: str, rng: np.random.Generator, point_rate_hz: int) -> Sensor:
+    match name:
+        case "mid360":
+            return Mid360(rng, point_rate_hz=point_rate_hz)
+        case "opal":
+            return Opal(rng, point_rate_hz=point_rate_hz)
+        case "vlp16":
+            return Vlp16(rng, point_rate_hz=point_rate_hz)
+        case "ouster":
+            return Ouster(rng, point_rate_hz=point_rate_hz)
+        case "flash":
+            return FlashSensor(rng)
+        case "radar":
+            return RadarSensor(rng)
+    raise ValueError(f"no LiDAR is named {name!r}: there are {', '.join(DEFAULTS)}")

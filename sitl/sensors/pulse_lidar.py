@@ -1,0 +1,224 @@
+"""A LiDAR that fires pulses one by one at the moving world; what every simulated sensor has in common.
+
+Not modelled: the size of the beam (mixed pixels at edges), the vehicle's own legs in the view.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.sensors.lidar_mount import Mount
+from sitl.sensors.optics import Echoes, Noise, Reach, false_returns, range_error, tilt
+from sitl.sensors.sensor_clock import Clock
+from sitl.world.primitives import REFLECTANCE
+from sitl.world.world import World
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+PoseAt = Callable[[I64], tuple[F64, F64]]
+"""Stamps (n,) ns of simulated time -> position ENU (n, 3) m, quaternion wxyz (n, 4) body FRD -> NED."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shots:
+    """Pulses and what they measured; arrays of one length.
+
+    index : number of the pulse. unit : (n, 3) nominal direction in the sensor frame. echoes : see `Echoes`.
+    bright : reflectance times the cosine of incidence, of what is hit.
+    """
+
+    index: I64
+    unit: F64
+    echoes: Echoes
+    bright: F64
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, cut: slice) -> Shots:
+        echoes = Echoes(*(getattr(self.echoes, f.name)[cut] for f in fields(Echoes)))
+        return Shots(self.index[cut], self.unit[cut], echoes, self.bright[cut])
+
+    def followed_by(self, later: Shots) -> Shots:
+        """Return these and later ones."""
+        pairs = ((getattr(self.echoes, f.name), getattr(later.echoes, f.name)) for f in fields(Echoes))
+        return Shots(
+            np.concatenate([self.index, later.index]),
+            np.concatenate([self.unit, later.unit]),
+            Echoes(*(np.concatenate(pair) for pair in pairs)),
+            np.concatenate([self.bright, later.bright]),
+        )
+
+
+class PulseLidar(ABC):
+    """A sensor on a moving vehicle.
+
+    A kind of sensor says when and whereto it fires its n-th pulse, and how a packet of them is written.
+
+    Parameters
+    ----------
+    rng
+        Source of all noise. The output does not depend on how time is cut into steps.
+    mount
+        Where and how the sensor is fixed; see ``Mount`` for the sensor frame.
+    clock
+        The sensor's free-running clock.
+    noise
+        Error model.
+    reach
+        How far it sees.
+    pulses_per_packet
+        A packet is sent when so many pulses are fired.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        mount: Mount,
+        clock: Clock | None,
+        noise: Noise,
+        reach: Reach,
+        pulses_per_packet: int,
+    ) -> None:
+        self.mount = mount
+        self.clock = clock or Clock()
+        self.noise = noise
+        self.reach = reach
+        self.pulses_per_packet = pulses_per_packet
+        # One stream a distribution: a stream is then read in the same order however time is cut.
+        self._normal, self._uniform = rng.spawn(2)
+        self._next = 0
+        self._pending: Shots | None = None
+        self._until_ns: int | None = None
+
+    # ---- what a kind of sensor says -------------------------------------------------------------
+
+    @abstractmethod
+    def fired_ns(self, index: I64) -> I64:
+        """Return when pulses are fired, by the sensor's clock since power-up; rises with the index."""
+
+    @abstractmethod
+    def pulses_about(self, elapsed_ns: int) -> tuple[int, int]:
+        """Return two numbers of pulses, surely fired and surely not yet fired, when so much has elapsed."""
+
+    @abstractmethod
+    def directions(self, index: I64) -> F64:
+        """Return nominal unit vectors (n, 3) of pulses in the sensor frame."""
+
+    @abstractmethod
+    def encode(self, shots: Shots) -> bytes:
+        """Return the packet of these pulses."""
+
+    @property
+    def group(self) -> int:
+        """Pulses that a packet never parts; a packet begins with the first of a group."""
+        return 1
+
+    def origins_m(self, index: I64) -> F64 | None:
+        """Return where pulses start, (n, 3) in the sensor frame; None for all at its origin."""
+        return None
+
+    def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
+        """Return which pulses are followed into the world, the others see nothing; None for all."""
+        return None
+
+    # ---- use ------------------------------------------------------------------------------------
+
+    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
+        """Fire every pulse due in [t0_ns, t1_ns) and return the packets that became full.
+
+        Points that do not fill a packet wait for the next step. A gap between steps is a sensor
+        switched off and on: what waited is lost.
+
+        Parameters
+        ----------
+        t0_ns, t1_ns
+            Simulated time.
+        pose_at
+            Pose of the vehicle at given times, each within [t0_ns, t1_ns).
+        world
+            What the pulses meet.
+        """
+        if self._until_ns != t0_ns:
+            # A packet holds whole groups of pulses only, wherever the sensor was switched on.
+            group = self.group
+            self._next = -(-self._pulses_before(t0_ns) // group) * group
+            self._pending = None
+        self._until_ns = t1_ns
+        end = self._pulses_before(t1_ns)
+        index = np.arange(self._next, end, dtype=np.int64)
+        self._next = max(end, self._next)
+        if index.size:
+            shots = self.fire(index, pose_at, world)
+            self._pending = shots if self._pending is None else self._pending.followed_by(shots)
+        return self._full_packets()
+
+    def look(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Shots:
+        """Fire every pulse due in [t0_ns, t1_ns): what `step` sends, before it is put into packets."""
+        index = np.arange(self._pulses_before(t0_ns), self._pulses_before(t1_ns), dtype=np.int64)
+        return self.fire(index, pose_at, world)
+
+    def points_m(self, shots: Shots) -> F64:
+        """Return where pulses seem to have hit, (n, 3) in the sensor frame; meaningless without a return."""
+        points: F64 = shots.unit * shots.echoes.range_m[:, np.newaxis]
+        origins = self.origins_m(shots.index)
+        return points if origins is None else points + origins
+
+    def stamps_ns(self, shots: Shots) -> I64:
+        """Return the simulated times of pulses."""
+        return self.clock.simulated_ns(self.fired_ns(shots.index))
+
+    def fire(self, index: I64, pose_at: PoseAt, world: World) -> Shots:
+        """Fire pulses at the world."""
+        nominal = self.directions(index)
+        position, attitude = pose_at(self.clock.simulated_ns(self.fired_ns(index)))
+        normal = self._normal.standard_normal((index.size, 4))
+        uniform = self._uniform.random((index.size, 4))
+        true_range, bright = self._trace(index, nominal, normal, position, attitude, world)
+        seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
+        measured = np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)
+        return Shots(index, nominal, false_returns(measured, seen, uniform, self.noise), bright)
+
+    def _trace(
+        self, index: I64, nominal: F64, normal: F64, position: F64, attitude: F64, world: World
+    ) -> tuple[F64, F64]:
+        """Return true range (NaN without a hit) and brightness of what is hit."""
+        traced = self.is_traced(index)
+        if traced is not None:
+            true_range, bright = np.full(index.size, np.nan), np.zeros(index.size)
+            index, nominal, normal = index[traced], nominal[traced], normal[traced]
+            position, attitude = position[traced], attitude[traced]
+        fired = tilt(nominal, normal[:, :2], self.noise.angle_sigma_deg)
+        origin = position + self.mount.lever_enu_m(attitude)
+        offset = self.origins_m(index)
+        if offset is not None:
+            origin = origin + self.mount.to_enu(offset, attitude)
+        found_m, kind, cosine = world.trace(origin, self.mount.to_enu(fired, attitude), self.reach.most_m)
+        found_bright: F64 = REFLECTANCE[kind] * cosine
+        if traced is None:
+            return found_m, found_bright
+        true_range[traced], bright[traced] = found_m, found_bright
+        return true_range, bright
+
+    def _pulses_before(self, time_ns: int) -> int:
+        """Return how many pulses are fired before a simulated time."""
+        low, high = self.pulses_about(self.clock.elapsed_ns(time_ns))
+        low = max(0, low)
+        index = np.arange(low, max(low, high), dtype=np.int64)
+        return low + int(np.count_nonzero(self.clock.simulated_ns(self.fired_ns(index)) < time_ns))
+
+    def _full_packets(self) -> list[bytes]:
+        if self._pending is None:
+            return []
+        size = self.pulses_per_packet
+        count = len(self._pending) // size
+        packets = [self.encode(self._pending[slice(k * size, (k + 1) * size)]) for k in range(count)]
+        if count:
+            self._pending = self._pending[slice(count * size, None)]
+        return packets

@@ -1,0 +1,71 @@
+"""The true course of a flight that another simulator flew, for evaluation."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pymap3d
+
+from sitl.attached.pose_source import Place, PoseSource
+from sitl.scenes import Scene
+
+STEP_NS = 200_000_000
+# It has flown when it was so far above where it stood.
+FLOWN_M = 1.0
+
+
+class AttachedLog:
+    """Trajectory at 5 Hz, take-off and touchdowns, in the world's axes; times are the sensor's, s."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._next_ns = 0
+        self._stood_m: float | None = None
+        self._flying = False
+        self.trajectory: list[dict[str, Any]] = []
+        self.takeoff: dict[str, float] | None = None
+        self.touchdowns: list[dict[str, float]] = []
+
+    def note(self, at_ns: int, enu_m: Place, source: PoseSource) -> None:
+        """Take a true pose and what the autopilot says of itself."""
+        place = {"t": at_ns * 1e-9, "e": enu_m[0], "n": enu_m[1], "u": enu_m[2]}
+        down = not source.armed or source.on_ground is True
+        if down and self._flying:
+            self._flying = False
+            self.touchdowns.append(place)
+        if down:
+            self._stood_m = enu_m[2]
+        elif not self._flying and self._stood_m is not None and enu_m[2] - self._stood_m > FLOWN_M:
+            self._flying = True
+            self.takeoff = self.takeoff or place
+        elif self._stood_m is None and source.on_ground is False:
+            self._flying = True  # it was up before it was followed
+        if at_ns >= self._next_ns:
+            self._next_ns = at_ns + STEP_NS
+            rounded = {name: round(value, 3) for name, value in place.items()}
+            self.trajectory.append({**rounded, "mode": source.mode, "armed": source.armed})
+
+    def document(self, origin_lla: Place) -> dict[str, Any]:
+        """Return everything as it is written."""
+        touchdowns = [_placed(touchdown, origin_lla) for touchdown in self.touchdowns]
+        return {
+            "seed": self._scene.seed,
+            "scene": self._scene.name,
+            "origin": list(origin_lla),
+            "takeoff": self.takeoff,
+            "touchdown": touchdowns[-1] if touchdowns else None,
+            "touchdowns": touchdowns,
+            "trajectory": self.trajectory,
+        }
+
+    def write(self, folder: Path, origin_lla: Place) -> None:
+        """Write flight.json."""
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "flight.json").write_text(json.dumps(self.document(origin_lla)) + "\n", "utf-8")
+
+
+def _placed(event: dict[str, float], origin_lla: Place) -> dict[str, float]:
+    lat, lon, alt = pymap3d.enu2geodetic(event["e"], event["n"], event["u"], *origin_lla)
+    return {"lat": float(lat), "lon": float(lon), "alt": float(alt)} | event

@@ -1,0 +1,184 @@
+"""The true multirotor: rigid body, rate loop, thrust lag, drag, wind, and the ground under its skids."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.compilation import kernel
+from sitl.vehicle.rigid_body import State, from_euler, multiply, rotate, to_euler
+
+F64 = NDArray[np.float64]
+
+GRAVITY_MS2 = 9.80665
+RATE_LAG_S = 0.05
+THRUST_LAG_S = 0.06
+DRAG_PER_S = 0.25
+MAX_THRUST_MS2 = 22.0
+GUST_TAU_S = 4.0
+
+COLLISION_M = 0.5  # deeper in a surface, or lifted by more of it, than skids can be
+HARDEST_TOUCH_MS = 4.0
+HOP_M = 0.3  # a take-off skips over the ground below this
+NEW_FLIGHT_M = 2.0  # higher than any bounce
+
+# x: 0-2 position enu, 3-5 velocity enu, 6-9 quaternion, 10-12 rates, 13 thrust, 14-16 acceleration
+
+
+@kernel()
+def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64) -> tuple[bool, float]:
+    """Advance the body by dt; return whether it stands on the ground, and how far that had to lift it."""
+    for i in range(3):
+        x[10 + i] += (rates[i] - x[10 + i]) * min(1.0, dt / RATE_LAG_S)
+    x[13] += (min(max(thrust, 0.0), MAX_THRUST_MS2) - x[13]) * min(1.0, dt / THRUST_LAG_S)
+    q = x[6:10].copy()
+    spin = np.array([0.0, x[10], x[11], x[12]])
+    q = q + 0.5 * dt * multiply(q, spin)
+    q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    lift = rotate(q, np.array([0.0, 0.0, -x[13]]))
+    ax = lift[1] - DRAG_PER_S * (x[3] - wind[0])
+    ay = lift[0] - DRAG_PER_S * (x[4] - wind[1])
+    az = -lift[2] - GRAVITY_MS2 - DRAG_PER_S * (x[5] - wind[2])
+    standing = False
+    lifted = 0.0
+    if x[2] <= ground + 1e-3 and x[5] + az * dt <= 0.0:
+        # Skids on the ground: no sliding, no sinking, level with it.
+        standing = True
+        x[2] = ground
+        for i in range(3, 6):
+            x[i] = 0.0
+        x[10] = x[11] = x[12] = 0.0
+        heading = np.arctan2(2 * (q[0] * q[3] + q[1] * q[2]), 1 - 2 * (q[2] * q[2] + q[3] * q[3]))
+        q[:] = 0.0
+        q[0], q[3] = np.cos(heading / 2), np.sin(heading / 2)
+        ax = ay = az = 0.0
+    else:
+        x[0] += x[3] * dt + 0.5 * ax * dt * dt
+        x[1] += x[4] * dt + 0.5 * ay * dt * dt
+        x[2] += x[5] * dt + 0.5 * az * dt * dt
+        x[3] += ax * dt
+        x[4] += ay * dt
+        x[5] += az * dt
+        lifted = max(0.0, ground - x[2])
+        x[2] += lifted
+    x[6:10] = q
+    x[14], x[15], x[16] = ax, ay, az
+    return standing, lifted
+
+
+@kernel()
+def _blow(gust: F64, mean: F64, sigma: float, draw: F64, dt: float) -> F64:
+    """Advance the gust (Gauss-Markov); return the wind."""
+    share = dt / GUST_TAU_S
+    out = np.empty(3)
+    for i in range(3):
+        gust[i] += -gust[i] * share + sigma * np.sqrt(2 * share) * draw[i]
+        out[i] = mean[i] + gust[i] * (0.3 if i == 2 else 1.0)
+    return out
+
+
+class Vehicle:
+    """The true vehicle.
+
+    Parameters
+    ----------
+    rng
+        Source of the gusts.
+    home_enu
+        Where it stands (m); z is the ground there.
+    heading_rad
+        Clockwise from north.
+    wind_ms
+        Mean horizontal wind; its direction is drawn, and gusts of a third of it are added.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        home_enu: tuple[float, float, float],
+        heading_rad: float = 0.0,
+        wind_ms: float = 3.0,
+    ) -> None:
+        self._x = np.zeros(17)
+        self._x[0:3] = home_enu
+        self._x[6:10] = from_euler(0.0, 0.0, heading_rad)
+        self._rng = rng
+        direction = rng.uniform(0, 2 * np.pi)
+        self._mean_wind = wind_ms * np.array([np.cos(direction), np.sin(direction), 0.0])
+        self._gust = np.zeros(3)
+        self._gust_sigma = wind_ms / 3
+        self._draws = np.zeros((0, 3))
+        self._next_draw = 0
+        self.on_ground = True
+        self.contact: dict[str, Any] | None = None
+        """The first touch of the last landing; None in flight and after a collision."""
+        self.collision: dict[str, Any] | None = None
+        """Where it flew into something; its motors are dead since."""
+        self._hopped = False
+        self._lifted_m = 0.0
+        self._clear_ground_m = float(home_enu[2])
+
+    @property
+    def truth(self) -> State:
+        x = self._x.copy()
+        return State(x[0:3], x[3:6], x[6:10], x[10:13], x[14:17])
+
+    def step(self, dt_s: float, now_ns: int, demand: tuple[F64, float], ground_z_m: float) -> None:
+        """Advance by dt under commanded body rates (rad/s) and thrust (m/s2).
+
+        Notes a touchdown and a collision. What has collided falls where it is, to the ground it was over.
+        """
+        if self.collision is None and ground_z_m - self._x[2] > COLLISION_M:
+            self._collide(now_ns)
+        if self.collision is None:
+            self._clear_ground_m = ground_z_m
+        else:
+            demand, ground_z_m = (np.zeros(3), 0.0), self._clear_ground_m
+        rates, thrust = demand
+        before = self._x.copy()
+        standing, lifted = _step(self._x, rates, thrust, dt_s, ground_z_m, self._wind(dt_s))
+        if self.collision is None:
+            self._note(now_ns, before, standing, lifted, float(self._x[2]) - ground_z_m)
+        self.on_ground = standing
+
+    def _note(self, now_ns: int, before: F64, standing: bool, lifted_m: float, height_m: float) -> None:
+        """Tell flights, touchdowns and bounces apart."""
+        self._lifted_m = self._lifted_m + lifted_m if height_m <= 0 and not standing else 0.0
+        if self._lifted_m > COLLISION_M:
+            self._collide(now_ns)
+        self._hopped = self._hopped or height_m > HOP_M
+        if height_m > NEW_FLIGHT_M:
+            self.contact = None
+        if not standing or self.on_ground or not self._hopped or self.contact is not None:
+            return
+        east, north, up = (float(v) for v in before[3:6])
+        if math.hypot(east, north, up) > HARDEST_TOUCH_MS:
+            self._collide(now_ns, before)
+            return
+        roll, pitch, _ = to_euler(before[6:10])
+        self._hopped = False
+        self.contact = self._place(now_ns) | {
+            "sink_ms": -up,
+            "drift_ms": math.hypot(east, north),
+            "tilt_deg": math.degrees(math.hypot(roll, pitch)),
+        }
+
+    def _collide(self, now_ns: int, before: F64 | None = None) -> None:
+        speed = np.sqrt(np.sum(np.square((self._x if before is None else before)[3:6])))
+        self.collision = self._place(now_ns) | {"speed_ms": float(speed)}
+        self.contact = None
+        self._x[3:5] = 0.0
+
+    def _place(self, now_ns: int) -> dict[str, Any]:
+        e, n, u = (float(v) for v in self._x[0:3])
+        return {"t_ns": now_ns, "e": e, "n": n, "u": u}
+
+    def _wind(self, dt_s: float) -> F64:
+        if self._next_draw == len(self._draws):
+            self._draws, self._next_draw = self._rng.standard_normal((4096, 3)), 0
+        draw = self._draws[self._next_draw]
+        self._next_draw += 1
+        return _blow(self._gust, self._mean_wind, self._gust_sigma, draw, dt_s)

@@ -1,0 +1,409 @@
+"""MAVLink wires: sockets, serial lines and in-memory pairs, and the way messages take between them.
+
+Nothing blocks: `read` takes what is there. A link model delays, loses, doubles or spoils frames on simulated
+time.
+"""
+
+from __future__ import annotations
+
+import errno
+import heapq
+import os
+import socket
+import struct
+import tty
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import count
+from typing import Any
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.wire.message_signing import keep_time, sign
+
+
+class WireError(ValueError):
+    """A wire cannot be opened as asked; the message is one line for the user."""
+
+
+@dataclass(slots=True)
+class LinkModel:
+    """What a radio or a bad plug does to frames; probabilities from 0 to 1."""
+
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    loss: float = 0.0
+    duplicate: float = 0.0
+    corrupt: float = 0.0
+    cut: bool = False
+
+
+class Peer:
+    """One other end: its parser and packer, and where its bytes go."""
+
+    def __init__(self, write: Callable[[bytes], None]) -> None:
+        self.write = write
+        self.codec: Any = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.codec.robust_parsing = True
+        self.open = True
+        self.bad = 0
+
+    def parse(self, data: bytes) -> list[Any]:
+        """Return the messages that these bytes complete; garbage is counted."""
+        good: list[Any] = []
+        rest, left = bytearray(data), -1
+        while True:
+            try:
+                message = self.codec.parse_char(rest)
+            except Exception:  # the parser itself fails on some frames; a peer must not stop the simulation
+                self.bad += 1
+                left, before = self.codec.buf_len(), left
+                if left == before:
+                    return good  # it takes no more of this
+            else:
+                if message is None:
+                    return good
+                if message.get_type() == "BAD_DATA":
+                    self.bad += 1
+                else:
+                    good.append(message)
+            rest = bytearray()  # what is left lies in the parser
+
+
+class Outlet:
+    """Writes frames to a stream that may be full: each goes whole or not at all."""
+
+    def __init__(self, send: Callable[[bytes], int]) -> None:
+        self._send = send
+        self._rest = b""
+
+    def __call__(self, data: bytes) -> None:
+        try:
+            if self._rest:
+                self._rest = self._rest[self._send(self._rest) :]
+            if not self._rest:
+                self._rest = data[self._send(data) :]
+        except OSError:
+            return  # full or gone; `poll` notices the latter
+
+
+class Wire(ABC):
+    """Base of all wires: `poll` yields (peer, bytes) of what has arrived."""
+
+    name = ""
+
+    def __init__(self) -> None:
+        self.peers: list[Peer] = []
+
+    @abstractmethod
+    def poll(self) -> list[tuple[Peer, bytes]]: ...
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+
+class UdpWire(Wire):
+    """`udpout` sends to a fixed address; `udpin` answers whoever spoke last."""
+
+    def __init__(self, kind: str, host: str, port: int) -> None:
+        super().__init__()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        self._fixed = kind == "udpout"
+        self._to: tuple[str, int] | None = None
+        if self._fixed:
+            self._to = _resolved(self._socket, host, port, kind), port
+        else:
+            _bind(self._socket, host, port, kind)
+            port = self._socket.getsockname()[1]
+        self.name = f"{kind}:{host}:{port}"
+        self.peers.append(Peer(self._write))
+
+    def _write(self, data: bytes) -> None:
+        if self._to is not None:
+            try:
+                self._socket.sendto(data, self._to)
+            except OSError:
+                return  # nobody there, or the buffer is full: UDP loses it
+
+    def poll(self) -> list[tuple[Peer, bytes]]:
+        got: list[tuple[Peer, bytes]] = []
+        while True:
+            try:
+                data, sender = self._socket.recvfrom(65536)
+            except BlockingIOError:
+                return got
+            except ConnectionError:
+                continue  # a refused datagram comes back as an error of the next call
+            except OSError:
+                return got
+            if not self._fixed:
+                self._to = sender
+            got.append((self.peers[0], data))
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class TcpWire(Wire):
+    """`tcpin`: a server for several clients, as ArduPilot SITL offers it."""
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__()
+        self._server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._server.setblocking(False)
+        _bind(self._server, host, port, "tcpin")
+        self._server.listen(8)
+        self._clients: dict[Peer, socket.socket] = {}
+        self.name = f"tcpin:{host}:{self._server.getsockname()[1]}"
+
+    def poll(self) -> list[tuple[Peer, bytes]]:
+        self._accept()
+        got = []
+        for peer, client in list(self._clients.items()):
+            try:
+                data = client.recv(65536)
+            except BlockingIOError:
+                continue
+            except OSError:
+                data = b""
+            if data:
+                got.append((peer, data))
+            else:
+                self._drop(peer)
+        return got
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                client, _ = self._server.accept()
+            except (BlockingIOError, OSError):
+                return
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            peer = Peer(Outlet(client.send))
+            self._clients[peer] = client
+            self.peers.append(peer)
+
+    def _drop(self, peer: Peer) -> None:
+        peer.open = False
+        self._clients.pop(peer).close()
+        self.peers.remove(peer)
+
+    def close(self) -> None:
+        for client in self._clients.values():
+            client.close()
+        self._server.close()
+
+
+class SerialWire(Wire):
+    """A terminal device, such as one end of a pseudo-terminal."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__()
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise WireError(f"{path}: {error.strerror}") from None
+        if not os.isatty(self._file):  # a file must not be overwritten with telemetry
+            os.close(self._file)
+            raise WireError(f"{path}: not a serial device")
+        tty.setraw(self._file)
+        self.name = path
+        self.peers.append(Peer(Outlet(lambda data: os.write(self._file, data))))
+
+    def poll(self) -> list[tuple[Peer, bytes]]:
+        try:
+            data = os.read(self._file, 65536)
+        except OSError:
+            return []
+        return [(self.peers[0], data)] if data else []
+
+    def close(self) -> None:
+        os.close(self._file)
+
+
+class MemoryWire(Wire):
+    """A wire inside the process: `send` is what the other end writes, `received` what it reads."""
+
+    def __init__(self, name: str = "memory") -> None:
+        super().__init__()
+        self.name = name
+        self.received: list[bytes] = []
+        self._sent: list[bytes] = []
+        self.peers.append(Peer(self.received.append))
+
+    def send(self, data: bytes) -> None:
+        """Put bytes on the wire towards the autopilot."""
+        self._sent.append(data)
+
+    def poll(self) -> list[tuple[Peer, bytes]]:
+        got = [(self.peers[0], data) for data in self._sent]
+        self._sent.clear()
+        return got
+
+    def close(self) -> None:
+        self._sent.clear()
+
+
+def open_wire(url: str) -> Wire:
+    """Open a wire by URL: udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT or a device path.
+
+    Raises
+    ------
+    WireError
+        The URL is malformed or the port in use.
+    """
+    if url.startswith("/"):
+        return SerialWire(url)
+    kind, _, address = url.partition(":")
+    host, _, port = address.rpartition(":")
+    if kind not in ("udpout", "udpin", "tcpin") or not host or not is_port(port):
+        raise WireError(
+            f"{url!r} is no MAVLink address: write udpout:HOST:PORT, udpin:HOST:PORT or tcpin:HOST:PORT"
+        )
+    return TcpWire(host, int(port)) if kind == "tcpin" else UdpWire(kind, host, int(port))
+
+
+def is_port(text: str) -> bool:
+    """Tell whether a text is a number that a port can have."""
+    return text.isascii() and text.isdecimal() and int(text) < 65536
+
+
+def _resolved(sock: socket.socket, host: str, port: int, kind: str) -> str:
+    """Look a name up once: a look-up for each frame would block."""
+    try:
+        return socket.gethostbyname(host)
+    except OSError as error:
+        sock.close()
+        raise WireError(f"{kind}:{host}:{port}: {error.strerror or error}") from None
+
+
+def _bind(sock: socket.socket, host: str, port: int, kind: str) -> None:
+    try:
+        sock.bind((host, port))
+    except OSError as error:
+        sock.close()
+        why = "the port is in use" if error.errno == errno.EADDRINUSE else str(error.strerror or error)
+        raise WireError(f"{kind}:{host}:{port}: {why}") from None
+
+
+class Router:
+    """Carries messages between wires and the autopilot as ArduPilot's routing does.
+
+    What is addressed to somebody heard on a wire goes there; what is addressed to nobody goes everywhere
+    else; everything for this autopilot or for nobody also goes to it. With a key every wire is signed.
+    """
+
+    def __init__(
+        self,
+        wires: list[Wire],
+        rng: np.random.Generator,
+        deliver: Callable[[Any, int], None],
+        key: bytes | None = None,
+    ) -> None:
+        self.wires = wires
+        self.key = key
+        self.model = LinkModel()
+        self._rng = rng
+        self._deliver = deliver
+        self._where: dict[tuple[int, int], Peer] = {}
+        self._numbers: dict[Peer, int] = {}
+        self._queue: list[tuple[int, int, Callable[[], None]]] = []
+        self._order = 0
+        self.now_ns = 0
+        self.unsendable = 0
+
+    def number(self, peer: Peer) -> int:
+        """Return the link number of a peer; a peer that is gone leaves its number to the next."""
+        if peer not in self._numbers:
+            self._numbers = {known: n for known, n in self._numbers.items() if known.open}
+            self._where = {who: known for who, known in self._where.items() if known.open}
+            taken = set(self._numbers.values())
+            self._numbers[peer] = next(n for n in count() if n not in taken)
+            if self.key is not None:
+                sign(peer.codec, self.key, self._numbers[peer])
+        return self._numbers[peer]
+
+    def peers(self) -> list[Peer]:
+        return [peer for wire in self.wires for peer in wire.peers]
+
+    def read(self, now_ns: int) -> None:
+        """Take in everything that has arrived, and what was held back until now."""
+        self.now_ns = now_ns
+        while self._queue and self._queue[0][0] <= now_ns:
+            heapq.heappop(self._queue)[2]()
+        for wire in self.wires:
+            for peer, data in wire.poll():
+                self.number(peer)
+                for message in peer.parse(self._spoilt(data)):
+                    self._through(lambda p=peer, m=message: self._route(p, m))  # type: ignore[misc]
+
+    def send(self, link: int | None, message: Any) -> None:
+        """Send a message of the autopilot to one link or to all."""
+        for peer in self.peers():
+            if link is None or self.number(peer) == link:
+                self.number(peer)
+                if self.key is not None:
+                    keep_time(peer.codec)
+                try:
+                    data = bytes(message.pack(peer.codec))
+                except (struct.error, ValueError, OverflowError):  # a value its field cannot hold
+                    self.unsendable += 1
+                    continue
+                peer.codec.seq = (peer.codec.seq + 1) % 256
+                self._through(lambda p=peer, d=data: p.write(self._spoilt(d)))  # type: ignore[misc]
+
+    def _through(self, act: Callable[[], None]) -> None:
+        m = self.model
+        if m.cut or (m.loss and self._rng.random() < m.loss):
+            return
+        times = 2 if m.duplicate and self._rng.random() < m.duplicate else 1
+        for _ in range(times):
+            if not (m.delay_s or m.jitter_s):
+                act()
+                continue
+            wait = m.delay_s + abs(self._rng.normal(0, m.jitter_s)) if m.jitter_s else m.delay_s
+            self._order += 1
+            heapq.heappush(self._queue, (self.now_ns + round(wait * 1e9), self._order, act))
+
+    def _spoilt(self, data: bytes) -> bytes:
+        if not self.model.corrupt or self._rng.random() >= self.model.corrupt:
+            return data
+        spoilt = bytearray(data)
+        spoilt[int(self._rng.integers(len(spoilt)))] ^= 1 << int(self._rng.integers(8))
+        return bytes(spoilt)
+
+    def _route(self, source: Peer, message: Any) -> None:
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        if sender == (1, 1):
+            return  # our own words, come back by some loop
+        if sender not in self._where or self._where[sender] is not source:
+            self._where[sender] = source
+            self.number(source)
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        if system in (0, 1) and (system == 0 or component in (0, 1)):
+            self._deliver(message, self.number(source))
+        if (system, component) == (1, 1):
+            return
+        frame = bytes(message.get_msgbuf())
+        for peer in self.peers():
+            if peer is not source and self._wants(peer, system, component):
+                peer.write(self._spoilt(frame))
+
+    def _wants(self, peer: Peer, system: int, component: int) -> bool:
+        if system == 0:
+            return True
+        return any(
+            where is peer and known[0] == system and component in (0, known[1])
+            for known, where in self._where.items()
+        )
+
+    def close(self) -> None:
+        for wire in self.wires:
+            wire.close()

@@ -1,0 +1,101 @@
+"""The world seen from straight above: exact heights, without any ray.
+
+Shares nothing with the ray caster but the tables, so that each can check the other.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import types
+
+from sitl.compilation import kernel
+from sitl.world.tables import (
+    F1,
+    F64,
+    GRID,
+    GROUND,
+    INF,
+    MOVERS,
+    SOLIDS,
+    U1,
+    U8,
+    GridTable,
+    GroundTable,
+    MoverTable,
+    SolidTable,
+)
+
+
+@kernel()
+def _top(shape: int, p: F64, i: int, x: float, y: float) -> float:
+    """Return the height of the top of solid i above (x, y), -inf beside it."""
+    rx, ry = x - p[i, 0], y - p[i, 1]
+    if shape == 0:
+        c, s = p[i, 6], p[i, 7]
+        inside = abs(c * rx + s * ry) <= p[i, 4] and abs(c * ry - s * rx) <= p[i, 5]
+        return p[i, 3] if inside else -INF
+    if shape == 1:
+        return p[i, 3] if rx * rx + ry * ry <= p[i, 4] * p[i, 4] else -INF
+    if shape == 2:
+        rest = 1.0 - (rx / p[i, 3]) ** 2 - (ry / p[i, 4]) ** 2
+        return p[i, 2] + p[i, 5] * math.sqrt(rest) if rest >= 0.0 else -INF
+    return _wire_top(p, i, rx, ry)
+
+
+@kernel()
+def _wire_top(p: F64, i: int, rx: float, ry: float) -> float:
+    ax, ay, az = p[i, 3] - p[i, 0], p[i, 4] - p[i, 1], p[i, 5] - p[i, 2]
+    flat2 = ax * ax + ay * ay
+    across = (rx * ay - ry * ax) / math.sqrt(flat2)
+    rest = p[i, 6] * p[i, 6] - across * across
+    if rest < 0.0:
+        return -INF
+    # A tube that rises is cut by a vertical line in an ellipse: the half height grows by 1 / cos(rise).
+    half = math.sqrt(rest * (flat2 + az * az) / flat2)
+    along = (rx * ax + ry * ay) / flat2
+    axial = along + half * az / (flat2 + az * az)
+    return p[i, 2] + along * az + half if 0.0 <= axial <= 1.0 else -INF
+
+
+@kernel(types.void(GROUND, SOLIDS, GRID, MOVERS, F1, F1, F1, U1))
+def top_surface(
+    ground: GroundTable,
+    solids: SolidTable,
+    grid: GridTable,
+    movers: MoverTable,
+    xs: F64,
+    ys: F64,
+    out_z: F64,
+    out_kind: U8,
+) -> None:
+    """Write the height and material seen from straight above; NaN and 0 outside the world."""
+    z, _, meta = ground
+    cell = grid[0][0]
+    x1 = meta[0] + (z.shape[1] - 1) * meta[2]
+    y1 = meta[1] + (z.shape[0] - 1) * meta[2]
+    n_y, n_x = grid[2].shape
+    for n in range(xs.size):
+        x, y = xs[n], ys[n]
+        out_z[n], out_kind[n] = math.nan, 0
+        if not (meta[0] <= x <= x1 and meta[1] <= y <= y1):
+            continue
+        u, v = (x - meta[0]) / meta[2], (y - meta[1]) / meta[2]
+        i, j = min(int(u), z.shape[1] - 2), min(int(v), z.shape[0] - 2)
+        u, v = u - i, v - j
+        low = z[j, i] * (1 - u) + z[j, i + 1] * u
+        high = z[j + 1, i] * (1 - u) + z[j + 1, i + 1] * u
+        best, kind = low * (1 - v) + high * v, ground[1][j, i]
+        ix = min(int((x - meta[0]) / cell), n_x - 1)
+        iy = min(int((y - meta[1]) / cell), n_y - 1)
+        flat = iy * n_x + ix
+        for k in range(grid[3][flat], grid[3][flat + 1]):
+            s = grid[4][k]
+            top = _top(solids[0][s], solids[1], s, x, y)
+            if top > best:
+                best, kind = top, solids[2][s]
+        for m in range(movers[0].size):
+            top = _top(movers[0][m], movers[1], m, x, y)
+            if top > best:
+                best, kind = top, movers[2][m]
+        out_z[n], out_kind[n] = best, kind

@@ -1,0 +1,268 @@
+"""The world the simulated vehicle flies over: ground, solids, and things that move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.world.primitives import ROW_LENGTH, Box, Ground, Kind, Solid
+from sitl.world.raycast import cast_rays
+from sitl.world.tables import GridTable, GroundTable, MoverTable, SolidTable
+from sitl.world.topview import top_surface
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+_MARGIN_M = 1e-6
+
+CAR = (
+    Box(0.0, 0.0, 0.0, 4.5, 1.8, 0.85, kind=Kind.CAR, name="body"),
+    Box(-0.2, 0.0, 0.85, 2.3, 1.6, 0.6, kind=Kind.CAR, name="cabin"),
+)
+"""A car about its own origin, length along x, 4.5 x 1.8 x 1.45 m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mover:
+    """A named object that can be moved: its parts about its own origin, and where it stands."""
+
+    name: str
+    parts: tuple[Box, ...]
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+
+    def placed(self) -> tuple[Box, ...]:
+        """Return the parts in the world."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        return tuple(
+            replace(
+                part,
+                x_m=self.x_m + c * part.x_m - s * part.y_m,
+                y_m=self.y_m + s * part.x_m + c * part.y_m,
+                z_m=self.z_m + part.z_m,
+                yaw_rad=self.yaw_rad + part.yaw_rad,
+                name=f"{self.name}-{part.name}",
+            )
+            for part in self.parts
+        )
+
+
+class World:
+    """Ground, fixed solids and movers, with exact ray casting and exact heights.
+
+    Frame: ENU metres about the geodetic origin; z is relative to the origin's altitude. Yaw of objects
+    is radians counter-clockwise from east.
+
+    Parameters
+    ----------
+    ground
+        The height field; its extent is the extent of the world.
+    solids
+        Fixed objects. Each must lie within the extent of the ground.
+    cell_m
+        Size of the grid cells that list the solids.
+
+    Raises
+    ------
+    ValueError
+        If a solid reaches beyond the ground, or the cell is not larger than the distance of the posts.
+    """
+
+    def __init__(self, ground: Ground, solids: Sequence[Solid] = (), cell_m: float = 4.0) -> None:
+        if cell_m < ground.post_m:
+            raise ValueError(f"world: cell_m {cell_m} is smaller than post_m {ground.post_m}")
+        self.ground = ground
+        self.solids = tuple(solids)
+        self._movers: dict[str, Mover] = {}
+        self._ground_table: GroundTable = (
+            np.ascontiguousarray(ground.z_m, dtype=np.float64),
+            np.ascontiguousarray(ground.kind, dtype=np.uint8),
+            np.array([ground.x0_m, ground.y0_m, ground.post_m]),
+        )
+        self._solid_table: SolidTable = _solid_table(self.solids)
+        self._grid_table: GridTable = _grid_table(ground, self.solids, cell_m)
+        self._mover_table: MoverTable = _mover_table(())
+
+    @property
+    def extent_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max), ENU metres."""
+        return self.ground.extent_m
+
+    @property
+    def movers(self) -> Mapping[str, Mover]:
+        """Objects that can be moved, by name."""
+        return MappingProxyType(self._movers)
+
+    def add_car(self, name: str, x: float, y: float, yaw: float) -> None:
+        """Put a car on the ground at (x, y), its length along yaw (radians counter-clockwise from east)."""
+        self.add_mover(name, CAR, x, y, yaw)
+
+    def add_mover(self, name: str, parts: Sequence[Box], x: float, y: float, yaw: float) -> None:
+        """Put a movable object on the ground at (x, y).
+
+        Raises
+        ------
+        ValueError
+            If the name is taken or (x, y) is outside the world.
+        """
+        if name in self._movers:
+            raise ValueError(f"world: a mover named {name!r} exists; use move() to move it")
+        self._movers[name] = Mover(name, tuple(parts), x, y, self._standing_m(name, x, y), yaw)
+        self._place_movers()
+
+    def move(self, name: str, x: float, y: float, yaw: float) -> None:
+        """Move an object; it stands on whatever fixed surface is at (x, y).
+
+        Raises
+        ------
+        KeyError
+            If there is no mover of that name.
+        ValueError
+            If (x, y) is outside the world.
+        """
+        z = self._standing_m(name, x, y)
+        self._movers[name] = replace(self._movers[name], x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
+        self._place_movers()
+
+    def remove(self, name: str) -> None:
+        """Take a mover out of the world; KeyError if there is none of that name."""
+        del self._movers[name]
+        self._place_movers()
+
+    def height_m(self, x: float, y: float) -> float:
+        """Return the height of the top surface at one place, NaN outside the world."""
+        z, _ = self.surface(np.array([x], dtype=np.float64), np.array([y], dtype=np.float64))
+        return float(z[0])
+
+    def surface(self, xs: F64, ys: F64) -> tuple[F64, U8]:
+        """Return the height and material seen from straight above, exactly.
+
+        Parameters
+        ----------
+        xs, ys
+            ENU positions, any equal shape.
+
+        Returns
+        -------
+        z, kind
+            Same shape; NaN and ``Kind.NOTHING`` outside the world.
+        """
+        return self._surface(xs, ys, self._mover_table)
+
+    def cast(self, origins_enu_m: F64, directions_enu: F64, max_range_m: float) -> tuple[F64, U8]:
+        """Cast rays, each from its own origin.
+
+        Parameters
+        ----------
+        origins_enu_m, directions_enu
+            (n, 3); directions are unit vectors.
+        max_range_m
+            Nothing beyond is seen.
+
+        Returns
+        -------
+        range_m, kind
+            (n,) f64, NaN where nothing returns, and (n,) u8 ``Kind``. Water stops a ray and returns
+            nothing: NaN with ``Kind.WATER``.
+        """
+        range_m, kind, _ = self.trace(origins_enu_m, directions_enu, max_range_m)
+        return range_m, kind
+
+    def trace(self, origins_enu_m: F64, directions_enu: F64, max_range_m: float) -> tuple[F64, U8, F64]:
+        """Cast rays as ``cast`` does and also return the cosine of each angle of incidence."""
+        origins = np.ascontiguousarray(origins_enu_m, dtype=np.float64)
+        directions = np.ascontiguousarray(directions_enu, dtype=np.float64)
+        if origins.ndim != 2 or origins.shape[1] != 3 or origins.shape != directions.shape:
+            raise ValueError(f"cast: need two (n, 3) arrays, got {origins.shape} and {directions.shape}")
+        count = len(origins)
+        range_m, cosine, kind = np.empty(count), np.empty(count), np.empty(count, dtype=np.uint8)
+        cast_rays(
+            self._ground_table,
+            self._solid_table,
+            self._grid_table,
+            self._mover_table,
+            origins,
+            directions,
+            float(max_range_m),
+            range_m,
+            kind,
+            cosine,
+        )
+        return range_m, kind, cosine
+
+    def _surface(self, xs: F64, ys: F64, movers: MoverTable) -> tuple[F64, U8]:
+        x, y = np.broadcast_arrays(np.asarray(xs, dtype=np.float64), np.asarray(ys, dtype=np.float64))
+        z, kind = np.empty(x.size), np.empty(x.size, dtype=np.uint8)
+        tables = (self._ground_table, self._solid_table, self._grid_table, movers)
+        top_surface(*tables, np.ascontiguousarray(x.ravel()), np.ascontiguousarray(y.ravel()), z, kind)
+        return z.reshape(x.shape), kind.reshape(x.shape)
+
+    def _standing_m(self, name: str, x: float, y: float) -> float:
+        z, _ = self._surface(np.array([x]), np.array([y]), _mover_table(()))
+        if not math.isfinite(z[0]):
+            raise ValueError(f"world: {name!r} at ({x}, {y}) is outside the extent {self.extent_m}")
+        return float(z[0])
+
+    def _place_movers(self) -> None:
+        self._mover_table = _mover_table([p for m in self._movers.values() for p in m.placed()])
+
+
+def _solid_table(solids: Sequence[Solid]) -> SolidTable:
+    rows = [solid.row() for solid in solids]
+    shape = np.array([s for s, _ in rows], dtype=np.uint8)
+    table = np.array([r for _, r in rows], dtype=np.float64).reshape(len(rows), ROW_LENGTH)
+    kind = np.array([solid.kind for solid in solids], dtype=np.uint8)
+    return shape, table, kind
+
+
+def _mover_table(solids: Sequence[Solid]) -> MoverTable:
+    bounds = np.array([solid.bounds() for solid in solids], dtype=np.float64).reshape(-1, 6)
+    centre = (bounds[:, :3] + bounds[:, 3:]) / 2
+    radius = np.linalg.norm(bounds[:, 3:] - centre, axis=1) + _MARGIN_M
+    return (*_solid_table(solids), np.ascontiguousarray(np.column_stack([centre, radius])))
+
+
+def _grid_table(ground: Ground, solids: Sequence[Solid], cell_m: float) -> GridTable:
+    """List the solids of each cell and find the highest ground and the highest object in it."""
+    x0, y0, x1, y1 = ground.extent_m
+    columns, rows = math.ceil((x1 - x0) / cell_m), math.ceil((y1 - y0) / cell_m)
+    ground_top = _ground_top(ground, rows, columns, cell_m)
+    any_top = ground_top.copy()
+    listed: list[list[int]] = [[] for _ in range(rows * columns)]
+    for index, solid in enumerate(solids):
+        a, b, _, c, d, top = solid.bounds()
+        if a < x0 or b < y0 or c > x1 or d > y1:
+            raise ValueError(f"world: {solid.name!r} reaches beyond the ground {ground.extent_m}")
+        i0, i1 = int((a - x0 - _MARGIN_M) // cell_m), int((c - x0 + _MARGIN_M) // cell_m)
+        j0, j1 = int((b - y0 - _MARGIN_M) // cell_m), int((d - y0 + _MARGIN_M) // cell_m)
+        for j in range(max(j0, 0), min(j1, rows - 1) + 1):
+            for i in range(max(i0, 0), min(i1, columns - 1) + 1):
+                listed[j * columns + i].append(index)
+                any_top[j, i] = max(any_top[j, i], top + _MARGIN_M)
+    start = np.zeros(rows * columns + 1, dtype=np.int32)
+    start[1:] = np.cumsum([len(items) for items in listed])
+    items = np.array([item for cell in listed for item in cell], dtype=np.int32)
+    floor = min(float(ground.z_m.min()), min((s.bounds()[2] for s in solids), default=math.inf)) - 1.0
+    return np.array([cell_m, floor, float(any_top.max())]), ground_top, any_top, start, items
+
+
+def _ground_top(ground: Ground, rows: int, columns: int, cell_m: float) -> F64:
+    top = np.empty((rows, columns))
+    posts_y, posts_x = ground.z_m.shape
+    for j in range(rows):
+        # One post to either side: a cell edge may cut a square.
+        j0 = max(math.floor(j * cell_m / ground.post_m), 0)
+        j1 = min(math.ceil((j + 1) * cell_m / ground.post_m), posts_y - 1)
+        band = ground.z_m[j0 : j1 + 1].max(axis=0)
+        for i in range(columns):
+            i0 = max(math.floor(i * cell_m / ground.post_m), 0)
+            i1 = min(math.ceil((i + 1) * cell_m / ground.post_m), posts_x - 1)
+            top[j, i] = band[i0 : i1 + 1].max() + _MARGIN_M
+    return top

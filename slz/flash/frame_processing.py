@@ -1,0 +1,108 @@
+"""One frame from waveforms to a filtered range image, and to points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.flash.camera import FlashCamera, FlashFrame
+from slz.flash.ranging import RangeImage, likely_ranges, polynomial_ranges
+from slz.flash.triage import Triage, triage
+from slz.kernels.instruments.median_filter import median_of_neighbours
+
+F64 = NDArray[np.float64]
+Estimator = Literal["likely", "polynomial"]
+PARTED = 4.0  # standard errors, and
+PARTED_M = 0.5  # metres that a pixel may differ from the median around it
+
+
+@dataclass(frozen=True, slots=True)
+class FlashImage:
+    """What became of one frame; arrays (rows, cols).
+
+    measured : ranges pixel by pixel. filtered_m : their median over the neighbours, holes of single pixels
+    repaired, NaN where unknown. repaired : bool, where no pixel of its own stands behind a filtered range.
+    """
+
+    measured: RangeImage
+    filtered_m: F64
+    repaired: NDArray[np.bool_]
+    verdict: Triage
+    stamp_ns: int
+
+
+def process_frame(frame: FlashFrame, camera: FlashCamera, estimator: Estimator = "likely") -> FlashImage:
+    """Run a frame through ranging, triage and median filter (Flash 4.2-5.1).
+
+    Raises
+    ------
+    ValueError
+        The frame is not of this camera, or there is no such estimator.
+    """
+    if estimator not in ("likely", "polynomial"):
+        raise ValueError(f"flash: no estimator is called {estimator!r}: use 'likely' or 'polynomial'")
+    measured = (likely_ranges if estimator == "likely" else polynomial_ranges)(frame, camera)
+    filtered = median_of_neighbours(measured.range_m)
+    repaired = np.isnan(measured.range_m) & np.isfinite(filtered)
+    return FlashImage(measured, filtered, repaired, triage(measured), frame.stamp_ns)
+
+
+def sensor_points(image: FlashImage, camera: FlashCamera) -> tuple[F64, F64]:
+    """Return the points of `sensor_pixels` and their standard errors."""
+    return sensor_pixels(image, camera)[:2]
+
+
+def sensor_pixels(
+    image: FlashImage, camera: FlashCamera, filtered: bool = True
+) -> tuple[F64, F64, NDArray[np.bool_]]:
+    """Return points (n, 3) forward, left, up of the sensor (m), their standard errors (n,), and their pixels.
+
+    None where the frame is not usable. A repaired pixel gives no point: nothing was measured there.
+
+    Parameters
+    ----------
+    filtered
+        True: ranges after the median, as in the source; pixels far from it, false triggers, give none. But a
+        median of nine takes away what is narrower than two pixels, such as a post. False: every pixel's own
+        range, for stages that tell lone returns from things by themselves, as those of a flight do.
+    """
+    if not image.verdict.usable:
+        return np.empty((0, 3)), np.empty(0), np.zeros(image.filtered_m.shape, bool)
+    sigma = np.nan_to_num(image.measured.sigma_m, nan=camera.sample_m / 12)
+    range_m = image.filtered_m if filtered else image.measured.range_m
+    keep = np.isfinite(image.measured.range_m)
+    if filtered:
+        with np.errstate(invalid="ignore"):
+            keep = np.abs(image.measured.range_m - range_m) < np.maximum(PARTED_M, PARTED * sigma)
+    return range_m[keep, np.newaxis] * _directions(camera)[keep], sigma[keep], keep
+
+
+@cache
+def _directions(camera: FlashCamera) -> F64:
+    return camera.directions()
+
+
+def map_points(points_sensor_m: F64, position_m: F64, T_map_from_sensor: F64) -> F64:
+    """Return points in the map frame, X = X0 + N r (Flash Eq. 2).
+
+    Parameters
+    ----------
+    position_m
+        (3,), of the sensor in the map.
+    T_map_from_sensor
+        (3, 3) rotation.
+
+    Raises
+    ------
+    ValueError
+        The pose is not finite or the rotation is none.
+    """
+    if not (np.isfinite(position_m).all() and np.isfinite(T_map_from_sensor).all()):
+        raise ValueError(f"flash: the pose is not finite: {position_m}, {T_map_from_sensor}")
+    if not np.allclose(T_map_from_sensor @ T_map_from_sensor.T, np.eye(3), atol=1e-6):
+        raise ValueError(f"flash: T_map_from_sensor is no rotation: {T_map_from_sensor.tolist()}")
+    return np.asarray(position_m + points_sensor_m @ T_map_from_sensor.T)

@@ -1,0 +1,418 @@
+"""From points to cells."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import (
+    COUNT,
+    FIELDS,
+    HIGH,
+    HIGH2,
+    LOW,
+    LOW2,
+    MEAN,
+    NOISE,
+    TILE,
+    TILE_BITS,
+    TIME,
+)
+from slz.kernels.jit import kernel
+from slz.kernels.simd import LANES, ask_for, load, store
+
+OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
+AHEAD = 24  # points, from whose cell on memory is asked for
+BITS = np.int32(TILE_BITS)
+CHUNK = 64  # points placed at a time
+ONE, TWO = np.float32(1), np.float32(2)
+NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+
+
+@kernel("void(float64[::1], float64, float64, float64, float64[:, ::1])")
+def _placed(
+    points: NDArray[np.float64], west: float, south: float, cell: float, out: NDArray[np.float64]
+) -> None:
+    """Leave rows, columns and heights of some points, without a branch, so that the compiler takes several.
+
+    Nobody asks for the heights; but only where all three numbers of a point are used does it load whole lines
+    of them, and otherwise gathers one by one, which takes five times as long from memory.
+    """
+    rows, cols, heights = out[0], out[1], out[2]
+    for k in range(np.uint64(len(points) // 3)):
+        cols[k] = np.floor((points[THREE * k] - west) / cell)
+        rows[k] = np.floor((points[THREE * k + NEXT] - south) / cell)
+        heights[k] = points[THREE * k + PAIR]
+
+
+@kernel("Tuple((int32[:, ::1], int64[::1]))(float64[:, ::1], float64, float64, float64, int64[:])")
+def cells_of(
+    points: NDArray[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    within: NDArray[np.int64],
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and number of them.
+
+    Cells count from (west, south); only those `within` (row0, row1, col0, col1) count, the row of a point
+    elsewhere is `OUTSIDE`.
+    """
+    at, placed = np.empty((len(points), 2), np.int32), np.empty((3, CHUNK))
+    south0, north0, west0, east0 = within[0] + 0.0, within[1] + 0.0, within[2] + 0.0, within[3] + 0.0
+    r0, r1, c0, c1, inside = north0, south0 - 1, east0, west0 - 1, 0
+    flat, places, rows, cols = points.ravel(), at.ravel(), placed[0], placed[1]
+    for start in range(0, len(points), CHUNK):
+        n, to = min(CHUNK, len(points) - start), np.uint64(2 * start)
+        _placed(flat[3 * start : 3 * (start + n)], west, south, cell, placed)
+        held = 0
+        for k in range(np.uint64(n)):
+            r, c = rows[k], cols[k]
+            held += (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
+        if held < n:
+            for k in range(np.uint64(n)):
+                r, c = rows[k], cols[k]
+                here = (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = OUTSIDE, 0
+                if here:
+                    places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
+                    r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
+        else:
+            least_row, most_row, least_col, most_col = LARGEST, OUTSIDE, LARGEST, OUTSIDE
+            for k in range(np.uint64(n)):
+                row, col = np.int32(rows[k]), np.int32(cols[k])
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = row, col
+                least_row, most_row = min(least_row, row), max(most_row, row)
+                least_col, most_col = min(least_col, col), max(most_col, col)
+            r0, r1 = min(r0, float(least_row)), max(r1, float(most_row))
+            c0, c1 = min(c0, float(least_col)), max(c1, float(most_col))
+        inside += held
+    return at, np.array([np.int64(r0), np.int64(r1) + 1, np.int64(c0), np.int64(c1) + 1, inside], np.int64)
+
+
+@kernel("void(float64[:, :], float64, float64, float64, int64, int64, float64[:, :], int32[:, :])")
+def sum_and_count(
+    points: NDArray[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    row0: int,
+    col0: int,
+    total: NDArray[np.float64],
+    count: NDArray[np.int32],
+) -> None:
+    """Add up heights and points of every cell of a box (SLZ paper Eq. 3-5)."""
+    rows, cols = total.shape
+    for i in range(points.shape[0]):
+        c = int(np.floor((points[i, 0] - west) / cell)) - col0
+        r = int(np.floor((points[i, 1] - south) / cell)) - row0
+        if c < 0 or r < 0 or c >= cols or r >= rows:
+            continue
+        total[r, c] += points[i, 2]
+        count[r, c] += 1
+
+
+@kernel("UniTuple(int64, 2)(float64[:, ::1], float64, float64, float64, int64, int64)")
+def hit_squares(
+    points: NDArray[np.float64], west: float, south: float, side: float, rows: int, cols: int
+) -> tuple[int, int]:
+    """Return how many of rows x cols squares, fewer than 2^31, from (west, south) on, hold a point.
+
+    And, second, 1 if some point lies in none of them, else 0.
+    """
+    out, placed, at = np.zeros(rows * cols + 1, np.bool_), np.empty((3, CHUNK)), np.empty(CHUNK, np.int32)
+    flat, row, col = points.ravel(), placed[0], placed[1]
+    high, wide, elsewhere = float(rows), float(cols), np.int32(rows * cols)
+    for start in range(0, len(points), CHUNK):
+        n = min(CHUNK, len(points) - start)
+        _placed(flat[3 * start : 3 * (start + n)], west, south, side, placed)
+        for k in range(np.uint64(n)):
+            r, c = row[k], col[k]
+            inside = (r >= 0.0) & (r < high) & (c >= 0.0) & (c < wide)
+            at[k] = np.int32(r * wide + c) if inside else elsewhere
+        for k in range(np.uint64(n)):
+            out[np.uint64(at[k])] = True
+    return int(np.count_nonzero(out[:-1])), int(out[-1])
+
+
+@kernel("void(int32[::1], int32, int32, int32, int32[::1])")
+def _tiles_of(
+    at: NDArray[np.int32], wide: np.int32, first: np.int32, elsewhere: np.int32, tile: NDArray[np.int32]
+) -> None:
+    """Leave the number of each cell's tile in rows of `wide`, less the first; in four bytes throughout."""
+    for k in range(np.uint64(len(at) // 2)):
+        row, col = at[PAIR * k], at[PAIR * k + NEXT]
+        number = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
+        tile[k] = np.int32(number) if row != OUTSIDE else elsewhere
+
+
+@kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
+def count_by_tile(
+    at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int
+) -> NDArray[np.int64]:
+    """Count the cells in each tile of a rectangle of rows x cols tiles, from (tile_row, tile_col) on.
+
+    In two tables, since a count that is added to twice in a row has to be waited for.
+    """
+    count, tile = np.zeros((2, rows * cols + 1), np.int64), np.empty(CHUNK, np.int32)
+    flat, wide, elsewhere = at.ravel(), np.int32(cols), np.int32(rows * cols)
+    for start in range(0, len(at), CHUNK):
+        stop = min(len(at), start + CHUNK)
+        _tiles_of(flat[2 * start : 2 * stop], wide, np.int32(tile_row * cols + tile_col), elsewhere, tile)
+        for k in range(np.uint64(stop - start)):
+            count[k & NEXT, np.uint64(tile[k])] += 1
+    return (count[0, :-1] + count[1, :-1]).reshape(rows, cols)
+
+
+@kernel("void(float64[::1], float64[:], float64, float64, float32[:, ::1])")
+def _sampled(
+    points: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    range_noise_m: float,
+    angle_noise_rad: float,
+    sample: NDArray[np.float32],
+) -> None:
+    """Leave heights and their variances of some points, see `sorted_by_tile`; several at once."""
+    height, variance = sample[0], sample[1]
+    east, north, up = sensor[0], sensor[1], sensor[2]
+    own, across_m2 = range_noise_m**2, angle_noise_rad**2
+    for k in range(np.uint64(len(points) // 3)):
+        x, y, z = points[THREE * k], points[THREE * k + NEXT], points[THREE * k + PAIR]
+        dx, dy, dz = x - east, y - north, z - up
+        across = dx * dx + dy * dy
+        whole = across + dz * dz
+        noise = own * dz * dz / (whole if whole > 1e-6 else 1e-6) + across_m2 * across
+        # NaN where the sensor's place is not known.
+        height[k], variance[k] = np.float32(z), np.float32(noise if noise == noise else own)
+
+
+@kernel(
+    "Tuple((int32[::1], float32[:, ::1]))"
+    "(float64[:, ::1], int32[:, ::1], float64[:], float64, float64, int64, int64, int64[:, ::1])"
+)
+def sorted_by_tile(
+    points: NDArray[np.float64],
+    at: NDArray[np.int32],
+    sensor: NDArray[np.float64],
+    range_noise_m: float,
+    angle_noise_rad: float,
+    tile_row: int,
+    tile_col: int,
+    count: NDArray[np.int64],
+) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    """Return the points of one tile after the other, their order within it kept.
+
+    Random cells of all tiles would each wait for memory; those of one tile are near each other.
+
+    Parameters
+    ----------
+    at
+        Cells of the points, see `cells_of`; what is outside is left out.
+    count
+        Of the points in each tile, see `count_by_tile`.
+
+    Returns
+    -------
+    Cell within the tile, row by row; (n, 2) height and the variance of it that the sensor's noise explains:
+    of the range along the ray, of the angle across it.
+    """
+    rows, cols = count.shape
+    place, n = np.zeros(rows * cols + 1, np.int64), int(count.sum())  # the last is that of what is outside
+    place[1:] = np.cumsum(count)
+    cell, sample = np.empty(n + 1, np.int32), np.empty((n + 1, 2), np.float32)
+    tile, some = np.empty(CHUNK, np.int32), np.empty((2, CHUNK), np.float32)
+    flat, cells = points.ravel(), at.ravel()
+    wide, elsewhere, within = np.int32(cols), np.int32(rows * cols), np.int32(TILE - 1)
+    for start in range(0, len(at), CHUNK):
+        stop = min(len(at), start + CHUNK)
+        mine = cells[2 * start : 2 * stop]
+        _tiles_of(mine, wide, np.int32(tile_row * cols + tile_col), elsewhere, tile)
+        _sampled(flat[3 * start : 3 * stop], sensor, range_noise_m, angle_noise_rad, some)
+        for k in range(np.uint64(stop - start)):
+            own = np.uint64(tile[k])
+            to = np.uint64(place[own])
+            place[own] += tile[k] != elsewhere
+            cell[to] = (mine[PAIR * k] & within) << BITS | (mine[PAIR * k + NEXT] & within)
+            sample[to, 0], sample[to, 1] = some[0, k], some[1, k]
+    return cell[:n], sample[:n]
+
+
+@kernel("UniTuple(int64, 4)(int32[::1], float32[:, ::1], float32, float32, float32, float32[:, :, ::1])")
+def _gather(
+    cells: NDArray[np.int32],
+    samples: NDArray[np.float32],
+    now_s: float,
+    hold_s: float,
+    max_age_s: float,
+    tile: NDArray[np.float32],
+) -> tuple[int, int, int, int]:
+    """Add the points of a tile to its cells, see `gather_evidence`; return the box of those hit."""
+    r0, r1, c0, c1 = TILE, -1, TILE, -1
+    flat, last = tile.ravel(), len(cells) - 1
+    for i in range(len(cells)):
+        ask_for(flat, 2 * FIELDS * cells[min(i + AHEAD, last)])
+        r, c = cells[i] >> TILE_BITS, cells[i] & (TILE - 1)
+        r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
+        h, variance = samples[i, 0], samples[i, 1]
+        held = tile[cells[i]]
+        now, before = held[0], held[1]
+        if now_s - before[TIME] > max_age_s:
+            now[COUNT] = before[COUNT] = 0
+        if now[COUNT] > 0 and now_s - now[TIME] > hold_s:
+            for f in range(FIELDS):
+                before[f] = now[f]
+            now[COUNT] = 0
+        if now[COUNT] == 0:
+            now[COUNT], now[MEAN], now[NOISE], now[TIME] = 1, h, variance, now_s
+            now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
+        else:
+            # No branch: whether a return is an extreme cannot be foretold.
+            n = now[COUNT] + ONE
+            low, high = now[LOW], now[HIGH]
+            above, below = (h if h > low else low), (h if h < high else high)
+            low2 = above if above < now[LOW2] else now[LOW2]
+            high2 = below if below > now[HIGH2] else now[HIGH2]
+            now[LOW2], now[HIGH2] = (above, below) if n == TWO else (low2, high2)
+            now[LOW], now[HIGH] = (h if h < low else low), (h if h > high else high)
+            now[COUNT] = n
+            now[MEAN] += (h - now[MEAN]) / n
+            now[NOISE] += (variance - now[NOISE]) / n
+        before[TIME] = now_s
+    return r0, r1 + 1, c0, c1 + 1
+
+
+@kernel(
+    "int64(int32[::1], float32[:, ::1], int64[:, ::1], int64, int64, float32, float32, float32,"
+    " float32[:, :, :, :, ::1], int32[:, ::1], int64[:, :, ::1])"
+)
+def gather_evidence(
+    cells: NDArray[np.int32],
+    samples: NDArray[np.float32],
+    count: NDArray[np.int64],
+    tile_row: int,
+    tile_col: int,
+    now_s: float,
+    hold_s: float,
+    max_age_s: float,
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+    touched: NDArray[np.int64],
+) -> int:
+    """Add points, sorted by tile, to the per-cell statistics; return how many were used.
+
+    `table` holds the slot in the pool of each tile that is counted, -1 where there is none. `touched` gets
+    row0, row1, col0, col1 (half open) of the cells hit of each tile that was.
+
+    A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
+    arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
+    until two epochs of newer observations have replaced it. What was not seen for `max_age_s` is forgotten
+    before anything is added. NOISE is the mean variance of the heights that the sensor's noise explains.
+    """
+    first = used = 0
+    for tr in range(count.shape[0]):
+        for tc in range(count.shape[1]):
+            n, slot = count[tr, tc], table[tr, tc]
+            if n > 0 and slot >= 0:
+                tile = pool[slot].reshape(TILE * TILE, 2, FIELDS)
+                cell, sample = cells[first : first + n], samples[first : first + n]
+                r0, r1, c0, c1 = _gather(cell, sample, now_s, hold_s, max_age_s, tile)
+                south, west = (tile_row + tr) * TILE, (tile_col + tc) * TILE
+                box = touched[tr, tc]
+                box[0], box[1], box[2], box[3] = south + r0, south + r1, west + c0, west + c1
+                used += n
+            first += n
+    return used
+
+
+@kernel("void(float32[:, :, :, :, ::1], int32[:, :], int64, int64, int64, int64, float32[:, :, :, ::1])")
+def copy_evidence(
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+    tile_row: int,
+    tile_col: int,
+    row0: int,
+    col0: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Copy the cells from (row0, col0) on into an array that holds zeros."""
+    rows, cols = out.shape[:2]
+    flat, into = pool.ravel(), out.ravel()
+    for r in range(rows):
+        tr, i = ((row0 + r) >> TILE_BITS) - tile_row, (row0 + r) & (TILE - 1)
+        for c in range(cols):
+            slot = table[tr, ((col0 + c) >> TILE_BITS) - tile_col]
+            first = ((slot * TILE + i) * TILE + ((col0 + c) & (TILE - 1))) * LANES
+            if slot >= 0 and flat[first + COUNT] > 0:
+                store(into, (r * cols + c) * LANES, load(flat, first))
+
+
+@kernel(
+    "boolean[:](float64[:, :], float64[:], float64, float64, float64, float64, float64, int64, int64,"
+    " float32[:, :, :, :, :], int32[:, :])"
+)
+def contradicts(
+    points: NDArray[np.float64],
+    sensor: NDArray[np.float64],
+    least_m: float,
+    angle_noise_rad: float,
+    west: float,
+    south: float,
+    cell: float,
+    tile_row: int,
+    tile_col: int,
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+) -> NDArray[np.bool_]:
+    """Tell which points lie over known cells, higher by `least_m` and four standard deviations than known.
+
+    The deviation is that of a height at the point's distance from the sensor.
+    """
+    rows, cols = table.shape
+    out = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        c = int(np.floor((points[i, 0] - west) / cell))
+        r = int(np.floor((points[i, 1] - south) / cell))
+        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
+        if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
+            continue
+        held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+        if held[0, COUNT] == 0:
+            continue
+        known = max(held[0, HIGH], held[1, HIGH]) if held[1, COUNT] > 0 else held[0, HIGH]
+        way = np.sqrt((points[i, 0] - sensor[0]) ** 2 + (points[i, 1] - sensor[1]) ** 2)
+        out[i] = points[i, 2] - known > least_m + 4 * angle_noise_rad * way
+    return out
+
+
+@kernel(
+    "float64[:, :](float64[:, :], float64, float64, float64, int64, int64,"
+    " float32[:, :, :, :, :], int32[:, :])"
+)
+def differences(
+    points: NDArray[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    tile_row: int,
+    tile_col: int,
+    pool: NDArray[np.float32],
+    table: NDArray[np.int32],
+) -> NDArray[np.float64]:
+    """Return (m, 3) east, north and height above the mean of the cell, of the points over known cells."""
+    rows, cols = table.shape
+    out = np.empty((len(points), 3))
+    m = 0
+    for i in range(len(points)):
+        c = int(np.floor((points[i, 0] - west) / cell))
+        r = int(np.floor((points[i, 1] - south) / cell))
+        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
+        if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
+            continue
+        held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+        now, before = held[0], held[1]
+        if now[COUNT] == 0:
+            continue
+        mean = (now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT])
+        out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean
+        m += 1
+    return out[:m].copy()

@@ -1,0 +1,53 @@
+"""The resolution pyramid: evidence of cells twice as wide from that of four."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
+from slz.kernels.jit import kernel
+
+
+@kernel("float32[:, :, :, ::1](float32[:, :, :, ::1], float32, float32)")
+def coarser(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
+    """Join 2 x 2 cells, (2 r, 2 c) being the first of cell (r, c), both of their epochs, into one epoch.
+
+    The joint statistics are those of all returns together; cells not seen for `max_age_s` count as unseen,
+    and the joint cell was last seen when the one of its cells was that was not seen for longest.
+    """
+    rows, cols = evidence.shape[0] // 2, evidence.shape[1] // 2
+    out = np.zeros((rows, cols, 2, FIELDS), np.float32)
+    for r in range(rows):
+        for c in range(cols):
+            joint = out[r, c, 0]
+            for i in range(2 * r, 2 * r + 2):
+                for j in range(2 * c, 2 * c + 2):
+                    seen_s = evidence[i, j, 1, TIME]
+                    if evidence[i, j, 0, COUNT] == 0 or now_s - seen_s > max_age_s:
+                        continue
+                    if joint[COUNT] == 0 or seen_s < out[r, c, 1, TIME]:
+                        out[r, c, 1, TIME] = seen_s
+                    for epoch in range(2):
+                        part = evidence[i, j, epoch]
+                        n = part[COUNT]
+                        if n == 0:
+                            continue
+                        if joint[COUNT] == 0:
+                            for f in range(FIELDS):
+                                joint[f] = part[f]
+                            continue
+                        total = joint[COUNT] + n
+                        joint[MEAN] += (part[MEAN] - joint[MEAN]) * n / total
+                        joint[NOISE] += (part[NOISE] - joint[NOISE]) * n / total
+                        low2 = part[LOW2] if n > 1 else np.float32(np.inf)
+                        own2 = joint[LOW2] if joint[COUNT] > 1 else np.float32(np.inf)
+                        joint[LOW2] = min(max(joint[LOW], part[LOW]), low2, own2)
+                        joint[LOW] = min(joint[LOW], part[LOW])
+                        high2 = part[HIGH2] if n > 1 else np.float32(-np.inf)
+                        own2 = joint[HIGH2] if joint[COUNT] > 1 else np.float32(-np.inf)
+                        joint[HIGH2] = max(min(joint[HIGH], part[HIGH]), high2, own2)
+                        joint[HIGH] = max(joint[HIGH], part[HIGH])
+                        joint[TIME] = min(joint[TIME], part[TIME])
+                        joint[COUNT] = total
+    return out

@@ -1,0 +1,144 @@
+"""Boxes of cells put into tiles and taken from them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import TILE, TILE_BITS
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, Bits
+
+Values = NDArray[Any]
+Table = NDArray[np.int32]
+
+
+@kernel()
+def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
+    """Copy n values between flat arrays, without a sign that would have every place looked at."""
+    to, by = np.uint64(at), np.uint64(first)
+    for k in range(np.uint64(n)):
+        there[to + k] = here[by + k]
+
+
+@kernel()
+def _move(
+    block: Values,
+    first: int,
+    table: Table,
+    layer: int,
+    row0: int,
+    col0: int,
+    cells: Values,
+    inwards: bool,
+) -> None:
+    """Copy (rows, cols) cells of a layer to those of its tiles that lie in a block, or from there."""
+    rows, cols = cells.shape
+    flat, given = block.ravel(), cells.ravel()
+    tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
+    for tr in range(table.shape[0]):
+        south = (tile_row + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(block):
+                continue
+            west = (tile_col + tc) << TILE_BITS
+            c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
+            held = (slot * block.shape[1] + layer) * TILE
+            for r in range(max(row0, south), min(row0 + rows, south + TILE)):
+                there, here = (held + r - south) * TILE + c0 - west, (r - row0) * cols + c0 - col0
+                if inwards:
+                    _copy(flat, there, given, here, c1 - c0)
+                else:
+                    _copy(given, here, flat, there, c1 - c0)
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, float32[:, :, ::1])",
+    "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, uint8[:, :, ::1])",
+)
+def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, values: Values) -> None:
+    """Set (layers, rows, cols) of a box, whose corner is given, in those of its tiles that lie in a block.
+
+    Parameters
+    ----------
+    block
+        (tiles, layers, TILE, TILE), of which the first has this slot.
+    table
+        Slots of all tiles that the box touches, -1 for none.
+    """
+    for layer in range(len(values)):
+        _move(block, first, table, layer, row0, col0, values[layer], True)
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, float32[:, ::1])",
+    "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, uint8[:, ::1])",
+)
+def copy_layer(
+    block: Values, first: int, table: Table, layer: int, row0: int, col0: int, out: Values
+) -> None:
+    """Copy one layer of a box from those of its tiles that lie in a block, see `put_layers`."""
+    _move(block, first, table, layer, row0, col0, out, False)
+
+
+@kernel("void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, uint8, uint64[:, ::1])")
+def set_bits(block: Values, first: int, table: Table, row0: int, value: np.uint8, out: Bits) -> None:
+    """Set the cells that hold a value, in words that are rows of tiles, of those tiles that lie in a block.
+
+    Parameters
+    ----------
+    block, first, table
+        As of `put_layers`; of one layer.
+    out
+        Rows from row0 on, and a word for each column of the table.
+    """
+    flat = block.ravel()
+    for tr in range(table.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(block):
+                continue
+            for r in range(max(row0, south), min(row0 + len(out), south + TILE)):
+                at, word = np.uint64((slot * TILE + r - south) * TILE), NONE
+                for k in range(np.uint64(TILE)):
+                    word |= np.uint64(flat[at + k] == value) << k
+                out[r - row0, tc] = word
+
+
+@kernel("UniTuple(int64, 4)(int32[:, ::1])")
+def reach_of(cells: NDArray[np.int32]) -> tuple[int, int, int, int]:
+    """Return row0, row1, col0, col1 (half open) of one cell and more, (n, 2) rows and columns."""
+    row0 = row1 = cells[0, 0]
+    col0 = col1 = cells[0, 1]
+    for i in range(len(cells)):
+        r, c = cells[i, 0], cells[i, 1]
+        row0, row1, col0, col1 = min(row0, r), max(row1, r), min(col0, c), max(col1, c)
+    return row0, row1 + 1, col0, col1 + 1
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, int32[:, ::1], int64, int64,"
+    " float32[::1])"
+)
+def copy_cells(
+    block: Values,
+    first: int,
+    table: Table,
+    layer: int,
+    row0: int,
+    col0: int,
+    cells: NDArray[np.int32],
+    down: int,
+    right: int,
+    out: Values,
+) -> None:
+    """Copy one layer of (n, 2) cells, moved down and right, of a box from its tiles that lie in a block."""
+    for i in range(len(cells)):
+        r, c = cells[i, 0] + down, cells[i, 1] + right
+        slot = table[(r >> TILE_BITS) - (row0 >> TILE_BITS), (c >> TILE_BITS) - (col0 >> TILE_BITS)] - first
+        if 0 <= slot < len(block):
+            out[i] = block[slot, layer, r & (TILE - 1), c & (TILE - 1)]

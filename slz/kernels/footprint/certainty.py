@@ -1,0 +1,99 @@
+"""Certainty: the probability that the whole footprint at a cell is safe.
+
+The numbers were found on surveys that the simulator flew (`slz reproduce` draws the reliability diagram): of
+cells told 0.9, nine of ten or more are safe.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from slz.kernels.jit import kernel
+from slz.kernels.simd import Floats, both, every, where
+
+SLOPE_MARGIN_DEG = 0.06  # how much steeper ground is than its fitted plane, and how much that varies
+RELIEF_NOISE = 1.3  # standard deviations of one return that the noise adds to a relief beyond its excess,
+RELIEF_SPREAD = 0.6  # and how much that varies
+HIDDEN = 0.01  # share of footprints nearly all gaps in which these hide a hazard; of half gaps a sixteenth
+RIM = 0.15  # share of hazards in the outermost cells of a footprint alone that truly reach into it
+LEAST_NOISE_M = 1e-3
+ENOUGH = 6.0  # standard deviations, beyond which single precision knows no doubt
+F0, F1, LEAST = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
+ROOM = np.float32(ENOUGH * RELIEF_SPREAD - RELIEF_NOISE)  # in standard deviations of a return
+
+
+@kernel("float64(float64)")
+def _below(deviations: float) -> float:
+    """Return the standard normal distribution; NaN of NaN."""
+    if deviations > ENOUGH:
+        return 1.0
+    return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
+
+
+@kernel("float64(float64, float64, float64)")
+def _even(relief_m: float, noise_m: float, limit_m: float) -> float:
+    return _below(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
+
+
+@kernel("float64(float64, float64, float64, float64, float64, float64, float64, float64)")
+def certainty(
+    slope_deg: float,
+    slope_sigma_deg: float,
+    relief_m: float,
+    inner_relief_m: float,
+    noise_m: float,
+    share_seen: float,
+    slope_limit_deg: float,
+    relief_limit_m: float,
+) -> float:
+    """Return the probability that slope and relief of a footprint are within their limits; 0 where unknown.
+
+    Parameters
+    ----------
+    slope_deg, slope_sigma_deg
+        Slope of the footprint's plane and its standard error.
+    relief_m, inner_relief_m
+        Relief of all of the footprint, and without its outermost cells; NaN where the slope is too steep.
+    noise_m
+        Standard deviation of the height of one return.
+    share_seen
+        Share of the footprint's cells that hold a return; gaps may hide a hazard.
+    """
+    if math.isnan(slope_deg + slope_sigma_deg + relief_m + inner_relief_m + noise_m + share_seen):
+        return 0.0
+    hidden = (1 - share_seen) * (1 - share_seen)
+    seen, left_deg = 1 - HIDDEN * hidden * hidden, slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
+    spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
+    gentle = _below(left_deg / math.sqrt(spread2))
+    outer = _even(relief_m, noise_m, relief_limit_m)
+    inner = _even(inner_relief_m, noise_m, relief_limit_m)
+    return gentle * (RIM * outer + (1 - RIM) * inner) * seen
+
+
+@kernel()
+def undoubted(
+    slope_deg: Floats,
+    slope_sigma_deg: Floats,
+    relief_m: Floats,
+    noise2_m2: Floats,
+    share_seen: Floats,
+    slope_limit_deg: float,
+    relief_limit_m: float,
+) -> Any:
+    """Return what `certainty` is where nothing but gaps leaves a doubt, as on most ground, and where that is.
+
+    Without a root, a division or an error function; sixteen at a time.
+    """
+    gap = every(F1) - share_seen
+    hidden = gap * gap
+    margin = every(np.float32(SLOPE_MARGIN_DEG))
+    left = every(slope_limit_deg) - margin - slope_deg
+    spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
+    most2, left_m = every(ROOM * ROOM), every(relief_limit_m) - relief_m
+    noise2 = where(noise2_m2 < every(LEAST * LEAST), every(LEAST * LEAST), noise2_m2)
+    level = both(every(F0) < left_m, most2 * noise2 < left_m * left_m)
+    gentle = both(every(F0) < left, every(np.float32(ENOUGH * ENOUGH)) * spread2 < left * left)
+    return every(F1) - every(np.float32(HIDDEN)) * hidden * hidden, both(gentle, level)

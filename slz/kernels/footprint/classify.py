@@ -1,0 +1,100 @@
+"""What the planes under footprints say of landing there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.footprint.certainty import certainty, undoubted
+from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SLOPE
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
+from slz.kernels.simd import LANES, both, every, flags, flags_of, load, store, store_bytes, where
+
+SIGMAS = np.float32(3)  # standard errors that the slope keeps from its limit
+LOW16 = np.uint64(0xFFFF)
+
+# Maps that are drawn, see `slz.terrain.derive.LAYERS`.
+A_HEIGHT, A_TOP, A_SLOPE, A_SIGMA, A_RELIEF, A_ROUGHNESS, A_CERTAINTY = range(7)
+MAPS = 7
+
+F0, NAN = np.float32(0), np.float32(np.nan)
+Row = NDArray[np.float32]
+
+
+@kernel(
+    "uint64(float32[::1], int64, uint64, float32, float32, float32[::1], int64, int64, uint8[::1], int64)"
+)
+def judge(
+    told: Row,
+    at: int,
+    hidden: np.uint64,
+    slope_limit: float,
+    relief_limit: float,
+    maps: Row,
+    to: int,
+    layer: int,
+    states: NDArray[np.uint8],
+    place: int,
+) -> np.uint64:
+    """Leave 16 cells of the maps from the slope on, and whether they are safe, unsafe or unknown.
+
+    Return the bits of those whose certainty is left to `settle`.
+
+    Parameters
+    ----------
+    told, at
+        What the planes tell, and from where on, see `slz.kernels.footprint.plane_fit.fit_planes`.
+    hidden
+        Bits of the footprints that hold unseen ground: not safe, and unknown if nothing else is wrong.
+    maps, to, layer
+        Where the first cell of the first of the maps is, and that of the next one after it.
+    states, place
+        Where the first cell's state is.
+    """
+    slope, sigma, unknown = load(told, at + SLOPE * LANES), load(told, at + SIGMA * LANES), every(NAN)
+    relief, open_ = load(told, at + RELIEF * LANES), hidden ^ LOW16
+    gentle = slope + every(SIGMAS) * sigma < every(slope_limit)  # NaN is not
+    even = flags_of(both(gentle, relief < every(relief_limit)))
+    safe, known = even & open_, flags_of(slope == slope) & (open_ | (even ^ LOW16))
+    store_bytes(states, place, flags(safe), flags(known ^ LOW16))
+    held = flags(known)
+    store(maps, A_SLOPE * layer + to, where(held, slope, unknown))
+    store(maps, A_SIGMA * layer + to, where(held, sigma, unknown))
+    store(maps, A_RELIEF * layer + to, where(held, relief, unknown))
+    store(maps, A_ROUGHNESS * layer + to, where(held, load(told, at + RMS * LANES), unknown))
+    noise2, share = load(told, at + NOISE2 * LANES), load(told, at + SHARE * LANES)
+    sure, clear = undoubted(slope, sigma, relief, noise2, share, slope_limit, relief_limit)
+    seen, clear_ones = known & open_, flags_of(clear)
+    store(maps, A_CERTAINTY * layer + to, where(flags(seen & clear_ones), sure, every(F0)))
+    return seen & (clear_ones ^ LOW16) & flags_of(relief == relief)
+
+
+@kernel("void(float32[::1], int64, uint64, float32, float32, float32[::1], int64)")
+def settle(
+    told: Row,
+    at: int,
+    doubtful: np.uint64,
+    slope_limit: float,
+    relief_limit: float,
+    certainties: Row,
+    to: int,
+) -> None:
+    """Leave the certainty of those of 16 cells that are in doubt."""
+    while doubtful != NONE:
+        i = signed(lowest(doubtful))
+        doubtful &= doubtful - ONE
+        certainties[to + i] = certainty(
+            told[at + SLOPE * LANES + i], told[at + SIGMA * LANES + i], told[at + RELIEF * LANES + i],
+            told[at + INNER * LANES + i], np.sqrt(told[at + NOISE2 * LANES + i]),
+            told[at + SHARE * LANES + i], slope_limit, relief_limit,
+        )  # fmt: skip
+
+
+@kernel("void(float32[::1], int64, int64, uint8[::1], int64)")
+def leave_unknown(maps: Row, to: int, layer: int, states: NDArray[np.uint8], place: int) -> None:
+    """Leave 16 cells of the maps from the slope on as unknown, see `judge`."""
+    for q in range(A_SLOPE, A_CERTAINTY):
+        store(maps, q * layer + to, every(NAN))
+    store(maps, A_CERTAINTY * layer + to, every(F0))
+    store_bytes(states, place, flags(NONE), flags(LOW16))

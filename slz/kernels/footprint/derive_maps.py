@@ -1,0 +1,157 @@
+"""The maps of a box of cells, patch by patch: what lies between cells and maps does not leave the cache."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import HEIGHT, TILE, TILE_BITS, TOP
+from slz.kernels.footprint.classify import A_CERTAINTY, A_HEIGHT, A_TOP, judge, leave_unknown, settle
+from slz.kernels.footprint.moments import HELD, LOWER, RISES, SUMS, UPPER, over_rows
+from slz.kernels.footprint.patch import COLS, MOST_SAMPLED, inverses, middle_height, rows_of_patch, take
+from slz.kernels.footprint.plane_fit import PLANE, TOLD, add_inner_relief, fit_planes
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, Bits, word_at
+from slz.kernels.simd import LANES, load, room, store
+
+LOW16 = np.uint64(0xFFFF)
+Row = NDArray[np.float32]
+Layers = NDArray[np.float32]
+Table = NDArray[np.int32]
+Limits = tuple[float, float, float, float]
+
+
+@kernel(
+    "void(float32[:, :, ::1], float32[::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
+    " UniTuple(float32, 4), UniTuple(int64, 4), float32[::1], int64, int64, int64, uint8[::1], int64)"
+)
+def draw(
+    cells: Layers,
+    inverse: Row,
+    covered: Bits,
+    unseen: Bits,
+    edge: int,
+    radius: int,
+    limits: Limits,
+    box: tuple[int, int, int, int],
+    maps: Row,
+    to: int,
+    layer: int,
+    stride: int,
+    states: NDArray[np.uint8],
+    place: int,
+) -> None:
+    """Draw the maps of a box of cells and tell which are safe, see `slz.terrain.derive.drawn`.
+
+    Parameters
+    ----------
+    cells, inverse
+        (6, rows, cols) of `summarise`, and `inverses` of them.
+    covered, unseen
+        Of the cells: whose footprint is wholly covered by what was seen; whose holds unseen ground.
+    edge, radius
+        Of the cells, on every side, that are not to be drawn, and of a footprint, which is no more.
+    limits
+        Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m).
+    box
+        row0, row1, col0, col1 (half open), less the edge; whole lanes of columns.
+    maps, to, layer, stride
+        Where the first cell of the first map is, how far the next map begins and how far the next row.
+    states, place
+        Where the first cell's state is.
+    """
+    row0, row1, col0, col1 = box
+    cell_m, noise_m, slope_limit, relief_limit = limits
+    k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
+    tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
+    held, sums, away = room(HELD * tall * wide), room(SUMS * high * wide), np.empty(2 * k + 1, np.float32)
+    rises = room(2 * RISES * high * wide).view(np.float64)
+    lower, upper = held[LOWER * tall * wide : UPPER * tall * wide], held[UPPER * tall * wide :]
+    told, plane = room(high * TOLD * LANES), room(high * PLANE * LANES)
+    some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), room(MOST_SAMPLED)
+    for i in range(2 * k + 1):
+        away[i] = i - k
+    for r in range(row0, row1, high):
+        for c in range(col0, col1, COLS):
+            any_, count, level = NONE, min(high, row1 - r), np.float32(0)
+            for j in range(high):
+                some[j] = word_at(covered, edge + r + j, edge + c) if j < count else NONE
+                any_ |= some[j]
+            if any_ != NONE:
+                level = middle_height(cells, edge - k + r, edge - k + c, tall, COLS + 2 * k, found)
+                if np.isnan(level):
+                    any_ = NONE
+            if any_ != NONE:
+                take(flat, inverse, cols, edge - k + r, edge - k + c, tall, wide, level, held)
+                over_rows(held, high, k, wide, sums, rises)
+            for g in range(0, min(COLS, col1 - c), LANES):
+                shift, fits = np.uint64(g), False
+                for j in range(high):
+                    own[j] = (some[j] >> shift) & LOW16
+                    fits |= any_ != NONE and own[j] != NONE
+                if fits:
+                    fit_planes(
+                        sums, rises, lower, upper, wide, g, away, own, cell_m, noise_m, slope_limit,
+                        told, plane,
+                    )  # fmt: skip
+                for j in range(count):
+                    here = (r - row0 + j) * stride + c - col0 + g
+                    at = (edge + r + j) * cols + edge + c + g
+                    store(maps, A_HEIGHT * layer + to + here, load(flat, HEIGHT * rows * cols + at))
+                    store(maps, A_TOP * layer + to + here, load(flat, TOP * rows * cols + at))
+                    if fits:
+                        hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
+                        doubtful = judge(
+                            told, j * TOLD * LANES, hidden, slope_limit, relief_limit,
+                            maps, to + here, layer, states, place + here,
+                        )  # fmt: skip
+                        if doubtful != NONE:
+                            add_inner_relief(lower, upper, j, g, wide, away, plane, told)
+                            first = A_CERTAINTY * layer + to + here
+                            settle(told, j * TOLD * LANES, doubtful, slope_limit, relief_limit, maps, first)
+                    else:
+                        leave_unknown(maps, to + here, layer, states, place + here)
+
+
+@kernel(
+    "void(float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, UniTuple(float32, 4),"
+    " float32[:, :, :, ::1], uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64)"
+)
+def draw_tiles(
+    cells: Layers,
+    covered: Bits,
+    unseen: Bits,
+    edge: int,
+    radius: int,
+    limits: Limits,
+    block: Layers,
+    states: NDArray[np.uint8],
+    first: int,
+    table: Table,
+    row0: int,
+    col0: int,
+) -> None:
+    """Draw the cells, but for an edge, into those of their tiles that lie in a block.
+
+    Parameters
+    ----------
+    block, states, first, table
+        (tiles, 7, TILE, TILE) and (tiles, 1, TILE, TILE), of which the first has this slot; slots of all
+        tiles that the box drawn touches.
+    row0, col0
+        South-west corner of the box drawn, counted as tiles are.
+    """
+    rows, cols = cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge
+    inverse, maps, told, size = inverses(cells), block.ravel(), states.ravel(), TILE * TILE
+    for tr in range(table.shape[0]):
+        south = (((row0 >> TILE_BITS) + tr) << TILE_BITS) - row0
+        for tc in range(table.shape[1]):
+            slot, west = table[tr, tc] - first, (((col0 >> TILE_BITS) + tc) << TILE_BITS) - col0
+            if slot < 0 or slot >= len(block):
+                continue
+            box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
+            at = (box[0] - south) * TILE + box[2] - west
+            draw(
+                cells, inverse, covered, unseen, edge, radius, limits, box,
+                maps, slot * block.shape[1] * size + at, size, TILE, told, slot * size + at,
+            )  # fmt: skip

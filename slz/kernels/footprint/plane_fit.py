@@ -1,0 +1,204 @@
+"""Plane, slope and relief of the ground under footprints, sixteen at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.arctangent import arctangent
+from slz.kernels.footprint.moments import (
+    S_INVERSE,
+    S_NOISE,
+    SUMS,
+    WX,
+    WXX,
+    WXY,
+    WXZ,
+    WY,
+    WYY,
+    WYZ,
+    WZ,
+    WZZ,
+    W,
+    over_columns,
+    rises_over_columns,
+)
+from slz.kernels.footprint.relief import relief, reliefs
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE
+from slz.kernels.simd import (
+    LANES,
+    both,
+    every,
+    every_wide,
+    flags,
+    flags_of,
+    load,
+    narrowed,
+    root,
+    store,
+    where,
+    widened,
+)
+
+LEAST = np.float32(5.5)  # more cells than that make a plane
+THIN = np.float32(1e-5)  # of the square of their spread, from which on cells do not lie in a line
+
+# What is told of a footprint, in sixteen numbers each: slope and its standard deviation (deg); relief (m),
+# the peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
+# variance of one return (m²); share of the cells with a return; relief without the outermost cells (m).
+SLOPE, SIGMA, RELIEF, RMS, NOISE2, SHARE, INNER = range(7)
+TOLD = 7
+WEST, NORTH, LEVEL = range(3)  # how a plane rises from cell to cell (m), and its height in the middle
+PLANE = 3
+
+D2 = np.float64(2)
+F0, F1, HALF, THREE, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
+DEGREES = np.float32(57.29577951308232)
+Row = NDArray[np.float32]
+Wide = NDArray[np.float64]
+
+
+@kernel(
+    "uint64(float32[::1], float64[::1], int64, int64, int64, float32[::1], uint64, float32, float32, float32,"
+    " float32[::1], float32[::1])"
+)
+def _fit(
+    sums: Row,
+    rises: Wide,
+    row: int,
+    col: int,
+    rows: int,
+    away: Row,
+    covered: np.uint64,
+    cell_m: float,
+    noise_m: float,
+    slope_limit: float,
+    told: Row,
+    plane: Row,
+) -> np.uint64:
+    """Leave the planes of 16 footprints and what they tell; return of which the relief is asked for."""
+    wide = len(sums) // (SUMS * rows)
+    s = over_columns(sums, row * wide + col, rows * wide, away, row - rows // 2)
+    z = rises_over_columns(rises, row * wide + col, rows * wide, away, float(row - rows // 2))
+    w, nothing, unknown, per_m = s[W], every(F0), every(NAN), every(F1 / cell_m)
+    share = every(F1) / w
+    mx, my, wide_share = s[WX] * share, s[WY] * share, widened(share)
+    wide_share = wide_share * (every_wide(D2) - widened(w) * wide_share)  # to double precision
+    mz = z[WZ] * wide_share
+    sxx, sxy, syy = s[WXX] - s[WX] * mx, s[WXY] - s[WX] * my, s[WYY] - s[WY] * my
+    sxz, syz = narrowed(z[WXZ] - widened(s[WX]) * mz), narrowed(z[WYZ] - widened(s[WY]) * mz)
+    szz = narrowed(z[WZZ] - z[WZ] * mz)
+    free, det, trace = w - every(THREE), sxx * syy - sxy * sxy, sxx + syy
+    good = both(flags(covered), both(every(LEAST) < w, every(THIN) * trace * trace < det))
+    over_both = every(F1) / (free * det)
+    scale, over_free = over_both * free, over_both * det
+    a, b = (sxz * syy - syz * sxy) * scale, (syz * sxx - sxz * sxy) * scale
+    left = szz - a * sxz - b * syz
+    squares = where(nothing < left, left, nothing)
+    single2, spread2 = every(noise_m * noise_m) * (s[S_INVERSE] * share), squares * over_free
+    noise2 = where(single2 < spread2, spread2, single2)
+    square = (a * a + b * b) * (per_m * per_m)
+    slope = arctangent(where(good, root(square), unknown)) * every(DEGREES)
+    sigma = root(noise2 * every(HALF) * trace * scale) * per_m / (every(F1) + square) * every(DEGREES)
+    at, to = row * TOLD * LANES, row * PLANE * LANES
+    store(told, at + SLOPE * LANES, slope)
+    store(told, at + SIGMA * LANES, where(good, sigma, unknown))
+    store(told, at + RMS * LANES, where(good, root(squares * share), unknown))
+    store(told, at + NOISE2 * LANES, where(good, s[S_NOISE] * share, unknown))
+    store(told, at + SHARE * LANES, where(good, w * every(F1 / np.float32(len(away) * len(away))), unknown))
+    store(told, at + RELIEF * LANES, unknown)
+    store(plane, to + WEST * LANES, nothing - a)
+    store(plane, to + NORTH * LANES, b)
+    store(plane, to + LEVEL * LANES, narrowed(mz) - a * mx - b * my)
+    return flags_of(both(good, slope < every(slope_limit) + every(THREE) * sigma))
+
+
+@kernel(
+    "void(float32[::1], float32[::1], int64, int64, int64, float32[::1], uint64, uint64, float32[::1],"
+    " float32[::1])"
+)
+def _relieve(
+    lower: Row,
+    upper: Row,
+    row: int,
+    col: int,
+    wide: int,
+    away: Row,
+    asked: np.uint64,
+    asked_north: np.uint64,
+    plane: Row,
+    told: Row,
+) -> None:
+    """Leave the reliefs of 16 footprints of a row and of those of the next, of which they are asked for."""
+    p, q, at = row * PLANE * LANES, (row + 1) * PLANE * LANES, row * TOLD * LANES + RELIEF * LANES
+    west = load(plane, p + WEST * LANES), load(plane, q + WEST * LANES)
+    north = load(plane, p + NORTH * LANES), load(plane, q + NORTH * LANES)
+    level = load(plane, p + LEVEL * LANES), load(plane, q + LEVEL * LANES)
+    whole, whole_north = reliefs(lower, upper, row * wide + col, wide, away, west, north, level)
+    store(told, at, where(flags(asked), whole, every(NAN)))
+    store(told, at + TOLD * LANES, where(flags(asked_north), whole_north, every(NAN)))
+
+
+@kernel("void(float32[::1], float32[::1], int64, int64, int64, float32[::1], float32[::1], float32[::1])")
+def add_inner_relief(
+    lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, told: Row
+) -> None:
+    """Leave the relief of 16 footprints of a row without their outermost cells, see `fit_planes`."""
+    p, at = row * PLANE * LANES, row * TOLD * LANES + INNER * LANES
+    west, north, level = (
+        load(plane, p + WEST * LANES),
+        load(plane, p + NORTH * LANES),
+        load(plane, p + LEVEL * LANES),
+    )
+    store(told, at, relief(lower, upper, row * wide + col, wide, away, 1, west, north, level))
+
+
+@kernel(
+    "void(float32[::1], float64[::1], float32[::1], float32[::1], int64, int64, float32[::1], uint64[::1],"
+    " float32, float32, float32, float32[::1], float32[::1])"
+)
+def fit_planes(
+    sums: Row,
+    rises: Wide,
+    lower: Row,
+    upper: Row,
+    wide: int,
+    col: int,
+    away: Row,
+    covered: NDArray[np.uint64],
+    cell_m: float,
+    noise_m: float,
+    slope_limit: float,
+    told: Row,
+    plane: Row,
+) -> None:
+    """Fit a plane to the cells of each of a patch's footprints about 16 columns, and leave what it tells.
+
+    Parameters
+    ----------
+    sums, rises
+        Of the footprints' rows, see `slz.kernels.footprint.moments.over_rows`.
+    lower, upper
+        Lowest and highest ground of the cells, `wide` of them a row.
+    col
+        Column of the first footprint.
+    away
+        How far the columns of a footprint are to the east of its middle, in cells.
+    covered
+        By rows, the bits of the footprints that are wholly covered by what was seen.
+    told
+        (rows, TOLD, 16) in one line: NaN where a footprint is not covered or fewer than six of
+        its cells have a height; the relief also where the slope exceeds its limit by three deviations. INNER
+        is left to `add_inner_relief`.
+    plane
+        (rows, PLANE, 16) in one line: the planes, without meaning where there is none.
+    """
+    rows = len(covered)
+    for j in range(0, rows, 2):
+        asked = _fit(sums, rises, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, told, plane)
+        north = _fit(
+            sums, rises, j + 1, col, rows, away, covered[j + 1], cell_m, noise_m, slope_limit, told, plane
+        )
+        if asked | north != NONE:
+            _relieve(lower, upper, j, col, wide, away, asked, north, plane, told)

@@ -1,0 +1,94 @@
+"""How far the ground of footprints reaches up and down about their planes, sixteen at a time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.simd import Floats, every, load, multiplied
+from slz.kernels.simd import higher as highest_of
+from slz.kernels.simd import lower as lowest_of
+
+F0, HIGHEST, LOWEST = np.float32(0), np.float32(np.inf), np.float32(-np.inf)
+Row = NDArray[np.float32]
+Pair = Any  # of lanes
+
+
+@kernel()
+def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, west: Floats) -> Pair:
+    """Return the lowest and highest of some cells of a row over what rises to the east as a plane does."""
+    low, high = every(HIGHEST), every(LOWEST)
+    for d in range(first, stop):
+        far = every(away[d])
+        low = lowest_of(multiplied(west, far, load(lower, at + d)), low)
+        high = highest_of(multiplied(west, far, load(upper, at + d)), high)
+    return low, high
+
+
+@kernel()
+def relief(
+    lower: Row,
+    upper: Row,
+    at: int,
+    wide: int,
+    away: Row,
+    rim: int,
+    west: Floats,
+    north: Floats,
+    level: Floats,
+) -> Floats:
+    """Return the peak-to-peak of 16 footprints about their planes, but for a rim of cells; see `reliefs`."""
+    side, lowest, highest = len(away), every(HIGHEST), every(LOWEST)
+    for i in range(rim, side - rim):
+        low, high = _of_row(lower, upper, at + i * wide, away, rim, side - rim, west)
+        up = level + north * every(away[i])
+        lowest, highest = lowest_of(low - up, lowest), highest_of(high - up, highest)
+    return highest_of(highest - lowest, every(F0))
+
+
+@kernel()
+def reliefs(
+    lower: Row, upper: Row, at: int, wide: int, away: Row, west: Pair, north: Pair, level: Pair
+) -> Pair:
+    """Return the peak-to-peak of 16 footprints about their planes, and of those one row to their north.
+
+    Parameters
+    ----------
+    lower, upper
+        Of the cells, `wide` of them a row; where unknown, infinite up and down.
+    at
+        The south-west cell of the first footprint.
+    away
+        How far the columns of a footprint are to the east of its middle, in cells.
+    west, north, level
+        How the planes of both fall to the east and rise to the north, from cell to cell, and their heights in
+        the middle.
+    """
+    side = len(away)
+    low, high = _of_row(lower, upper, at, away, 0, side, west[0])
+    up = level[0] + north[0] * every(away[0])
+    lowest, highest = low - up, high - up
+    low, high = _of_row(lower, upper, at + side * wide, away, 0, side, west[1])
+    up = level[1] + north[1] * every(away[side - 1])
+    lowest2, highest2 = low - up, high - up
+    for i in range(1, side):
+        row, low, high, low2, high2 = (
+            at + i * wide,
+            every(HIGHEST),
+            every(LOWEST),
+            every(HIGHEST),
+            every(LOWEST),
+        )
+        for d in range(side):  # each cell is loaded once for both
+            far, bottom, top = every(away[d]), load(lower, row + d), load(upper, row + d)
+            low = lowest_of(multiplied(west[0], far, bottom), low)
+            high = highest_of(multiplied(west[0], far, top), high)
+            low2 = lowest_of(multiplied(west[1], far, bottom), low2)
+            high2 = highest_of(multiplied(west[1], far, top), high2)
+        up, up2 = level[0] + north[0] * every(away[i]), level[1] + north[1] * every(away[i - 1])
+        lowest, highest = lowest_of(low - up, lowest), highest_of(high - up, highest)
+        lowest2, highest2 = lowest_of(low2 - up2, lowest2), highest_of(high2 - up2, highest2)
+    return highest_of(highest - lowest, every(F0)), highest_of(highest2 - lowest2, every(F0))

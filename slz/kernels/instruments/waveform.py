@@ -1,0 +1,190 @@
+"""Peak of each pixel's waveform: unwrapping, the sources' polynomial, and maximum likelihood.
+
+The first n - 1 samples in time are used: the last one carries the end marker of the ring buffer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+MISSING, GOOD, SATURATED, ODD = range(4)
+EDGE = 3  # samples at either end of the buffer in which no maximum is looked for
+CLIPPED_MOST = 4  # clipped samples, beyond which too little of the pulse is left
+STEPS = 5  # of Gauss-Newton, at most
+SETTLED = 1e-3  # samples, below which a step was the last one
+ODD_OVER = 9.0  # variance of the residuals over that of the noise, from which it is not one pulse
+
+F64 = NDArray[np.float64]
+
+
+@kernel("int64(uint16[:], float64, float64, float64[:])")
+def unwrap(ring: NDArray[np.uint16], marker: float, baseline: float, out: F64) -> int:
+    """Write the samples before the marker in their order of time, less the baseline; return 1 if sound.
+
+    A ring without a marker, or with two, has no order (Flash 4.2): 0.
+    """
+    n = len(ring)
+    at, count = -1, 0
+    for i in range(n):
+        if ring[i] < marker:
+            at = i
+            count += 1
+    if count != 1:
+        return 0
+    for k in range(n - 1):
+        i = at + 1 + k
+        out[k] = ring[i - n if i >= n else i] - baseline
+    return 1
+
+
+@kernel(
+    "void(uint16[:, :, :], uint32[:, :], int64, float64[:, :], float64, float64, float64, float64,"
+    " float64[:, :], float64[:, :], uint8[:, :])"
+)
+def polynomial_peaks(
+    samples: NDArray[np.uint16],
+    counter: NDArray[np.uint32],
+    gate: int,
+    fit: F64,
+    marker: float,
+    baseline: float,
+    clipped: float,
+    least: float,
+    ticks: F64,
+    height: F64,
+    state: NDArray[np.uint8],
+) -> None:
+    """Fit a polynomial to each waveform and write time (ticks of the clock) and value of its maximum.
+
+    `fit` (degree + 1, n - 1) maps samples to coefficients of powers of u, which runs from -1 at the first
+    sample to 1 at the last before the marker: the fit is one fixed linear map (Flash 4.2). The maximum is
+    looked for within the samples that are not the outermost `EDGE`.
+    """
+    rows, cols, n = samples.shape
+    m, order = n - 1, fit.shape[0]
+    y, a = np.empty(m), np.empty(order)
+    half = (m - 1) / 2.0
+    for r in range(rows):
+        for c in range(cols):
+            ticks[r, c], height[r, c], state[r, c] = np.nan, np.nan, MISSING
+            if counter[r, c] >= gate or unwrap(samples[r, c], marker, baseline, y) == 0:
+                continue
+            n_clipped = 0
+            for k in range(m):
+                n_clipped += y[k] >= clipped - baseline
+            for j in range(order):
+                a[j] = 0.0
+                for k in range(m):
+                    a[j] += fit[j, k] * y[k]
+            best, top = 0.0, -np.inf
+            for k in range(2 * EDGE, 2 * (m - 1 - EDGE) + 1):
+                u = (0.5 * k - half) / half
+                p = a[order - 1]
+                for j in range(order - 2, -1, -1):
+                    p = p * u + a[j]
+                if p > top:
+                    best, top = u, p
+            u, step = best, 0.5 / half
+            for _ in range(STEPS):
+                p, d, dd = a[order - 1], 0.0, 0.0
+                for j in range(order - 2, -1, -1):
+                    dd = dd * u + 2.0 * d
+                    d = d * u + p
+                    p = p * u + a[j]
+                if dd >= 0.0:
+                    break
+                u = min(max(u - d / dd, best - step), best + step)
+            p = a[order - 1]
+            for j in range(order - 2, -1, -1):
+                p = p * u + a[j]
+            if p < least:
+                continue
+            ticks[r, c] = counter[r, c] - m + half + u * half
+            height[r, c] = p
+            state[r, c] = SATURATED if n_clipped > CLIPPED_MOST else GOOD
+
+
+@kernel(
+    "void(uint16[:, :, :], uint32[:, :], int64, float64, float64, float64, float64, float64, float64,"
+    " float64[:, :], float64[:, :], float64[:, :], uint8[:, :])"
+)
+def likely_peaks(
+    samples: NDArray[np.uint16],
+    counter: NDArray[np.uint32],
+    gate: int,
+    sigma: float,
+    noise: float,
+    marker: float,
+    baseline: float,
+    clipped: float,
+    least: float,
+    ticks: F64,
+    height: F64,
+    error: F64,
+    state: NDArray[np.uint8],
+) -> None:
+    """Find the likeliest Gaussian pulse of each waveform: time, height and standard error of the time
+    (ticks).
+
+    `sigma` is the pulse's standard deviation in samples, `noise` that of a sample. The start is the maximum
+    of the matched filter over whole samples, then Gauss-Newton in time and height over the samples that
+    are not clipped. Neighbouring values of a Gaussian differ by a factor that itself changes by a constant
+    factor, so no exponential is taken per sample.
+    """
+    rows, cols, n = samples.shape
+    m = n - 1
+    y = np.empty(m)
+    reach = int(np.ceil(2.5 * sigma))
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    bend = np.exp(-1.0 / sigma**2)
+    for r in range(rows):
+        for c in range(cols):
+            ticks[r, c], height[r, c], error[r, c], state[r, c] = np.nan, np.nan, np.nan, MISSING
+            if counter[r, c] >= gate or unwrap(samples[r, c], marker, baseline, y) == 0:
+                continue
+            t, top = 0.0, -np.inf
+            for k in range(EDGE, m - EDGE):
+                total = 0.0
+                for i in range(max(0, k - reach), min(m, k + reach + 1)):
+                    total += bell[i - k + reach] * y[i]
+                if total > top:
+                    t, top = float(k), total
+            n_clipped = 0
+            ss = sss = syd = sys_ = syy = 0.0
+            a, move = 0.0, 1.0
+            for step in range(STEPS + 1):
+                s = np.exp(-0.5 * (t / sigma) ** 2)
+                ratio = np.exp((t - 0.5) / sigma**2)
+                ss = sdd = sds = sys_ = syd = syy = 0.0
+                n_clipped = 0
+                for k in range(m):
+                    if y[k] >= clipped - baseline:
+                        n_clipped += 1
+                    else:
+                        d = s * (k - t) / sigma**2
+                        ss += s * s
+                        sdd += d * d
+                        sds += s * d
+                        sys_ += s * y[k]
+                        syy += y[k] * y[k]
+                        syd += d * y[k]
+                    s *= ratio
+                    ratio *= bend
+                sss = sdd - sds * sds / ss
+                a = sys_ / ss
+                if step == STEPS or abs(move) < SETTLED or a <= 0.0 or sss <= 0.0:
+                    break
+                move = min(max((syd - a * sds) / (a * sss), -1.0), 1.0)
+                t += move
+                t = min(max(t, 0.0), m - 1.0)
+            if a < least or sss <= 0.0 or t < 1.0 or t > m - 2.0:
+                continue
+            left = syy - a * sys_  # what the pulse does not explain
+            ticks[r, c] = counter[r, c] - m + t
+            height[r, c] = a
+            error[r, c] = noise / (a * np.sqrt(sss))
+            odd = left > ODD_OVER * (noise**2 + (0.02 * a) ** 2) * (m - n_clipped)
+            state[r, c] = SATURATED if n_clipped > CLIPPED_MOST else ODD if odd else GOOD

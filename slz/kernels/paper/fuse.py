@@ -1,0 +1,385 @@
+"""One pass over the rows that a window hit: mean heights, slope, roughness, fusing, binary map.
+
+The rows of a strip of heights and slopes roll along, so that nothing as large as the window is ever stored
+but its sums (SLZ paper Eq. 5-9, 3.2.3-3.2.4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.arctangent import arctangent
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
+from slz.kernels.simd import LANES, below, both, every, load, root, store, where
+
+Row = NDArray[np.float32]
+Rows = NDArray[np.float32]
+Map = NDArray[np.float32]
+
+NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float32(0.5)
+F0, F1 = np.float32(0.0), np.float32(1.0)
+INFINITE = np.float32(np.inf)
+WORD = 64  # cells of a word of the maps
+SOME = np.uint64((1 << LANES) - 1)
+OLD = -1  # of `blocks`: to be added up anew
+STRIP = 16  # rows of 64 cells of a map, a page of memory
+RING = 20  # rows kept: those of a strip, and one to the south and two to the north
+TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
+
+
+@kernel("UniTuple(int64, 2)(uint64[::1])")
+def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
+    """Return from where to where a row was hit, by whole words; 0, 0 where it was not."""
+    first, stop = 0, len(sums)
+    while first < stop and sums[first] == NONE:
+        first += 1
+    if first == stop:
+        return 0, 0
+    while sums[stop - 1] == NONE:
+        stop -= 1
+    return first // WORD * WORD, -(-stop // WORD) * WORD
+
+
+@kernel(
+    "void(uint64[::1], float64, float64, uint64, uint64[::1], float64[::1], uint64[::1], float64[::1],"
+    " float32[::1])"
+)
+def _mean_heights(
+    sums: NDArray[np.uint64],
+    low: float,
+    unit: float,
+    bits: np.uint64,
+    counts: NDArray[np.uint64],
+    real_counts: NDArray[np.float64],
+    totals: NDArray[np.uint64],
+    real_totals: NDArray[np.float64],
+    height: Row,
+) -> None:
+    """Turn sums (see `sums.scatter`) into mean heights, NaN where nothing was hit (Eq. 5).
+
+    The pairs of scratch are the same memory: a number with the exponent of 2**52 before it is that number
+    plus 2**52, which the compiler does four at a time, unlike converting it.
+    """
+    mask = (np.uint64(1) << bits) - np.uint64(1)
+    for i in range(np.uint64(len(sums))):
+        counts[i] = (sums[i] & mask) | TWO_52_BITS
+        totals[i] = (sums[i] >> bits) | TWO_52_BITS
+    for i in range(np.uint64(len(sums))):
+        n, total = real_counts[i] - TWO_52, real_totals[i] - TWO_52
+        height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN
+
+
+@kernel("void(uint64[:, ::1], int64, int64, int64, uint64[:, ::1])")
+def _surrounded(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
+    """Leave the cells of a row that are set as their four neighbours are, in words but the outermost."""
+    for w in range(1, held.shape[1] - 1):
+        row = held[here, w]
+        east, west = (row >> ONE) | (held[here, w + 1] << LAST), (row << ONE) | (held[here, w - 1] >> LAST)
+        out[here, w] = row & east & west & held[south, w] & held[north, w]
+
+
+@kernel("void(float32[::1], int64, int64, int64, int64, uint64[:, ::1], int64, float32, float32[::1])")
+def _slopes(
+    values: Row,
+    south: int,
+    here: int,
+    north: int,
+    cells: int,
+    wanted: Bits,
+    line: int,
+    k: np.float32,
+    out: Row,
+) -> None:
+    """Leave the slopes of a row from its neighbours (Eq. 6-9), NaN where one is NaN.
+
+    Lanes without a cell that is wanted, all of whose neighbours have a value, are passed over.
+
+    Parameters
+    ----------
+    south, here, north
+        Where rows of so many cells begin; they have a cell more at either end.
+    """
+    scale, degrees, nothing = every(k), every(DEGREES), every(NAN)
+    for i in range(0, cells, LANES):
+        at = here + i
+        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & SOME == NONE:
+            store(out, at, nothing)
+            continue
+        mid = load(values, at)
+        dx = (load(values, at + 1) - load(values, at - 1)) * scale
+        dy = (load(values, north + i) - load(values, south + i)) * scale
+        angle = arctangent(root(dx * dx + dy * dy)) * degrees
+        store(out, at, where(mid == mid, angle, nothing))
+
+
+@kernel(
+    "void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], float32[::1], int64)"
+)
+def _join(
+    height: Row,
+    slope: Row,
+    at: int,
+    sloped: np.uint64,
+    worst: np.float32,
+    greatest: bool,
+    total_height: Row,
+    total_slope: Row,
+    to: int,
+) -> None:
+    """Join a word of a row of a window with the total maps (3.2.3), by mean or maximum.
+
+    Where nothing is to be written the old value is joined with itself, which leaves it: were it chosen last,
+    the compiler would store only some of the numbers, which some processors do one at a time.
+    """
+    half, most = every(HALF), every(worst)
+    for i in range(0, WORD, LANES):
+        if (sloped >> np.uint64(i)) & SOME == NONE:
+            continue
+        h, s = load(height, at + i), load(slope, at + i)
+        old_h, old_s = load(total_height, to + i), load(total_slope, to + i)
+        write, held = s < most, old_s < most
+        h, s = where(write, h, old_h), where(write, s, old_s)
+        if greatest:
+            joint_h, joint_s = where(old_h < h, h, old_h), where(old_s < s, s, old_s)
+        else:
+            joint_h, joint_s = half * (old_h + h), half * (old_s + s)
+        store(total_slope, to + i, where(held, joint_s, s))
+        store(total_height, to + i, where(held, joint_h, h))
+
+
+@kernel("void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], int64)")
+def _join_rough(
+    rough: Row,
+    slope: Row,
+    at: int,
+    roughened: np.uint64,
+    worst: np.float32,
+    greatest: bool,
+    total_rough: Row,
+    to: int,
+) -> None:
+    """Join the roughness of a word, of which there is less than of slopes; none is the worst case."""
+    half, most = every(HALF), every(worst)
+    for i in range(0, WORD, LANES):
+        if (roughened >> np.uint64(i)) & SOME == NONE:
+            continue
+        q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
+        q = where(both(s < most, q == q), q, old)
+        joint = where(old < q, q, old) if greatest else half * (old + q)
+        store(total_rough, to + i, where(old == most, q, joint))
+
+
+@kernel("uint64(int64, int64, int64, int64)")
+def _inner(rows: int, cols: int, row: int, word: int) -> np.uint64:
+    """Return the cells of a word that are not on the map's margin, which is never safe (3.2.4)."""
+    if row == 0 or row == rows - 1:
+        return NONE
+    mask = ~ONE if word == 0 else ~NONE
+    return mask & ~(ONE << np.uint64((cols - 1) & 63)) if word == (cols - 1) >> 6 else mask
+
+
+@kernel(
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
+    " int64, int64, int64, float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1],"
+    " float32[:, :, ::1], uint8[:, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1], int64[::1])"
+)
+def _join_strip(
+    heights: Rows,
+    slopes: Rows,
+    roughs: Rows,
+    sloped: Bits,
+    roughened: Bits,
+    start: int,
+    stop: int,
+    row0: int,
+    word0: int,
+    cols: int,
+    worst: np.float32,
+    safe_slope: np.float32,
+    greatest: bool,
+    height: Map,
+    slope: Map,
+    rough: Map,
+    begun: NDArray[np.uint8],
+    safe: Bits,
+    known: Bits,
+    blocks: NDArray[np.int32],
+    changed: NDArray[np.int64],
+) -> None:
+    """Join rows start to stop of a window with the total maps, word by word: so each page is met once.
+
+    What changed of the safe map is noted: first and last row, first and last word.
+    """
+    rows, cells = height.shape[1], heights.shape[1]
+    window_h, window_s, window_r = heights.ravel(), slopes.ravel(), roughs.ravel()
+    total_h, total_s, total_r = height.ravel(), slope.ravel(), rough.ravel()
+    for w in range(sloped.shape[1] - 2):
+        c = word0 + w
+        for j in range(start, stop):
+            r, line = row0 + j, j % RING
+            some, more = sloped[line, w + 1], roughened[line, w + 1]
+            if some == NONE:
+                continue
+            at, to = line * cells + WORD * w + 1, (c * rows + r) * WORD
+            if not begun[r, c]:
+                begun[r, c] = 1
+                total_h[to : to + WORD] = NAN
+                total_s[to : to + WORD] = worst
+                total_r[to : to + WORD] = worst
+            _join(window_h, window_s, at, some, worst, greatest, total_h, total_s, to)
+            if more != NONE:
+                _join_rough(window_r, window_s, at, more, worst, greatest, total_r, to)
+            known[r, c] |= below(window_s, at, worst)
+            word = below(total_s, to, safe_slope) & _inner(rows, cols, r, c)
+            blocks[r, c, 0] = OLD
+            if word != safe[r, c]:
+                safe[r, c] = word
+                changed[0], changed[1] = min(changed[0], r), max(changed[1], r)
+                changed[2], changed[3] = min(changed[2], c), max(changed[3], c)
+
+
+@kernel(
+    "UniTuple(int64, 4)(uint64[::1], int64, int64, int64, int64, int64, float64, float64, int64, float64,"
+    " float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[:, ::1],"
+    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
+)
+def fuse(
+    sums: NDArray[np.uint64],
+    row0: int,
+    word0: int,
+    rows: int,
+    width: int,
+    cols: int,
+    low: float,
+    unit: float,
+    count_bits: int,
+    cell: float,
+    worst: np.float32,
+    safe_slope: np.float32,
+    greatest: bool,
+    height: Map,
+    slope: Map,
+    rough: Map,
+    begun: NDArray[np.uint8],
+    safe: Bits,
+    known: Bits,
+    blocks: NDArray[np.int32],
+) -> tuple[int, int, int, int]:
+    """Fuse the sums of a window, rows x width cells from (row0, 64 word0) on, with the total maps.
+
+    Parameters
+    ----------
+    sums
+        (rows * width,) as `sums.scatter` leaves them; the width is of whole words.
+    cols
+        Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
+    height, slope, rough
+        (words, rows, 64) total maps, cell (r, c) at [c >> 6, r, c & 63]: so what lies together on the ground
+        does so in memory. NaN and the worst case where nothing was written, in words that are `begun`.
+    begun
+        (rows, words) 1 where something was written to a word.
+    safe, known
+        Bit maps: slope below `safe_slope` but on the map's margin (3.2.4), and any height.
+    blocks
+        (rows, words, 2) sums of slope and roughness of the safe cells of each word, see `measure`; those of
+        words that were written to become OLD.
+
+    Returns
+    -------
+    row0, row1, col0, col1 of the cells whose safety changed, columns by whole words; row1 0 where none did.
+    """
+    k = np.float32(1.0 / (2.0 * cell))
+    words, line = width // WORD, width + 2  # a margin at either end
+    heights, slopes, roughs = (
+        np.full((RING, line), NAN),
+        np.full((RING, line), NAN),
+        np.full((RING, line), NAN),
+    )
+    hit, sloped, roughened = (
+        np.zeros((RING, words + 2), np.uint64), np.zeros((RING, words + 2), np.uint64),
+        np.zeros((RING, words + 2), np.uint64),
+    )  # fmt: skip
+    flat, flat_slopes, flat_roughs = heights.ravel(), slopes.ravel(), roughs.ravel()
+    counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
+    real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
+    bits, start, changed = np.uint64(count_bits), 1, np.array([safe.shape[0], -1, safe.shape[1], -1])
+    for i in range(rows + 2):
+        new, south, here, north = i % RING, (i - 2) % RING, (i - 1) % RING, i % RING
+        if i < rows:
+            row = sums[i * width : (i + 1) * width]
+            a, b = _span(row)
+            heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
+            _mean_heights(
+                row[a:b],
+                low,
+                unit,
+                bits,
+                counts,
+                real_counts,
+                totals,
+                real_totals,
+                heights[new, a + 1 : b + 1],
+            )
+            for w in range(words):
+                hit[new, w + 1] = below(flat, new * line + WORD * w + 1, INFINITE)
+        if 0 < i - 1 < rows - 1:
+            _surrounded(hit, south, here, north, sloped)
+            _slopes(
+                flat, south * line + 1, here * line + 1, north * line + 1, width, sloped, here, k, flat_slopes
+            )
+        else:
+            sloped[here, :] = NONE
+        j = i - 2
+        if j < 1 or j >= rows - 1:
+            continue
+        south, here, north = (j - 1) % RING, j % RING, (j + 1) % RING
+        _surrounded(sloped, south, here, north, roughened)
+        _slopes(
+            flat_slopes,
+            south * line + 1,
+            here * line + 1,
+            north * line + 1,
+            width,
+            roughened,
+            here,
+            k,
+            flat_roughs,
+        )
+        if j == rows - 2 or (row0 + j) % STRIP == STRIP - 1:
+            _join_strip(
+                heights, slopes, roughs, sloped, roughened, start, j + 1, row0, word0, cols, worst,
+                safe_slope, greatest, height, slope, rough, begun, safe, known, blocks, changed,
+            )  # fmt: skip
+            start = j + 1
+    if changed[1] < 0:
+        return 0, 0, 0, 0
+    return changed[0], changed[1] + 1, 64 * changed[2], 64 * (changed[3] + 1)
+
+
+@kernel(
+    "void(int64, int64, int64, int64, int64, float32, float32[:, :, ::1], float32[:, :, ::1],"
+    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
+)
+def refresh(
+    row0: int,
+    row1: int,
+    word0: int,
+    word1: int,
+    cols: int,
+    safe_slope: np.float32,
+    height: Map,
+    slope: Map,
+    safe: Bits,
+    known: Bits,
+    blocks: NDArray[np.int32],
+) -> None:
+    """Make the bit maps of a box of words from maps that were copied (see `fuse`)."""
+    flat_slope, flat_height, rows = slope.ravel(), height.ravel(), slope.shape[1]
+    for w in range(word0, word1):
+        for r in range(row0, row1):
+            at = (w * rows + r) * WORD
+            safe[r, w] = below(flat_slope, at, safe_slope) & _inner(rows, cols, r, w)
+            known[r, w] = below(flat_height, at, INFINITE)
+            blocks[r, w, 0] = OLD

@@ -1,0 +1,194 @@
+"""Which heights of a window are accepted: the sources' histogram (SLZ paper 3.2.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.paper.point_pass import DROPPED
+from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
+from slz.kernels.simd import LANES, every, flags_of, load
+
+Points = NDArray[np.float64]
+Counts = NDArray[np.int32]
+CHUNK = 64  # points, of which seldom one lies near a bin's edge or far from the others
+SAMPLED = 64  # one chunk of so many is counted to see where the points are
+CLEARLY = 4.0  # times as many as a sparse bin holds
+MANY = 50_000  # points, from which on that is worth while
+ROUNDING = 2.0**-22  # of a bin times the number of bins, by which four bytes may move a height
+FOUR = np.uint64(3)
+
+
+@kernel("boolean(uint32[::1], float32[::1], float64, float64, int64, uint16[::1])")
+def _bins(
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    shift: float,
+    scale: float,
+    bins: int,
+    out: NDArray[np.uint16],
+) -> bool:
+    """Leave the bins of a chunk's heights, one more for those dropped; tell whether one may be wrong.
+
+    That is so of a height so near a bin's edge that rounding to four bytes may have moved it over. Without a
+    branch, so that the compiler takes four at a time.
+    """
+    near, last, odd = 0.5 - bins * ROUNDING, np.int32(bins - 1), 0
+    for i in range(np.uint64(len(cells))):
+        at = (float(heights[i]) + shift) * scale
+        b = np.int32(at)
+        odd |= signed(abs(at - b - 0.5) > near)
+        b = last if b > last else b
+        out[i] = np.uint16(bins) if cells[i] == DROPPED else np.uint16(b)
+    return odd != 0
+
+
+@kernel(
+    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64,"
+    " int32[:, ::1])"
+)
+def _count(
+    points: Points,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    level: float,
+    low: float,
+    scale: float,
+    every: int,
+    count: Counts,
+) -> None:
+    """Count by bins the points of one chunk of so many."""
+    count[:] = 0
+    bins, mine = count.shape[1] - 1, np.empty(CHUNK, np.uint16)
+    for start in range(0, len(cells), CHUNK * every):
+        some = slice(start, min(len(cells), start + CHUNK))
+        if _bins(cells[some], heights[some], level - low, scale, bins, mine):
+            for i in range(some.start, some.stop):
+                if cells[i] != DROPPED:
+                    mine[i - start] = min(bins - 1, int((points[3 * i + 2] - low) * scale))
+        for i in range(np.uint64(some.stop - some.start)):
+            count[i & FOUR, mine[i]] += 1
+
+
+@kernel("uint64(float32[::1], int64, float32, float32)")
+def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
+    """Return the bits of those of 64 heights, fewer at the end, below the least or above the most."""
+    word, i = NONE, np.uint64(0)
+    if start + CHUNK <= len(heights):
+        for at in range(start, start + CHUNK, LANES):
+            some = load(heights, at)
+            word |= (flags_of(some < every(least)) | flags_of(every(most) < some)) << i
+            i += np.uint64(LANES)
+        return word
+    for at in range(start, len(heights)):
+        word |= np.uint64(heights[at] < least or heights[at] > most) << i
+        i += ONE
+    return word
+
+
+@kernel(
+    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, int64,"
+    " int32[:, ::1])"
+)
+def _count_ends(
+    points: Points,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    level: float,
+    low: float,
+    scale: float,
+    lower: int,
+    upper: int,
+    count: Counts,
+) -> None:
+    """Count all points of the bins below the lower and from the upper on; of those between only some."""
+    count[:] = 0
+    bins, shift = count.shape[1] - 1, level - low
+    near = bins * ROUNDING
+    least, most = np.float32((lower + near) / scale - shift), np.float32((upper - near) / scale - shift)
+    for start in range(0, len(cells), CHUNK):
+        word = _beyond(heights, start, least, most)
+        while word != NONE:
+            i = start + signed(lowest(word))
+            word &= word - ONE
+            if cells[i] == DROPPED:
+                continue
+            at = (float(heights[i]) + shift) * scale
+            if abs(at - np.floor(at) - 0.5) > 0.5 - near:
+                at = (points[3 * i + 2] - low) * scale
+            count[0, min(bins - 1, int(at))] += 1
+
+
+@kernel("UniTuple(int64, 2)(int32[:, ::1], float64)")
+def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
+    """Return the first and the last bin that are not sparse, the outermost ones if all are."""
+    first, last = 0, count.shape[1] - 2
+    while first < last and count[:, first].sum() < sparse:
+        first += 1
+    while last > first and count[:, last].sum() < sparse:
+        last -= 1
+    return first, last
+
+
+@kernel("UniTuple(int64, 2)(int32[:, ::1], float64, int64, float64)")
+def _trimmed(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
+    """Return the first and last bin that stay."""
+    first, last, left = 0, count.shape[1] - 2, n
+    while first < last:
+        lower, upper = count[:, first].sum(), count[:, last].sum()
+        fewer = min(lower, upper)
+        if fewer >= sparse or left - fewer < threshold * n:
+            break
+        left -= fewer
+        if lower <= upper:
+            first += 1
+        else:
+            last -= 1
+    return first, last
+
+
+@kernel(
+    "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
+    " int64, int64, float64)"
+)
+def interval(
+    points: Points,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    level: float,
+    low: float,
+    high: float,
+    n: int,
+    bins: int,
+    threshold: float,
+) -> tuple[float, float]:
+    """Return the accepted heights of n points not dropped (SLZ paper 3.2.1, SLZ thesis 3.3.1.1).
+
+    The sources give two numbers, 300 bins and a threshold of 0.9, without saying how the accepted interval is
+    formed. Here an end bin is sparse when it holds less than (1 - threshold) of the mean bin population.
+    Sparse end bins are trimmed, the emptier end first, while at least `threshold` of all points stay.
+
+    Nothing is trimmed between two bins that are not sparse. Where those are is guessed from a sample; then
+    only the bins beyond are counted, those two themselves unless the sample alone has enough of them, and
+    all bins if the guess was wrong. A height that lies so near a bin's edge that rounding to four bytes may
+    move it over is looked up.
+    """
+    if not high > low:
+        return low, high
+    count = np.empty((4, bins + 1), np.int32)  # four, so that equal bins one after the other need not wait
+    scale, sparse = bins / (high - low), (1 - threshold) * n / bins
+    guessed = False
+    if n > MANY:
+        _count(points, cells, heights, level, low, scale, SAMPLED, count)
+        first, last = _not_sparse(count, CLEARLY * sparse / SAMPLED)
+        sure_first, sure_last = count[:, first].sum() >= sparse, count[:, last].sum() >= sparse
+        lower, upper = first + 1 - int(sure_first), last + int(sure_last)
+        _count_ends(points, cells, heights, level, low, scale, lower, upper, count)
+        count[0, first] += n * int(sure_first)
+        count[0, last] += n * int(sure_last)
+        guessed = count[0, first] >= sparse and count[0, last] >= sparse
+    if not guessed:
+        _count(points, cells, heights, level, low, scale, 1, count)
+    first, last = _trimmed(count, sparse, n, threshold)
+    return low + first / scale, low + (last + 1) / scale

@@ -1,0 +1,113 @@
+"""Sums of a window's heights by cells, the whole numbers from which the DSM is made (SLZ paper 3.2.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.paper.fuse import TWO_52
+from slz.kernels.paper.point_pass import DROPPED, HALF, LOW16, OUTSIDE
+from slz.kernels.raster.bitmap import signed
+
+CHUNK = 64  # points, of which seldom one is not of the ordinary
+ONE, MANTISSA = np.uint64(1), np.uint64((1 << 52) - 1)
+
+
+@kernel(
+    "boolean(uint32[::1], float32[::1], float32, float32, float64, float64, uint64, uint32, uint32,"
+    " uint32[::1], float64[::1], uint64[::1])"
+)
+def _places(
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    least: np.float32,
+    most: np.float32,
+    shift: float,
+    scale: float,
+    bits: np.uint64,
+    width: np.uint32,
+    first: np.uint32,
+    places: NDArray[np.uint32],
+    scaled: NDArray[np.float64],
+    added: NDArray[np.uint64],
+) -> bool:
+    """Leave where each point of a chunk is added, and what; tell whether one is not to be so.
+
+    Without a branch and in four bytes where they are enough, so that the compiler takes many at a time. The
+    last 52 bits of a number plus 2**52 are that number, rounded: `added` is the same memory as `scaled`.
+    """
+    odd = np.uint32(0)
+    for i in range(np.uint64(len(cells))):
+        at, height = cells[i], heights[i]
+        beyond = np.uint32(at >= OUTSIDE) | np.uint32(height < least) | np.uint32(height > most)
+        odd = np.uint32(odd | beyond)
+        places[i] = np.uint32(np.uint32(at >> HALF) * width) + np.uint32(at & LOW16) - first
+        scaled[i] = (float(height) + shift) * scale + TWO_52
+    for i in range(np.uint64(len(cells))):
+        added[i] = ((added[i] & MANTISSA) << bits) | ONE
+    return bool(odd != 0)
+
+
+@kernel(
+    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
+    " float64, int64, int64, int64, int64, uint64[::1])"
+)
+def scatter(
+    points: NDArray[np.float64],
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+    level: float,
+    low: float,
+    high: float,
+    scale: float,
+    count_bits: int,
+    row0: int,
+    col0: int,
+    width: int,
+    sums: NDArray[np.uint64],
+) -> int:
+    """Add up the heights between low and high of every cell of a box; return how many there are.
+
+    A sum holds the number of points in its lowest `count_bits` bits and above them their heights over `low`
+    in units of 1 / `scale` m: whole numbers, so that the order of the points does not matter.
+
+    Parameters
+    ----------
+    points, cells, heights, level
+        As `stream` takes and leaves them. A height that lies so near an end that rounding to four bytes may
+        have moved it over is looked up.
+    sums
+        (rows * width,) from (row0, col0) on, added to; rows * width is below 2**32.
+    """
+    shift, bits, used = level - low, np.uint64(count_bits), 0
+    near = (abs(low - level) + abs(high - level)) * 2.0**-22
+    least, most = np.float32(low - level + near), np.float32(high - level - near)
+    places, scaled = np.empty(CHUNK, np.uint32), np.empty(CHUNK)
+    added = scaled.view(np.uint64)
+    wide, first = np.uint32(width), np.uint32(row0 * width + col0)
+    for start in range(0, len(cells), CHUNK):
+        stop = min(start + CHUNK, len(cells))
+        some = slice(start, stop)
+        if not _places(
+            cells[some], heights[some], least, most, shift, scale, bits, wide, first,
+            places, scaled, added,
+        ):  # fmt: skip
+            for i in range(np.uint64(stop - start)):
+                sums[np.uint64(places[i])] += added[i]
+            used += stop - start
+            continue
+        for i in range(start, stop):
+            if cells[i] == DROPPED:
+                continue
+            over = float(heights[i]) + shift
+            if heights[i] < least or heights[i] > most:
+                z = points[3 * i + 2]
+                if z < low or z > high:
+                    continue
+                over = z - low
+            used += 1
+            if cells[i] != OUTSIDE:
+                k = (signed(cells[i] >> HALF) - row0) * width + signed(cells[i] & LOW16) - col0
+                sums[k] += (np.uint64(signed(np.rint(over * scale))) << bits) | ONE
+    return used

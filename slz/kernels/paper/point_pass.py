@@ -1,0 +1,200 @@
+"""From a window's points to its cells by the sources' rules (SLZ paper 3.2.1-3.2.2).
+
+The points are gone through once, and 8 bytes of each are left: its cell and its height. Those go to the
+histogram of heights (`interval`) and to the sums of the cells (`sums`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import signed
+
+Points = NDArray[np.float64]
+DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
+MOST_CELLS = 65_535  # along one side of a map: a cell's row and column are 16 bits each
+MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
+CHUNK = 512
+HALF, LOW16, NOTHING = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
+LARGEST, LEAST, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of four bytes' numbers
+ONE, TWO, THREE, SIX, NINE, TWELVE = (np.uint64(k) for k in (1, 2, 3, 6, 9, 12))
+EDGE = 1e-7  # of a cell, below which a product may round to the other side of an edge than the quotient
+
+
+@kernel(
+    "boolean(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64, float64,"
+    " float64, float64, uint32[::1], float32[::1])"
+)
+def _chunk(
+    points: Points,
+    west: float,
+    south: float,
+    cell: float,
+    rows: int,
+    cols: int,
+    sensor_east: float,
+    sensor_north: float,
+    range2: float,
+    level: float,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+) -> bool:
+    """Place the points of a chunk by products; tell whether one lies so near an edge that it may be wrong.
+
+    Without a branch and with indices that cannot be negative, so that the compiler takes four at a time.
+    """
+    per_m, wide, high = 1.0 / cell, float(cols), float(rows)
+    near = 0
+    for i in range(np.uint64(len(cells))):
+        x, y, z = points[THREE * i], points[THREE * i + ONE], points[THREE * i + TWO]
+        across, up = (x - west) * per_m, (y - south) * per_m
+        dx, dy = x - sensor_east, y - sensor_north
+        far = dx * dx + dy * dy
+        col, row = np.floor(across), np.floor(up)
+        inside = (col >= 0.0) & (col < wide) & (row >= 0.0) & (row < high)
+        finite = (x - x == 0.0) & (y - y == 0.0) & (abs(z) < MOST_HEIGHT_M)
+        used = finite & ((far <= range2) | (far != far))
+        at = np.uint32((np.int32(row) << 16) | np.int32(col)) if inside else OUTSIDE
+        cells[i] = at if used else DROPPED
+        heights[i] = np.float32(z - level) if used else np.float32(0.0)
+        from_col, from_row = abs(across - col - 0.5), abs(up - row - 0.5)
+        near |= signed((from_col > 0.5 - EDGE) | (from_row > 0.5 - EDGE))
+    return near != 0
+
+
+@kernel("void(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, uint32[::1])")
+def _exactly(
+    points: Points, west: float, south: float, cell: float, rows: int, cols: int, cells: NDArray[np.uint32]
+) -> None:
+    """Place the points of a chunk by quotients (Eq. 3-4)."""
+    for i in range(len(cells)):
+        if cells[i] != DROPPED:
+            col = np.floor((points[3 * i] - west) / cell)
+            row = np.floor((points[3 * i + 1] - south) / cell)
+            inside = col >= 0 and col < cols and row >= 0 and row < rows
+            cells[i] = np.uint32((int(row) << 16) | int(col)) if inside else OUTSIDE
+
+
+@kernel("Tuple((uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
+def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
+    """Return the least and greatest cell, the least and greatest column, the least and greatest height.
+
+    Heights are given and returned as the bits of theirs, the negative ones' turned round: so they are whole
+    numbers in the same order, of which the compiler takes many at a time. It does so in four bytes only where
+    nothing is worked out in more, as `min` does.
+    """
+    first, last, col0, col1 = OUTSIDE, NOTHING, LOW16, NOTHING
+    low, high = LARGEST, LEAST
+    for i in range(np.uint64(len(cells))):
+        cell, col = cells[i], np.uint32(cells[i] & LOW16)
+        first, last = cell if cell < first else first, cell if cell > last else last
+        col0, col1 = col if col < col0 else col0, col if col > col1 else col1
+        height = np.int32(heights[i] ^ np.int32(np.int32(heights[i] >> SIGN) & LARGEST))
+        low, high = height if height < low else low, height if height > high else high
+    return first, last, col0, col1, low, high
+
+
+@kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
+def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
+    """Return the lowest and highest of all points and of those given."""
+    a0 = a1 = a2 = a3 = low
+    b0 = b1 = b2 = b3 = high
+    whole = len(points) // 12
+    for i in range(np.uint64(whole)):
+        k = TWELVE * i + TWO
+        z0, z1, z2, z3 = points[k], points[k + THREE], points[k + SIX], points[k + NINE]
+        a0, b0 = z0 if z0 < a0 else a0, z0 if z0 > b0 else b0
+        a1, b1 = z1 if z1 < a1 else a1, z1 if z1 > b1 else b1
+        a2, b2 = z2 if z2 < a2 else a2, z2 if z2 > b2 else b2
+        a3, b3 = z3 if z3 < a3 else a3, z3 if z3 > b3 else b3
+    for rest in range(12 * whole + 2, len(points), 3):
+        a0, b0 = min(a0, points[rest]), max(b0, points[rest])
+    return min(min(a0, a1), min(a2, a3)), max(max(b0, b1), max(b2, b3))
+
+
+@kernel("float64(Array(float64, 1, 'C', True), float64, float64, float64)")
+def _first_height(points: Points, sensor_east: float, sensor_north: float, range2: float) -> float:
+    """Return the height of the first point that is not dropped; 0 where there is none."""
+    for i in range(len(points) // 3):
+        x, y, z = points[3 * i], points[3 * i + 1], points[3 * i + 2]
+        dx, dy = x - sensor_east, y - sensor_north
+        far = dx * dx + dy * dy > range2
+        if x - x == 0.0 and y - y == 0.0 and abs(z) < MOST_HEIGHT_M and not far:
+            return float(z)
+    return 0.0
+
+
+@kernel(
+    "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:],"
+    " float64, float64, uint32[::1], float32[::1])"
+)
+def stream(
+    points: Points,
+    west: float,
+    south: float,
+    cell: float,
+    rows: int,
+    cols: int,
+    sensor: Points,
+    range_m: float,
+    level: float,
+    cells: NDArray[np.uint32],
+    heights: NDArray[np.float32],
+) -> Points:
+    """Place points in a grid; leave their cells and heights above a level.
+
+    Parameters
+    ----------
+    points
+        (3 n,) x, y, z one after the other. Those not finite, too high to be ground or beyond `range_m` of the
+        sensor over ground (never where its place is NaN) are dropped.
+    level
+        NaN takes the height of the first point not dropped. The farther from it, the coarser a height.
+    cells
+        (n,) receives row << 16 | column, OUTSIDE or DROPPED.
+    heights
+        (n,) receives heights above the level.
+
+    Returns
+    -------
+    level, lowest and highest height, points not dropped, of these outside; row0, row1, col0, col1 (half open)
+    of the cells hit.
+    """
+    n = len(points) // 3
+    if level != level:  # NaN
+        level = _first_height(points, sensor[0], sensor[1], range_m * range_m)
+    low, high, dropped, outside = np.inf, -np.inf, 0, 0
+    bits, least, greatest = heights.view(np.int32), LARGEST, LEAST
+    row0, row1, col0, col1 = LOW16, NOTHING, LOW16, NOTHING
+    for start in range(0, n, CHUNK):
+        stop = min(n, start + CHUNK)
+        some, mine = points[3 * start : 3 * stop], cells[start:stop]
+        if _chunk(
+            some, west, south, cell, rows, cols, sensor[0], sensor[1], range_m * range_m, level,
+            mine, heights[start:stop],
+        ):  # fmt: skip
+            _exactly(some, west, south, cell, rows, cols, mine)
+        first, last, c0, c1, lower, upper = _ends(mine, bits[start:stop])
+        if last < OUTSIDE:
+            row0, row1 = min(row0, first >> HALF), max(row1, last >> HALF)
+            col0, col1 = min(col0, c0), max(col1, c1)
+            if lower <= least or upper >= greatest:  # of four bytes: the highest of all eight is among these
+                least, greatest = min(least, lower), max(greatest, upper)
+                low, high = _heights(some, low, high)
+            continue
+        for i in range(stop - start):
+            at = mine[i]
+            if at == DROPPED:
+                dropped += 1
+                continue
+            low, high = min(low, some[3 * i + 2]), max(high, some[3 * i + 2])
+            if at == OUTSIDE:
+                outside += 1
+                continue
+            row0, row1 = min(row0, at >> HALF), max(row1, at >> HALF)
+            col0, col1 = min(col0, at & LOW16), max(col1, at & LOW16)
+    return np.array([level, low, high, n - dropped, outside, row0, row1 + 1, col0, col1 + 1], np.float64)

@@ -1,0 +1,152 @@
+"""What the maps say of a contour's content, counted by words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.paper.fuse import HALF, OLD
+from slz.kernels.polygons.contour import bends
+from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, signed
+
+Map = NDArray[np.float32]
+Row = NDArray[np.float32]
+Word = NDArray[np.uint64]
+SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
+CHUNK = 64  # cells of a boundary
+SIX = np.uint64(6)
+
+
+@kernel("int32(float32[::1], int64, uint64)")
+def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
+    """Return the sum of those of 64 values, from one on, that are set, in units of 1 / SUM_UNIT."""
+    total, first = np.int32(0), np.uint64(at)
+    for i in range(np.uint64(64)):
+        value = np.int32(values[first + i] * SUM_UNIT + HALF)
+        total += value if (cells >> i) & ONE else np.int32(0)
+    return total
+
+
+@kernel("int32(float32[::1], int64, uint64)")
+def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
+    """Return what `_sum_of` does, one set cell at a time."""
+    total = np.int32(0)
+    while cells != NONE:
+        total += np.int32(values[np.uint64(at) + lowest(cells)] * SUM_UNIT + HALF)
+        cells &= cells - ONE
+    return total
+
+
+@kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
+        " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1],"
+        " boolean[:, ::1])")  # fmt: skip
+def measure(
+    content: Bits,
+    safe: Bits,
+    known: Bits,
+    row0: int,
+    word0: int,
+    blocks: NDArray[np.int32],
+    slope: Map,
+    rough: Map,
+    safe_inside: Bits,
+    holes: Bits,
+    blocks_held: NDArray[np.bool_],
+) -> tuple[int, int, int, int]:
+    """Return a content's safe and unknown cells, and the slope and roughness of the safe ones.
+
+    The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words, and is
+    brought up to date where it is OLD (see `fuse`). `safe_inside` receives the content's safe cells, holes
+    those that are known and not safe. `blocks_held`, of each 64 rows and word of the map that the box meets,
+    receives where the content is.
+    """
+    n_safe = n_unknown = np.uint64(0)
+    slopes = roughs = 0
+    slope_of, rough_of, rows = slope.ravel(), rough.ravel(), slope.shape[1]
+    for i in range(content.shape[0]):
+        r = row0 + i
+        for j in range(content.shape[1]):
+            inside, w = content[i, j], word0 + j
+            if inside == NONE:
+                safe_inside[i, j] = holes[i, j] = NONE
+                continue
+            blocks_held[(r >> 6) - (row0 >> 6), j] = True
+            own = inside & safe[r, w]
+            safe_inside[i, j] = own
+            holes[i, j] = inside & known[r, w] & ~own
+            n_safe += popcount(own)
+            n_unknown += popcount(inside & ~known[r, w])
+            if own == NONE:
+                continue
+            first, others = 64 * (w * rows + r), safe[r, w] & ~inside
+            if popcount(own) < popcount(others):
+                slopes += int(_sum_of_few(slope_of, first, own))
+                roughs += int(_sum_of_few(rough_of, first, own))
+                continue
+            if blocks[r, w, 0] == OLD:
+                blocks[r, w, 0], blocks[r, w, 1] = (
+                    _sum_of(slope_of, first, safe[r, w]),
+                    _sum_of(rough_of, first, safe[r, w]),
+                )
+            slopes += blocks[r, w, 0] - _sum_of_few(slope_of, first, others)
+            roughs += blocks[r, w, 1] - _sum_of_few(rough_of, first, others)
+    return signed(n_safe), signed(n_unknown), slopes, roughs
+
+
+@kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")
+def corners(
+    boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
+) -> NDArray[np.float64]:
+    """Return (m, 3) east, north, height of the boundary cells that `bends` keeps."""
+    kept = bends(boundary)
+    out = np.empty((len(kept), 3))
+    for k in range(len(kept)):
+        i = kept[k]
+        out[k, 0], out[k, 1] = west + (boundary[i, 1] + 0.5) * cell, south + (boundary[i, 0] + 0.5) * cell
+        out[k, 2] = height[i]
+    return out
+
+
+@kernel("int64(int32[::1], uint64[::1], int64, int64, int64)")
+def _inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, words: int) -> Any:
+    """Return how many cells are set in bits from (row0, col0) on, in which all of them lie."""
+    inside = NONE
+    for i in range(np.uint64(len(boundary) >> 1)):
+        r, c = np.uint64(boundary[2 * i] - row0), np.uint64(boundary[2 * i + ONE] - col0)
+        inside += (content[r * np.uint64(words) + (c >> SIX)] >> (c & LAST)) & ONE
+    return signed(inside)
+
+
+@kernel("int64(int32[:, ::1], uint64[:, ::1], int64, int64, int64)")
+def inside_count(boundary: NDArray[np.int32], content: Bits, row0: int, col0: int, most_outside: int) -> int:
+    """Return how many boundary cells are set in bits from (row0, col0) on; -1 if too many are not.
+
+    Each cell is a neighbour of the one before it: so whether the next ones lie in the box, or none of them
+    does, is told by the first where that is far enough from the box's edge.
+    """
+    rows, words = content.shape
+    cols, beyond, flat, steps = 64 * words, 0, content.ravel(), boundary.ravel()
+    for start in range(0, len(boundary) - CHUNK, CHUNK):
+        row, col = boundary[start, 0] - row0, boundary[start, 1] - col0
+        beyond += not (-CHUNK < row < rows + CHUNK and -CHUNK < col < cols + CHUNK)
+    if CHUNK * beyond > most_outside:
+        return -1
+    outside = 0
+    for start in range(0, len(boundary), CHUNK):
+        stop = min(start + CHUNK, len(boundary))
+        row, col = boundary[start, 0] - row0, boundary[start, 1] - col0
+        if CHUNK <= row < rows - CHUNK and CHUNK <= col < cols - CHUNK:
+            outside += stop - start - _inside(steps[2 * start : 2 * stop], flat, row0, col0, words)
+        elif not (-CHUNK < row < rows + CHUNK and -CHUNK < col < cols + CHUNK):
+            outside += stop - start
+        else:
+            for i in range(start, stop):
+                r, c = boundary[i, 0] - row0, boundary[i, 1] - col0
+                held = 0 <= r < rows and 0 <= c < cols
+                outside += not (held and content[r, c >> 6] >> np.uint64(c & 63) & ONE)
+        if outside > most_outside:
+            return -1
+    return len(boundary) - outside

@@ -1,0 +1,210 @@
+"""Which points have company."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+FINE, COARSE = 1, 7  # layers of voxels above and below
+SURFACE = 100  # returns that make a surface
+ENOUGH, CLEAR_M = 5, 2.0  # so many are an object wherever dust is not dense
+SPARSE = 16  # columns, or their layers, per point, above which a table of all is too large
+NOWHERE = np.int32(2**31 - 1)
+
+Ints = NDArray[np.int32]
+Longs = NDArray[np.int64]
+
+
+@kernel("int64(int64[::1], int64, int64, int64)")
+def _slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
+    """Return where a voxel is in the table, or the empty place where it would be.
+
+    Voxels of a column lie side by side, as they are asked for.
+    """
+    mask = len(keys) - 1
+    key = (x << 42) | (y << 21) | z
+    slot = (((x << 21) | y) * 0x5851F42D4C957F2D >> 24) + z & mask
+    while keys[slot] != key and keys[slot] >= 0:
+        slot = slot + 1 & mask
+    return slot
+
+
+@kernel("int64(int64[::1], int32[::1], int64, int64, int64, int64)")
+def _within(keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, low: int, high: int) -> int:
+    total = 0
+    for a in range(x - 1, x + 2):
+        for b in range(y - 1, y + 2):
+            for c in range(low, high + 1):
+                slot = _slot(keys, a, b, c)
+                if keys[slot] >= 0:
+                    total += count[slot]
+    return total
+
+
+@kernel("UniTuple(int64, 2)(Array(float64, 1, 'C', True), float64[:], float64, int64)")
+def _need(
+    point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int
+) -> tuple[int, int]:
+    """Return how many points a return must lie with, and how many layers up and down these are sought."""
+    dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
+    near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
+    if near > least:  # never so where the sensor is unknown, NaN
+        most = ENOUGH if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
+        return min(int(near), most), FINE
+    return least, COARSE
+
+
+@kernel("boolean[:](Array(float64, 2, 'C', True), int32[:, ::1], float64[:], int64, float64)")
+def _by_table(
+    points: NDArray[np.float64], at: Ints, sensor: NDArray[np.float64], least: int, object_m2: float
+) -> NDArray[np.bool_]:
+    """Do what `has_company` does with voxels in a hash table: the volume they span does not matter."""
+    n = len(points)
+    keep = np.ones(n, np.bool_)
+    size = 64
+    while size < 4 * n:
+        size *= 2
+    keys, count = np.full(size, -1, np.int64), np.zeros(size, np.int32)
+    own = np.empty(n, np.int64)
+    for i in range(n):
+        x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
+        slot = _slot(keys, x, y, z)
+        keys[slot] = (x << 42) | (y << 21) | z
+        count[slot] += 1
+        own[i] = slot
+    share = object_m2 * n / (4 * np.pi)
+    for i in range(n):
+        x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
+        need, reach = _need(points[i], sensor, share, least)
+        company = int(count[own[i]])
+        if company < need:
+            company = level = _within(keys, count, x, y, z - FINE, z + FINE)
+            if company < need and reach > FINE:
+                company = _within(keys, count, x, y, z - reach, z + reach)
+            if level < least and _within(keys, count, x, y, z + FINE + 1, z + COARSE) >= SURFACE:
+                company = 0  # alone on its level, close below a surface
+        keep[i] = company >= need
+    return keep
+
+
+@kernel("Tuple((int64[::1], int32[:, ::1]))(int32[:, ::1], int64, int64)")
+def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
+    """Return where each column's layers begin, (columns + 1,), and (columns, 2) its lowest and highest one.
+
+    Column (x, y) is number deep * x + y. A column has all layers between these two, an empty one none.
+    """
+    ends = np.empty((columns, 2), np.int32)
+    ends[:, 0], ends[:, 1] = NOWHERE, -1
+    for i in range(len(at)):
+        k, z = deep * at[i, 0] + at[i, 1], at[i, 2]
+        ends[k, 0], ends[k, 1] = min(ends[k, 0], z), max(ends[k, 1], z)
+    starts = np.empty(columns + 1, np.int64)
+    total = 0
+    for k in range(columns):
+        starts[k] = total
+        total += max(0, ends[k, 1] - ends[k, 0] + 1)
+    starts[columns] = total
+    return starts, ends
+
+
+@kernel("int64(int64[::1], int32[:, ::1], int32[::1], int64, int64, int64, int64, int64)")
+def _around(
+    starts: Longs, ends: Ints, below: Ints, column: int, deep: int, low: int, high: int, enough: int
+) -> int:
+    """Return how many points lie from one layer to another in 3 x 3 columns, or so many as are enough."""
+    total = 0
+    for middle in (column, column - deep, column + deep):
+        for k in (middle, middle - 1, middle + 1):
+            bottom, top = max(low, ends[k, 0]), min(high, ends[k, 1])
+            if bottom <= top:
+                first = starts[k] - ends[k, 0]
+                total += int(below[first + top + 1] - below[first + bottom])
+                if total >= enough:
+                    return total
+    return total
+
+
+@kernel(
+    "boolean[:](Array(float64, 2, 'C', True), int32[:, ::1], float64[:], int64, float64, int64, int64[::1],"
+    " int32[:, ::1])"
+)
+def _by_columns(
+    points: NDArray[np.float64],
+    at: Ints,
+    sensor: NDArray[np.float64],
+    least: int,
+    object_m2: float,
+    deep: int,
+    starts: Longs,
+    ends: Ints,
+) -> NDArray[np.bool_]:
+    """Do what `has_company` does with all layers of each column side by side."""
+    n = len(points)
+    keep, own = np.ones(n, np.bool_), np.empty(n, np.int32)
+    counts, below = np.zeros(starts[-1], np.int32), np.zeros(starts[-1] + 1, np.int32)
+    for i in range(n):
+        column = deep * at[i, 0] + at[i, 1]
+        own[i] = starts[column] - ends[column, 0] + at[i, 2]
+        counts[own[i]] += 1
+    for v in range(len(counts)):
+        below[v + 1] = below[v] + counts[v]
+    share = object_m2 * n / (4 * np.pi)
+    for i in range(n):
+        need, reach = _need(points[i], sensor, share, least)
+        if counts[own[i]] >= need:
+            continue
+        column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
+        company = level = _around(starts, ends, below, column, deep, z - FINE, z + FINE, need)
+        if company < need and reach > FINE:
+            company = _around(starts, ends, below, column, deep, z - COARSE, z + COARSE, need)
+        if level < least:
+            over = _around(starts, ends, below, column, deep, z + FINE + 1, z + COARSE, SURFACE)
+            if over >= SURFACE:
+                company = 0  # alone on its level, close below a surface
+        keep[i] = company >= need
+    return keep
+
+
+@kernel("Tuple((int32[:, ::1], int64, int64))(Array(float64, 2, 'C', True), float64)")
+def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
+    """Return (n, 3) the voxel of each point, `COARSE` and more, and the greatest x and y among them.
+
+    The voxels are those of the map, not of the points.
+    """
+    high = voxel / 4
+    west = south = bottom = np.inf
+    for i in range(len(points)):
+        west, south = min(west, points[i, 0]), min(south, points[i, 1])
+        bottom = min(bottom, points[i, 2])
+    west, south = voxel * np.floor(west / voxel), voxel * np.floor(south / voxel)
+    bottom = high * np.floor(bottom / high)
+    at = np.empty((len(points), 3), np.int32)
+    most_x, most_y = 0, 0
+    for i in range(len(points)):
+        x = int((points[i, 0] - west) / voxel) + COARSE
+        y = int((points[i, 1] - south) / voxel) + COARSE
+        at[i, 0], at[i, 1], at[i, 2] = x, y, int((points[i, 2] - bottom) / high) + COARSE
+        most_x, most_y = max(most_x, x), max(most_y, y)
+    return at, most_x, most_y
+
+
+@kernel("boolean[:](Array(float64, 2, 'C', True), float64[:], float64, int64, float64)")
+def has_company(
+    points: NDArray[np.float64], sensor: NDArray[np.float64], voxel: float, least: int, object_m2: float
+) -> NDArray[np.bool_]:
+    """Tell of every point whether enough others are near it, see `slz.points.outliers.in_company`.
+
+    Voxels are a quarter as high as wide.
+    """
+    n = len(points)
+    if n == 0:
+        return np.ones(0, np.bool_)
+    at, most_x, most_y = _placed(points, voxel)
+    columns, deep = (most_x + 2) * (most_y + 2), most_y + 2
+    if columns <= SPARSE * n + 10_000:
+        starts, ends = _spans(at, columns, deep)
+        if starts[columns] <= SPARSE * n + 10_000:
+            return _by_columns(points, at, sensor, least, object_m2, deep, starts, ends)
+    return _by_table(points, at, sensor, least, object_m2)

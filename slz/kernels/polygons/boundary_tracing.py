@@ -1,0 +1,134 @@
+"""Moore-neighbour tracing on a bit map by a table (SLZ paper Table 1, Algorithm 1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
+from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
+
+NOWHERE, DIRECTION = 8, 15
+WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # where an entry's parts begin
+SEVEN = np.uint64(7)
+
+
+def _table() -> NDArray[np.int32]:
+    """Return, by (where the search starts - 1) / 2 and by the 3 x 3 cells, where the tour goes on.
+
+    Bit 3 (row + 1) + column + 1 of the cells is the neighbour at (row, column). An entry holds the direction,
+    whether the edges to the west and to the east of the cell border on what is outside the tour, and where
+    the search starts in the next cell, (start - 1) / 2, which are its last byte; above that how far the next
+    cell lies to the north and east, plus 1, so that it need not be looked up.
+
+    A cell reached going north or north-east (start 1) has the outside to its west, one reached going south or
+    south-west (start 5) to its east; so have those whose neighbour there was looked at and is not set. Every
+    edge is met once on a tour.
+    """
+    table = np.zeros((4, 512), np.int32)
+    for index in range(4):
+        for cells in range(512):
+            start, seen = 2 * index + 1, []
+            direction = NOWHERE
+            for k in range(8):
+                e = (start + k) & 7
+                if cells >> int(3 * (ROW_STEP[e] + 1) + COL_STEP[e] + 1) & 1:
+                    direction = e
+                    break
+                seen.append(e)
+            entry = direction
+            if 0 in seen or start == 1:
+                entry |= 1 << WEST_BIT
+            if 4 in seen or start == 5:
+                entry |= 1 << EAST_BIT
+            if direction < NOWHERE:
+                then = (direction + 6) & 7 if direction & 1 else (direction + 7) & 7
+                entry |= (then - 1) // 2 << START_BITS
+                entry |= int(ROW_STEP[direction] + 1) << ROW_BITS | int(COL_STEP[direction] + 1) << COL_BITS
+            table[index, cells] = entry
+    return table
+
+
+TABLE = _table()
+
+
+@kernel("int64(uint64[:, ::1], int64, int64)")
+def _around(safe: Bits, row: int, col: int) -> Any:
+    """Return the 3 x 3 cells about a cell as nine bits; none of them may lie outside."""
+    k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
+    if shift <= np.uint64(61):
+        south, here, north = safe[row - 1, k] >> shift, safe[row, k] >> shift, safe[row + 1, k] >> shift
+    else:
+        rest = np.uint64(64) - shift
+        south = (safe[row - 1, k] >> shift) | (safe[row - 1, k + 1] << rest)
+        here = (safe[row, k] >> shift) | (safe[row, k + 1] << rest)
+        north = (safe[row + 1, k] >> shift) | (safe[row + 1, k + 1] << rest)
+    return signed((south & SEVEN) | ((here & SEVEN) << np.uint64(3)) | ((north & SEVEN) << np.uint64(6)))
+
+
+@kernel("UniTuple(int64, 2)(uint64[:, ::1], int64, int64, int32[:, ::1], uint8[::1])")
+def tour(
+    safe: Bits, row: int, col: int, path: NDArray[np.int32], edges: NDArray[np.uint8]
+) -> tuple[int, int]:
+    """Follow the edge of a component from a cell with nothing to its west, until the first step is repeated.
+
+    Parameters
+    ----------
+    path, edges
+        Receive the cells in order and their entries of the table.
+
+    Returns
+    -------
+    Cells, more than fit in `path` where it is too short; the cells to the left of the cracks, positive
+    for the outside of a component, negative for a hole in it.
+    """
+    r, c, index, n, area, first = row, col, 0, 0, 0, -1
+    most = len(path)
+    while True:
+        entry = signed(TABLE[index, _around(safe, r, c)])
+        direction = entry & DIRECTION
+        if direction == NOWHERE:
+            path[0, 0], path[0, 1], edges[0] = r, c, entry
+            return 1, 1
+        if r == row and c == col:
+            if first < 0:
+                first = direction
+            elif first == direction:
+                return n, area
+        if n == most:
+            return n + 1, 0
+        path[n, 0], path[n, 1], edges[n] = r, c, entry
+        n += 1
+        area += ((c + 1) & -(entry >> EAST_BIT & 1)) - (c & -(entry >> WEST_BIT & 1))
+        r += (entry >> ROW_BITS & 3) - 1
+        c += (entry >> COL_BITS & 3) - 1
+        index = entry >> START_BITS & 3
+
+
+@kernel("UniTuple(int64, 5)(int32[:, ::1], int64)")
+def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
+    """Return row0, row1, col0, col1 (half open) of n cells, and which comes first by rows, then columns."""
+    first, least = 0, path[0, 0]
+    row1, col0, col1 = path[0, 0], path[0, 1], path[0, 1]
+    for i in range(n):
+        r, c = path[i, 0], path[i, 1]
+        row1, col0, col1 = max(row1, r), min(col0, c), max(col1, c)
+        if r <= least and (r < least or c < path[first, 1]):
+            first, least = i, r
+    return signed(least), signed(row1) + 1, signed(col0), signed(col1) + 1, first
+
+
+@kernel("int64(uint64[:, ::1], int64, int64)")
+def westmost(safe: Bits, row: int, col: int) -> Any:
+    """Return the westernmost cell of the run of set cells that a cell belongs to."""
+    while True:
+        k, bits = col >> 6, np.uint64(col & 63)
+        open_ = ~safe[row, k] << (LAST - bits)
+        if open_ != NONE:
+            return col - signed(leading(open_)) + 1
+        col = 64 * k - 1
+        if k == 0 or not bit(safe, row, col):
+            return col + 1

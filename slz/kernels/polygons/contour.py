@@ -1,0 +1,43 @@
+"""Moore neighbours, square search on a binary map and where a boundary bends."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+
+# Moore neighbours clockwise from west (SLZ paper Table 1); rows grow to the north.
+COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
+ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
+
+
+@kernel("int32[:, :](uint8[:, :])")
+def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return the side in cells of the largest safe square whose last row and column end at every cell."""
+    rows, cols = safe.shape
+    side = np.zeros((rows, cols), np.int32)
+    for r in range(rows):
+        for c in range(cols):
+            if safe[r, c]:
+                if r == 0 or c == 0:
+                    side[r, c] = 1
+                else:
+                    side[r, c] = 1 + min(side[r - 1, c], side[r, c - 1], side[r - 1, c - 1])
+    return side
+
+
+@kernel("int32[::1](int32[:, ::1])")
+def bends(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the places of the boundary cells that `slz.zones.boundary_points.without_collinear` keeps."""
+    n, m = len(boundary), 0
+    kept = np.empty(n, np.int32)
+    for i in range(n):
+        before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
+        r, c = boundary[i, 0], boundary[i, 1]
+        r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
+        flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
+        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0  # the tip of a spur
+        kept[m] = i
+        m += not flat or turns or n == 1
+    return kept[:m].copy()

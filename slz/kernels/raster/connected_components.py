@@ -1,0 +1,322 @@
+"""Groups of touching cells of a bit map, from runs along rows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.growable_array import doubled
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
+
+Ints = NDArray[np.int64]
+
+
+@kernel("int64[:, ::1](uint64[:, ::1])")
+def runs(cells: Bits) -> Ints:
+    """Return (n, 4) row, first column, column after the last and number, of all runs, row by row."""
+    out, n = np.empty((1024, 4), np.int64), 0
+    for r in range(cells.shape[0]):
+        for w in range(cells.shape[1]):
+            word = cells[r, w]
+            while word != NONE:
+                first = np.int64(lowest(word))
+                rest = ~(word >> np.uint64(first))
+                length = np.int64(lowest(rest)) if rest != NONE else 64
+                start = 64 * w + first
+                if n and out[n - 1, 0] == r and out[n - 1, 2] == start:
+                    out[n - 1, 2] = start + length
+                else:
+                    if n == len(out):
+                        out = doubled(out)
+                    out[n, 0], out[n, 1], out[n, 2], out[n, 3] = r, start, start + length, n
+                    n += 1
+                if first + length >= 64:
+                    break
+                word = (word >> np.uint64(first + length)) << np.uint64(first + length)
+    return out[:n].copy()
+
+
+@kernel("int64(int64[:, ::1], int64)")
+def _root(run: Ints, i: int) -> int:
+    while run[i, 3] != i:
+        run[i, 3] = run[run[i, 3], 3]
+        i = run[i, 3]
+    return i
+
+
+@kernel("void(int64[:, ::1], int64)")
+def join(run: Ints, corner: int) -> None:
+    """Give all runs of a group of touching cells the number of the first one; with 1, corners touch too."""
+    n, above = len(run), 0
+    for i in range(n):
+        while above < i and (run[above, 0] < run[i, 0] - 1 or (
+            run[above, 0] == run[i, 0] - 1 and run[above, 2] < run[i, 1] + 1 - corner
+        )):  # fmt: skip
+            above += 1
+        k = above
+        while k < i and run[k, 0] == run[i, 0] - 1 and run[k, 1] < run[i, 2] + corner:
+            a, b = _root(run, k), _root(run, i)
+            run[max(a, b), 3] = min(a, b)
+            k += 1
+    for i in range(n):
+        run[i, 3] = _root(run, i)
+
+
+@kernel("int64[::1](int64[::1], int64[::1], int64)")
+def _largest(roots: Ints, size: Ints, most: int) -> Ints:
+    """Return so many of more roots, in their order: those of the greatest size, of equal ones the first."""
+    least = more = 0
+    for i in range(len(roots)):
+        least = max(least, size[roots[i]])
+    of_size = np.zeros(least + 1, np.int64)
+    for i in range(len(roots)):
+        of_size[size[roots[i]]] += 1
+    while more + of_size[least] < most:
+        more += of_size[least]
+        least -= 1
+    equal, out, n = most - more, np.empty(most, np.int64), 0
+    for i in range(len(roots)):
+        if size[roots[i]] > least or (size[roots[i]] == least and equal > 0):
+            equal -= size[roots[i]] == least
+            out[n] = roots[i]
+            n += 1
+    return out
+
+
+@kernel("Tuple((int64[:, ::1], int32[:, ::1]))(uint64[:, ::1], int64)")
+def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
+    """Return the largest groups of touching cells, in the order of their first cells.
+
+    Returns
+    -------
+    (n, 6) row0, row1, col0, col1, first and stop in the second: (m, 2) rows and columns, group by group, each
+    in the order of rows and columns.
+    """
+    run = runs(cells)
+    join(run, 1)
+    size = np.zeros(len(run), np.int64)
+    for i in range(len(run)):
+        size[run[i, 3]] += run[i, 2] - run[i, 1]
+    roots = np.flatnonzero(size)
+    if len(roots) > most:
+        roots = _largest(roots, size, most)
+    place, total = np.full(len(run), -1, np.int64), 0
+    groups = np.empty((len(roots), 6), np.int64)
+    for g in range(len(roots)):
+        place[roots[g]] = g
+        groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3] = cells.shape[0], 0, 64 * cells.shape[1], 0
+        groups[g, 4] = groups[g, 5] = total
+        total += size[roots[g]]
+    out = np.empty((total, 2), np.int32)
+    for i in range(len(run)):
+        g = place[run[i, 3]]
+        if g < 0:
+            continue
+        group, r, a, b = groups[g], run[i, 0], run[i, 1], run[i, 2]
+        group[0], group[1] = min(group[0], r), max(group[1], r + 1)
+        group[2], group[3] = min(group[2], a), max(group[3], b)
+        for c in range(a, b):
+            out[group[5], 0], out[group[5], 1] = r, c
+            group[5] += 1
+    return groups, out
+
+
+@kernel("boolean(uint64[:, ::1], int64, int64, int64)")
+def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
+    """Tell whether any of the cells of a run is set."""
+    for w in range(first >> 6, ((stop - 1) >> 6) + 1):
+        if cells[row, w] & word_mask(first - 64 * w, stop - 64 * w) != NONE:
+            return True
+    return False
+
+
+@kernel("Tuple((int64[:, ::1], int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1])")
+def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
+    """Return the groups of touching cells that hold a corner, by the place of the first one.
+
+    Parameters
+    ----------
+    corners
+        Some of the cells, of which a group must hold one.
+
+    Returns
+    -------
+    (m, 4) the runs of one group after another; (n, 6) row0, row1, col0, col1 of each, where its runs begin
+    and stop.
+    """
+    run = runs(cells)
+    join(run, 1)
+    size, place, n = np.zeros(len(run), np.int64), np.full(len(run), -1, np.int64), 0
+    for i in range(len(run)):
+        root = run[i, 3]
+        size[root] += 1
+        if place[root] < 0 and _any_of(corners, run[i, 0], run[i, 1], run[i, 2]):
+            place[root] = n
+            n += 1
+    groups, total = np.empty((n, 6), np.int64), 0
+    for i in range(len(run)):
+        if place[i] >= 0:
+            groups[place[i], 5] = size[i]
+    for g in range(n):
+        groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3] = cells.shape[0], 0, 64 * cells.shape[1], 0
+        groups[g, 4], total = total, total + groups[g, 5]
+        groups[g, 5] = groups[g, 4]
+    out = np.empty((total, 4), np.int64)
+    for i in range(len(run)):
+        g = place[run[i, 3]]
+        if g >= 0:
+            k, r, first, stop = groups[g, 5], run[i, 0], run[i, 1], run[i, 2]
+            groups[g, 0], groups[g, 1] = min(groups[g, 0], r), max(groups[g, 1], r + 1)
+            groups[g, 2], groups[g, 3] = min(groups[g, 2], first), max(groups[g, 3], stop)
+            out[k, 0], out[k, 1], out[k, 2], out[k, 3] = r, first, stop, k - groups[g, 4]
+            groups[g, 5] = k + 1
+    return out, groups
+
+
+@kernel("void(int64[:, ::1], int64, uint64[:, ::1])")
+def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
+    """Set the cells of runs but what touches the rest at a corner only and is of fewer cells.
+
+    The largest part stays, however small it is.
+
+    Parameters
+    ----------
+    run
+        Of one group of `components`.
+    out
+        The rows of the runs, from the word of their first column on; zeros.
+    """
+    row0, word0 = run[0, 0], run[:, 1].min() >> 6
+    run = run.copy()
+    for i in range(len(run)):
+        run[i, 3] = i
+    join(run, 0)
+    size = np.zeros(len(run), np.int64)
+    for i in range(len(run)):
+        size[run[i, 3]] += run[i, 2] - run[i, 1]
+    least = min(fewest, np.int64(size.max()))
+    for i in range(len(run)):
+        r, first, stop = run[i, 0] - row0, run[i, 1], run[i, 2]
+        if size[run[i, 3]] >= least:
+            for w in range(first >> 6, ((stop - 1) >> 6) + 1):
+                out[r, w - word0] |= word_mask(first - 64 * w, stop - 64 * w)
+
+
+@kernel("int64[::1](float32[::1], int64[:, ::1])")
+def highest(tops: NDArray[np.float32], groups: Ints) -> Ints:
+    """Return the place of the first of the highest cells of each group; of none known the first cell's."""
+    out = np.empty(len(groups), np.int64)
+    for g in range(len(groups)):
+        out[g], top = groups[g, 4], np.float32(-np.inf)
+        for i in range(groups[g, 4], groups[g, 5]):
+            if tops[i] > top:
+                out[g], top = i, tops[i]
+    return out
+
+
+@kernel("Tuple((int32[:, ::1], int64[::1]))(uint64[:, ::1], int64[:, ::1], int64, int64, int64)")
+def cells_around(
+    part: Bits, groups: Ints, start: int, around: int, enough: int
+) -> tuple[NDArray[np.int32], Ints]:
+    """List the cells of a part in the boxes of groups, each with a margin, from one on until they are enough.
+
+    Returns
+    -------
+    (m, 2) rows and columns, group by group; (n + 1,) where the cells of each group begin, and the end.
+    """
+    cells, ends, n = np.empty((1024, 2), np.int32), np.zeros(len(groups) - start + 1, np.int64), 0
+    for g in range(start, len(groups)):
+        row0, row1 = max(0, groups[g, 0] - around), min(part.shape[0], groups[g, 1] + around)
+        col0, col1 = max(0, groups[g, 2] - around), min(64 * part.shape[1], groups[g, 3] + around)
+        for r in range(row0, row1):
+            for w in range(col0 >> 6, ((col1 - 1) >> 6) + 1):
+                word = part[r, w] & word_mask(col0 - 64 * w, col1 - 64 * w)
+                while word != NONE:
+                    if n == len(cells):
+                        cells = doubled(cells)
+                    cells[n, 0], cells[n, 1] = r, 64 * w + signed(lowest(word))
+                    n += 1
+                    word &= word - ONE
+        ends[g - start + 1] = n
+        if n >= enough:
+            return cells[:n].copy(), ends[: g - start + 2].copy()
+    return cells[:n].copy(), ends
+
+
+@kernel("float64(float32[::1])")
+def _middle(height: NDArray[np.float32]) -> float:
+    return np.float64(np.float32(np.median(height)))
+
+
+@kernel("float64[::1](float32[::1], int64[::1])")
+def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
+    """Return the median of the known heights between each two ends, NaN of none."""
+    out, found = np.full(len(ends) - 1, np.nan), np.empty(len(height), np.float32)
+    for g in range(len(out)):
+        n = 0
+        for i in range(ends[g], ends[g + 1]):
+            found[n] = height[i]
+            n += np.isfinite(height[i])
+        if n:
+            out[g] = _middle(found[:n])
+    return out
+
+
+@kernel("float64(uint64[:, ::1], float32[:, :], int64, int64)")
+def middle_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int) -> float:
+    """Return the median of the known heights of a part, NaN of none.
+
+    The heights are of the cells from (row0, col0) on, which may reach beyond.
+    """
+    rows, cols = height.shape
+    found, n = np.empty(height.size, np.float32), 0
+    for r in range(max(0, row0), min(part.shape[0], row0 + rows)):
+        for c in range(max(0, col0), min(64 * part.shape[1], col0 + cols)):
+            z = height[r - row0, c - col0]
+            if bit(part, r, c) and np.isfinite(z):
+                found[n] = z
+                n += 1
+    return _middle(found[:n]) if n else np.nan
+
+
+@kernel(
+    "Tuple((float64[:, ::1], int64[:, ::1], float64[:, ::1]))(uint64[:, ::1], uint64[:, ::1],"
+    " float32[:, ::1], float64, float64, float64, int64, int64)"
+)
+def obstacles(
+    cells: Bits,
+    part: Bits,
+    height: NDArray[np.float32],
+    west: float,
+    south: float,
+    cell: float,
+    most: int,
+    around: int,
+) -> tuple[NDArray[np.float64], Ints, NDArray[np.float64]]:
+    """Return the largest groups of cells with their highest cells and the ground about them.
+
+    Returns
+    -------
+    (n, 4) east, north, height of the highest cell and height over the ground; (n, 2) first and stop in the
+    last: (m, 2) east and north of the centres of the cells, group by group.
+    """
+    groups, listed = largest_groups(cells, most)
+    n, centres = len(groups), np.empty((len(listed), 2))
+    for i in range(len(listed)):
+        centres[i, 0] = west + (listed[i, 1] + 0.5) * cell
+        centres[i, 1] = south + (listed[i, 0] + 0.5) * cell
+    out, ends = np.empty((n, 4)), np.empty((n, 2), np.int64)
+    for g in range(n):
+        first, stop = groups[g, 4], groups[g, 5]
+        top, best = -np.inf, first
+        for i in range(first, stop):
+            z = height[listed[i, 0], listed[i, 1]]
+            if z > top:
+                top, best = np.float64(z), i
+        row0, col0 = max(0, groups[g, 0] - around), max(0, groups[g, 2] - around)
+        near = height[row0 : groups[g, 1] + around, col0 : groups[g, 3] + around]
+        ground = middle_height(part, near, row0, col0)
+        out[g, 0], out[g, 1], out[g, 2], out[g, 3] = centres[best, 0], centres[best, 1], top, top - ground
+        ends[g, 0], ends[g, 1] = first, stop
+    return out, ends, centres

@@ -1,0 +1,355 @@
+"""How much room there is in a component: its largest square and the cells farthest from its edge."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.growable_array import doubled
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
+
+Word = NDArray[np.uint64]
+Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open) outside which nothing is set
+NEAR = 32  # cells to either side that a word about a cell holds
+WITNESSES = 16  # cells outside that are remembered
+MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
+
+
+@kernel("void(uint64[::1], uint64[::1], int64)")
+def _narrowed(row: Word, out: Word, by: int) -> None:
+    """Leave the cells of a row whose neighbour `by` columns to the east is set too."""
+    far, near = by >> 6, np.uint64(by & 63)
+    rest, inner = np.uint64(63) - near, max(0, len(row) - far - 1)
+    low, high = row[far:], row[far + 1 :]
+    for w in range(np.uint64(inner)):
+        out[w] = row[w] & ((low[w] >> near) | ((high[w] << rest) << ONE))
+    for w in range(inner, len(row)):
+        out[w] = row[w] & (row[w + far] >> near) if w + far < len(row) else NONE
+
+
+@kernel("uint64(uint64[::1], uint64[::1])")
+def _both(row: Word, other: Word) -> np.uint64:
+    """Leave the cells set in both rows in the first; return 0 if there are none."""
+    some = NONE
+    for w in range(np.uint64(len(row))):
+        row[w] &= other[w]
+        some |= row[w]
+    return some
+
+
+@kernel("UniTuple(int64, 4)(uint64[:, ::1], UniTuple(int64, 4), int64, uint64[:, ::1])")
+def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
+    """Turn south-west corners of squares into those of squares larger by at most as many cells again.
+
+    Nothing is read or written outside the span; that of what is left is returned, empty where nothing is.
+    """
+    row0, row1, word0, word1 = span
+    for r in range(row0, row1):
+        _narrowed(corners[r, word0:word1], out[r, word0:word1], by)
+    first, last, left, right = row1, row0, word1, word0
+    for r in range(row0, row1 - by):
+        if _both(out[r, word0:word1], out[r + by, word0:word1]) == NONE:
+            continue
+        first, last = min(first, r), r + 1
+        a, b = word0, word1
+        while a < left and out[r, a] == NONE:
+            a += 1
+        while b > right and out[r, b - 1] == NONE:
+            b -= 1
+        left, right = min(left, a), max(right, b)
+    return first, last, left, right
+
+
+@kernel(
+    "Tuple((int64, UniTuple(int64, 2), int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1],"
+    " UniTuple(int64, 4)))(uint64[:, ::1], int64)"
+)
+def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits, Span, Bits, Span]:
+    """Return the side of the largest square and where the first is, the greatest double of `side` with a
+    square and its corners.
+
+    And the corners of half of that; what lies outside the span of either is not to be read.
+    """
+    span = (0, corners.shape[0], 0, corners.shape[1])
+    before, before_span = corners, span
+    double = side
+    larger = np.empty_like(corners)
+    while True:
+        found = _larger(corners, span, double, larger)
+        if found[0] >= found[1]:
+            break
+        before, before_span = corners, span
+        corners, span, double = larger, found, 2 * double
+        larger = np.empty_like(corners)
+    side, step = double, double >> 1
+    best, best_span, other = corners, span, larger
+    while step > 0:
+        found = _larger(best, best_span, step, other)
+        if found[0] >= found[1]:
+            step >>= 1
+            continue
+        side += step
+        best, best_span, other = other, found, np.empty_like(corners)
+    row, w = best_span[0], best_span[2]
+    while best[row, w] == NONE:
+        w += 1
+        if w == best_span[3]:
+            row, w = row + 1, best_span[2]
+    where = row, 64 * w + signed(lowest(best[row, w]))
+    return side, where, double, corners, span, before, before_span
+
+
+@kernel("int64(uint64[:, ::1], int64)")
+def largest_square(corners: Bits, side: int) -> int:
+    """Return the side of the largest square of set cells.
+
+    Parameters
+    ----------
+    corners
+        South-west corners of squares of this side; at least one.
+    """
+    return _largest(corners, side)[0]
+
+
+@kernel("int64(uint64[:, ::1], int64, int64, int64)")
+def _open_beside(part: Bits, r: int, col: int, most2: int) -> int:
+    """Return how far along a row the nearest open cell is; anything whose square is not less than `most2`."""
+    first, bits, words = col >> 6, np.uint64(col & 63), part.shape[1]
+    if first < 0 or first >= words:
+        return 0
+    best = int(np.ceil(np.sqrt(float(most2))))
+    open_, dx, w = ~part[r, first] >> bits, 0, first
+    while open_ == NONE and dx < best:
+        w += 1
+        dx = 64 * w - col
+        open_ = ~part[r, w] if w < words else ONE
+    best = min(best, dx + signed(lowest(open_)))
+    open_, dx, w = ~part[r, first] << (LAST - bits), 0, first
+    while open_ == NONE and dx < best:
+        dx = col + 1 - 64 * w
+        w -= 1
+        open_ = ~part[r, w] if w >= 0 else ONE << LAST
+    return int(min(best, dx + signed(leading(open_))))
+
+
+@kernel("boolean(uint64[:, ::1], int64, int64)")
+def _is_open(part: Bits, row: int, col: int) -> bool:
+    if row < 0 or row >= part.shape[0] or col < 0 or col >= 64 * part.shape[1]:
+        return True
+    return bool((part[row, col >> 6] >> np.uint64(col & 63)) & ONE == NONE)
+
+
+@kernel("UniTuple(int64, 3)(uint64[:, ::1], int64, int64, int64, int64)")
+def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple[int, int, int]:
+    """Return the squared distance from a cell to the nearest outside; any less than `least2` if it is.
+
+    And where that lies, unless the distance is `most2`.
+    """
+    best, beside, dy = most2, 0, 0
+    where = row
+    while dy * dy < best and best >= least2:
+        for r in (row - dy, row + dy):
+            if best <= NEAR * NEAR:  # all that matters lies in one word
+                open_ = ~word_at(part, r, col - 31)
+                dx = signed(min(lowest(open_ >> MIDDLE), leading(open_ << NEAR_BITS)))
+            elif r < 0 or r >= len(part):
+                dx = 0
+            else:
+                dx = _open_beside(part, r, col, best - dy * dy)
+            if dy * dy + dx * dx < best:
+                best, where, beside = dy * dy + dx * dx, r, dx
+        dy += 1
+    return best, where, col + beside if _is_open(part, where, col + beside) else col - beside
+
+
+@kernel("boolean(uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
+    """Tell whether a cell is set in a square whose side, a power of two, divides its first row and column."""
+    w = col >> 6
+    if w < span[2] or w >= span[3]:
+        return False
+    mask = (ALL >> np.uint64(64 - side)) << np.uint64(col & 63)
+    some = NONE
+    for r in range(max(row, span[0]), min(row + side, span[1])):
+        some |= cells[r, w] & mask
+    return bool(some != NONE)
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int) -> NDArray[np.int64]:
+    """Return what `room` does, of the cells that lie `shift` rows and columns beyond those set in a span.
+
+    Some cell's squared distance is `best2` or more. No distance changes by more than the way: of a square of
+    cells, only those are halved again whose middle is so far from the outside that another cell in them may
+    be the farthest. That most are not is told by the cells outside that were the nearest to others.
+    """
+    block, n = 1, 0
+    while block < 64 and 2 * block <= 0.6 * (np.sqrt(best2) - 1.0):
+        block *= 2
+    blocks = np.empty((256, 3), np.int64)
+    for r in range(span[0] & -block, span[1], block):
+        for w in range(span[2], span[3]):
+            some = NONE
+            for row in range(max(r, span[0]), min(r + block, span[1])):
+                some |= cells[row, w]
+            while some != NONE:
+                at = signed(lowest(some)) & -block
+                some &= ~((ALL >> np.uint64(64 - block)) << np.uint64(at))
+                if n == len(blocks):
+                    blocks = doubled(blocks)
+                blocks[n, 0], blocks[n, 1] = r, 64 * w + at
+                n += 1
+    nearest, n_nearest = np.empty((WITNESSES, 2), np.int64), 0
+    while True:
+        away, middle = np.sqrt(0.5) * (block if block > 1 else 0), shift + (block >> 1)
+        for i in range(n):
+            least = max(0.0, np.sqrt(best2) - 0.5 - away)
+            least2 = int(least * least)
+            r, c, bound2 = blocks[i, 0] + middle, blocks[i, 1] + middle, most2
+            for k in range(min(n_nearest, WITNESSES)):
+                down, right = r - nearest[k, 0], c - nearest[k, 1]
+                bound2 = min(bound2, down * down + right * right)
+            blocks[i, 2] = bound2
+            if bound2 < least2:
+                continue
+            blocks[i, 2], row, col = _distance2(part, r, c, least2, bound2)
+            if blocks[i, 2] < bound2:
+                nearest[n_nearest % WITNESSES, 0], nearest[n_nearest % WITNESSES, 1] = row, col
+                n_nearest += 1
+            best2 = max(best2, blocks[i, 2])
+        keep, least = 0, np.sqrt(best2) - 0.5 - away
+        for i in range(n):
+            if np.sqrt(blocks[i, 2]) >= least - 1e-9 * away:
+                blocks[keep, 0], blocks[keep, 1], blocks[keep, 2] = blocks[i, 0], blocks[i, 1], blocks[i, 2]
+                keep += 1
+        if block == 1:
+            break
+        block >>= 1
+        halves, n = np.empty((4 * keep, 3), np.int64), 0
+        for i in range(keep):
+            for r in range(blocks[i, 0], blocks[i, 0] + 2 * block, block):
+                for c in range(blocks[i, 1], blocks[i, 1] + 2 * block, block):
+                    if _any_in(cells, span, r, c, block):
+                        halves[n, 0], halves[n, 1] = r, c
+                        n += 1
+        blocks = halves
+    # Those of a row are in the order of their columns already.
+    place, found = np.zeros(part.shape[0] + 1, np.int64), np.empty((keep, 3), np.int64)
+    for i in range(keep):
+        place[blocks[i, 0] + shift + 1] += 1
+    for r in range(part.shape[0]):
+        place[r + 1] += place[r]
+    for i in range(keep):
+        r = blocks[i, 0] + shift
+        found[place[r], 0], found[place[r], 1], found[place[r], 2] = r, blocks[i, 1] + shift, blocks[i, 2]
+        place[r] += 1
+    return found
+
+
+@kernel("int64(int64)")
+def _half(least2: int) -> int:
+    """Return how far a square reaches that fits about any cell nearly so far from the outside."""
+    return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+def _among(part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int) -> NDArray[np.int64]:
+    """Return the cells farthest from the outside, `least2` or more, from the corners of smaller squares."""
+    half = _half(least2)
+    wanted = 2 * half + 1
+    while of < wanted:
+        step, larger = min(of, wanted - of), np.empty_like(part)
+        span = _larger(cells, span, step, larger)
+        cells, of = larger, of + step
+    return _farthest(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
+
+
+@kernel("Tuple((int64, UniTuple(int64, 2), int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
+def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
+    """Return the side of a part's largest square, where one is, and its cells farthest from the outside.
+
+    The farthest is no nearer than the square's middle, and about any cell nearly as far from the edge a
+    square fits that is smaller by the root of two.
+
+    Parameters
+    ----------
+    corners
+        South-west corners of the squares of side `least` in the part; at least one.
+
+    Returns
+    -------
+    The side; row and column of the first such square's south-west corner; (n, 3) row, column and squared
+    distance to the outside, of the cells whose distance is less than the greatest by at most half a cell, in
+    the order of rows and columns.
+    """
+    side, where, double, cells, span, before, before_span = _largest(corners, least)
+    inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
+    least2 = _distance2(part, where[0] + inner, where[1] + inner, 0, most2)[0]
+    wanted = 2 * _half(least2) + 1
+    if double > wanted:
+        cells, span, double = before, before_span, double >> 1
+    if double > wanted or double < least:
+        cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
+    return side, where, _among(part, cells, span, double, least2, side)
+
+
+@kernel("int64[:, ::1](uint64[:, ::1], int64)")
+def farthest(part: Bits, side: int) -> NDArray[np.int64]:
+    """Return the last of what `room` does, of a part whose largest square has a side."""
+    inner = (side - 1) // 2
+    return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side)
+
+
+@kernel("int64(int64[:, :], float32[::1], float32[::1], float64, float64, float64, float64, float64)")
+def surest(
+    cells: NDArray[np.int64],
+    certainty: NDArray[np.float32],
+    slope: NDArray[np.float32],
+    west: float,
+    south: float,
+    cell: float,
+    sensor_east: float,
+    sensor_north: float,
+) -> int:
+    """Return which cell is the most certain, to a thousandth; of these the first of `first_choice`."""
+    best, most, least, nearest = 0, -np.inf, np.inf, np.inf
+    for i in range(len(cells)):
+        sure, steep = np.rint(certainty[i] * np.float32(1000)), np.rint(slope[i] * np.float32(10))
+        if sure < most or (sure == most and steep > least):
+            continue
+        east, north = west + (cells[i, 1] + 0.5) * cell, south + (cells[i, 0] + 0.5) * cell
+        way = np.hypot(east - sensor_east, north - sensor_north) // cell
+        if not way < np.inf:
+            way = 0.0
+        if sure > most or steep < least or way < nearest:
+            best, most, least, nearest = i, sure, steep, way
+    return best
+
+
+@kernel("int64(int64[:, ::1], float32[:, :, ::1], int64, int64, float64, float64, float64, float64, float64)")
+def first_choice(
+    cells: NDArray[np.int64],
+    slope: NDArray[np.float32],
+    row0: int,
+    col0: int,
+    west: float,
+    south: float,
+    cell: float,
+    sensor_east: float,
+    sensor_north: float,
+) -> int:
+    """Return which cell slopes least, to a tenth of a degree; of these the nearest to the sensor."""
+    best, least, nearest = 0, np.inf, np.inf
+    for i in range(len(cells)):
+        r, c = row0 + cells[i, 0], col0 + cells[i, 1]
+        steep = np.rint(slope[c >> 6, r, c & 63] * np.float32(10.0))
+        if steep > least:
+            continue
+        east, north = west + (c + 0.5) * cell - sensor_east, south + (r + 0.5) * cell - sensor_north
+        way = np.floor(np.sqrt(east * east + north * north) / cell)
+        if not way < np.inf:
+            way = 0.0
+        if steep < least or way < nearest:
+            best, least, nearest = i, steep, way
+    return best

@@ -1,0 +1,164 @@
+"""Squares around cells: dilation and closing of bit maps, and the lowest value."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
+from slz.kernels.simd import LANES, every, flags_of, load, store, where
+
+Row = NDArray[np.float32]
+Word = NDArray[np.uint64]
+HIGHEST = np.float32(np.inf)
+
+
+@kernel("void(uint64[:, ::1], int64)")
+def _clear_beyond(bits: Bits, cols: int) -> None:
+    """Clear the bits of the last words that stand for no column."""
+    if cols & 63:
+        for r in range(bits.shape[0]):
+            bits[r, -1] &= (ONE << np.uint64(cols & 63)) - ONE
+
+
+@kernel("void(uint64[::1], int64, int64, int64, boolean)")
+def _join(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
+    """Join words with those `far` words and `shift` bits ahead, in place: what both hold, or either."""
+    near, rest, first = np.uint64(shift), np.uint64(63 - shift), np.uint64(far)
+    for w in range(np.uint64(count)):
+        ahead = (words[w + first] >> near) | ((words[w + first + ONE] << ONE) << rest)
+        words[w] = words[w] & ahead if all_ else words[w] | ahead
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64, boolean)")
+def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
+    """Return the cells in whose square of 2 radius + 1 cells all are set, or any; those outside are not.
+
+    Rows and columns are moved by the radius, so that a square begins where its middle was.
+    """
+    rows, words = bits.shape
+    side, far, near = 2 * radius + 1, radius >> 6, np.uint64(radius & 63)
+    line, wide = np.zeros(words + 2 * far + 4, np.uint64), words + far + 1
+    tall = np.zeros((rows + 2 * radius + 1) * words + 1, np.uint64)
+    for r in range(rows):
+        line[:] = NONE
+        for w in range(words):
+            line[w + far] |= bits[r, w] << near
+            line[w + far + 1] = (bits[r, w] >> ONE) >> (LAST - near)
+        have = 1
+        while have < side:  # each cell stands for so many, itself and those to its east
+            step = min(have, side - have)
+            _join(line, wide - (step >> 6), step >> 6, step & 63, all_)
+            have += step
+        for w in range(words):
+            tall[(r + radius) * words + w] = line[w]
+    have = 1
+    while have < side:
+        step = min(have, side - have)
+        _join(tall, (rows + 2 * radius - step) * words, step * words, 0, all_)
+        have += step
+    out = tall[: rows * words].copy().reshape(rows, words)
+    _clear_beyond(out, cols)
+    return out
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def dilated(bits: Bits, radius: int, cols: int) -> Bits:
+    """Return the cells with one that is set in the square of 2 radius + 1 cells around them."""
+    return _over_squares(bits, radius, cols, False)
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def eroded(bits: Bits, radius: int, cols: int) -> Bits:
+    """Return the cells of which all in the square of 2 radius + 1 cells around them are set and inside."""
+    return _over_squares(bits, radius, cols, True)
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def closed(bits: Bits, radius: int, cols: int) -> Bits:
+    """Return the morphological closing by a square of 2 radius + 1 cells, the outside being unknown.
+
+    Gaps narrower than the square are filled; the edge of the known ground is not moved outwards.
+    """
+    return bits | eroded(dilated(bits, radius, cols), radius, cols)
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64)")
+def others(bits: Bits, cols: int) -> Bits:
+    """Return the cells that are not set."""
+    out = ~bits
+    _clear_beyond(out, cols)
+    return out
+
+
+@kernel("uint64[:, ::1](float32[:, ::1], float32)")
+def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
+    """Return the cells whose value is above a limit; NaN is not."""
+    rows, cols = values.shape
+    out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
+    for r in range(rows):
+        line = values[r]
+        for w in range(cols >> 6):
+            word = NONE
+            for k in range(0, 64, LANES):
+                word |= flags_of(every(limit) < load(line, 64 * w + k)) << np.uint64(k)
+            out[r, w] = word
+        for c in range(cols & ~63, cols):
+            out[r, -1] |= np.uint64(line[c] > limit) << np.uint64(c & 63)
+    return out
+
+
+@kernel("uint64[:, ::1](float32[:, ::1], float32[:, ::1], float32)")
+def higher(values: NDArray[np.float32], others: NDArray[np.float32], by: float) -> Bits:
+    """Return the cells whose value is above another one by more than a limit; NaN is not.
+
+    The other values have a row's length in whole lanes.
+    """
+    rows, cols = values.shape
+    out, wide = np.zeros((rows, (cols + 63) >> 6), np.uint64), others.shape[1]
+    own, flat, step = values.ravel(), others.ravel(), every(np.float32(by))
+    for r in range(rows):
+        for c in range(0, cols - LANES + 1, LANES):
+            word = flags_of(step < load(own, r * cols + c) - load(flat, r * wide + c))
+            out[r, c >> 6] |= word << np.uint64(c & 63)
+        for c in range(cols - cols % LANES, cols):
+            out[r, c >> 6] |= np.uint64(values[r, c] - others[r, c] > np.float32(by)) << np.uint64(c & 63)
+    return out
+
+
+@kernel("void(float32[::1], int64, int64, int64, int64, float32, float32[::1], int64)")
+def _lowest(
+    values: Row, first: int, count: int, radius: int, away: int, rise: float, out: Row, at: int
+) -> None:
+    """Leave the lowest of 2 radius + 1 values around each, so far apart, and what each rises on the way."""
+    for c in range(0, count, LANES):
+        least = load(values, first + c)
+        for d in range(1, radius + 1):
+            more, ahead, behind = every(np.float32(rise * d)), first + c + d * away, first + c - d * away
+            one, other = load(values, ahead), load(values, behind)
+            best = where(one < other, one, other) + more
+            least = where(best < least, best, least)
+        store(out, at + c, least)
+
+
+@kernel("float32[:, ::1](float32[:, ::1], int64, float32)")
+def lowest_around(values: NDArray[np.float32], radius: int, rise: float) -> NDArray[np.float32]:
+    """Return the minimum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
+
+    A value counts for more by `rise` with every row and column that it is away. Rows are as long as whole
+    lanes; what is beyond the columns means nothing.
+    """
+    rows, cols = values.shape
+    width, flat = -(-cols // LANES) * LANES, values.ravel()
+    line, wide = np.full(width + 2 * radius, HIGHEST), np.full((rows + 2 * radius) * width, HIGHEST)
+    for r in range(rows):
+        for c in range(0, cols - LANES + 1, LANES):
+            some = load(flat, r * cols + c)
+            store(line, radius + c, where(some == some, some, every(HIGHEST)))
+        for c in range(cols - cols % LANES, cols):
+            line[radius + c] = values[r, c] if values[r, c] == values[r, c] else HIGHEST
+        _lowest(line, radius, width, radius, 1, rise, wide, (radius + r) * width)
+    out = np.empty((rows, width), np.float32)
+    _lowest(wide, radius * width, rows * width, radius, width, rise, out.ravel(), 0)
+    return out

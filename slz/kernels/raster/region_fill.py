@@ -1,0 +1,180 @@
+"""What a contour encloses, and which of it is one component (SLZ paper Algorithm 1), 64 cells at a time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.polygons.boundary_tracing import EAST_BIT, WEST_BIT, extent, tour, westmost
+from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
+
+TO_WEST, TO_EAST = np.uint64(WEST_BIT), np.uint64(EAST_BIT)
+
+
+@kernel("int64(int32[:, ::1], uint8[::1], int64, int64, int64, uint64[:, ::1])")
+def fill(
+    path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, row0: int, word0: int, content: Bits
+) -> Any:
+    """Set the cells on and inside a tour in a box that holds zeros; return how many there are.
+
+    A row's cells are inside between a western and an eastern edge: mark where that changes, add up modulo 2.
+    """
+    rows, words = content.shape
+    for i in range(n):
+        r, c = path[i, 0] - row0, path[i, 1] - 64 * word0
+        west, east = (edges[i] >> TO_WEST) & ONE, (edges[i] >> TO_EAST) & ONE
+        content[r, c >> 6] ^= west << np.uint64(c & 63)
+        if (c + 1) >> 6 < words:
+            content[r, (c + 1) >> 6] ^= east << np.uint64((c + 1) & 63)
+    count = np.uint64(0)
+    for r in range(rows):
+        inside = NONE
+        for w in range(words):
+            word = prefix_xor(content[r, w]) ^ inside
+            content[r, w] = word
+            count += popcount(word)
+            inside = ALL if word >> LAST else NONE
+    return signed(count)
+
+
+@kernel("uint64(uint64, uint64)")
+def _down(room: np.uint64, set_: np.uint64) -> np.uint64:
+    """Spread set cells towards lower columns as far as the room goes."""
+    for shift in (1, 2, 4, 8, 16, 32):
+        set_ |= room & (set_ >> np.uint64(shift))
+        room &= room >> np.uint64(shift)
+    return set_
+
+
+@kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64)")
+def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
+    """Spread a part into row r from itself and from words of a row beside it.
+
+    Return the first and the last word in which it grew there; the first is greater where it did not.
+    """
+    words = room.shape[1]
+    low, high, carry, w = words, -1, NONE, max(0, first - 1)
+    while w < words and (w <= last + 1 or carry != NONE):
+        free, old = room[r, w], part[r, w]
+        new = old
+        if free != old:
+            near = part[other, w]
+            wide = near | (near << ONE) | (near >> ONE) | carry
+            if w > 0:
+                wide |= part[other, w - 1] >> LAST
+            if w < words - 1:
+                wide |= part[other, w + 1] << LAST
+            new = old | (wide & free)
+        if new != old:
+            new |= (free ^ (free + new)) & free  # through to the end of each stretch of room
+            if free & ~new & (new >> ONE) != NONE:
+                new = _down(free, new)
+            part[r, w] = new
+            low, high = min(low, w), w
+            v = w
+            while part[r, v] & ONE != NONE and v > 0 and (room[r, v - 1] & ~part[r, v - 1]) >> LAST != NONE:
+                v -= 1
+                part[r, v] = _down(room[r, v], part[r, v] | (ONE << LAST))
+                low = min(low, v)
+        carry = new >> LAST
+        w += 1
+    return low, high
+
+
+@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+def component(room: Bits, row: int, col: int) -> Bits:
+    """Return the 8-connected component of a set cell.
+
+    Rows are gone through up and down, and only those beside one in which the part grew since, and there where
+    it did: by its first and last word, for the row south of it and the one north, with a margin.
+    """
+    rows, words = room.shape
+    part = np.zeros(room.shape, np.uint64)
+    part[row, col >> 6] = ONE << np.uint64(col & 63)
+    south0, south1 = np.full(rows + 2, words), np.full(rows + 2, -1)
+    north0, north1 = np.full(rows + 2, words), np.full(rows + 2, -1)
+    _spread(room, part, row, row, 0, words)
+    south0[row + 2], south1[row + 2] = 0, words - 1
+    north0[row], north1[row] = 0, words - 1
+    low, high, moved = row, row, True
+    while moved:
+        moved = False
+        for r in range(max(1, low), rows):
+            first, last = south0[r + 1], south1[r + 1]
+            if last < 0:
+                if r > high:
+                    break
+                continue
+            south0[r + 1], south1[r + 1] = words, -1
+            first, last = _spread(room, part, r, r - 1, first, last)
+            if last >= 0:
+                south0[r + 2], south1[r + 2] = min(south0[r + 2], first), max(south1[r + 2], last)
+                north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
+                high, moved = max(high, r), True
+        for r in range(min(rows - 2, high), -1, -1):
+            first, last = north0[r + 1], north1[r + 1]
+            if last < 0:
+                if r < low:
+                    break
+                continue
+            north0[r + 1], north1[r + 1] = words, -1
+            first, last = _spread(room, part, r, r + 1, first, last)
+            if last >= 0:
+                south0[r + 2], south1[r + 2] = min(south0[r + 2], first), max(south1[r + 2], last)
+                north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
+                low, moved = min(low, r), True
+    return part
+
+
+@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int32[:, ::1], uint8[::1])")
+def _reaches(
+    safe: Bits,
+    content: Bits,
+    row0: int,
+    word0: int,
+    row: int,
+    col: int,
+    path: NDArray[np.int32],
+    edges: NDArray[np.uint8],
+) -> bool:
+    """Tell whether a set cell belongs to the component whose contour is around it, see `all_reach`."""
+    while True:  # west to an edge; a hole's is followed to its first cell, which lies farther south
+        col = westmost(safe, row, col)
+        west = col - 1 - 64 * word0
+        if west < 0 or (content[row - row0, west >> 6] >> np.uint64(west & 63)) & ONE == NONE:
+            return True
+        n, area = tour(safe, row, col, path, edges)
+        if n > len(path) or area > 0:
+            return False
+        first = extent(path, n)[4]
+        row, col = signed(path[first, 0]), signed(path[first, 1])
+
+
+@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64, int64[:, ::1], int64)")
+def all_reach(
+    safe: Bits, content: Bits, row0: int, word0: int, cells: NDArray[np.int64], longest: int
+) -> bool:
+    """Tell whether set cells inside a contour belong to its component, none to an island in one of its holes.
+
+    False, too, where the edge of a hole between is longer than so many cells: then it is not known.
+
+    Parameters
+    ----------
+    safe
+        The whole map; nothing is set on its margin.
+    content
+        The cells on and inside the contour, from (row0, 64 word0) on.
+    cells
+        (n, 2 or more) rows and columns in the content.
+    """
+    path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
+    for i in range(len(cells)):
+        row, col = row0 + cells[i, 0], 64 * word0 + cells[i, 1]
+        if i > 0 and abs(cells[i, 0] - cells[i - 1, 0]) < 2 and abs(cells[i, 1] - cells[i - 1, 1]) < 2:
+            continue  # beside one that does
+        if not _reaches(safe, content, row0, word0, row, col, path, edges):
+            return False
+    return True

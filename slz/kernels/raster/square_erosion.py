@@ -1,0 +1,74 @@
+"""Where a safe square fits: erosion of a bit map, kept up where the map changes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, Bits
+
+
+@kernel("void(uint64[:, ::1], int64)")
+def narrow(bits: Bits, by: int) -> None:
+    """Keep the cells whose neighbour `by` columns to the east is set too, in place."""
+    far, near = by >> 6, np.uint64(by & 63)
+    rest = np.uint64(64) - near
+    rows, words = bits.shape
+    for r in range(rows):
+        for w in range(words):
+            if bits[r, w] == NONE:
+                continue
+            low = bits[r, w + far] if w + far < words else NONE
+            if near != NONE:
+                high = bits[r, w + far + 1] if w + far + 1 < words else NONE
+                low = (low >> near) | (high << rest)
+            bits[r, w] &= low
+
+
+@kernel("void(uint64[:, ::1], int64)")
+def lower(bits: Bits, by: int) -> None:
+    """Keep the cells whose neighbour `by` rows to the north is set too, in place."""
+    rows, words = bits.shape
+    for r in range(rows):
+        if r + by < rows:
+            for w in range(words):
+                bits[r, w] &= bits[r + by, w]
+        else:
+            bits[r] = NONE
+
+
+@kernel("void(uint64[:, ::1], int64, int64)")
+def grow(bits: Bits, side: int, wanted: int) -> None:
+    """Turn the south-west corners of set squares of one side into those of a larger side, in place."""
+    while side < wanted:
+        step = min(side, wanted - side)
+        narrow(bits, step)
+        lower(bits, step)
+        side += step
+
+
+@kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int64)")
+def erode(
+    safe: Bits, seeds: Bits, side: int, row0: int, row1: int, col0: int, col1: int
+) -> tuple[int, int, int, int]:
+    """Bring the seeds, the south-west corners of safe squares, up to date where the safe map changed.
+
+    Parameters
+    ----------
+    row0, row1, col0, col1
+        Box in which cells changed.
+
+    Returns
+    -------
+    row0, row1, word0, word1 (half open) of the box in which seeds may have changed.
+    """
+    first, last = max(0, row0 - side + 1), row1
+    word0, word1 = max(0, col0 - side + 1) >> 6, ((col1 - 1) >> 6) + 1
+    reach = min(safe.shape[0], last + side - 1)
+    wide = min(safe.shape[1], word1 + ((side + 62) >> 6))
+    part = safe[first:reach, word0:wide].copy()
+    grow(part, 1, side)
+    for r in range(last - first):
+        for w in range(word1 - word0):
+            seeds[first + r, word0 + w] = part[r, w]
+    return first, last, word0, word1

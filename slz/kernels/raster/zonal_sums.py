@@ -1,0 +1,263 @@
+"""Sums over the cells of a zone and of what its contour encloses (SLZ paper 3.4.1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import TILE, TILE_BITS
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, ONE, Bits, popcount, signed, word_at
+
+Bytes = NDArray[np.uint8]
+Layer = NDArray[np.float32]
+Sums = NDArray[np.float64]
+
+# Numbers told of cells; those after SLOPE and ROUGHNESS count what was added to the one before.
+SAFE, UNSAFE, CERTAINTY, SLOPE, SLOPES, ROUGHNESS, ROUGHNESSES = range(7)
+TOLD = 7
+
+
+@kernel("void(float64[:, ::1], int64, float32[::1], uint64, uint64)")
+def _add(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64) -> None:
+    """Add those of 64 values that are set and finite, each to a sum of its own, and count them."""
+    for k in range(np.uint64(64)):
+        value = np.float64(values[first + k])
+        counts = ((cells >> k) & ONE != NONE) & (np.abs(value) < np.inf)
+        sums[of, k] += value if counts else 0.0
+        sums[of + 1, k] += 1.0 if counts else 0.0
+
+
+@kernel(
+    "uint64(uint64, uint64, uint8[::1], float32[::1], float32[::1], float32[::1], UniTuple(int64, 4), uint8,"
+    " uint8, float64[:, ::1])"
+)
+def _tally_word(
+    mine: np.uint64,
+    inside: np.uint64,
+    state: Bytes,
+    certainty: Layer,
+    slope: Layer,
+    roughness: Layer,
+    at: tuple[int, int, int, int],
+    safe: np.uint8,
+    unsafe: np.uint8,
+    sums: Sums,
+) -> np.uint64:
+    """Add what is told of 64 cells to (`TOLD`, 64) sums, by place; return the unsafe ones enclosed."""
+    state_at, certainty_at = np.uint64(at[0]), np.uint64(at[1])
+    good = bad = NONE
+    for k in range(np.uint64(64)):
+        good |= np.uint64(state[state_at + k] == safe) << k
+        bad |= np.uint64(state[state_at + k] == unsafe) << k
+    for k in range(np.uint64(64)):
+        sure = np.float64(certainty[certainty_at + k])
+        sums[CERTAINTY, k] += sure if (inside >> k) & ONE != NONE else 0.0
+    if mine != NONE:
+        _add(sums, SLOPE, slope, np.uint64(at[2]), mine)
+        _add(sums, ROUGHNESS, roughness, np.uint64(at[3]), mine)
+    sums[SAFE, 0] += signed(popcount(inside & good))
+    sums[UNSAFE, 0] += signed(popcount(inside & bad))
+    return inside & bad
+
+
+@kernel("int64(uint64[:, :])")
+def count(cells: Bits) -> Any:
+    """Return how many cells are set."""
+    n = NONE
+    for r in range(cells.shape[0]):
+        for w in range(cells.shape[1]):
+            n += popcount(cells[r, w])
+    return signed(n)
+
+
+@kernel("int64(uint64[:, :], uint64[:, :], int64, int64)")
+def common(cells: Bits, others: Bits, down: int, right: int) -> Any:
+    """Return how many cells are set in both of two maps, once those of the first are moved."""
+    n = NONE
+    for r in range(max(0, -down), min(cells.shape[0], others.shape[0] - down)):
+        for w in range(cells.shape[1]):
+            if cells[r, w] != NONE:
+                n += popcount(cells[r, w] & word_at(others, r + down, 64 * w + right))
+    return signed(n)
+
+
+@kernel(
+    "void(uint64[:, :], uint64[:, :], uint8[:, ::1], uint8, uint8, float32[:, ::1], float32[:, ::1],"
+    " float32[:, ::1], float64[::1], uint64[:, :])"
+)
+def tally(
+    own: Bits,
+    content: Bits,
+    state: Bytes,
+    safe: np.uint8,
+    unsafe: np.uint8,
+    certainty: Layer,
+    slope: Layer,
+    roughness: Layer,
+    told: NDArray[np.float64],
+    holes: Bits,
+) -> None:
+    """Add up the maps of some rows of a zone, which are of the cells of the words.
+
+    Parameters
+    ----------
+    own, content
+        The cells of the zone, and those on and inside its contour.
+    state, safe, unsafe
+        State of the cells, and the two of its values that stand for safe and unsafe.
+    told
+        (`TOLD`,) receives how many of the cells enclosed are safe and unsafe; their certainty, added up;
+        slope and roughness of the zone's own where they are finite, added up, and how many those are.
+    holes
+        Receives the unsafe cells enclosed.
+    """
+    rows, words = content.shape
+    flat_state, sure, steep, rough = state.ravel(), certainty.ravel(), slope.ravel(), roughness.ravel()
+    sums = np.zeros((TOLD, 64))
+    for r in range(rows):
+        for w in range(words):
+            if content[r, w] != NONE:
+                at = 64 * (r * words + w)
+                holes[r, w] = _tally_word(
+                    own[r, w], content[r, w], flat_state, sure, steep, rough, (at, at, at, at), safe, unsafe,
+                    sums,
+                )  # fmt: skip
+    for of in range(TOLD):
+        told[of] = sums[of].sum()
+
+
+@kernel(
+    "void(float32[:, :, :, ::1], uint8[:, :, :, ::1], int64, int32[:, ::1], boolean[:, ::1], int64, int64,"
+    " int64, int64, uint8, uint8, uint64[:, ::1], uint64[:, ::1], float64[:, :, ::1], uint64[:, ::1])"
+)
+def tally_tiles(
+    layers: NDArray[np.float32],
+    states: Bytes,
+    first: int,
+    table: NDArray[np.int32],
+    wanted: NDArray[np.bool_],
+    row0: int,
+    certainty: int,
+    slope: int,
+    roughness: int,
+    safe: np.uint8,
+    unsafe: np.uint8,
+    own: Bits,
+    content: Bits,
+    told: NDArray[np.float64],
+    holes: Bits,
+) -> None:
+    """Do what `tally` does for each tile of a zone by itself, of those wanted that lie in a block.
+
+    Parameters
+    ----------
+    layers, states, first, table
+        As of `put_layers`; certainty, slope and roughness are the layers' numbers.
+    own, content, holes
+        Of the rows from row0 on, in words that are rows of tiles.
+    told
+        (rows of tiles, columns of tiles, `TOLD`).
+    """
+    flat, flat_states, cells = layers.ravel(), states.ravel(), TILE * TILE
+    sums = np.zeros((TOLD, 64))
+    for tr in range(table.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc] - first
+            if slot < 0 or slot >= len(layers) or not wanted[tr, tc]:
+                continue
+            sums[:] = 0.0
+            held = slot * layers.shape[1]
+            for r in range(max(row0, south), min(row0 + len(content), south + TILE)):
+                inside = content[r - row0, tc]
+                if inside != NONE:
+                    at = TILE * (r - south)
+                    holes[r - row0, tc] = _tally_word(
+                        own[r - row0, tc], inside, flat_states, flat, flat, flat,
+                        (slot * cells + at, (held + certainty) * cells + at, (held + slope) * cells + at,
+                         (held + roughness) * cells + at),
+                        safe, unsafe, sums,
+                    )  # fmt: skip
+            for of in range(TOLD):
+                told[tr, tc, of] = sums[of].sum()
+
+
+@kernel()
+def _none(cells: Bits, first: int, stop: int, word: int) -> Any:
+    """Tell whether nothing is set in a word of some rows, of which some may lie outside."""
+    any_ = NONE
+    if 0 <= word < cells.shape[1]:
+        for r in range(max(0, first), min(len(cells), stop)):
+            any_ |= cells[r, word]
+    return any_ == NONE
+
+
+@kernel()
+def _same(new: Bits, old: Bits, first: int, stop: int, down: int, word: int, right: int) -> Any:
+    """Tell whether a word of some rows is as it was; what lies outside was not set."""
+    w, begin, end = word + right, max(first, -down), min(stop, len(old) - down)
+    if w < 0 or w >= old.shape[1] or begin >= end:
+        return _none(new, first, stop, word)
+    other = NONE
+    for r in range(begin, end):
+        other |= new[r, word] ^ old[r + down, w]
+    return other == NONE and _none(new, first, begin, word) and _none(new, end, stop, word)
+
+
+@kernel(
+    "boolean(int64, int64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int64[:, ::1],"
+    " uint64[:, ::1], uint64[:, ::1], float64[:, :, ::1], uint64[:, ::1], boolean[:, ::1],"
+    " float64[:, :, ::1], uint64[:, ::1])"
+)
+def carry_over(
+    row0: int,
+    versions: NDArray[np.int64],
+    own: Bits,
+    content: Bits,
+    down: int,
+    right: int,
+    old_versions: NDArray[np.int64],
+    old_own: Bits,
+    old_content: Bits,
+    old_told: NDArray[np.float64],
+    old_holes: Bits,
+    wanted: NDArray[np.bool_],
+    told: NDArray[np.float64],
+    holes: Bits,
+) -> Any:
+    """Copy what `tally_tiles` told before of tiles that are as they were; tell whether all of them are.
+
+    Parameters
+    ----------
+    versions
+        Of the tiles: another number where another thing was written.
+    down, right
+        Rows and words to add to those of the zone to get those of the zone before.
+    wanted
+        Receives False for tiles carried over, and for those of which the contour encloses nothing.
+    """
+    all_same, old_row0 = True, row0 - down
+    tiles_down = (row0 >> TILE_BITS) - (old_row0 >> TILE_BITS)
+    for tr in range(versions.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        first, stop = max(row0, south) - row0, min(row0 + len(content), south + TILE) - row0
+        for tc in range(versions.shape[1]):
+            held = not _none(content, first, stop, tc)
+            i, j = tr + tiles_down, tc + right
+            same = 0 <= i < old_versions.shape[0] and 0 <= j < old_versions.shape[1]
+            same = same and old_versions[i, j] == versions[tr, tc]
+            for new, old in ((content, old_content), (own, old_own)):
+                same = same and _same(new, old, first, stop, down, tc, right)
+                same = same and _none(old, south - row0 + down, first + down, j)
+                same = same and _none(old, stop + down, south + TILE - row0 + down, j)
+            wanted[tr, tc] = held and not same
+            all_same &= same or not held
+            if held and same:
+                for of in range(TOLD):
+                    told[tr, tc, of] = old_told[i, j, of]
+                for r in range(max(first, -down), min(stop, len(old_content) - down)):
+                    holes[r, tc] = old_holes[r + down, j]
+    return all_same

@@ -1,0 +1,201 @@
+"""Points of a survey: sorted into blocks of cells, and joined cell by cell in whole numbers.
+
+Counts and sums of whole numbers, lowest and highest do not depend on the order of the points. So a cell's
+evidence is the same to the last bit however the points were cut up and whoever added them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE
+from slz.kernels.jit import kernel
+
+BLOCK_BITS = 8
+BLOCK = 1 << BLOCK_BITS  # cells along the side of a block
+MOST_INDEX = 2.0**30  # of a row or column
+
+Ints = NDArray[np.int64]
+Heights = NDArray[np.int32]
+
+
+@kernel("int64(int64[:, ::1], int64[::1], int64, int64)")
+def _find(blocks: Ints, slots: Ints, row: int, col: int) -> int:
+    """Return where a block's number is in a hash table, or the empty place (-1) where it belongs."""
+    mask = len(slots) - 1
+    at = ((row * 0x9E3779B1 + col * 0x85EBCA77) >> 7) & mask
+    while slots[at] >= 0 and (blocks[slots[at], 0] != row or blocks[slots[at], 1] != col):
+        at = (at + 1) & mask
+    return at
+
+
+@kernel("void(int64[:, ::1], int64, int64[::1])")
+def rehash(blocks: Ints, n_blocks: int, slots: Ints) -> None:
+    """Enter blocks into an empty hash table, a power of two long and larger than twice their number."""
+    for i in range(n_blocks):
+        slots[_find(blocks, slots, blocks[i, 0], blocks[i, 1])] = i
+
+
+@kernel(
+    "UniTuple(int64, 2)(float64[::1], float64[::1], float64[::1], boolean[::1], float64, float64, float64,"
+    " float64, int64[:, ::1], int64[::1], int64, uint16[::1], int32[::1], int32[::1])"
+)
+def place(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    z: NDArray[np.float64],
+    keep: NDArray[np.bool_],
+    x_cells: float,
+    y_cells: float,
+    z_units: float,
+    most_height: float,
+    blocks: Ints,
+    slots: Ints,
+    n_blocks: int,
+    cell: NDArray[np.uint16],
+    height: Heights,
+    block: Heights,
+) -> tuple[int, int]:
+    """Find block, cell and height of points to keep; return how many there are, and how many blocks.
+
+    x_cells, y_cells: cells per unit of x and y, from the CRS's own zero. z_units: units of height per unit of
+    z. Points higher than most_height units or off the lattice are passed over. New blocks (row, col) go into
+    `blocks` and their hash table `slots` (a power of two long, -1 where empty); when `blocks` is full, the
+    number of points is -1. Of each point kept cell, height and number of the block are left.
+    """
+    n, last, last_row, last_col = 0, -1, 0, 0
+    for i in range(len(x)):
+        if not keep[i]:
+            continue
+        across, up, h = x[i] * x_cells, y[i] * y_cells, np.rint(z[i] * z_units)
+        if not (abs(across) < MOST_INDEX and abs(up) < MOST_INDEX and abs(h) < most_height):
+            continue
+        c, r = int(np.floor(across)), int(np.floor(up))
+        bc, br = c >> BLOCK_BITS, r >> BLOCK_BITS
+        if last < 0 or bc != last_col or br != last_row:
+            at = _find(blocks, slots, br, bc)
+            if slots[at] < 0:
+                if n_blocks == len(blocks):
+                    return -1, n_blocks
+                blocks[n_blocks, 0], blocks[n_blocks, 1] = br, bc
+                slots[at] = n_blocks
+                n_blocks += 1
+            last, last_row, last_col = slots[at], br, bc
+        cell[n] = ((r & (BLOCK - 1)) << BLOCK_BITS) | (c & (BLOCK - 1))
+        height[n], block[n] = int(h), last
+        n += 1
+    return n, n_blocks
+
+
+@kernel("void(int32[::1], uint16[::1], int32[::1], int64[::1], uint16[::1], int32[::1])")
+def by_block(
+    block: Heights,
+    cell: NDArray[np.uint16],
+    height: Heights,
+    place_of: Ints,
+    cell_out: NDArray[np.uint16],
+    height_out: Heights,
+) -> None:
+    """Sort points by block; place_of holds where each block begins, and is used up."""
+    for i in range(len(block)):
+        at = place_of[block[i]]
+        cell_out[at], height_out[at] = cell[i], height[i]
+        place_of[block[i]] = at + 1
+
+
+@kernel("void(uint16[::1], int64[::1], int64[::1])")
+def count_lines(cell: NDArray[np.uint16], rows: Ints, cols: Ints) -> None:
+    """Add up points by row and by column of their block."""
+    for i in range(len(cell)):
+        rows[cell[i] >> BLOCK_BITS] += 1
+        cols[cell[i] & (BLOCK - 1)] += 1
+
+
+@kernel("void(int32[::1], float64, int64, int64[::1])")
+def count_heights(height: Heights, units: float, first: int, count: Ints) -> None:
+    """Add up points by height, in bins of so many units, the first of which has the number `first`."""
+    for i in range(len(height)):
+        count[int(np.floor(height[i] / units)) - first] += 1
+
+
+@kernel("void(uint16[::1], int32[:, ::1], int64)")
+def count_squares(cell: NDArray[np.uint16], count: NDArray[np.int32], bits: int) -> None:
+    """Add up a block's points by squares of 2^bits cells."""
+    for i in range(len(cell)):
+        count[cell[i] >> (BLOCK_BITS + bits), (cell[i] & (BLOCK - 1)) >> bits] += 1
+
+
+@kernel(
+    "int64(uint16[::1], int32[::1], int64, int64, int64, int64, int32, int32,"
+    " int32[:, ::1], int64[:, ::1], int32[:, :, ::1])"
+)
+def join(
+    cell: NDArray[np.uint16],
+    height: Heights,
+    row0: int,
+    col0: int,
+    rows: int,
+    cols: int,
+    low: int,
+    high: int,
+    count: NDArray[np.int32],
+    total: Ints,
+    extreme: Heights,
+) -> int:
+    """Add a block's points from `low` to `high` to the sums of rows x cols cells; return how many.
+
+    The block's first cell is (row0, col0) of these; points outside are passed over. extreme: lowest, second
+    lowest, highest and second highest of every cell, of which the counts say which are valid.
+    """
+    n = 0
+    for i in range(len(cell)):
+        at, h = np.int64(cell[i]), height[i]
+        r, c = row0 + (at >> BLOCK_BITS), col0 + (at & (BLOCK - 1))
+        if r < 0 or c < 0 or r >= rows or c >= cols or h < low or h > high:
+            continue
+        n += 1
+        total[r, c] += h
+        count[r, c] += 1
+        e = extreme[r, c]
+        if count[r, c] == 1:
+            e[0] = e[1] = e[2] = e[3] = h
+        elif count[r, c] == 2:
+            e[1] = e[2] = max(e[0], h)
+            e[0] = e[3] = min(e[0], h)
+        else:
+            if h < e[0]:
+                e[1], e[0] = e[0], h
+            elif h < e[1]:
+                e[1] = h
+            if h > e[2]:
+                e[3], e[2] = e[2], h
+            elif h > e[3]:
+                e[3] = h
+    return n
+
+
+@kernel("float32[:, :, :, ::1](int32[:, :], int64[:, :], int32[:, :, :], int64, float64, float64)")
+def evidence_of(
+    count: NDArray[np.int32],
+    total: Ints,
+    extreme: Heights,
+    datum: int,
+    unit_m: float,
+    noise_m: float,
+) -> NDArray[np.float32]:
+    """Return the evidence (rows, cols, 2, FIELDS) of sums: heights above `datum`, in metres, one epoch."""
+    rows, cols = count.shape
+    out = np.zeros((rows, cols, 2, FIELDS), np.float32)
+    variance = np.float32(noise_m * noise_m)
+    for r in range(rows):
+        for c in range(cols):
+            n = count[r, c]
+            if n == 0:
+                continue
+            now, e = out[r, c, 0], extreme[r, c]
+            now[COUNT], now[NOISE] = n, variance
+            now[MEAN] = (total[r, c] - n * datum) / n * unit_m
+            now[LOW], now[LOW2] = (e[0] - datum) * unit_m, (e[1] - datum) * unit_m
+            now[HIGH], now[HIGH2] = (e[2] - datum) * unit_m, (e[3] - datum) * unit_m
+    return out

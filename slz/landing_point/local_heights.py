@@ -1,0 +1,129 @@
+"""Heights around the vehicle, small enough to go with every report.
+
+What keeps the vehicle off obstacles runs at a rate of its own and cannot wait for a window: it reads this.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.frame import is_known
+from slz.grid import Box
+from slz.landing_point.judgement import Terrain
+from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain_maps import SAFE
+
+REACH_M = 30.0
+LEAST_CELL_M = 0.5
+FOOT_M = 1.0
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nearby:
+    """Read-only heights on a square around the vehicle; row 0 is the southernmost, NaN where unknown.
+
+    ground_m: (rows, cols) float32, mean height of the returns of the map's highest cell within, up in the map
+    frame. top_m: (rows, cols) float32, how high the returns reach; on safe ground no higher than ground_m.
+    """
+
+    west_m: float
+    south_m: float
+    cell_m: float
+    ground_m: Floats
+    top_m: Floats
+
+    def ground_below_m(self, enu_m: NDArray[np.float64]) -> float:
+        """Return the median height of the ground within 1 m of a point (2,) or (3,); NaN where unknown."""
+        row = (float(enu_m[1]) - self.south_m) / self.cell_m - 0.5
+        col = (float(enu_m[0]) - self.west_m) / self.cell_m - 0.5
+        reach = FOOT_M / self.cell_m
+        if not math.isfinite(row + col):
+            return math.nan
+        rows = np.arange(max(0, math.ceil(row - reach)), math.floor(row + reach) + 1)
+        cols = np.arange(max(0, math.ceil(col - reach)), math.floor(col + reach) + 1)
+        part = (
+            self.ground_m[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1] if rows.size and cols.size else None
+        )
+        if part is None or not np.isfinite(part).any():
+            return math.nan
+        return float(np.nanmedian(part))
+
+    def columns_enu_m(self, above_m: float) -> NDArray[np.float64]:
+        """Return (n, 3) centres and tops of the cells that reach higher than `above_m`."""
+        rows, cols = np.nonzero(self.top_m > above_m)  # NaN is not
+        east = self.west_m + (cols + 0.5) * self.cell_m
+        north = self.south_m + (rows + 0.5) * self.cell_m
+        return np.stack([east, north, self.top_m[rows, cols].astype(np.float64)], axis=1)
+
+
+def nearby(near: Terrain, far: Terrain, sensor_enu_m: NDArray[np.float64]) -> Nearby | None:
+    """Return the heights around the sensor, of the far map where the near one knows none.
+
+    Parameters
+    ----------
+    near, far
+        Both maps, of any cell size.
+    sensor_enu_m
+        (3,) east, north, up; where it is not finite nothing is returned.
+    """
+    if not is_known(sensor_enu_m):
+        return None
+    cell_m = near.grid.cell_m
+    block = max(1, math.ceil(LEAST_CELL_M / cell_m - 1e-9))
+    count = math.ceil(REACH_M / (block * cell_m))
+    row, col = near.grid.index(float(sensor_enu_m[0]), float(sensor_enu_m[1]))
+    box = Box(row - count * block, row + count * block, col - count * block, col + count * block)
+    ground, top = (_blocks(layer, block) for layer in _heights(near, box))
+    west = near.grid.west_m + box.col0 * cell_m
+    south = near.grid.south_m + box.row0 * cell_m
+    _fill(ground, top, far, west, south, block * cell_m)
+    for array in (ground, top):
+        array.setflags(write=False)
+    return Nearby(west, south, block * cell_m, ground, top)
+
+
+def _heights(terrain: Terrain, box: Box) -> tuple[Floats, Floats]:
+    """Return mean heights and how high cells reach over a box, NaN beyond what the map holds."""
+    if isinstance(terrain, EvidenceTerrain):
+        height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
+        return height, np.where(terrain.state(box) == SAFE, height, np.fmax(height, top))
+    inner = Box(
+        max(0, box.row0), min(terrain.grid.rows, box.row1), max(0, box.col0), min(terrain.grid.cols, box.col1)
+    )
+    height = np.full(box.shape, np.nan, np.float32)
+    if not inner.empty:
+        there = (
+            slice(inner.row0 - box.row0, inner.row1 - box.row0),
+            slice(inner.col0 - box.col0, inner.col1 - box.col0),
+        )
+        height[there] = terrain.layer("height_m", inner)
+    return height, height
+
+
+def _blocks(layer: Floats, side: int) -> Floats:
+    """Return the highest of each block of cells, NaN where none is known."""
+    out = layer[::side, ::side].copy()
+    for row, col in itertools.product(range(side), repeat=2):
+        np.fmax(out, layer[row::side, col::side], out=out)
+    return out
+
+
+def _fill(ground: Floats, top: Floats, far: Terrain, west_m: float, south_m: float, cell_m: float) -> None:
+    """Write the far map's heights into the cells that are unknown."""
+    rows, cols = np.nonzero(np.isnan(ground))
+    if not len(rows):
+        return
+    grid = far.grid
+    far_row = np.floor((south_m + (rows + 0.5) * cell_m - grid.south_m) / grid.cell_m).astype(np.intp)
+    far_col = np.floor((west_m + (cols + 0.5) * cell_m - grid.west_m) / grid.cell_m).astype(np.intp)
+    box = Box(int(far_row.min()), int(far_row.max()) + 1, int(far_col.min()), int(far_col.max()) + 1)
+    far_ground, far_top = _heights(far, box)
+    ground[rows, cols] = far_ground[far_row - box.row0, far_col - box.col0]
+    top[rows, cols] = far_top[far_row - box.row0, far_col - box.col0]

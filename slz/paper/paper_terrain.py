@@ -1,0 +1,237 @@
+"""Terrain models by the sources' rules to the letter (SLZ paper 3.2), unsafe ones included.
+
+Deviations that the sources' gaps force: a cell's slope also needs the cell's own elevation, and the maps
+hold NaN where the paper's hold nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Box, Grid, overlap
+from slz.kernels.paper.fuse import WORD, fuse, refresh
+from slz.kernels.paper.point_pass import MOST_CELLS
+from slz.kernels.raster.bitmap import unpacked
+from slz.paper.snapshots import BlockCopies
+from slz.paper.window_cells import Returns
+from slz.terrain.demand_zero import make_ready, untouched
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
+from slz.terrain.tiles import SERIALS, Key, box_of_tile, keys_over
+
+NOWHERE = np.full(3, np.nan)
+NOTHING = Box(0, 0, 0, 0)
+AHEAD = 32  # cells about where the next window is expected
+SPARSE = 4  # cells of a window's box and about it for each return, beyond which some lie far off
+Map = NDArray[np.float32]
+
+
+class SourceTerrain:
+    """Total DSM, slope, roughness and binary map of one zone, filled with the worst case.
+
+    The maps begin as zeros that take no memory; a word of 64 cells is filled with the worst case when the
+    first window reaches it, so that time and memory follow the ground seen.
+
+    heights, slopes, roughs: (words, rows, 64), cell (r, c) at [c >> 6, r, c & 63], see `fuse`.
+
+    safe_bits, known_bits: (rows, words) bit maps of the safe cells and of those with an elevation. blocks:
+    (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
+    whose safety changed since `settle`.
+    """
+
+    of_the_sources: ClassVar = True
+
+    def __init__(self, grid: Grid, parameters: Parameters) -> None:
+        if max(grid.rows, grid.cols) > MOST_CELLS:
+            raise ValueError(
+                f"a map has {MOST_CELLS} cells along a side at most, not {max(grid.rows, grid.cols)}"
+            )
+        self.grid = grid
+        self._parameters = parameters
+        self._worst, self._limit = np.float32(parameters.max_slope_deg), np.float32(parameters.safe_slope_deg)
+        words = (grid.cols + 63) // 64 + 1
+        self.heights, self.slopes, self.roughs = (
+            untouched((words, grid.rows, 64), np.float32) for _ in "hsr"
+        )
+        self.height_copies = BlockCopies(self.heights)
+        self.begun = untouched((grid.rows, words), np.uint8)
+        self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
+        self.blocks = untouched((grid.rows, words, 2), np.int32)
+        self.seen = self.changed = NOTHING
+        self._last: tuple[Box, ...] = ()  # what was hit by the last two windows that tell of the next
+        self.serial = next(SERIALS)
+        self.touched: set[Key] = set()
+
+    @property
+    def corner_m(self) -> tuple[float, float]:
+        """West and south edge of tile (0, 0)."""
+        return self.grid.west_m, self.grid.south_m
+
+    def add(self, points_enu_m: NDArray[np.float64]) -> Box:
+        """Fuse one window of points; return the box that was hit.
+
+        The sources ask neither where the sensor was nor how old a map is.
+        """
+        returns = Returns()
+        returns.read(points_enu_m, NOWHERE, math.inf, self.grid)
+        self.take(returns)
+        return returns.box if returns.n > returns.n_outside else NOTHING
+
+    def take(self, returns: Returns) -> int:
+        """Fuse the returns of a window that were placed in this grid; return how many there are."""
+        p, grid, box = self._parameters, self.grid, returns.whole
+        if returns.n == returns.n_outside:
+            return len(returns.kept())
+        sums, unit_m, count_bits, used = returns.sums()
+        changed = fuse(
+            sums, box.row0, box.col0 // WORD, *box.shape, grid.cols, returns.low_m, unit_m,
+            count_bits, grid.cell_m, self._worst, self._limit, p.fusing == "max",
+            self.heights, self.slopes, self.roughs, self.begun, self.safe_bits, self.known_bits, self.blocks,
+        )  # fmt: skip
+        self.height_copies.change(box)
+        self.seen = self.seen.union(returns.box)
+        area = math.prod(side + 2 * AHEAD for side in returns.box.shape)
+        dense = area <= SPARSE * (returns.n - returns.n_outside)
+        self._last = (*self._last[-1:], returns.box) if dense else ()
+        self.changed = self.changed.union(Box(*changed))
+        self.touched.update(keys_over(returns.box))
+        return used
+
+    def prepare(self) -> None:
+        """Have memory ready where the next window will lie if the vehicle flies on as it did."""
+        if not self._last:
+            return
+        box, before = self._last[-1], self._last[0]
+        down = (box.row0 - before.row0 + box.row1 - before.row1) // 2
+        right = (box.col0 - before.col0 + box.col1 - before.col1) // 2
+        ahead = Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right)
+        ahead = ahead.grown(AHEAD, self.grid)
+        if ahead.empty:
+            return
+        rows, words = slice(ahead.row0, ahead.row1), _words(ahead)
+        for values in (self.heights, self.slopes, self.roughs):
+            make_ready(values, words, rows)
+        for bits in (self.begun, self.safe_bits, self.known_bits, self.blocks):
+            make_ready(bits, rows, words)
+
+    def settle(self) -> Box:
+        """Return the box in which the safety of cells changed since the last call."""
+        box, self.changed = self.changed, NOTHING
+        return box
+
+    def moved(self, grid: Grid) -> SourceTerrain:
+        """Return the maps of a new zone, the common part copied (SLZ paper 3.2.5)."""
+        new = SourceTerrain(grid, self._parameters)
+        mine, theirs = overlap(self.grid, grid)
+        if theirs.empty:
+            return new
+        p = self._parameters
+        for name, empty in (("heights", np.nan), ("slopes", p.max_slope_deg), ("roughs", p.max_slope_deg)):
+            part = np.where(self._begun_cells(mine), _read(getattr(self, name), mine), np.float32(empty))
+            _write(getattr(new, name), theirs, part, np.float32(empty))
+        words = _words(theirs)
+        new.begun[theirs.row0 : theirs.row1, words] = 1
+        refresh(
+            theirs.row0, theirs.row1, words.start, words.stop, grid.cols, self._limit,
+            new.heights, new.slopes, new.safe_bits, new.known_bits, new.blocks,
+        )  # fmt: skip
+        new.seen = new.changed = theirs
+        new.touched.update(keys_over(theirs))
+        return new
+
+    # ---- what is read of it ---------------------------------------------------------------------
+
+    def safe(self, box: Box) -> NDArray[np.uint8]:
+        """Return 1 for the safe cells of a box, else 0."""
+        return self._cells(self.safe_bits, box)
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        """Return 0 unsafe, 1 safe, 255 unknown for a box."""
+        known = np.where(self._cells(self.known_bits, box) == 1, UNSAFE, UNKNOWN)
+        return np.where(self.safe(box) == 1, SAFE, known).astype(np.uint8)
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]:
+        """Return a copy of a map over a box, NaN where unknown; the sources know no relief.
+
+        Certainty is 1 for a safe cell, else 0: the sources have one of zones only.
+        """
+        if name == "certainty":
+            return self.safe(box).astype(np.float32)
+        values = {"height_m": self.heights, "slope_deg": self.slopes, "roughness": self.roughs}.get(name)
+        if values is None:
+            return np.full(box.shape, np.nan, np.float32)
+        known = self._cells(self.known_bits, box) == 1
+        return np.where(known, _read(values, box), np.float32(np.nan))
+
+    def touch_all(self) -> None:
+        """Count every tile seen as touched."""
+        self.touched.update(keys_over(self.seen))
+
+    def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], NDArray[np.uint8]]:
+        """Return copies of some maps of a tile, and its state, unknown beyond the grid."""
+        box = box_of_tile(key)
+        inner = Box(box.row0, min(box.row1, self.grid.rows), box.col0, min(box.col1, self.grid.cols))
+        beyond = tuple((0, side - own) for side, own in zip(box.shape, inner.shape, strict=True))
+        layers = [np.pad(self.layer(name, inner), beyond, constant_values=np.nan) for name in names]
+        return layers, np.pad(self.state(inner), beyond, constant_values=UNKNOWN)
+
+    @property
+    def height_m(self) -> NDArray[np.float32]:
+        """The total DSM, NaN where nothing was written."""
+        return self._whole(self.heights, np.nan)
+
+    @property
+    def slope_deg(self) -> NDArray[np.float32]:
+        """The total slope map, the worst case where nothing was written."""
+        return self._whole(self.slopes, self._parameters.max_slope_deg)
+
+    @property
+    def roughness(self) -> NDArray[np.float32]:
+        """The total roughness map, the worst case where nothing was written."""
+        return self._whole(self.roughs, self._parameters.max_slope_deg)
+
+    @property
+    def binary(self) -> NDArray[np.uint8]:
+        """The binary map, 1 where safe."""
+        return self.safe(self.grid.everything)
+
+    def _whole(self, values: Map, empty: float) -> NDArray[np.float32]:
+        everything = self.grid.everything
+        return np.where(self._begun_cells(everything), _read(values, everything), np.float32(empty))
+
+    def _begun_cells(self, box: Box) -> NDArray[np.bool_]:
+        cols = np.arange(box.col0, box.col1) // 64
+        return np.asarray(self.begun[box.row0 : box.row1][:, cols] == 1)
+
+    @staticmethod
+    def _cells(bits: NDArray[np.uint64], box: Box) -> NDArray[np.uint8]:
+        if box.empty:
+            return np.zeros(box.shape, np.uint8)
+        words = np.ascontiguousarray(bits[box.row0 : box.row1, _words(box)])
+        return np.ascontiguousarray(unpacked(words, box.col0 & 63, box.col1 - box.col0))
+
+
+def _words(box: Box) -> slice:
+    """Return the words of a row that hold a box that is not empty."""
+    return slice(box.col0 >> 6, ((box.col1 - 1) >> 6) + 1)
+
+
+def _read(values: Map, box: Box) -> NDArray[np.float32]:
+    """Return (rows, cols) a box of a map: a copy, but a view where it lies in one word of each row."""
+    if box.empty:
+        return np.zeros(box.shape, np.float32)
+    cells = values[_words(box), box.row0 : box.row1].transpose(1, 0, 2).reshape(box.shape[0], -1)
+    return cells[:, box.col0 & 63 :][:, : box.shape[1]]
+
+
+def _write(values: Map, box: Box, part: NDArray[np.float32], empty: np.float32) -> None:
+    """Put (rows, cols) into a box of a map; the rest of its words becomes empty."""
+    words = _words(box)
+    wide = np.full((box.shape[0], 64 * (words.stop - words.start)), empty)
+    wide[:, box.col0 & 63 :][:, : box.shape[1]] = part
+    values[words, box.row0 : box.row1] = wide.reshape(box.shape[0], -1, 64).transpose(1, 0, 2)

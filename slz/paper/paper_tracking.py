@@ -1,0 +1,116 @@
+"""Which zone is which from window to window, by the source's rule (SLZ paper 3.4.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Grid
+from slz.kernels.paper.zone_statistics import inside_count
+from slz.paper.paper_detection import Part
+from slz.zone import Zone
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """What lies inside a zone's contour, as bits, and the row and column of the first."""
+
+    bits: NDArray[np.uint64]
+    row0: int
+    col0: int
+
+    @classmethod
+    def of(cls, part: Part) -> _Content:
+        return cls(part.content, part.box.row0, 64 * part.words.start)
+
+    def moved(self, down: int, right: int) -> _Content:
+        return replace(self, row0=self.row0 + down, col0=self.col0 + right)
+
+
+class RepeatFilter:
+    """The source's rule: a zone found again is ignored, a morphed one replaces the old and keeps its ID.
+
+    RR, the share of the new boundary inside an old zone (Eq. 18), of 1 means the same zone: the new one is
+    ignored, even one that shrank because something drove in. That is unsafe; the default is
+    `slz.zones.tracking.ZoneTracker`.
+
+    changed: whether the last update added or replaced a zone.
+    """
+
+    def __init__(self, parameters: Parameters, numbers: Iterator[int]) -> None:
+        self._parameters = parameters
+        self._numbers = numbers
+        self._zones: list[Zone] = []
+        self._contents: list[_Content] = []
+        self._since: list[int] = []  # count of changes at which each zone came
+        self._ignored: dict[Part, tuple[int, int]] = {}  # by which zone, and the count then
+        self._changes = 0
+        self.changed = False
+
+    def update(self, parts: Iterable[Part], describe: Callable[[Part, int], Zone]) -> list[Zone]:
+        """Take the zones found in the total map; return those in effect."""
+        self.changed = False
+        ignored = {}
+        for part in parts:
+            known = self._still_ignored(part)
+            action, position = ("ignore", known[0]) if known else self._compare(part)
+            if action == "ignore":
+                ignored[part] = known or (position, self._changes)
+                continue
+            self.changed = True
+            self._changes += 1
+            if action == "replace":
+                self._zones[position] = describe(part, self._zones[position].id)
+                self._contents[position] = _Content.of(part)
+                self._since[position] = self._changes
+            else:
+                self._zones.append(describe(part, next(self._numbers)))
+                self._contents.append(_Content.of(part))
+                self._since.append(self._changes)
+        self._ignored = ignored
+        return list(self._zones)
+
+    def _still_ignored(self, part: Part) -> tuple[int, int] | None:
+        """Return what was kept of a part compared before, if the zones it was compared with are the same."""
+        known = self._ignored.get(part)
+        if known is None or len(self._zones) > self._parameters.repeat_depth:
+            return None
+        position, changes = known
+        return known if max(self._since[: position + 1]) <= changes else None
+
+    def _compare(self, part: Part) -> tuple[str, int]:
+        p, box, n = self._parameters, part.box, len(part.boundary_cells)
+        first = max(0, len(self._zones) - p.repeat_depth)
+        for position, old in enumerate(self._zones[first:], start=first):
+            other = old.box
+            if not box.touches(other):
+                continue
+            large = part.n_cells > p.area_ratio * (old.n_safe + old.n_unsafe + old.n_uncertain)
+            if not (large or other.holds(box)):
+                continue  # it can neither be the same nor replace it
+            allowed = n - math.ceil(p.repeat_ratio * n) if large else 0
+            held = self._contents[position]
+            inside = inside_count(part.boundary_cells, held.bits, held.row0, held.col0, allowed)
+            if inside == n:
+                return "ignore", position
+            if large and inside / n > p.repeat_ratio:
+                return "replace", position
+        return "add", -1
+
+    def moved(self, old: Grid, new: Grid) -> None:
+        """Follow the map to a new zone; zones that lie outside it stay in effect."""
+        self._contents = [content.moved(*old.shift_to(new)) for content in self._contents]
+        self._zones = [_moved(zone, *old.shift_to(new)) for zone in self._zones]
+        self._ignored = {}
+        self.changed = True
+
+
+def _moved(zone: Zone, down: int, right: int) -> Zone:
+    """Return a zone with its cells counted from another corner."""
+    boundary_cells = zone.boundary_cells + np.array([down, right], np.int32)
+    return replace(zone, box=zone.box.shifted(down, right), boundary_cells=boundary_cells)

@@ -1,0 +1,111 @@
+"""Parameters of a zone of source mode (SLZ paper 3.4.1), and the best point in it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.kernels.paper.zone_statistics import SUM_UNIT, corners, measure
+from slz.kernels.raster.bitmap import unpacked
+from slz.kernels.raster.distance_transform import first_choice, room
+from slz.kernels.raster.region_fill import all_reach, component
+from slz.landing_point.judgement import horizon_towards
+from slz.lazy_fields import Later
+from slz.paper.paper_detection import Part, SourceSearch
+from slz.paper.paper_obstacles import source_obstacles
+from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.snapshots import heights_at
+from slz.zone import LandingPoint, Zone
+
+Bits = NDArray[np.uint64]
+
+
+def describe_source(
+    part: Part,
+    terrain: SourceTerrain,
+    search: SourceSearch,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+    zone_id: int,
+) -> Zone:
+    """Work out everything that is reported of a zone: what lies inside its contour, as in the paper."""
+    box, grid, words = part.box, terrain.grid, part.words
+    first_row, first_col = part.boundary_cells[0].tolist()
+    safe, holes = np.empty_like(part.content), np.empty_like(part.content)
+    held = np.zeros((((box.row1 - 1) >> 6) + 1 - (box.row0 >> 6), safe.shape[1]), bool)
+    n_safe, n_unknown, slopes, roughs = measure(
+        part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
+        terrain.blocks, terrain.slopes, terrain.roughs, safe, holes, held,
+    )  # fmt: skip
+    own = Later(lambda: component(safe, first_row - box.row0, first_col - 64 * words.start))
+    blocks = terrain.height_copies.of(box, held)
+    n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
+    return Zone(
+        id=zone_id,
+        box=box,
+        cells=Later(lambda: unpacked(part.content, box.col0 & 63, box.col1 - box.col0)),
+        area_m2=float(part.n_cells) * grid.cell_m**2,
+        certainty=n_certain / part.n_cells,  # Eq. 16 or 17
+        n_safe=n_safe,
+        n_unsafe=part.n_cells - n_safe - n_unknown,
+        n_uncertain=n_unknown,
+        slope_deg=slopes / (float(SUM_UNIT) * n_safe),
+        roughness=roughs / (float(SUM_UNIT) * n_safe),
+        boundary_cells=part.boundary_cells,
+        corners_enu_m=Later(
+            lambda: corners(
+                part.boundary_cells,
+                heights_at(blocks, box, part.boundary_cells),
+                grid.west_m,
+                grid.south_m,
+                grid.cell_m,
+            )
+        ),
+        obstacles=Later(lambda: source_obstacles(holes, own.value(), blocks, box, grid)),
+        best=_best_point(part, safe, own, terrain, search, sensor_enu_m, parameters),
+    )
+
+
+def _best_point(
+    part: Part,
+    safe: Bits,
+    own: Later[Bits],
+    terrain: SourceTerrain,
+    search: SourceSearch,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+) -> LandingPoint:
+    """Return the point of a zone farthest from everything that is not the zone, see `best_point`.
+
+    Between a zone and an island in one of its holes lies what is neither: so distances are the same with
+    islands as without, and these matter only where what is found lies on one.
+    """
+    grid, box, word0 = terrain.grid, part.box, part.words.start
+    squares = search.squares[box.row0 : box.row1, part.words] & safe
+    side, square, found = room(safe, squares, search.side)
+    longest = 4 * len(part.boundary_cells)  # more than most holes have
+    for cells in (np.array([square]), found):
+        if not all_reach(terrain.safe_bits, part.content, box.row0, word0, cells, longest):
+            side, _, found = room(own.value(), squares & own.value(), search.side)
+            break
+    row0, col0 = box.row0, 64 * word0
+    at = first_choice(
+        found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,
+        sensor_enu_m[0], sensor_enu_m[1],
+    )  # fmt: skip
+    down, right, distance2 = found[at].tolist()
+    row, col = row0 + down, col0 + right
+    east, north = grid.centre(row, col)
+    enu_m = np.array([east, north, terrain.heights[col >> 6, row, col & 63]], np.float64)
+    return LandingPoint(
+        enu_m=enu_m,
+        clearance_m=(math.sqrt(distance2) - 0.5) * grid.cell_m,
+        square_side_m=side * grid.cell_m,
+        slope_deg=float(terrain.slopes[col >> 6, row, col & 63]),
+        certainty=1.0,
+        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        distance_m=math.hypot(east - sensor_enu_m[0], north - sensor_enu_m[1]),
+    )

@@ -1,0 +1,102 @@
+"""Registration of a window to the map: the errors of height and level that the navigation makes.
+
+A barometer drifts by decimetres in a minute and an attitude is off by tenths of a degree. Flat ground seen
+twice would become a step. What most returns agree on, a shift in height and a tilt about the sensor, is taken
+out; what stands or moves on the ground is no part of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.points.robust_regression import lowered, weighed
+from slz.terrain.tiles import Tiles
+
+MOST_RETURNS, PARTS = 20_000, 4  # so many are looked up in the map, a part at a time
+ENOUGH = 4_000  # of those that it knows: their mean is better than a millimetre
+FEWEST_RETURNS = 300
+FEWEST_SPREAD_M = 2.0  # standard deviation of the places, below which no tilt is fitted
+MOST_TILT_RAD = np.radians(4.0)  # two attitudes that are off by 1.3 degrees differ by 2.6 (PX4, accelerating)
+ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """How much a window lies above the map: at the sensor (m), and per metre to the east and to the north."""
+
+    up_m: float = 0.0
+    east: float = 0.0
+    north: float = 0.0
+
+    def taken_out(
+        self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], up_m: float
+    ) -> NDArray[np.float64]:
+        """Return points (n, 3) without the offset, and lower by a height besides; as they are for neither."""
+        up_m += self.up_m
+        if up_m == self.east == self.north == 0:
+            return points_enu_m
+        return lowered(points_enu_m, sensor_enu_m, up_m, self.east, self.north)
+
+
+def offset(
+    points_enu_m: NDArray[np.float64],
+    used: NDArray[np.intp],
+    sensor_enu_m: NDArray[np.float64],
+    tiles: Tiles,
+    most_m: float,
+) -> Offset:
+    """Return how a window lies above the map, by Tukey's robust regression; none where too little overlaps.
+
+    Parameters
+    ----------
+    points_enu_m
+        (n, 3) returns, in heights of which the map's datum is one.
+    used
+        (m,) which of them to go by.
+    most_m
+        A greater shift is not believed.
+    """
+    found = _compared(points_enu_m, used, tiles)
+    if len(found) < FEWEST_RETURNS:
+        return Offset()
+    places = found[:, :2] - sensor_enu_m[:2]
+    level = bool((places.std(axis=0) < FEWEST_SPREAD_M).any())
+    design = np.column_stack([np.ones(len(found)), *(() if level else places.T)])
+    fit, share = _robust(design, np.ascontiguousarray(found[:, 2]))
+    up, east, north = (float(v) for v in (*fit, 0.0, 0.0)[:3])
+    if share < 0.5 or abs(up) > most_m or np.hypot(east, north) > MOST_TILT_RAD:
+        return Offset()
+    return Offset(up, east, north)
+
+
+def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: Tiles) -> NDArray[np.float64]:
+    """Return (m, 3) places of returns that the map knows, and how high they lie above it."""
+    step = PARTS * max(1, len(used) // MOST_RETURNS)
+    parts: list[NDArray[np.float64]] = []
+    for first in range(0, step, step // PARTS):
+        some = points_enu_m[used[first::step]] - np.array([0.0, 0.0, tiles.datum_m])
+        parts.append(tiles.differences(some))
+        if sum(map(len, parts)) >= ENOUGH:
+            break
+    return np.concatenate(parts)
+
+
+def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return coefficients, and the share of values that agree with them."""
+    fit: NDArray[np.float64] = np.zeros(design.shape[1])
+    fit[0] = _median(values)
+    share = 0.0
+    for _ in range(ROUNDS):
+        error = values - design @ fit
+        scale = max(0.02, 1.4826 * _median(np.abs(error)))
+        left, right, share = weighed(design, values, error, 4.7 * scale)
+        fit = np.asarray(np.linalg.solve(left + 1e-9 * np.eye(len(fit)), right))
+    return fit, share
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])

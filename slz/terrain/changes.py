@@ -1,0 +1,80 @@
+"""What of a map was drawn since somebody last looked: for displays that follow it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.cells.cell_record import TILE
+from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.tiles import Key
+
+if TYPE_CHECKING:
+    from slz.paper.paper_terrain import SourceTerrain
+
+NAMES = ("height_m", "slope_deg", "relief_m", "certainty")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnTile:
+    """Maps of one tile, (TILE, TILE) each, row 0 the southernmost; NaN where unknown, see `TerrainMaps`."""
+
+    key: Key
+    height_m: NDArray[np.float32]
+    slope_deg: NDArray[np.float32]
+    relief_m: NDArray[np.float32]
+    certainty: NDArray[np.float32]
+    state: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """Part of what changed of a map.
+
+    serial: of the map; tiles of another one are no longer valid. west_m, south_m: corner of tile (0, 0).
+    tiles: as they are now. gone: keys of tiles that were forgotten. left: tiles that changed and wait.
+    """
+
+    serial: int
+    west_m: float
+    south_m: float
+    cell_m: float
+    tiles: tuple[DrawnTile, ...]
+    gone: tuple[Key, ...]
+    left: int
+
+
+def take_drawn(
+    terrain: EvidenceTerrain | SourceTerrain, most: int, around_enu_m: NDArray[np.float64]
+) -> Drawn:
+    """Return copies of the tiles that changed and mark them as seen; the nearest to a point first.
+
+    Parameters
+    ----------
+    most
+        Tiles to return at most, which bounds the time: 1.3 MB and half a millisecond for 20 of them.
+    around_enu_m
+        (2,) or (3,) east, north; where it is not finite any come first.
+    """
+    touched, cell_m = terrain.touched, terrain.grid.cell_m
+    west_m, south_m = terrain.corner_m
+    keys = list(touched)
+    if len(keys) > most:
+        row, col = (around_enu_m[1] - south_m) / (TILE * cell_m), (around_enu_m[0] - west_m) / (TILE * cell_m)
+        if math.isfinite(row + col):
+            keys.sort(key=lambda key: math.hypot(key[0] + 0.5 - row, key[1] + 0.5 - col))
+        keys = keys[:most]
+    touched.difference_update(keys)
+    tiles, gone = [], []
+    for key in keys:
+        found = terrain.tile(key, NAMES)
+        if found is None:
+            gone.append(key)
+        else:
+            height_m, slope_deg, relief_m, certainty = found[0]
+            tiles.append(DrawnTile(key, height_m, slope_deg, relief_m, certainty, found[1]))
+    return Drawn(terrain.serial, west_m, south_m, cell_m, tuple(tiles), tuple(gone), len(touched))

@@ -1,0 +1,111 @@
+"""The maps of a rectangle of cells from their evidence: slope, relief and certainty of every footprint."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
+from slz.kernels.footprint.derive_maps import draw
+from slz.kernels.footprint.patch import inverses
+from slz.kernels.raster.bitmap import Bits
+from slz.kernels.raster.morphology import above, closed, dilated, eroded, higher, lowest_around, others
+from slz.kernels.simd import LANES
+
+LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far evidence reaches, in cells.
+
+    radius: of a footprint about its cell. gap: of the closing that fills gaps which count as seen. margin:
+    evidence farther than this from a cell says nothing of it. A footprint reaches by its radius. Whether a
+    cell of it is seen depends on a closing of seen ground (twice the gap), of which the raised cells are
+    taken out, found by the lowest cell within 2 gap + 1; one more cell for the rim of seen ground, one for
+    the company of extremes (`summarise`). So the margin is radius + 4 gap + 3.
+    """
+
+    radius: int
+    gap: int
+
+    @property
+    def margin(self) -> int:
+        return self.radius + 4 * self.gap + 3
+
+
+def reach_of(parameters: Parameters, cell_m: float) -> Reach:
+    """Return how far evidence reaches with cells of a size."""
+    half = parameters.footprint_m / 2 / cell_m
+    gap = max(0, round((parameters.coverage_m / cell_m - 1) / 2))
+    return Reach(max(1, math.ceil(half - 0.5 - 1e-9)), gap)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Cells of which maps are drawn, but for an edge, and what is known of their footprints."""
+
+    cells: NDArray[np.float32]
+    covered: Bits
+    unseen: Bits
+    edge: int
+    radius: int
+    cell_m: float
+    parameters: Parameters
+
+    @classmethod
+    def of(cls, cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters) -> Seen:
+        """See `drawn`."""
+        known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
+        covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
+        unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
+        return cls(cells, covered, unseen, reach.margin, reach.radius, cell_m, parameters)
+
+    @property
+    def limits(self) -> tuple[float, float, float, float]:
+        """Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m)."""
+        p = self.parameters
+        return self.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m
+
+
+def drawn(
+    cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Draw the maps of all cells but a margin of `reach.margin` on every side.
+
+    Parameters
+    ----------
+    cells
+        (6, rows, cols) of `slz.kernels.cells.cell_statistics.summarise`.
+
+    Returns
+    -------
+    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 states.
+    """
+    seen, m = Seen.of(cells, reach, cell_m, parameters), reach.margin
+    rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
+    wide = -(-cols // LANES) * LANES
+    maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
+    draw(
+        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits, (0, rows, 0, wide),
+        maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
+    )  # fmt: skip
+    return maps[:, :, :cols], states[:, :, :cols]
+
+
+def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters) -> Bits:
+    """Tell which footprints hold unseen ground.
+
+    What stands in the middle of unseen ground must not make that ground seen: cells above ground near
+    enough for a gap between to count as seen close no gap, unless a safe slope leads up to them. And the
+    outermost seen cells may be part water, part shore.
+    """
+    rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
+    lowest, cols = lowest_around(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
+    level = known & ~higher(height_m, lowest, p.relief_m)
+    seen = known | closed(level, reach.gap, cols)
+    return dilated(others(seen, cols), reach.radius + 1, cols)

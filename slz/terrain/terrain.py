@@ -1,0 +1,357 @@
+"""Terrain from per-cell evidence: the default, safer terrain model.
+
+Where the sources are unsafe this differs: steep ground is written as evidence; a cell keeps count, mean,
+expected noise and its two lowest and highest returns, so a pole inside a cell does not vanish in a mean;
+slope and relief come from a plane fitted over the vehicle's footprint; whatever was seen is kept for at
+least `hold_s` of newer observations; ground not seen for `max_age_s` and ground never seen are unknown, and
+unknown is not safe.
+
+A cell is *safe* when a vehicle whose footprint is centred on it stands on seen ground whose plane slopes
+less than the limit, three standard errors included, and on which nothing rises or falls by the relief limit.
+
+Evidence is kept at the finest cells. The maps may be drawn at any level of a pyramid: cells of level k are
+2^k times as wide, and their evidence is that of all their returns.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Box, Grid, hull
+from slz.kernels.cells.cell_record import TILE
+from slz.kernels.cells.cell_statistics import summary
+from slz.kernels.cells.resolution_pyramid import coarser
+from slz.kernels.footprint.patch import COLS, rows_of_patch
+from slz.kernels.raster.bitmap import Bits
+from slz.terrain.derive import LAYERS, Seen, reach_of
+from slz.terrain.terrain_maps import SAFE
+from slz.terrain.tiled_raster import Block, TiledLayers
+from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
+
+HEIGHTS = ("height_m", "top_m")
+AGEING = 0.1  # of `max_age_s`, for which a cell that became too old to be drawn may be shown
+PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
+MORE = 4  # tiles made ready beyond those expected
+BLOCK = 512  # cells along the side of what is drawn at a time
+MIB = 2.0**20
+State = NDArray[np.uint8]
+
+
+class EvidenceTerrain:
+    """A window of the evidence, and the maps drawn from it at one level of the pyramid.
+
+    Parameters
+    ----------
+    grid
+        The window, in cells of the level.
+    tiles
+        Evidence to draw from; by default new, with the south-west corner of the grid as its origin.
+    level
+        Level of the pyramid.
+
+    Notes
+    -----
+    serial: number of the maps drawn, another one where all is to be taken anew. touched: tiles drawn or
+    forgotten since somebody emptied the set.
+    """
+
+    of_the_sources: ClassVar = False
+
+    def __init__(
+        self, grid: Grid, parameters: Parameters, tiles: Tiles | None = None, level: int = 0
+    ) -> None:
+        if tiles is None:
+            tiles = Tiles(grid.west_m, grid.south_m, grid.cell_m, parameters.memory_mb * MIB)
+        self.tiles = tiles
+        self.level = level
+        self.grid = grid
+        self.pinned: frozenset[Key] = frozenset()
+        self.noise = Noise(parameters.range_noise_m, math.radians(parameters.angle_noise_deg))
+        self._parameters = parameters
+        empty = [0.0 if name == "certainty" else np.nan for name in LAYERS]
+        self._maps = TiledLayers(empty, self.tiles.capacity >> 2 * level)
+        self.serial = next(SERIALS)
+        self.touched: set[Key] = set()
+        self._seen = Box(0, 0, 0, 0)
+        self._aged_s = 0.0
+        self._n_drawn, self._new = 0, [0]
+        self._oldest_s: dict[Key, float] = {}  # when the cell not seen for longest was seen
+        self._reach = reach_of(parameters, grid.cell_m)
+        self.radius, self._margin = self._reach.radius, self._reach.margin
+
+    # ---- boxes: of the window, and of all ground (counted from the tiles' corner) ---------------
+
+    @property
+    def _corner(self) -> tuple[int, int]:
+        west, south, cell = self.tiles.west_m, self.tiles.south_m, self.grid.cell_m
+        return round((self.grid.south_m - south) / cell), round((self.grid.west_m - west) / cell)
+
+    def _everywhere(self, box: Box) -> Box:
+        row, col = self._corner
+        return Box(box.row0 + row, box.row1 + row, box.col0 + col, box.col1 + col)
+
+    @property
+    def seen(self) -> Box:
+        """Box of the window that holds all ground drawn in it."""
+        row, col = self._corner
+        s = self._seen
+        box = Box(
+            max(0, s.row0 - row),
+            min(self.grid.rows, s.row1 - row),
+            max(0, s.col0 - col),
+            min(self.grid.cols, s.col1 - col),
+        )
+        return Box(0, 0, 0, 0) if box.empty else box
+
+    # ---- evidence in ----------------------------------------------------------------------------
+
+    def add(
+        self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], stamp_s: float
+    ) -> Change:
+        """Add one window of points, in the map's heights (`tiles.datum_m`), and draw what it changed.
+
+        Points beyond the window's edges are passed over. When the budget of tiles is used, the ground not
+        seen for longest is given up; where none can be, points are dropped and counted.
+        """
+        p, now_s = self._parameters, self.tiles.now_s(stamp_s)
+        change = self.tiles.add(
+            points_enu_m,
+            sensor_enu_m,
+            self.noise,
+            _scaled(self._everywhere(self.grid.everything), self.level),
+            now_s,
+            p.hold_s,
+            self.pinned,
+            p.max_age_s,
+        )
+        self._seen = self._seen.union(_widened(hull(change.boxes), self.level, 0))
+        for key in change.evicted:
+            self._oldest_s.pop(key, None)
+        for box in change.boxes:
+            key = box.row0 // TILE, box.col0 // TILE
+            self._oldest_s[key] = min(now_s, self._oldest_s.get(key, math.inf))
+        self._draw_all([*change.boxes, *map(box_of_tile, change.evicted)])
+        for key in self._aged(now_s):
+            self._draw_all([box_of_tile(key)])
+        if change.evicted:
+            self.touched.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
+            if len(self.touched) > 2 * self.tiles.capacity:  # nobody looks
+                self.serial, self.touched = next(SERIALS), set(self._maps.keys())
+        return change
+
+    def _aged(self, now_s: float) -> list[Key]:
+        """Return tiles to be drawn anew as a whole because cells in them became too old.
+
+        Where no cell did, they would be drawn as they are. Those whose oldest cell has been too old for
+        `PATIENCE` of the time that a map may show it come by and by, the oldest first, so many that all have
+        come before the rest of it is over.
+        """
+        too_old_s = (1 - AGEING) * self._parameters.max_age_s
+        longest_s = AGEING * self._parameters.max_age_s
+        share = min(1.0, (now_s - self._aged_s) / ((1 - PATIENCE) * longest_s))
+        self._aged_s = now_s
+        late = ((now_s - too_old_s - at_s, key) for key, at_s in self._oldest_s.items())
+        old = sorted(((late_s, key) for late_s, key in late if late_s > PATIENCE * longest_s), reverse=True)
+        some = math.ceil(share * len(self._oldest_s))
+        due = [key for i, (late_s, key) in enumerate(old) if i < some or late_s > longest_s]
+        for key in due:
+            self._oldest_s[key] = self.tiles.oldest_s(key, now_s - too_old_s)
+        return due
+
+    def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
+        """Keep the tiles around a point whatever the budget, those that decide on it included."""
+        if enu_m is None:
+            self.pinned = frozenset()
+            return
+        fine_m = self.tiles.cell_m
+        reach = self._margin * 2**self.level + math.ceil(around_m / fine_m) + 1
+        row = math.floor((enu_m[1] - self.tiles.south_m) / fine_m)
+        col = math.floor((enu_m[0] - self.tiles.west_m) / fine_m)
+        near = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
+        self.pinned = frozenset(self.tiles.keys_over(near))
+
+    def prepare(self) -> None:
+        """Have memory ready for as many new tiles as the last two windows needed at most, and a few more.
+
+        The first window, whose tiles are all new, tells nothing of those to come.
+        """
+        drawn = len(self._maps)
+        self._new = [*self._new[-1:], max(0, drawn - self._n_drawn) if self._n_drawn else 0]
+        self._n_drawn = drawn
+        count = max(self._new) + MORE
+        self.tiles.prepare(min(count, self.tiles.n_free))
+        self._maps.prepare(count)
+
+    # ---- maps out -------------------------------------------------------------------------------
+
+    def _draw_all(self, fine: Iterable[Box]) -> None:
+        """Draw anew all that evidence of these boxes of finest cells can change."""
+        rows = rows_of_patch(self.radius)
+        for box in _regions(_in_patches(_widened(box, self.level, self._margin), rows) for box in fine):
+            self._draw(box)
+
+    def _cells(self, box: Box) -> NDArray[np.float32]:
+        max_age_s = (1 - AGEING) * self._parameters.max_age_s  # none is drawn older than the whole
+        if self.level == 0:
+            return self.tiles.summary(box, max_age_s)
+        evidence = self.tiles.read(_scaled(box, self.level))
+        for _ in range(self.level):
+            evidence = coarser(evidence, self.tiles.latest_s, max_age_s)
+        return summary(evidence, self.tiles.latest_s, max_age_s)
+
+    def _draw(self, box: Box) -> None:
+        """Draw the maps of a box from the evidence of the box and its surroundings."""
+        m = self._margin
+        cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
+        self._maps.draw(box, Seen.of(cells, self._reach, self.grid.cell_m, self._parameters))
+        self.touched.update(keys_over(box))
+
+    def moved(self, grid: Grid) -> EvidenceTerrain:
+        """Return another window onto the same evidence (the new zone of SLZ paper 3.2.5)."""
+        new = copy.copy(self)
+        new.grid = grid
+        return new
+
+    def at_level(self, level: int) -> EvidenceTerrain:
+        """Return a window of the zone's size about the middle of this one, drawn at another level."""
+        whole = _scaled(self._everywhere(self.grid.everything), self.level)
+        cell_m = self.tiles.cell_m * 2**level
+        side = -(-max(3, round(self._parameters.zone_m / self.tiles.cell_m)) >> level)
+        row0 = (((whole.row0 + whole.row1) >> 1) - (side << level >> 1)) >> level
+        col0 = (((whole.col0 + whole.col1) >> 1) - (side << level >> 1)) >> level
+        west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
+        new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
+        new.pinned, new._aged_s = self.pinned, self._aged_s
+        new._seen = _widened(_scaled(self._seen, self.level), level, 0)
+        new._draw_all(self.tiles.boxes)
+        new._oldest_s = dict(self._oldest_s)
+        return new
+
+    def safe_bits(self, box: Box) -> tuple[Bits, int, int]:
+        """Return the safe cells of a box that is not empty, and row and column of the first bit.
+
+        Nothing is set on a margin around the box. Words are rows of tiles, so they stand for the same cells
+        whatever the box.
+        """
+        there = self._everywhere(box)
+        col0, col1 = (there.col0 - 1) // TILE * TILE, -(-(there.col1 + 1) // TILE) * TILE
+        bits = self._maps.bits(Box(there.row0 - 1, there.row1 + 1, col0, col1), SAFE)
+        bits[0] = bits[-1] = 0
+        west, east = there.col0 - col0, col1 - there.col1
+        bits[:, 0] &= np.uint64((1 << TILE) - (1 << west))
+        bits[:, -1] &= np.uint64((1 << TILE - east) - 1)
+        row, col = self._corner
+        return bits, there.row0 - 1 - row, col0 - col
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
+        return self._maps.states(self._everywhere(box))
+
+    def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Iterator[Block]]:
+        """Return a box counted from the tiles' corner, and `TiledLayers.within` of it."""
+        there = self._everywhere(box)
+        return there, *self._maps.within(there)
+
+    # ---- what was drawn since somebody looked ----------------------------------------------------
+
+    @property
+    def corner_m(self) -> tuple[float, float]:
+        """West and south edge of tile (0, 0)."""
+        return self.tiles.west_m, self.tiles.south_m
+
+    def touch_all(self) -> None:
+        """Count every tile as touched."""
+        self.touched.update(self._maps.keys())
+
+    def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
+        """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is drawn."""
+        held = self._maps.tile(key)
+        if held is None:
+            return None
+        maps, states = held
+        datum_m = np.float32(self.tiles.datum_m)
+        layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
+        return layers, states[0].copy()
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]:
+        """Return a copy of one of `LAYERS` over a box, NaN where unknown.
+
+        The relief is NaN also where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
+        """
+        return self._with_datum(name, self._maps.read(self._everywhere(box), LAYERS.index(name)))
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Return one of `LAYERS` at (n, 2) cells, see `layer`."""
+        return self._with_datum(name, self.kept_at(name, cells))
+
+    @property
+    def datum_m(self) -> float:
+        """Height of the zero of what `kept_at` gives."""
+        return self.tiles.datum_m
+
+    def kept_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Return one of `LAYERS` at (n, 2) cells, heights over `datum_m`: they last while that drifts."""
+        there = np.ascontiguousarray(cells, np.int32)
+        return self._maps.at(there, *self._corner, LAYERS.index(name))
+
+    def _with_datum(self, name: str, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        if name in HEIGHTS:
+            values += np.float32(self.tiles.datum_m)
+        return values
+
+
+def _scaled(box: Box, level: int) -> Box:
+    """Return a box of cells of a level in finest cells."""
+    return Box(box.row0 << level, box.row1 << level, box.col0 << level, box.col1 << level)
+
+
+def _widened(fine: Box, level: int, margin: int) -> Box:
+    """Return the cells of a level that a box of finest cells touches, with a margin."""
+    if fine.empty:
+        return fine
+    return Box(
+        (fine.row0 >> level) - margin,
+        ((fine.row1 - 1) >> level) + 1 + margin,
+        (fine.col0 >> level) - margin,
+        ((fine.col1 - 1) >> level) + 1 + margin,
+    )
+
+
+def _in_patches(box: Box, rows: int) -> Box:
+    """Return the patches that a box touches: a cell's maps are the same whatever is drawn beside it."""
+    if box.empty:
+        return box
+    return Box(
+        box.row0 // rows * rows,
+        -(-box.row1 // rows) * rows,
+        box.col0 // COLS * COLS,
+        -(-box.col1 // COLS) * COLS,
+    )
+
+
+def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
+    """Cover boxes with few that do not overlap, none longer than `BLOCK`."""
+    boxes = [box for box in boxes if not box.empty]
+    whole = hull(boxes)
+    if max(whole.shape) <= BLOCK:
+        yield from [] if whole.empty else [whole]
+        return
+    parts: dict[Key, list[Box]] = {}
+    for box in boxes:
+        for row in range(box.row0 // BLOCK, (box.row1 - 1) // BLOCK + 1):
+            for col in range(box.col0 // BLOCK, (box.col1 - 1) // BLOCK + 1):
+                part = Box(
+                    max(box.row0, row * BLOCK),
+                    min(box.row1, (row + 1) * BLOCK),
+                    max(box.col0, col * BLOCK),
+                    min(box.col1, (col + 1) * BLOCK),
+                )
+                parts.setdefault((row, col), []).append(part)
+    yield from map(hull, parts.values())

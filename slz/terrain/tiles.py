@@ -1,0 +1,290 @@
+"""Tiles of cells: memory follows the ground that was seen, within a budget."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Box
+from slz.kernels.cells.accumulate import (
+    cells_of,
+    contradicts,
+    copy_evidence,
+    count_by_tile,
+    differences,
+    gather_evidence,
+    sorted_by_tile,
+)
+from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
+from slz.kernels.cells.cell_statistics import summarise
+from slz.terrain.demand_zero import make_ready
+
+Key = tuple[int, int]
+TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
+LINE_BYTES = 64  # of the cache; just what a cell needs
+LEAP_S = 100_000.0
+ROUNDING = 1e-6  # of a time and 1,000 s: more than single precision changes it by
+FEWEST = 16  # tiles, however small the budget
+SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of one return: along its ray (m) and of the ray's direction (rad)."""
+
+    range_m: float
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What a window did: boxes of cells that were hit, tiles given up for them, points without a tile."""
+
+    boxes: tuple[Box, ...]
+    evicted: tuple[Key, ...]
+    n_dropped: int
+
+
+class Tiles:
+    """Evidence of single cells, in tiles that are made on sight and given up when the budget is used.
+
+    Rows and columns count from the corner (west_m, south_m) and may be negative. A cell holds a current
+    and a previous epoch of `FIELDS` numbers, see `slz.kernels.cells.accumulate`.
+
+    Parameters
+    ----------
+    budget_bytes
+        Most memory for evidence. The tile not seen for longest goes first, a pinned one never.
+    """
+
+    def __init__(self, west_m: float, south_m: float, cell_m: float, budget_bytes: float) -> None:
+        self.west_m, self.south_m, self.cell_m = west_m, south_m, cell_m
+        capacity = max(FEWEST, int(budget_bytes // TILE_BYTES))
+        self._pool = _aligned((capacity, TILE, TILE, 2, FIELDS))
+        self._slot: dict[Key, int] = {}
+        self._last_s: dict[Key, float] = {}
+        self._free = list(range(capacity))[::-1]
+        self.datum_m = 0.0
+        """Height of the map's zero: heights are kept without it and given out with it."""
+        self.latest_s = 0.0
+        self._epoch_s: float | None = None
+
+    def __len__(self) -> int:
+        return len(self._slot)
+
+    @property
+    def capacity(self) -> int:
+        return len(self._pool)
+
+    @property
+    def n_free(self) -> int:
+        """Tiles that the budget has left."""
+        return len(self._free)
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """Boxes of all tiles held."""
+        return tuple(box_of_tile(key) for key in self._slot)
+
+    def now_s(self, stamp_s: float) -> float:
+        """Return the time since the first stamp; single precision keeps it to milliseconds for hours.
+
+        A clock that steps back makes nothing younger: time goes on from where it was. One that leaps ahead
+        makes everything `LEAP_S` older, which is more than anything counts, and no number too large.
+        """
+        if self._epoch_s is None:
+            self._epoch_s = stamp_s
+        elif stamp_s - self._epoch_s < self.latest_s:
+            self._epoch_s = stamp_s - self.latest_s
+        elif stamp_s - self._epoch_s > self.latest_s + LEAP_S:
+            self._epoch_s = stamp_s - self.latest_s - LEAP_S
+        self.latest_s = stamp_s - self._epoch_s
+        return self.latest_s
+
+    def add(
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        noise: Noise,
+        within: Box,
+        now_s: float,
+        hold_s: float,
+        pinned: Collection[Key] = (),
+        max_age_s: float = math.inf,
+    ) -> Change:
+        """Add the points that lie in a box of cells to the evidence of theirs, forgetting what is too old."""
+        edges = np.array([within.row0, within.row1, within.col0, within.col1])
+        points_enu_m = np.ascontiguousarray(points_enu_m)
+        at, found = cells_of(points_enu_m, self.west_m, self.south_m, self.cell_m, edges)
+        *hit, inside = found.tolist()
+        if not inside:
+            return Change((), (), 0)
+        corner, shape = tiles_over(Box(*hit))
+        count = count_by_tile(at, *corner, *shape)
+        wanted = np.argwhere(count) + np.array(corner)
+        evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
+        cells, samples = sorted_by_tile(
+            points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
+        )
+        table, touched = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
+        used = gather_evidence(
+            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, touched
+        )
+        boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] < touched[..., 1]])
+        return Change(boxes, evicted, inside - int(used))
+
+    def _make_room(
+        self, wanted: list[Key], sensor_enu_m: NDArray[np.float64], now_s: float, pinned: Collection[Key]
+    ) -> tuple[Key, ...]:
+        """Make tiles for those wanted, the nearest to the sensor first, and return those given up."""
+        here = [key for key in wanted if key in self._slot]
+        for key in here:
+            self._last_s[key] = now_s
+        new = [key for key in wanted if key not in self._slot]
+        if len(new) > len(self._free):
+            new.sort(key=lambda key: self._distance_m(key, sensor_enu_m))
+        old: Iterator[Key] = iter(())
+        if len(new) > len(self._free):
+            kept = set(here) | set(pinned)
+            old = iter(sorted((k for k in self._slot if k not in kept), key=lambda k: (self._last_s[k], k)))
+        evicted = []
+        for key in new:
+            if not self._free:
+                victim = next(old, None)
+                if victim is None:
+                    break
+                evicted.append(victim)
+                self._give_up(victim)
+            self._slot[key], self._last_s[key] = self._free.pop(), now_s
+        return tuple(evicted)
+
+    def prepare(self, count: int) -> None:
+        """Have memory ready for so many more tiles."""
+        rows = self._pool.reshape(self.capacity, TILE * TILE, -1)
+        for slot in self._free[len(self._free) - count :]:
+            make_ready(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
+
+    def _give_up(self, key: Key) -> None:
+        slot = self._slot.pop(key)
+        del self._last_s[key]
+        self._pool[slot] = 0
+        self._free.append(slot)
+
+    def _distance_m(self, key: Key, sensor_enu_m: NDArray[np.float64]) -> tuple[float, Key]:
+        east = self.west_m + (key[1] + 0.5) * TILE * self.cell_m - sensor_enu_m[0]
+        north = self.south_m + (key[0] + 0.5) * TILE * self.cell_m - sensor_enu_m[1]
+        distance = math.hypot(east, north)
+        return (0.0 if math.isnan(distance) else distance), key
+
+    def _table(self, corner: Key, shape: tuple[int, int]) -> NDArray[np.int32]:
+        """Return the slot of every tile of a rectangle of tiles, -1 where there is none."""
+        rows, cols = shape
+        keys = ((corner[0] + r, corner[1] + c) for r in range(rows) for c in range(cols))
+        return np.array([self._slot.get(key, -1) for key in keys], np.int32).reshape(shape)
+
+    def read(self, box: Box) -> NDArray[np.float32]:
+        """Return a copy (rows, cols, 2, FIELDS) of the evidence of a box; zero where nothing was seen."""
+        out = np.zeros((*box.shape, 2, FIELDS), np.float32)
+        corner, shape = tiles_over(box)
+        copy_evidence(self._pool, self._table(corner, shape), *corner, box.row0, box.col0, out)
+        return out
+
+    def summary(self, box: Box, max_age_s: float) -> NDArray[np.float32]:
+        """Return `slz.kernels.cells.cell_statistics.summarise` of the cells of a box at the latest stamp."""
+        corner, shape = tiles_over(box)
+        rows = np.arange(box.row0, box.row1)
+        slots = self._table(corner, shape)[rows // TILE - corner[0]].astype(np.int64)
+        places = np.where(slots < 0, -1, (slots * TILE + (rows % TILE)[:, None]) * TILE)
+        first = box.col0 - corner[1] * TILE
+        return summarise(self._pool.reshape(-1), places, first, box.shape[1], self.latest_s, max_age_s)
+
+    def oldest_s(self, key: Key, since_s: float) -> float:
+        """Return when that cell of a tile was last seen that was not seen for longest; infinity of none.
+
+        Parameters
+        ----------
+        since_s
+            Cells last seen before that, by more than rounding, do not count.
+        """
+        slot = self._slot.get(key)
+        if slot is None:
+            return math.inf
+        seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
+        return float(seen_s[seen_s >= since_s - ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
+
+    def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""
+        if not self._slot or not len(points_enu_m):
+            return np.empty((0, 3))
+        corner, table = self._table_under(points_enu_m)
+        return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
+
+    def contradicted_by(
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        noise: Noise,
+        least_m: float,
+    ) -> NDArray[np.bool_]:
+        """Tell which points stand higher over known ground than noise and `least_m` explain."""
+        if not self._slot or not len(points_enu_m):
+            return np.zeros(len(points_enu_m), bool)
+        corner, table = self._table_under(points_enu_m)
+        place = (self.west_m, self.south_m, self.cell_m, *corner)
+        return contradicts(points_enu_m, sensor_enu_m, least_m, noise.angle_rad, *place, self._pool, table)
+
+    def _table_under(self, points_enu_m: NDArray[np.float64]) -> tuple[Key, NDArray[np.int32]]:
+        """Return the first tile and the slots of a rectangle with all tiles held that some points lie over.
+
+        However far apart the tiles held are, it is no larger than the ground under the points.
+        """
+        keys = np.array(list(self._slot))
+        east_m, north_m, size_m = points_enu_m[:, 0], points_enu_m[:, 1], TILE * self.cell_m
+        south_west = np.array([self.south_m, self.west_m])
+        first = np.floor((np.array([north_m.min(), east_m.min()]) - south_west) / size_m)
+        last = np.floor((np.array([north_m.max(), east_m.max()]) - south_west) / size_m)
+        low = np.maximum(keys.min(axis=0), first).astype(np.int64)
+        high = np.minimum(keys.max(axis=0), last).astype(np.int64) + 1
+        corner, shape = (int(low[0]), int(low[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
+        return corner, self._table(corner, (max(0, shape[0]), max(0, shape[1])))
+
+    def any_near(self, key: Key, level: int) -> bool:
+        """Tell whether a tile of a level's maps lies over or beside a tile held."""
+        rows, cols = (range((k << level) - 1, ((k + 1) << level) + 1) for k in key)
+        return any((row, col) in self._slot for row in rows for col in cols)
+
+    def keys_over(self, box: Box) -> tuple[Key, ...]:
+        """Return the keys of the tiles that a box of cells touches, held or not."""
+        return keys_over(box)
+
+
+def _aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return zeros in whole lines of the cache; pages unused are not backed by memory."""
+    size = math.prod(shape)
+    whole = np.zeros(size + LINE_BYTES // 4, np.float32)
+    first = -whole.ctypes.data % LINE_BYTES // 4
+    return whole[first : first + size].reshape(shape)
+
+
+def keys_over(box: Box) -> tuple[Key, ...]:
+    """Return the keys of the tiles that a box of cells touches."""
+    if box.empty:
+        return ()
+    (row, col), (rows, cols) = tiles_over(box)
+    return tuple(itertools.product(range(row, row + rows), range(col, col + cols)))
+
+
+def box_of_tile(key: Key) -> Box:
+    """Return the cells of a tile."""
+    return Box(key[0] * TILE, (key[0] + 1) * TILE, key[1] * TILE, (key[1] + 1) * TILE)
+
+
+def tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
+    """Return the first tile of a box and the number of rows and columns of tiles."""
+    row, col = box.row0 // TILE, box.col0 // TILE
+    return (row, col), ((box.row1 - 1) // TILE - row + 1, (box.col1 - 1) // TILE - col + 1)

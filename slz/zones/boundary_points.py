@@ -1,0 +1,22 @@
+"""Boundary points: which of them a zone needs (SLZ paper 3.4.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.polygons.contour import bends
+
+
+def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Drop points between two neighbours in the same row or the same column (SLZ paper Algorithm 2).
+
+    The algorithm as printed also loses corners where a run in x meets a diagonal; here a point is dropped
+    only when it lies between two neighbours of its row, or of its column, so the polygon stays the same.
+
+    Parameters
+    ----------
+    boundary_cells
+        (n, 2) rows and columns of a closed contour.
+    """
+    return boundary_cells[bends(np.ascontiguousarray(boundary_cells, np.int32))]

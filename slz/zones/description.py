@@ -1,0 +1,136 @@
+"""Parameters of a zone: counts, certainty, roughness, obstacles, room to land (SLZ paper 3.4.1)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Box
+from slz.kernels.raster.bitmap import Bits
+from slz.kernels.raster.connected_components import cells_around, medians
+from slz.kernels.raster.zonal_sums import count
+from slz.landing_point.judgement import Readable, Widest, best_point, widest
+from slz.landing_point.obstacles import Groups, grouped
+from slz.lazy_fields import Later
+from slz.terrain.terrain import EvidenceTerrain
+from slz.zone import Zone
+from slz.zones.boundary_points import without_collinear
+from slz.zones.detection import Candidate
+from slz.zones.zonal_statistics import Tally, tallied
+
+MOST_OBSTACLES = 200
+AROUND = 3  # cells, of the ground that an obstacle's height is over
+SOME = 1 << 16  # cells of such ground that are looked up at a time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Content:
+    """What the maps say of a zone, wherever the vehicle is, so that it lasts while they stay as they are.
+
+    Heights, of the corners too, are over the terrain's datum, which may drift.
+    """
+
+    candidate: Candidate
+    tally: Tally
+    corners: NDArray[np.int32]
+    corners_m: NDArray[np.float32]
+    obstacles: Groups
+    widest: Widest
+
+    @classmethod
+    def of(cls, candidate: Candidate, terrain: Readable, before: Content | None = None) -> Content:
+        """Look a candidate up in the maps, or those of its tiles that changed since before.
+
+        What was before must be of the same terrain and grid.
+        """
+        if before is None:
+            tally = tallied(candidate, terrain)
+        else:
+            tally = tallied(candidate, terrain, before.candidate, before.tally)
+            if tally.lasts and candidate.same_as(before.candidate):
+                return before
+        corners = without_collinear(candidate.boundary_cells)
+        return cls(
+            candidate=candidate,
+            tally=tally,
+            corners=corners,
+            corners_m=_kept_at(terrain, "height_m", corners),
+            obstacles=_obstacles(tally.holes, candidate.own_bits, candidate.words_box, terrain),
+            widest=widest(candidate, terrain),
+        )
+
+
+def describe(
+    content: Content,
+    terrain: Readable,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+    zone_id: int,
+) -> Zone:
+    """Work out everything that is reported of a zone.
+
+    The zone is its safe cells; counts, certainty and obstacles are of the cells inside the contour.
+    """
+    grid, candidate, datum_m = terrain.grid, content.candidate, _datum_m(terrain)
+    n_own, n_all = count(candidate.own_bits), count(candidate.content_bits)
+    n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.tally.told.tolist()
+
+    def corners() -> NDArray[np.float64]:
+        height = content.corners_m + np.float32(datum_m)
+        known = np.isfinite(height)
+        if not known.all():  # the mean of the others' heights stands in
+            height = np.where(known, height, height[known].mean() if known.any() else 0.0)
+        return np.column_stack([grid.centres(content.corners), height])
+
+    return Zone(
+        id=zone_id,
+        box=candidate.box,
+        cells=Later(lambda: candidate.component),
+        area_m2=n_own * grid.cell_m**2,
+        certainty=sure / n_all,
+        n_safe=int(n_safe),
+        n_unsafe=int(n_unsafe),
+        n_uncertain=n_all - int(n_safe) - int(n_unsafe),
+        slope_deg=slopes / n_slopes if n_slopes else math.nan,
+        roughness=roughs / n_roughs if n_roughs else math.nan,
+        boundary_cells=candidate.boundary_cells,
+        corners_enu_m=Later(corners),
+        obstacles=Later(lambda: content.obstacles.over(datum_m)),
+        best=best_point(content.widest, candidate.square_side, terrain, sensor_enu_m, parameters),
+    )
+
+
+def _datum_m(terrain: Readable) -> float:
+    return terrain.datum_m if isinstance(terrain, EvidenceTerrain) else 0.0
+
+
+def _kept_at(terrain: Readable, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+    """Return heights at cells, over the terrain's datum if it has one."""
+    at = terrain.kept_at if isinstance(terrain, EvidenceTerrain) else terrain.layer_at
+    return at(name, cells)
+
+
+def _obstacles(holes: Bits, own: Bits, box: Box, terrain: Readable) -> Groups:
+    """Group the measured unsafe cells inside a contour; their height is over the zone around them."""
+
+    def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
+        highest = _kept_at(terrain, "top_m", cells)
+        unknown = np.flatnonzero(np.isnan(highest))
+        if len(unknown):
+            highest[unknown] = _kept_at(terrain, "height_m", cells[unknown])
+        return highest
+
+    def grounds(groups: NDArray[np.int64], _: NDArray[np.int32]) -> NDArray[np.float64]:
+        found = [np.empty(0)]
+        while (done := sum(map(len, found))) < len(groups):
+            cells, ends = cells_around(own, groups, done, AROUND, SOME)
+            cells[:, 0] += box.row0
+            cells[:, 1] += box.col0
+            found.append(medians(_kept_at(terrain, "height_m", cells), ends))
+        return np.concatenate(found)
+
+    return grouped(holes, tops, grounds, terrain.grid, box, MOST_OBSTACLES)

@@ -1,0 +1,91 @@
+"""Counts and sums of a zone's cells, tile by tile: of those that stay as they are they are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Box
+from slz.kernels.cells.cell_record import TILE
+from slz.kernels.raster.bitmap import Bits
+from slz.kernels.raster.zonal_sums import TOLD, carry_over, tally, tally_tiles
+from slz.landing_point.judgement import Readable
+from slz.terrain.derive import LAYERS
+from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain_maps import SAFE, UNSAFE
+from slz.zones.detection import Candidate
+
+STRIP = 64  # rows, whose maps are in the cache while they are added up
+PLACES = LAYERS.index("certainty"), LAYERS.index("slope_deg"), LAYERS.index("roughness")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tally:
+    """What is told of a zone's cells.
+
+    told: see `tally`; they are the sums of `parts`, (rows, columns, those). holes: the
+    unsafe cells enclosed. versions: of the tiles told of, (rows, columns). lasts: whether no tile had to be
+    gone through.
+    """
+
+    told: NDArray[np.float64]
+    holes: Bits
+    parts: NDArray[np.float64]
+    versions: NDArray[np.int64]
+    lasts: bool = False
+
+
+def tallied(
+    candidate: Candidate, terrain: Readable, old: Candidate | None = None, known: Tally | None = None
+) -> Tally:
+    """Add up the maps of a candidate, or those of its tiles that are not as they were known of an old one.
+
+    Sums are the same whatever was before: of tiles first, then of all.
+    """
+    if isinstance(terrain, EvidenceTerrain):
+        return _by_tiles(candidate, terrain, old, known)
+    content, wide = candidate.content_bits, candidate.words_box
+    starts, holes = range(0, len(content), STRIP), np.zeros_like(content)
+    parts = np.zeros((len(starts), 1, TOLD))
+    for part, row in enumerate(starts):
+        rows = slice(row, min(row + STRIP, len(content)))
+        held = np.flatnonzero(content[rows].any(axis=0))
+        words = slice(int(held[0]), int(held[-1]) + 1)
+        west, south = wide.col0 + 64 * words.start, wide.row0 + row
+        box = Box(south, wide.row0 + rows.stop, west, wide.col0 + 64 * words.stop)
+        certainty, slope = terrain.layer("certainty", box), terrain.layer("slope_deg", box)
+        tally(
+            candidate.own_bits[rows, words], content[rows, words], terrain.state(box), SAFE, UNSAFE,
+            certainty, slope, terrain.layer("roughness", box), parts[part, 0], holes[rows, words],
+        )  # fmt: skip
+    return Tally(_total(parts), holes, parts, np.empty((0, 0), np.int64))
+
+
+def _by_tiles(
+    candidate: Candidate, terrain: EvidenceTerrain, old: Candidate | None, known: Tally | None
+) -> Tally:
+    own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
+    there, table, versions, blocks = terrain.tiles_within(wide)
+    if there.col0 % TILE:
+        raise ValueError("the words of a candidate must be rows of the terrain's tiles: see `safe_bits`")
+    holes, parts = np.zeros_like(content), np.zeros((*table.shape, TOLD))
+    wanted, lasts = np.ones(table.shape, bool), False
+    if old is not None and known is not None:
+        down, right = wide.row0 - old.words_box.row0, (wide.col0 - old.words_box.col0) // 64
+        lasts = carry_over(
+            there.row0, versions, own, content, down, right,
+            known.versions, old.own_bits, old.content_bits, known.parts, known.holes, wanted, parts, holes,
+        )  # fmt: skip
+    for first, layers, states in blocks:
+        tally_tiles(
+            layers, states, first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE, own, content, parts,
+            holes,
+        )  # fmt: skip
+    return Tally(_total(parts), holes, parts, versions, lasts)
+
+
+def _total(parts: NDArray[np.float64]) -> NDArray[np.float64]:
+    total: NDArray[np.float64] = parts.reshape(-1, TOLD).sum(axis=0)
+    return total

@@ -1,0 +1,98 @@
+"""The process that reads LAZ files: its points are laspy's, and its end is nobody else's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from companion.desk.clouds import laz_reader
+from companion.desk.clouds.las import pieces
+from companion.runtime.errors import UsageError
+from tests.unit.companion.desk.survey import clouds
+
+N = 2_000_100  # two pieces and a little: while the first is read, the second fills the pipe
+
+
+@pytest.fixture(autouse=True)
+def _no_other_reader() -> Iterator[None]:
+    laz_reader._close()
+    yield
+    laz_reader._close()
+
+
+@pytest.fixture(scope="module")
+def cloud(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    points = np.column_stack([5e5 + np.arange(N) % 1000, 4.9e6 + np.arange(N) // 1000, np.zeros(N)])
+    return clouds.write(
+        tmp_path_factory.mktemp("laz") / "a b.laz", points, None, gps_time=np.arange(float(N))
+    )
+
+
+def test_points_are_those_of_the_file_with_all_their_dimensions(cloud: Path) -> None:
+    with laspy.open(cloud) as reader:
+        expected = reader.read_points(-1)
+    found = list(pieces(cloud, N))
+    assert len(found) > 1
+    for name in expected.point_format.dimension_names:
+        np.testing.assert_array_equal(np.concatenate([np.asarray(p[name]) for p in found]), expected[name])
+    np.testing.assert_array_equal(np.concatenate([np.asarray(p.x) for p in found]), expected.x)
+
+
+def test_one_process_reads_one_file_after_the_other(cloud: Path, tmp_path: Path) -> None:
+    other = clouds.write(tmp_path / "b.laz", np.array([[5e5, 4.9e6, 1.0]]))
+    list(pieces(cloud, N))
+    (reader,) = laz_reader._idle
+    assert [len(p) for p in pieces(other, 1)] == [1]
+    assert laz_reader._idle == [reader]
+
+
+def test_a_reader_that_ends_in_a_file_is_told_and_the_next_file_is_read(cloud: Path) -> None:
+    reading = pieces(cloud, N)
+    list(pieces(cloud, N))
+    (reader,) = laz_reader._idle
+    next(reading)
+    reader._process.kill()
+    with pytest.raises(UsageError, match=r"a b\.laz: .* \(its reader ended with code -9\)"):
+        list(reading)
+    assert laz_reader._idle == []
+    assert sum(map(len, pieces(cloud, N))) == N
+
+
+def test_a_reader_that_ended_between_two_files_is_not_the_next_file_s_fault(cloud: Path) -> None:
+    list(pieces(cloud, N))
+    (reader,) = laz_reader._idle
+    reader._process.kill()
+    reader._process.wait()
+    assert sum(map(len, pieces(cloud, N))) == N
+    assert laz_reader._idle != [reader]
+
+
+def test_a_file_that_nobody_reads_to_its_end_leaves_no_process(cloud: Path) -> None:
+    list(pieces(cloud, N))
+    (reader,) = laz_reader._idle
+    reading = pieces(cloud, N)
+    next(reading)
+    reading.close()
+    assert laz_reader._idle == []
+    assert reader._process.poll() is not None
+
+
+def test_a_corrupt_file_is_refused_in_one_line_and_the_reader_goes_on(cloud: Path, tmp_path: Path) -> None:
+    list(pieces(cloud, N))
+    (reader,) = laz_reader._idle
+    data = bytearray(cloud.read_bytes())
+    with laspy.open(cloud) as opened:
+        begin = opened.header.offset_to_point_data
+    data[begin + 300 : begin + 5000] = bytes(4700)
+    corrupt = tmp_path / "corrupt.laz"
+    corrupt.write_bytes(data)
+    with pytest.raises(UsageError, match=r"corrupt\.laz: it is truncated or corrupt \(") as raised:
+        list(pieces(corrupt, N))
+    assert "\n" not in str(raised.value)
+    if "reader ended" not in str(raised.value):
+        assert laz_reader._idle == [reader]
+    assert sum(map(len, pieces(cloud, N))) == N

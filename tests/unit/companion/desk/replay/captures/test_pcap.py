@@ -1,0 +1,222 @@
+"""Captures of the network: frames of every kind of link, fragments, and what is no datagram."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import dpkt
+import pytest
+
+from companion.desk.replay.captures.pcap import UNFINISHED, Capture, Datagram
+from tests.unit.companion.desk.replay.flights import BEGIN_NS
+
+SENDER = "10.0.0.1"
+ETHERNET, RAW, USER = 1, 101, 147
+
+
+def udp(data: bytes) -> bytes:
+    return bytes(dpkt.udp.UDP(sport=56300, dport=56301, data=data, ulen=8 + len(data)))
+
+
+def ip(payload: bytes, **fields: Any) -> bytes:
+    """Return an IPv4 packet; fields: id, mf, and offset in eighths of the bytes before it."""
+    packet = dpkt.ip.IP(src=bytes([10, 0, 0, 1]), dst=bytes([10, 0, 0, 2]), p=17, data=payload)
+    for name, value in fields.items():
+        setattr(packet, name, value)
+    packet.len = 20 + len(payload)
+    return bytes(packet)
+
+
+def ip6(payload: bytes, kind: int = 17) -> bytes:
+    host = bytes(15) + b"\x01"
+    return bytes(dpkt.ip6.IP6(src=host, dst=host, nxt=kind, plen=len(payload), hlim=64, data=payload))
+
+
+def capture(path: Path, link: int, *frames: bytes) -> tuple[Capture, list[Datagram]]:
+    """Write frames a millisecond apart and read them back."""
+    with path.open("wb") as file:
+        writer = dpkt.pcap.Writer(file, linktype=link)
+        for k, frame in enumerate(frames):
+            writer.writepkt(frame, BEGIN_NS * 1e-9 + 1e-3 * k)
+    read = Capture(path)
+    return read, list(read.datagrams())
+
+
+FRAMES = {
+    "Ethernet": (ETHERNET, bytes(12) + b"\x08\x00"),
+    "Linux cooked": (113, b"\x00\x00\x00\x01\x00\x06" + bytes(8) + b"\x08\x00"),
+    "Linux cooked, second version": (276, b"\x08\x00" + bytes(18)),
+    "loopback of BSD": (0, b"\x02\x00\x00\x00"),
+    "loopback of OpenBSD": (108, b"\x00\x00\x00\x02"),
+    "raw IP": (RAW, b""),
+    "raw IPv4": (228, b""),
+}
+
+
+@pytest.mark.parametrize(("link", "head"), FRAMES.values(), ids=FRAMES)
+def test_datagrams_are_found_whatever_network_they_were_captured_on(
+    tmp_path: Path, link: int, head: bytes
+) -> None:
+    read, found = capture(tmp_path / "a.pcap", link, head + ip(udp(b"one")), head + ip(udp(b"two")))
+    assert [(d.host, d.data) for d in found] == [(SENDER, b"one"), (SENDER, b"two")]
+    assert found[1].at_ns - found[0].at_ns == pytest.approx(1_000_000, abs=1000)
+    assert (read.other, read.bad, read.cut) == (0, 0, "")
+
+
+def test_packets_of_an_unknown_kind_of_link_are_counted_as_others(tmp_path: Path) -> None:
+    read, found = capture(tmp_path / "a.pcap", USER, ip(udp(b"one")), b"")
+    assert not found
+    assert (read.other, read.bad) == (2, 0)
+
+
+def test_datagrams_of_ipv6_are_taken_and_its_other_packets_are_not(tmp_path: Path) -> None:
+    read, found = capture(tmp_path / "a.pcap", RAW, ip6(udp(b"one")), ip6(bytes(20), kind=6))
+    assert [d.data for d in found] == [b"one"]
+    assert (read.other, read.bad) == (1, 0)
+
+
+def test_frames_that_end_too_early_are_counted_as_bad(tmp_path: Path) -> None:
+    read, found = capture(tmp_path / "a.pcap", RAW, b"", b"\x45\x00", ip(udp(b"one")))
+    assert [d.data for d in found] == [b"one"]
+    assert (read.other, read.bad) == (0, 2)
+
+
+def halves(number: int, data: bytes) -> tuple[bytes, bytes]:
+    whole = udp(data)
+    return ip(whole[:16], id=number, mf=1), ip(whole[16:], id=number, offset=2)
+
+
+def test_fragments_in_any_order_make_one_datagram(tmp_path: Path) -> None:
+    first, last = halves(7, b"a" * 40)
+    _, found = capture(tmp_path / "a.pcap", RAW, last, *halves(8, b"b" * 40), first)
+    assert [d.data for d in found] == [b"b" * 40, b"a" * 40]
+
+
+def test_of_fragments_whose_rest_never_comes_the_oldest_are_given_up(tmp_path: Path) -> None:
+    pairs = [halves(number, b"%04d" % number * 10) for number in range(UNFINISHED + 1)]
+    begun = [first for first, _ in pairs]
+    _, found = capture(tmp_path / "a.pcap", RAW, *begun, pairs[1][1], pairs[0][1])
+    assert [d.data for d in found] == [b"0001" * 10]
+
+
+def test_an_empty_fragment_that_promises_more_completes_nothing(tmp_path: Path) -> None:
+    read, found = capture(tmp_path / "a.pcap", RAW, ip(b"", id=1, mf=1), ip(b"", id=1, mf=1))
+    assert not found
+    assert read.other == 2
+
+
+# ---- pcapng -----------------------------------------------------------------------------------------------
+
+SECTION, INTERFACE, PACKET, SIMPLE, OLD = 0x0A0D0D0A, 1, 6, 3, 2
+COOKED, LOOP = 113, 0
+MICRO, NANO, BINARY = 6, 9, 0x80 | 20  # what times count: 10^-6 s, 10^-9 s, 2^-20 s
+
+
+def block(kind: int, body: bytes, order: str = "<") -> bytes:
+    body += bytes(-len(body) % 4)
+    length = struct.pack(order + "I", 12 + len(body))
+    return struct.pack(order + "I", kind) + length + body + length
+
+
+def section(order: str = "<") -> bytes:
+    return block(SECTION, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1), order)
+
+
+def interface(link: int, resolution: int | None, offset_s: int = 0, order: str = "<") -> bytes:
+    body = struct.pack(order + "HHI", link, 0, 0)
+    if resolution is not None:
+        body += struct.pack(order + "HHB3x", 9, 1, resolution)
+    if offset_s:
+        body += struct.pack(order + "HHq", 14, 8, offset_s)
+    return block(INTERFACE, body + struct.pack(order + "HH", 0, 0), order)
+
+
+def packet(number: int, count: int, frame: bytes, order: str = "<", kind: int = PACKET) -> bytes:
+    first = struct.pack(
+        order + ("I" if kind == PACKET else "HH"), *([number] if kind == PACKET else [number, 0])
+    )
+    rest = struct.pack(order + "IIII", count >> 32, count % 2**32, len(frame), len(frame))
+    return block(kind, first + rest + frame, order)
+
+
+ETHERNET_HEAD, COOKED_HEAD, LOOP_HEAD = FRAMES["Ethernet"][1], FRAMES["Linux cooked"][1], b"\x02\0\0\0"
+BEGIN_US = BEGIN_NS // 1000
+
+
+def of_several_interfaces(order: str = "<") -> bytes:
+    """Return five packets a millisecond apart, of interfaces that differ in link type and clock."""
+    end = BEGIN_NS + 3_000_000
+    return b"".join(
+        [
+            section(order),
+            interface(ETHERNET, None, order=order),
+            interface(COOKED, NANO, order=order),
+            packet(0, BEGIN_US, ETHERNET_HEAD + ip(udp(b"one")), order),
+            packet(1, BEGIN_NS + 1_000_000, COOKED_HEAD + ip(udp(b"two")), order),
+            interface(RAW, MICRO, BEGIN_NS // 10**9, order),
+            packet(2, 2000, ip(udp(b"three")), order),
+            block(5, bytes(12), order),  # statistics of an interface
+            block(SIMPLE, struct.pack(order + "I", 4) + bytes(4), order),  # has no time
+            section(),
+            interface(LOOP, BINARY),
+            packet(0, (end * 2**20 + 10**9 - 1) // 10**9, LOOP_HEAD + ip(udp(b"four"))),
+            packet(0, ((end + 1_000_000) * 2**20) // 10**9, LOOP_HEAD + ip(udp(b"five")), kind=OLD),
+        ]
+    )
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_packets_are_read_by_link_type_and_clock_of_their_own_interface(tmp_path: Path, order: str) -> None:
+    path = tmp_path / "a.pcapng"
+    path.write_bytes(of_several_interfaces(order))
+    read = Capture(path)
+    found = list(read.datagrams())
+    assert [d.data for d in found] == [b"one", b"two", b"three", b"four", b"five"]
+    times = [d.at_ns - BEGIN_NS for d in found]
+    assert times[:3] == [0, 1_000_000, 2_000_000]
+    assert times[3:] == pytest.approx([3_000_000, 4_000_000], abs=1000)
+    assert (read.other, read.bad, read.cut) == (0, 0, "")
+
+
+def test_a_pcapng_file_that_is_cut_off_gives_what_is_before(tmp_path: Path) -> None:
+    path, whole = tmp_path / "a.pcapng", of_several_interfaces()
+    for length in range(len(section()), len(whole), 7):
+        path.write_bytes(whole[:length])
+        read = Capture(path)
+        data = [d.data for d in read.datagrams()]
+        assert data == [b"one", b"two", b"three", b"four", b"five"][: len(data)]
+    assert "ends within a block" in read.cut
+
+
+def test_a_capture_that_is_cut_off_gives_the_whole_packets_before_and_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcap"
+    sent = [b"one", b"two", b"three"]
+    capture(path, RAW, *(ip(udp(data)) for data in sent))
+    whole = path.read_bytes()
+    ends = [24 + sum(16 + 28 + len(data) for data in sent[:n]) for n in range(4)]
+    for length in range(24, len(whole) + 1):
+        path.write_bytes(whole[:length])
+        read = Capture(path)
+        n = sum(end <= length for end in ends) - 1
+        assert [d.data for d in read.datagrams()] == sent[:n]
+        assert bool(read.cut) == (length not in ends)
+
+
+@pytest.mark.parametrize(
+    ("damaged", "says"),
+    [
+        (packet(7, BEGIN_US, b""), "of no interface"),
+        (block(PACKET, struct.pack("<IIIII", 0, 0, 0, 99, 99)), "longer than its block"),
+        (struct.pack("<III", PACKET, 2**31, 0), "a block has 2147483648 bytes"),
+        (struct.pack("<III", SECTION, 28, 0), "no byte order"),
+    ],
+)
+def test_a_damaged_block_ends_the_reading_and_is_told(tmp_path: Path, damaged: bytes, says: str) -> None:
+    path = tmp_path / "a.pcapng"
+    good = packet(0, BEGIN_US, ETHERNET_HEAD + ip(udp(b"one")))
+    path.write_bytes(section() + interface(ETHERNET, MICRO) + good + damaged + good)
+    read = Capture(path)
+    assert [d.data for d in read.datagrams()] == [b"one"]
+    assert says in read.cut

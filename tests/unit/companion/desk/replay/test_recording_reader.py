@@ -1,0 +1,104 @@
+"""Recordings that are none, or not whole."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from companion.desk.replay.recording_reader import Recording
+from companion.flight.recorder import foxglove_scene
+from companion.flight.recorder.recording_writer import MIB, McapWriter
+from companion.runtime.errors import UsageError
+from tests.unit.companion.flight.recorder.test_recording_writer import METADATA, frame, open_writer
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recording") / "a.mcap"
+    out = open_writer(path)
+    for k in range(300):
+        out.put(frame(k, k))
+    out.close()
+    return path
+
+
+def read(path: Path) -> list[int]:
+    return [int.from_bytes(m.data[:4], "little") for m in Recording(path).messages()]
+
+
+def is_a_beginning_or_refused(path: Path) -> bool:
+    try:
+        found = read(path)
+    except UsageError as error:
+        return str(path) in str(error)
+    return found == list(range(len(found)))
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(share=st.floats(0, 1, exclude_max=True))
+def test_a_recording_cut_off_anywhere_gives_what_is_before_or_one_clear_error(
+    whole: Path, tmp_path: Path, share: float
+) -> None:
+    path = tmp_path / "cut.mcap"
+    content = whole.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    assert is_a_beginning_or_refused(path)
+
+
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(at=st.integers(0, 10_000), bit=st.integers(0, 7))
+def test_a_flipped_bit_is_found_or_does_no_harm(whole: Path, tmp_path: Path, at: int, bit: int) -> None:
+    path = tmp_path / "flipped.mcap"
+    bad = bytearray(whole.read_bytes())
+    bad[at % len(bad)] ^= 1 << bit
+    path.write_bytes(bad)
+    assert is_a_beginning_or_refused(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", b"\x89MCAP0\r\n", bytes(5000)])
+def test_what_is_no_recording_is_one_clear_line(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    with pytest.raises(UsageError, match=r"is no MCAP file|no recording of slz"):
+        Recording(path)
+    with pytest.raises(UsageError, match="cannot be read"):
+        Recording(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"version": "2"}, "version 2"),
+        ({"version": "x"}, "metadata"),
+        ({"parameters": "{"}, "metadata"),
+        ({"parameters": '{"cell_m": -1}'}, "cell_m"),
+        ({"clock_offset_ns": ""}, "metadata"),
+    ],
+)
+def test_metadata_that_cannot_be_used_is_one_clear_line(
+    tmp_path: Path, changed: dict[str, str], says: str
+) -> None:
+    path = tmp_path / "a.mcap"
+    McapWriter(path, foxglove_scene.channels, MIB, METADATA | changed).close()
+    with pytest.raises(UsageError, match=says):
+        Recording(path)
+
+
+def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp_path: Path) -> None:
+    new, old = tmp_path / "new.mcap", tmp_path / "old.mcap"
+    described = METADATA | {"lidar": "ouster", "lidar_setup": '{"rows": 128}'}
+    McapWriter(new, foxglove_scene.channels, MIB, described).close()
+    McapWriter(old, foxglove_scene.channels, MIB, METADATA).close()
+    assert (Recording(new).header.lidar, Recording(new).header.lidar_setup) == ("ouster", '{"rows": 128}')
+    assert Recording(old).header.lidar_setup == ""
+
+
+def test_a_recording_of_which_only_the_last_bytes_are_spoiled_is_read_as_a_whole(
+    whole: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "spoiled.mcap"
+    path.write_bytes(whole.read_bytes()[:-8] + b"nonsense")
+    recording = Recording(path)
+    assert len(list(recording.messages())) == 300
+    assert recording.cut == ""

@@ -1,0 +1,77 @@
+"""What the pilot must not overlook stands as long as its reason does."""
+
+from typing import Any
+
+import pytest
+
+from companion.flight.dashboard.alarms import standing
+
+QUIET: dict[str, Any] = {
+    "connected": True,
+    "heard": True,
+    "armed": True,
+    "on_ground": False,
+    "phase": "idle",
+    "mode": "GUIDED",
+    "lidar_ok": True,
+    "blind": "LiDAR lost",
+    "failsafe": False,
+    "estimate_lost": "",
+    "east_m": 0.0,
+    "battery_low": False,
+    "unfit": [],
+    "pipeline_failed": False,
+    "blocked": False,
+}
+SAFE = {"state": "safe", "judged_by": "near"}
+
+
+def keys(state: dict[str, Any], selected: dict[str, Any] | None = None) -> list[str]:
+    return [alarm["key"] for alarm in standing(state, selected)]
+
+
+def test_all_well_is_quiet() -> None:
+    assert keys(QUIET, SAFE) == keys(QUIET, None) == []
+
+
+def test_an_unsafe_landing_point_comes_first() -> None:
+    found = standing({**QUIET, "lidar_ok": False}, {"state": "unsafe", "judged_by": "near"})
+    assert [(alarm["level"], alarm["key"]) for alarm in found] == [
+        ("critical", "point-unsafe"),
+        ("critical", "no-lidar"),
+    ]
+
+
+def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
+    assert standing(QUIET, {"state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"connected": False}, "no-autopilot"),
+        ({"heard": False}, "mode-unknown"),
+        ({"lidar_ok": False}, "no-lidar"),
+        ({"failsafe": True}, "failsafe"),
+        ({"phase": "failsafe", "mode": "RTL"}, "failsafe"),
+        ({"estimate_lost": "position"}, "estimate"),
+        ({"east_m": None}, "no-position"),
+        ({"battery_low": True}, "battery"),
+        ({"pipeline_failed": True}, "pipeline"),
+        ({"blocked": True}, "blocked"),
+        ({"unfit": ["COM_OBL_RC_ACT is 0, needs 5"]}, "unfit"),
+    ],
+)
+def test_each_trouble_has_its_alarm(change: dict[str, Any], key: str) -> None:
+    assert keys({**QUIET, **change}, SAFE) == [key]
+
+
+def test_a_lidar_that_is_silent_on_the_ground_is_none() -> None:
+    assert keys({**QUIET, "lidar_ok": False, "on_ground": True}) == []
+    assert keys({**QUIET, "lidar_ok": False, "armed": False}) == []
+
+
+def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> None:
+    (alarm,) = standing({**QUIET, "unfit": ["A is 0, needs 5", "B could not be read", "C is missing"]}, None)
+    assert alarm["level"] == "warning"
+    assert alarm["text"] == "Autopilot not set up: A is 0, needs 5 and 2 more: see slz doctor"

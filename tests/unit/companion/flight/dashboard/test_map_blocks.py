@@ -1,0 +1,216 @@
+"""What a browser gets of the maps is what the maps hold."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+import params
+from companion.flight.dashboard import map_block as blocks
+from companion.flight.dashboard.map_block import HEAD, SIDE
+from companion.flight.dashboard.quantise import STEP_M
+from companion.flight.dashboard.tile_pyramid import Atlas, Sheet
+from slz import UNKNOWN, UNSAFE, Drawn, DrawnTile, LocalFrame, Pipeline, Window
+
+TILE = 64
+
+
+def tile(key: tuple[int, int] = (0, 0), height_m: float = 100.0, state: int = 1) -> DrawnTile:
+    full = np.full((TILE, TILE), 1.0, np.float32)
+    rows = np.arange(TILE, dtype=np.float32)[:, None]
+    return DrawnTile(
+        key,
+        height_m + 0.1 * rows * full,
+        3 * full,
+        0.12 * full,
+        0.9 * full,
+        np.full((TILE, TILE), state, np.uint8),
+    )
+
+
+def drawn(*tiles: DrawnTile, serial: int = 1, gone: tuple[tuple[int, int], ...] = ()) -> Drawn:
+    return Drawn(serial, -50.0, -60.0, 0.2, tiles, gone, 0)
+
+
+def decoded(data: bytes) -> tuple[tuple[float, ...], np.ndarray, list[np.ndarray]]:
+    """Read a block as the browser does; written apart from what writes it."""
+    raw = gzip.decompress(data)
+    _, side, *head = HEAD.unpack_from(raw)
+    planes = np.frombuffer(raw, np.uint8, offset=HEAD.size).reshape(6, side, side)
+    number = np.cumsum(planes[0].astype(np.int64) + 256 * planes[1].astype(np.int64), axis=1) % 65_536
+    height = np.where(number == 0, np.nan, head[3] + number * head[4])
+    return tuple(head), height, list(planes[2:])
+
+
+def test_a_block_comes_back_within_half_a_step() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile((1, 2))))
+    data = sheet.encoded(0, 0, 0)
+    assert data is not None
+    (west, south, cell, _, step), height, (slope, relief, certainty, state) = decoded(data)
+    assert (west, south, cell, step) == (-50.0, -60.0, 0.2, STEP_M)
+    here = slice(64, 128), slice(128, 192)
+    assert np.abs(height[here] - tile().height_m).max() <= STEP_M / 2 + 1e-4
+    assert (slope[here] == 12).all()
+    assert (relief[here] == 12).all()
+    assert (certainty[here] == 180).all()
+    assert (state[here] == 1).all()
+    assert np.isnan(height[:64]).all()
+    assert (state[:64] == UNKNOWN).all()
+
+
+def test_tiles_west_and_south_of_the_corner_have_blocks_of_their_own() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile((-1, -4))))
+    assert sheet.encoded(0, 0, 0) is None
+    data = sheet.encoded(0, -1, -1)
+    assert data is not None
+    head, height, _ = decoded(data)
+    assert head[:2] == (-50.0 - SIDE * 0.2, -60.0 - SIDE * 0.2)
+    assert np.isfinite(height[192:, :64]).all()
+
+
+def test_what_did_not_change_is_not_told_again() -> None:
+    """Maps are drawn anew as they age; browsers fetch only what differs."""
+    sheet = Sheet()
+    sheet.take(drawn(tile()))
+    before = sheet.clock
+    sheet.take(drawn(tile()))
+    assert sheet.clock == before
+    assert sheet.since(before) == []
+    sheet.take(drawn(tile(height_m=101.0)))
+    assert [place[:2] for place in sheet.since(before)] == [(0, 0)]
+
+
+def test_ground_that_was_given_up_is_unknown_again() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile()))
+    sheet.take(drawn(gone=((0, 0),)))
+    cell = sheet.cell(-49.0, -59.0)
+    assert cell is not None
+    assert (cell.state, cell.height_m, cell.certainty) == ("unknown", None, None)
+
+
+def test_another_map_begins_anew() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile()))
+    sheet.take(drawn(tile((40, 40)), serial=2))
+    assert sheet.cell(-49.0, -59.0) is None
+    assert [place[:2] for place in sheet.since(0)] == [(10, 10)]
+
+
+def test_a_coarser_block_keeps_the_worst_of_four_cells() -> None:
+    fine = tile()
+    state, certainty = fine.state.copy(), fine.certainty.copy()
+    slope = fine.slope_deg.copy()
+    state[0, 0], state[10, 11] = UNSAFE, UNKNOWN
+    certainty[0, 0], slope[0, 1] = 0.2, 30.0
+    sheet = Sheet()
+    sheet.take(drawn(DrawnTile((0, 0), fine.height_m, slope, fine.relief_m, certainty, state)))
+    data = sheet.encoded(1, 0, 0)
+    assert data is not None
+    head, height, (slopes, _, sure, states) = decoded(data)
+    assert head[2] == pytest.approx(0.4)
+    assert states[0, 0] == UNSAFE
+    assert states[5, 5] == UNKNOWN
+    assert states[1, 1] == 1
+    assert sure[0, 0] == 40
+    assert slopes[0, 0] == 120
+    assert height[3, 3] == pytest.approx(100.0 + 0.1 * 6.5, abs=STEP_M)
+    assert (states[32:, 32:] == UNKNOWN).all()
+
+
+def test_the_near_map_answers_for_a_point_and_the_far_one_where_that_knows_nothing() -> None:
+    atlas = Atlas()
+    atlas.take("far", drawn(tile(height_m=90.0), tile((0, 1), height_m=90.0)))
+    atlas.take("near", drawn(tile()))
+    near, far = atlas.cell(-49.9, -59.9), atlas.cell(-50 + 70 * 0.2, -59.9)
+    assert near is not None
+    assert far is not None
+    assert (near[0], near[1].height_m) == ("near", 100.0)
+    assert (far[0], far[1].height_m) == ("far", 90.0)
+    assert atlas.cell(500.0, 500.0) is None
+
+
+@pytest.mark.parametrize("mode", ["default", "source"])
+def test_what_the_pipeline_hands_over_makes_up_its_maps(mode: str) -> None:
+    rng = np.random.default_rng(5)
+    pipeline = Pipeline(params.build({"mode": mode, "zone_m": 60.0, "min_boundary_points": 4}))
+    held: dict[tuple[int, int], DrawnTile] = {}
+    serial = 0
+    for step in range(3):
+        points = np.column_stack([rng.uniform(-20, 20 + 4 * step, (40_000, 2)), rng.normal(0, 0.02, 40_000)])
+        frame = LocalFrame(47.0, 8.0, 400.0)
+        start = step * 1_000_000_000
+        stamps = np.linspace(start, start + 900_000_000, len(points)).astype(np.int64)
+        sensor = np.array([0.0, 0.0, 20.0])
+        pipeline.process(Window(points, stamps, sensor, frame, start, start + 900_000_000))
+        while True:
+            part = pipeline.drawn("near", 7)
+            assert part is not None
+            if part.serial != serial:  # another map took its place
+                serial, held = part.serial, {}
+            held.update({found.key: found for found in part.tiles})
+            if not part.left:
+                break
+    maps = pipeline.maps(which="near")
+    assert maps is not None
+    row, col = (min(key[axis] for key in held) for axis in (0, 1))
+    shape = [TILE * (1 + max(key[axis] - low for key in held)) for axis, low in ((0, row), (1, col))]
+    state, height = np.full(shape, UNKNOWN, np.uint8), np.full(shape, np.nan, np.float32)
+    for key, found in held.items():
+        south, west = TILE * (key[0] - row), TILE * (key[1] - col)
+        state[south : south + TILE, west : west + TILE] = found.state
+        height[south : south + TILE, west : west + TILE] = found.height_m
+    first_row = round((maps.south_m - part.south_m) / part.cell_m) - TILE * row
+    first_col = round((maps.west_m - part.west_m) / part.cell_m) - TILE * col
+    rows, cols = maps.state.shape
+    here = slice(first_row, first_row + rows), slice(first_col, first_col + cols)
+    assert np.array_equal(state[here], maps.state)
+    assert np.array_equal(height[here], maps.height_m, equal_nan=True)
+    again = pipeline.drawn("near", 10_000)
+    assert again is not None
+    assert not again.tiles
+    anew = pipeline.drawn("near", 10_000, anew=True)
+    assert anew is not None
+    assert {found.key for found in anew.tiles} >= set(held)
+
+
+def test_values_out_of_reach_and_unknown_ones_are_numbers_of_their_own() -> None:
+    made = tile(height_m=0.0)
+    height, slope, state = made.height_m.copy(), made.slope_deg.copy(), made.state.copy()
+    height[0, :4] = np.nan, -1e6, 1e6, 10.0
+    slope[0, :3], state[0, 0] = (np.nan, 1e3, 0.0), UNKNOWN
+    block = blocks.empty(0.0)
+    assert blocks.write(block, 0, 0, DrawnTile((0, 0), height, slope, made.relief_m, made.certainty, state))
+    assert block.height[0, :4].tolist() == [0, 1, 65_535, 2000]
+    assert block.slope[0, :3].tolist() == [255, 254, 0]
+    assert block.certainty[0, :2].tolist() == [255, 180]
+    assert (block.state[64:] == UNKNOWN).all()
+
+
+def test_ground_given_up_that_was_never_drawn_is_no_change() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile()))
+    before = sheet.clock
+    sheet.take(drawn(gone=((40, 40),)))
+    assert sheet.clock == before
+    assert sheet.encoded(0, 10, 10) is None
+
+
+def test_a_far_view_has_what_is_known_of_its_corners_and_follows_changes() -> None:
+    sheet = Sheet()
+    sheet.take(drawn(tile((0, 0), height_m=100.0), tile((12, 12), height_m=200.0)))
+
+    def seen() -> tuple[float, float, float]:
+        """Return heights near two opposite corners of a block of four by four, and between them."""
+        data = sheet.encoded(2, 0, 0)
+        assert data is not None
+        _, height, _ = decoded(data)
+        return height[0, 0], height[192, 192], height[0, 192]
+
+    middle = 0.1 * 1.5  # of the four rows that a cell of this level is the mean of
+    assert seen() == pytest.approx((100 + middle, 200 + middle, np.nan), abs=2 * STEP_M, nan_ok=True)
+    sheet.take(drawn(tile((12, 12), height_m=201.0)))  # of the two halves one only
+    assert seen() == pytest.approx((100 + middle, 201 + middle, np.nan), abs=2 * STEP_M, nan_ok=True)
+    assert sheet.encoded(2, 1, 0) is None

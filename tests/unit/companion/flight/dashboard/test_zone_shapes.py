@@ -1,0 +1,57 @@
+"""Zones as the page draws them: how sure, and each outline made once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import params
+from companion.flight.dashboard import zone_shapes
+from companion.flight.dashboard.zone_shapes import Picture, sure
+from companion.flight.outputs.zone_outline import zone_polygon
+from slz import Report
+from tests.unit.companion.flight.landing.flight import Flight, zone
+
+
+def report(*ids: int) -> Report:
+    found = Flight([zone(n, 5.0 * n, 0.0) for n in ids]).situation().report
+    assert found is not None
+    return found
+
+
+@pytest.fixture
+def outlined(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return the numbers of the zones whose outlines are made, as they are."""
+    made: list[int] = []
+
+    def noted(of: Any, grid: Any) -> Any:
+        made.append(of.id)
+        return zone_polygon(of, grid)
+
+    monkeypatch.setattr(zone_shapes, "zone_polygon", noted)
+    return made
+
+
+def test_a_zone_is_drawn_as_sure_as_it_is() -> None:
+    parameters = params.load("quadcopter", ["confidence_factor=0.8", "uncertain_below=0.5"])
+    drawn = [sure(certainty, parameters) for certainty in (0.8, 0.79, 0.5, 0.49)]
+    assert drawn == ["certain", "less", "less", "uncertain"]
+
+
+def test_the_outline_of_a_zone_that_did_not_change_is_made_once(outlined: list[int]) -> None:
+    pictures, parameters = Picture(), params.load()
+    first = pictures.document(report(1, 2), parameters)
+    again = pictures.document(report(2, 3), parameters)
+    assert outlined == [1, 2, 3]
+    assert again["near"][0]["rings"] == first["near"][1]["rings"]
+
+
+def test_outlines_of_zones_long_gone_are_forgotten(
+    monkeypatch: pytest.MonkeyPatch, outlined: list[int]
+) -> None:
+    monkeypatch.setattr(zone_shapes, "MOST_HELD", 2)
+    pictures, parameters = Picture(), params.load()
+    for ids in ((1, 2), (1, 3), (1, 2)):  # 2 was not looked at for longer than 1
+        pictures.document(report(*ids), parameters)
+    assert outlined == [1, 2, 3, 2]

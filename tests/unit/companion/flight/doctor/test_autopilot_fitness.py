@@ -1,0 +1,227 @@
+"""The autopilot's parameters in flight: what is read when, what is told, and what is never called fine."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.doctor.autopilot_fitness import AGAIN_NS, Fitness
+from companion.flight.landing.situation import Severity
+from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.vehicle_state import VehicleState
+from params import required
+
+MS, S = 1_000_000, 1_000_000_000
+GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
+
+
+class Script:
+    """A vehicle that answers requests, as far as it is told to, and what the pilot is told."""
+
+    def __init__(self, autopilot: Autopilot, auto: bool = True, **values: float) -> None:
+        self.fitness = Fitness(auto)
+        self.vehicle = VehicleState(sysid=1, autopilot=autopilot, mode="LOITER")
+        self.values = {row.name: row.value for row in required(autopilot) if not row.optional} | values
+        self.lost: set[str] = set()
+        self.missing: set[str] = set()
+        self.connected, self.flying = True, False
+        self.now = 0
+        self.asked: list[str] = []
+
+    def run(self, seconds: float, **changes: Any) -> list[str]:
+        """Let time pass after a change, and return the texts."""
+        self.vehicle = replace(self.vehicle, **changes)
+        texts = []
+        for _ in range(round(seconds / 0.05)):
+            self.now += 50 * MS
+            for request in self.fitness.step(self.vehicle, self.connected, self.flying, self.now):
+                self.asked.append(request.param_id)
+                self._answer(self.asked[-1])
+            for severity, text in self.fitness.news():
+                assert len(text) <= 50, text
+                assert severity in (Severity.WARNING, Severity.INFO)
+                texts.append(text.removeprefix("SLZ: "))
+        return texts
+
+    def tell(self, name: str, value: float) -> None:
+        """Send a value that nobody asked for, as after a PARAM_SET of a ground station."""
+        self.values[name] = value
+        self._answer(name)
+
+    def _answer(self, name: str) -> None:
+        if name in self.missing:
+            self.fitness.take(mavlink.MAVLink_param_error_message(1, 191, name.encode(), -1, 1))
+        elif name in self.values and name not in self.lost:
+            self.fitness.take(self._value(name))
+
+    def _value(self, name: str) -> Any:
+        rows = {row.name: row for row in required(self.vehicle.autopilot)}
+        value, kind = self.values[name], mavlink.MAV_PARAM_TYPE_REAL32
+        if rows[name].integer:
+            value, kind = struct.unpack("<f", struct.pack("<i", int(value)))[0], mavlink.MAV_PARAM_TYPE_INT32
+        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, 900, 0)
+
+    def hand_over(self, seconds: float = 5.0) -> list[str]:
+        return self.run(seconds, armed=True, mode=GUIDED[self.vehicle.autopilot])
+
+
+AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+WRONG = pytest.mark.parametrize(
+    ("autopilot", "name", "value", "said"),
+    [
+        ("px4", "COM_OBL_RC_ACT", 0.0, "COM_OBL_RC_ACT is 0, needs 5"),
+        ("px4", "COM_OF_LOSS_T", 30.0, "COM_OF_LOSS_T is 30, needs 0.2 to 2"),
+        ("ardupilot", "PLND_ENABLED", 0.0, "PLND_ENABLED is 0, needs 1"),
+        ("ardupilot", "GUID_TIMEOUT", 60.0, "GUID_TIMEOUT is 60, needs 0.5 to 5"),
+    ],
+)
+
+
+@AUTOPILOTS
+def test_a_vehicle_set_up_for_us_is_fit_and_nothing_is_said(autopilot: Autopilot) -> None:
+    script = Script(autopilot)
+    assert not script.fitness.fit  # unknown
+    assert script.run(5) == []
+    assert script.fitness.fit
+    assert script.hand_over() == []
+    assert script.fitness.fit
+    assert script.fitness.summary() == {"read": True, "fit": True, "wrong": []}
+
+
+@WRONG
+def test_what_is_dangerous_is_told_at_the_start_and_refuses_a_landing_by_itself_at_each_hand_over(
+    autopilot: Autopilot, name: str, value: float, said: str
+) -> None:
+    script = Script(autopilot, **{name: value})
+    assert script.run(5) == [said]
+    assert not script.fitness.fit
+    assert script.fitness.texts == (said,)
+    for _ in range(2):
+        assert script.hand_over() == [f"no landing by itself: {name}"]
+        assert not script.fitness.fit
+        assert script.run(30, mode="LOITER") == []
+    assert script.fitness.summary()["wrong"][0]["name"] == name
+
+
+@WRONG
+def test_an_order_is_carried_out_and_warned_of(
+    autopilot: Autopilot, name: str, value: float, said: str
+) -> None:
+    script = Script(autopilot, auto=False, **{name: value})
+    assert script.run(5) == [said]
+    assert script.hand_over() == [f"landing is at risk: {name}"]
+    script.flying = True
+    assert script.run(5) == [f"landing is at risk: {name}"]
+
+
+def test_what_is_changed_in_flight_is_seen_at_the_next_hand_over() -> None:
+    script = Script("px4")
+    script.run(5)
+    script.values["COM_OBL_RC_ACT"] = 0.0  # by a ground station on another link
+    assert script.run(30) == []
+    assert script.hand_over() == ["COM_OBL_RC_ACT is 0, needs 5", "no landing by itself: COM_OBL_RC_ACT"]
+    assert not script.fitness.fit
+
+
+def test_between_the_hand_over_and_the_answers_it_is_not_fit() -> None:
+    script = Script("px4")
+    script.run(5)
+    script.lost = set(script.values)
+    script.hand_over(0.1)
+    assert not script.fitness.fit
+    assert script.fitness.faults == ()  # not known to be wrong
+
+
+def test_a_value_set_right_is_told_and_counts_at_once() -> None:
+    script = Script("px4", COM_OBL_RC_ACT=0.0)
+    script.hand_over()
+    script.tell("COM_OBL_RC_ACT", 5.0)
+    assert script.fitness.fit
+    assert script.run(1) == ["autopilot's parameters are right now"]
+    script.tell("COM_OBL_RC_ACT", 4.0)
+    assert not script.fitness.fit
+    assert script.run(1) == ["COM_OBL_RC_ACT is 4, needs 5"]
+
+
+@AUTOPILOTS
+def test_lost_answers_are_asked_for_again(autopilot: Autopilot) -> None:
+    script = Script(autopilot)
+    script.lost = set(script.values)
+    script.run(2)
+    script.lost = set()
+    assert script.run(5) == []
+    assert script.fitness.fit
+
+
+@AUTOPILOTS
+def test_what_cannot_be_read_is_said_and_not_fine_until_it_is(autopilot: Autopilot) -> None:
+    script = Script(autopilot)
+    name = next(row.name for row in required(autopilot) if row.critical)
+    script.lost = {name}
+    assert script.run(5) == [f"{name} could not be read"]
+    assert script.hand_over() == [f"no landing by itself: {name}"]
+    assert script.run(60) == []  # it is asked for again, and not told again
+    script.lost = set()
+    assert script.run(AGAIN_NS / S + 5) == ["autopilot's parameters are right now"]
+    assert script.fitness.fit
+
+
+@AUTOPILOTS
+def test_an_autopilot_that_answers_nothing_is_told_in_three_texts(autopilot: Autopilot) -> None:
+    script = Script(autopilot)
+    script.lost = set(script.values)
+    texts = script.run(20)
+    assert len(texts) == 3
+    assert texts[0].endswith("could not be read")
+    assert texts[2].endswith("more are wrong: see slz doctor")
+    assert not script.fitness.fit
+
+
+def test_what_the_autopilot_says_it_does_not_have_is_not_asked_for_again() -> None:
+    script = Script("ardupilot")
+    script.missing = {"PLND_TYPE"}
+    assert script.run(5) == ["PLND_TYPE is missing"]
+    assert script.asked.count("PLND_TYPE") == 1
+    assert not script.fitness.fit
+
+
+def test_a_parameter_of_another_version_is_no_fault_and_not_waited_for() -> None:
+    script = Script("px4")
+    assert {row.name for row in required("px4") if row.optional} >= {"EAV_EN", "MAN_OVERRIDE_SPD"}
+    assert script.run(0.5) == []
+    assert script.fitness.fit
+    assert script.fitness.summary()["read"]
+    assert script.run(10) == []
+
+
+def test_it_reads_again_after_a_reboot_and_after_a_lost_link() -> None:
+    script = Script("px4")
+    script.run(5)
+    script.values["COM_OBL_RC_ACT"] = 0.0
+    assert script.run(5, reboots=1) == ["COM_OBL_RC_ACT is 0, needs 5"]
+    script.values["COM_OBL_RC_ACT"] = 5.0
+    script.connected = False
+    assert script.run(5) == []
+    script.connected = True
+    assert script.run(5) == ["autopilot's parameters are right now"]
+
+
+@pytest.mark.parametrize("autopilot", ["other", "unknown"])
+def test_an_autopilot_that_is_not_known_is_not_fit(autopilot: Autopilot) -> None:
+    script = Script(autopilot)
+    assert script.run(5) == []
+    assert not script.fitness.fit
+
+
+def names(rows: Iterable[Any]) -> set[str]:
+    return {row.name for row in rows if row.critical}
+
+
+def test_what_makes_a_fall_of_the_companion_dangerous_is_critical() -> None:
+    assert names(required("px4")) == {"COM_OBL_RC_ACT", "COM_OF_LOSS_T"}
+    assert names(required("ardupilot")) == {"PLND_ENABLED", "PLND_TYPE", "PLND_STRICT", "GUID_TIMEOUT"}

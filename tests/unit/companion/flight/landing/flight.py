@@ -1,0 +1,180 @@
+"""A point mass that obeys orders, so that the executive can be flown without a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+import params
+from companion.flight.landing.executive import Executive
+from companion.flight.landing.situation import Orders, Phase, Severity, Situation
+from slz import (
+    Box,
+    Choice,
+    Grid,
+    LandingPoint,
+    LocalFrame,
+    MapReport,
+    PointState,
+    Report,
+    SelectedPoint,
+    Zone,
+)
+
+STEP_S = 0.1
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+GRID = Grid(-200, -200, 0.2, 2000, 2000)
+
+
+def zone(zone_id: int, east: float, north: float, clearance: float = 5.0, certainty: float = 0.99) -> Zone:
+    """A zone of which only what the executive reads is filled in."""
+    best = LandingPoint(np.array([east, north, 0.0]), clearance, 2 * clearance, 1.0, certainty)
+    empty = np.zeros((0, 2), np.int32)
+    return Zone(
+        id=zone_id,
+        box=Box(0, 1, 0, 1),
+        cells=np.ones((1, 1), np.uint8),
+        area_m2=100.0,
+        certainty=1.0,
+        n_safe=1,
+        n_unsafe=0,
+        n_uncertain=0,
+        slope_deg=1.0,
+        roughness=0.01,
+        boundary_cells=empty,
+        corners_enu_m=np.zeros((0, 3)),
+        obstacles=(),
+        best=best,
+    )
+
+
+class Flight:
+    """Executive, point mass and an operator's view of both."""
+
+    def __init__(
+        self, zones: list[Zone], *, auto: bool = True, height: float = 30.0, **settings: object
+    ) -> None:
+        self.parameters = params.build({"survey_s": 5.0, **settings})
+        self.executive = Executive(self.parameters, auto)
+        self.zones = zones
+        self.mode = "GUIDED"
+        self.state: Callable[[float, np.ndarray], PointState] = lambda _height, _point: PointState.SAFE
+        self.lidar_ok = True
+        self.armed = True
+        self.obeys = self.sinks = True
+        self.connected = self.heard = True
+        self.epoch = 0
+        self.estimate_is_off_m = np.zeros(3)
+        self.position = np.array([0.0, 0.0, height])
+        self.velocity = self.velocity_wanted = np.zeros(3)
+        self.selected: np.ndarray | None = None
+        self.time_s = 0.0
+        self.texts: list[str] = []
+        self.severities: list[Severity] = []
+        self.phases: list[Phase] = [Phase.IDLE]
+        self.orders: list[tuple[float, Phase, str, Orders]] = []
+        self.blind = False
+        self.battery_pct: float | None = 80.0
+        self.blocked: Callable[[Flight], bool] = lambda _flight: False
+        self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
+        self.failsafe = self.breached = self.switched = False
+        self.estimate_lost = self.cause = ""
+        self.target_lost_ns: int | None = None
+        self.gps_lost = False
+        self.sticks_us: tuple[int, int] | None = None
+        self.lost = "LiDAR lost"
+        self.far_zones: list[Zone] = []
+        self.prior_zones: list[Zone] = []
+
+    @property
+    def now_ns(self) -> int:
+        return round(self.time_s * 1e9)
+
+    def situation(self) -> Situation:
+        selected = None
+        if self.selected is not None:
+            state = self.state(float(self.position[2]), self.selected)
+            selected = SelectedPoint(self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None)
+        near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
+        choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
+        report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, False, 0, 0, False, {})
+        report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)))
+        return Situation(
+            now_ns=self.now_ns,
+            connected=self.connected,
+            armed=self.armed,
+            guided=self.mode == "GUIDED",
+            landing=self.mode == "LAND",
+            mode=self.mode,
+            on_ground=bool(self.position[2] < 0.05),
+            position_enu_m=None if self.blind else self.position + self.estimate_is_off_m,
+            velocity_enu_ms=None if self.blind else self.velocity.copy(),
+            height_above_home_m=float(self.position[2]),
+            lidar_ok=self.lidar_ok,
+            report=report,
+            selected=selected,
+            battery_pct=self.battery_pct,
+            blocked=self.blocked(self),
+            heard=self.heard,
+            epoch=self.epoch,
+            blind=self.lost,
+            failsafe=self.failsafe,
+            breached=self.breached,
+            estimate_lost=self.estimate_lost,
+            gps_lost=self.gps_lost,
+            cause=self.cause,
+            target_lost_ns=self.target_lost_ns,
+            sticks_us=self.sticks_us,
+            switched=self.switched,
+        )
+
+    def step(self) -> Orders:
+        orders = self.executive.step(self.situation())
+        self.orders.append((self.time_s, self.executive.phase, self.mode, orders))
+        self.texts += [text for _, text in orders.texts]
+        self.severities += [severity for severity, _ in orders.texts]
+        if self.executive.phase is not self.phases[-1]:
+            self.phases.append(self.executive.phase)
+        if orders.select_enu_m is not None:
+            self.selected = orders.select_enu_m
+        if self.obeys and orders.mode:
+            self.mode = orders.mode.upper()
+        if self.mode == "GUIDED" and orders.velocity_enu_ms is not None:
+            self.velocity_wanted = self.velocity = orders.velocity_enu_ms.copy()
+            if self.blocked(self):
+                self.velocity = self.velocity * [0, 0, 1]
+        elif self.mode == "LAND":
+            self.velocity = np.array([0.0, 0.0, -1.0 if self.sinks else 0.0])
+        elif self.mode not in ("GUIDED", "LAND"):
+            self.velocity = np.zeros(3)
+        self.velocity = self.velocity + self.push
+        self.position = self.position + self.velocity * STEP_S
+        self.position[2] = max(0.0, self.position[2])
+        self.time_s += STEP_S
+        return orders
+
+    def jump(self, *by_m: float) -> None:
+        """Let the position estimate jump; the vehicle stays, and the map begins anew."""
+        self.estimate_is_off_m = self.estimate_is_off_m + by_m
+        self.epoch += 1
+        self.selected = None
+
+    def until(self, done: Callable[[Flight], bool], limit_s: float = 300.0) -> Flight:
+        end = self.time_s + limit_s
+        while not done(self):
+            self.step()
+            assert self.time_s < end, f"not in {limit_s} s: {self.executive.phase} {self.texts}"
+        return self
+
+    def fly_to(self, phase: Phase) -> Flight:
+        return self.until(lambda f: f.executive.phase is phase)
+
+    def run(self, seconds: float) -> Flight:
+        for _ in range(round(seconds / STEP_S)):
+            self.step()
+        return self
+
+
+__all__ = ["FRAME", "GRID", "Flight", "Phase", "PointState", "replace", "zone"]

@@ -1,0 +1,150 @@
+"""MAV_CMD_USER_1: which order each number is, and which points are none."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.landing.operator_commands import Operator
+from companion.flight.landing.situation import Reply
+from companion.flight.link.command_server import OperatorCommand
+from slz import LocalFrame
+
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+SITUATION = SimpleNamespace(selected=None)
+
+
+class Executive:
+    """Notes what it is asked, and accepts all."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[Any, ...]] = []
+        self.turns = 0
+
+    def __getattr__(self, name: str) -> Any:
+        def order(*given: Any) -> Reply:
+            self.asked.append((name, *(g for g in given if g is not SITUATION)))
+            return Reply(accepted=True, reason="")
+
+        return order
+
+
+def desk(frame: LocalFrame | None = FRAME, selected: Any = None) -> tuple[Operator, Executive]:
+    executive = Executive()
+    situation = SITUATION if selected is None else SimpleNamespace(selected=selected)
+    companion: Any = SimpleNamespace(
+        executive=executive, situation=lambda: situation, history=SimpleNamespace(frame=frame),
+        parameters=SimpleNamespace(zone_m=500.0),
+    )  # fmt: skip
+    return Operator(companion), executive
+
+
+def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: Any) -> OperatorCommand:
+    four = (*params, 0.0, 0.0, 0.0, 0.0)[:4]
+    own = {"command": mavlink.MAV_CMD_USER_1, "frame": mavlink.MAV_FRAME_GLOBAL_INT} | more
+    own |= {"sender_system": 255, "sender_component": 190}
+    return OperatorCommand(params=four, x=at[0], y=at[1], z=at[2], **own)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("params", "asked"),
+    [
+        ((0.0,), ("abort",)),
+        ((1.0,), ("land_at_best",)),
+        ((2.0, 7.0), ("land_in_zone", 7)),
+        ((4.0,), ("land_now",)),
+        ((5.0, 9.0), ("watch_zone", 9)),
+        ((6.0,), ("land_at_selected",)),
+    ],
+)
+def test_each_number_is_its_order_and_no_other(params: tuple[float, ...], asked: tuple[Any, ...]) -> None:
+    operator, executive = desk()
+    assert operator.answer(command(*params)).result == mavlink.MAV_RESULT_ACCEPTED
+    assert executive.asked == [asked]
+
+
+@pytest.mark.parametrize(
+    "params", [(7.0,), (-1.0,), (1.5,), (math.nan,), (2.0, 1.5), (2.0, math.nan), (5.0, 0.1), (3.0, 2.0)]
+)
+def test_what_is_no_order_is_denied_and_nothing_is_done(params: tuple[float, ...]) -> None:
+    operator, executive = desk()
+    reply = operator.answer(command(*params))
+    assert reply.result == mavlink.MAV_RESULT_DENIED
+    assert reply.reason.startswith("SLZ: USER_1 knows no ")
+    assert executive.asked == []
+
+
+def test_another_command_is_not_ours() -> None:
+    operator, executive = desk()
+    assert (
+        operator.answer(command(1.0, command=mavlink.MAV_CMD_NAV_LAND)).result
+        == mavlink.MAV_RESULT_UNSUPPORTED
+    )
+    assert executive.asked == []
+
+
+@pytest.mark.parametrize(("land", "order"), [(0.0, "watch"), (1.0, "land_at_point")])
+@pytest.mark.parametrize("frame", [None, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT])
+def test_a_point_is_where_its_latitude_and_longitude_say(land: float, order: str, frame: int | None) -> None:
+    operator, executive = desk()
+    lat, lon, alt = (float(v) for v in FRAME.lla(np.array([30.0, -40.0, 5.0])))
+    assert (
+        operator.answer(command(3.0, land, at=(lat, lon, alt), frame=frame)).result
+        == mavlink.MAV_RESULT_ACCEPTED
+    )
+    ((name, enu),) = executive.asked
+    assert name == order
+    assert enu == pytest.approx([30.0, -40.0, 5.0], abs=1e-3)
+
+
+def test_a_point_without_an_altitude_is_level_with_home() -> None:
+    operator, executive = desk()
+    operator.answer(command(3.0, 0.0, at=(47.0, 8.0, math.nan)))
+    assert executive.asked[0][1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("at", "frame", "reason"),
+    [
+        ((47.0, 8.0, 0.0), mavlink.MAV_FRAME_LOCAL_NED, "needs frame GLOBAL"),
+        ((91.0, 8.0, 0.0), None, "no latitude, longitude"),
+        ((47.0, 181.0, 0.0), None, "no latitude, longitude"),
+        ((math.nan, 8.0, 0.0), None, "no latitude, longitude"),
+        ((47.0, math.inf, 0.0), None, "no latitude, longitude"),
+        ((47.01, 8.0, 400.0), None, "too far away"),
+    ],
+)
+def test_what_is_no_point_is_denied(at: tuple[float, float, float], frame: int | None, reason: str) -> None:
+    operator, executive = desk()
+    reply = operator.answer(command(3.0, 1.0, at=at, frame=frame))
+    assert reply.result == mavlink.MAV_RESULT_DENIED
+    assert reason in reply.reason
+    assert executive.asked == []
+
+
+def test_before_any_position_there_is_no_point() -> None:
+    operator, executive = desk(frame=None)
+    assert "no position yet" in operator.answer(command(3.0, 1.0, at=(47.0, 8.0, 0.0))).reason
+    assert executive.asked == []
+
+
+def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried_out() -> None:
+    operator, executive = desk()
+    landing, abort = operator.answer(command(1.0)), operator.answer(command(0.0))
+    assert (landing.always, landing.stands()) == (False, True)
+    assert abort.always
+    executive.turns += 1
+    assert not landing.stands()
+
+
+@pytest.mark.parametrize(
+    ("selected", "zone"),
+    [(None, 0), (SimpleNamespace(zone_id=None), 0), (SimpleNamespace(zone_id=4), 4)],
+)
+def test_the_zone_under_watch(selected: Any, zone: int) -> None:
+    assert desk(selected=selected)[0].watched_zone() == zone

@@ -1,0 +1,435 @@
+"""What each stage of a landing presumes of the vehicle: the table, and each reaction of it flown."""
+
+import numpy as np
+import pytest
+
+from companion.flight.landing.presumptions import TABLE, Presumption, Reaction, Stage
+from companion.flight.landing.situation import Orders, Phase, Severity
+from slz import PointState
+from tests import REPOSITORY
+from tests.unit.companion.flight.landing.flight import Flight, zone
+
+DOCS = REPOSITORY / "docs" / "reactions.md"
+GUIDED_PHASES = [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.CLIMB, Phase.HOLD]
+
+
+def flown_to(phase: Phase, **settings: object) -> Flight:
+    """A flight in a phase; climbing and holding after an abort in the descent."""
+    flight = Flight([zone(1, 20, 0)], **settings)
+    if phase in (Phase.CLIMB, Phase.HOLD):
+        flight.fly_to(Phase.DESCEND).run(3)
+        if phase is Phase.HOLD:
+            flight.executive.abort(flight.situation())
+        else:
+            flight.state = lambda _height, _point: PointState.UNSAFE
+        flight.fly_to(phase)
+    else:
+        flight.fly_to(phase)
+    return flight
+
+
+def commands(orders: Orders) -> bool:
+    return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
+
+
+def silent_since(flight: Flight, first: int) -> bool:
+    return not any(commands(orders) for *_, orders in flight.orders[first:])
+
+
+# ---- the table -------------------------------------------------------------------------------------
+
+
+def test_the_documented_table_is_the_one_that_flies() -> None:
+    lines = DOCS.read_text("utf-8").splitlines()
+    header = next(n for n, line in enumerate(lines) if line.startswith("| Presumption |"))
+    assert [cell.strip() for cell in lines[header].split("|")[2:-1]] == [stage.value for stage in Stage]
+    documented = {}
+    for line in lines[header + 2 :]:
+        if not line.startswith("|"):
+            break
+        name, *reactions = (cell.strip() for cell in line.split("|")[1:-1])
+        documented[name] = reactions
+    assert documented == {
+        presumption.value: [row[stage].value for stage in Stage] for presumption, row in TABLE.items()
+    }
+
+
+def test_every_reaction_is_explained() -> None:
+    text = DOCS.read_text("utf-8")
+    assert [reaction.value for reaction in Reaction if f"| {reaction.value} | " not in text] == []
+    assert set(TABLE) == set(Presumption)
+
+
+# ---- over the point --------------------------------------------------------------------------------
+
+
+def test_a_landing_pushed_off_the_point_is_broken_off() -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 9)
+    flight.push = np.array([0.8, 0.0, 0.0])
+    flight.fly_to(Phase.CLIMB)
+    assert np.hypot(*(flight.position - [20, 0, 0])[:2]) < 1.7
+    assert flight.executive.tally.abort_reasons[0].endswith("m off the point")
+    assert flight.mode == "GUIDED"
+
+
+def test_a_gust_that_is_over_in_a_moment_breaks_nothing_off() -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.position += [1.2, 0, 0]
+    flight.run(0.3)
+    flight.position -= [1.2, 0, 0]
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_below_commit_height_the_pilot_is_told_how_far_off_it_lands() -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 1.3)
+    flight.push = np.array([1.0, 0.0, 0.0])
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+    calls = [text for text in flight.texts if "off the point: take over" in text]
+    assert len(calls) == 1
+    assert flight.texts[-1].startswith("SLZ: landed 1.")
+    assert flight.severities[-1] is Severity.WARNING
+
+
+def test_a_landing_on_the_point_says_how_near_it_is() -> None:
+    flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
+    assert flight.texts[-1].startswith("SLZ: landed, 0.")
+    assert flight.executive.tally.off_point_m == pytest.approx(0, abs=0.2)
+
+
+def test_the_limit_is_a_parameter() -> None:
+    flight = flown_to(Phase.FINAL, off_point_m=5.0)
+    flight.position += [3.0, 0, 0]
+    flight.run(3)
+    assert flight.executive.phase is Phase.FINAL
+
+
+# ---- sticks ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("below_m", [9.0, 1.2])
+def test_a_stick_moved_in_the_landing_gives_the_vehicle_to_the_pilot(below_m: float) -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.sticks_us = (1504, 1497)
+    flight.until(lambda f: f.position[2] < below_m)
+    flight.sticks_us = (1800, 1497)
+    flight.run(0.5)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.texts[-1] == "SLZ: pilot moves the sticks in LAND: hands off"
+    assert flight.executive.tally.hands_off == 1
+    first = len(flight.orders)
+    flight.run(5)
+    assert silent_since(flight, first)
+
+
+def test_a_transmitter_that_rests_off_its_middle_or_twitches_is_no_pilot() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.sticks_us = (1620, 1380)
+    flight.fly_to(Phase.FINAL)
+    flight.sticks_us = (1650, 1350)
+    flight.run(1)
+    flight.sticks_us = (1740, 1350)
+    flight.step()
+    flight.sticks_us = (1620, 1380)
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.hands_off == 0
+
+
+def test_a_stick_held_since_before_the_landing_is_the_pilot_s() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.sticks_us = (1800, 1500)
+    flight.fly_to(Phase.FINAL).run(0.6)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.executive.tally.hands_off == 1
+
+
+@pytest.mark.parametrize("broken", ["sticks", "estimate"])
+def test_a_landing_that_wavers_about_the_commit_height_is_watched_all_the_same(broken: str) -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.sticks_us = (1500, 1500)
+    flight.sinks = False
+    flight.run(0.2)
+    commit_m = flight.parameters.commit_height_m
+    if broken == "sticks":
+        flight.sticks_us = (1800, 1500)
+    else:
+        flight.estimate_lost = "position"
+    for turn in range(30):
+        flight.position[2] = commit_m + (0.03 if turn % 2 else -0.03)
+        flight.run(0.1)
+    assert any(said in text for text in flight.texts for said in ("hands off", "take over"))
+
+
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND])
+def test_in_guided_phases_sticks_do_nothing(phase: Phase) -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.sticks_us = (1500, 1500)
+    flight.fly_to(phase)
+    flight.sticks_us = (1900, 1500)
+    flight.run(1)
+    assert flight.executive.tally.hands_off == 0
+    assert flight.executive.phase in (phase, Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
+
+
+# ---- failsafes and the estimate --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("phase", [*GUIDED_PHASES, Phase.FINAL])
+def test_a_mode_taken_by_the_autopilot_s_failsafe_is_not_the_pilot_s(phase: Phase) -> None:
+    flight = flown_to(phase)
+    flight.mode, flight.failsafe, flight.cause = "RTL", True, "Battery 1 low voltage"
+    first = len(flight.orders)
+    flight.run(8)
+    assert flight.executive.phase is Phase.FAILSAFE
+    assert silent_since(flight, first)
+    told = [text for text in flight.texts if "RTL" in text]
+    assert told == ["SLZ: failsafe (Battery 1 low voltage): RTL flies, take over"]
+    assert Severity.CRITICAL in flight.severities
+    assert flight.executive.tally.hands_off == 0
+    assert flight.executive.tally.failsafes == ["Battery 1 low voltage"]
+
+
+def test_a_fence_breach_takes_the_mode_without_a_failsafe_state() -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.mode, flight.breached, flight.cause = "RTL", True, "fence breached"
+    flight.run(1)
+    assert flight.executive.phase is Phase.FAILSAFE
+    assert "SLZ: failsafe (fence breached): RTL flies, take over" in flight.texts
+
+
+@pytest.mark.parametrize("phase", [*GUIDED_PHASES, Phase.FINAL])
+def test_a_lost_estimate_ends_all_commands_and_tells_the_pilot(phase: Phase) -> None:
+    flight = flown_to(phase)
+    flight.estimate_lost = "position"
+    flight.run(1.3)
+    assert flight.executive.phase is Phase.FAILSAFE
+    told = next(text for text in flight.texts if text.startswith("SLZ: failsafe"))
+    assert told.startswith("SLZ: failsafe (position lost): ")
+    assert told.endswith(" flies, take over")
+    first = len(flight.orders)
+    flight.run(10)
+    assert silent_since(flight, first)
+
+
+def test_an_estimate_lost_for_a_moment_changes_nothing() -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.estimate_lost = "velocity"
+    flight.run(0.6)
+    flight.estimate_lost = ""
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.failsafes == []
+
+
+def test_a_failsafe_that_leaves_the_mode_to_us_is_told_once_and_the_landing_goes_on() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.failsafe, flight.cause = True, "Battery 1 low voltage"
+    flight.fly_to(Phase.LANDED)
+    told = [text for text in flight.texts if "failsafe" in text]
+    assert told == ["SLZ: autopilot failsafe (Battery 1 low voltage): going on"]
+
+
+def test_a_failsafe_that_is_told_after_its_mode_is_not_left_to_the_pilot() -> None:
+    """PX4 tells of its mode at once, and of the failsafe with the next heartbeat."""
+    flight = flown_to(Phase.DESCEND)
+    flight.mode = "AUTO.LAND"
+    flight.run(0.8)
+    assert flight.texts[-1] == "SLZ: AUTO.LAND set, not by SLZ: hands off"
+    flight.failsafe, flight.cause = True, "Failsafe activated"
+    flight.run(0.2)
+    assert flight.executive.phase is Phase.FAILSAFE
+    assert flight.texts[-1] == "SLZ: failsafe (Failsafe activated): AUTO.LAND flies, take over"
+    assert (flight.executive.tally.hands_off, flight.executive.tally.failsafes) == (0, ["Failsafe activated"])
+
+
+def test_a_failsafe_long_after_the_pilot_took_over_is_none_of_ours() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.mode = "LOITER"
+    flight.run(3)
+    flight.failsafe = True
+    flight.run(1)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.executive.tally.hands_off == 1
+
+
+def test_a_gps_that_lost_its_fix_is_told_at_once_and_once() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.gps_lost = True
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost: the estimate drifts, be ready"
+    flight.run(5)
+    assert sum("GPS lost" in text for text in flight.texts) == 1
+
+
+def test_each_further_mode_of_a_failsafe_is_told() -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.mode, flight.failsafe = "RTL", True
+    flight.run(2)
+    flight.mode = "LAND"
+    flight.run(2)
+    assert flight.texts[-1] == "SLZ: failsafe: LAND flies, take over"
+
+
+def test_after_a_failsafe_nothing_begins_without_a_new_hand_over() -> None:
+    """PX4 returns to its guided mode by itself when setpoints arrive again."""
+    flight = flown_to(Phase.APPROACH)
+    flight.mode, flight.failsafe = "POSCTL", True
+    flight.run(5)
+    flight.mode, flight.failsafe = "GUIDED", False
+    flight.run(20)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.texts[-1] == "SLZ: failsafe over, GUIDED flies: hand over again"
+    flight.mode = "LOITER"
+    flight.run(2)
+    flight.mode = "GUIDED"
+    flight.fly_to(Phase.SURVEY)
+
+
+def test_an_order_of_the_operator_hands_over_again() -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.mode, flight.failsafe = "RTL", True
+    flight.run(2)
+    flight.mode, flight.failsafe = "GUIDED", False
+    flight.run(2)
+    assert flight.executive.land_at_best(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+
+
+@pytest.mark.parametrize("mode", ["GUIDED", "LOITER"])
+def test_without_an_estimate_no_order_to_land_is_taken(mode: str) -> None:
+    flight = Flight([zone(1, 20, 0)], auto=False).run(2)
+    flight.estimate_lost, flight.mode = "position", mode
+    order = flight.executive.land_at_best if mode == "GUIDED" else flight.executive.land_now
+    reply = order(flight.situation())
+    assert (reply.accepted, reply.reason) == (False, "position lost: fly by hand")
+
+
+def test_down_by_a_failsafe_is_not_landed() -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.estimate_lost = "position"
+    flight.until(lambda f: f.position[2] < 0.05).run(2)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.texts[-1] == "SLZ: on the ground by the autopilot's failsafe"
+
+
+def test_a_guided_mode_that_comes_back_by_itself_is_told_each_half_minute() -> None:
+    flight = Flight([zone(1, 10, 0)])
+    flight.mode, flight.failsafe = "LOITER", True
+    flight.run(3)
+    flight.mode, flight.failsafe = "GUIDED", False
+    flight.run(70)
+    assert flight.executive.phase is Phase.IDLE
+    assert flight.texts.count("SLZ: GUIDED without a hand-over: hand over again") == 3
+    flight.mode = "LOITER"
+    flight.run(1)
+    flight.mode = "GUIDED"
+    flight.fly_to(Phase.SURVEY)
+
+
+def test_a_start_in_the_middle_of_a_failsafe_begins_nothing() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.mode, flight.failsafe = "POSCTL", True
+    flight.run(3)
+    flight.mode, flight.failsafe = "GUIDED", False
+    flight.run(30)
+    assert flight.phases == [Phase.IDLE]
+
+
+# ---- who set the mode ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("switched", "text"),
+    [(True, "SLZ: pilot set LOITER: hands off"), (False, "SLZ: LOITER set, not by SLZ: hands off")],
+)
+def test_the_pilot_is_named_only_where_his_switch_was_seen(switched: bool, text: str) -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.mode, flight.switched = "LOITER", switched
+    flight.run(1)
+    assert flight.texts[-1] == text
+
+
+# ---- target, sinking, climbing ---------------------------------------------------------------------
+
+
+def test_a_target_that_the_autopilot_has_lost_breaks_the_landing_off() -> None:
+    flight = flown_to(Phase.FINAL).run(1)
+    flight.target_lost_ns = flight.now_ns
+    flight.run(0.3)
+    assert flight.executive.tally.abort_reasons == ["target lost"]
+
+
+def test_a_target_lost_in_the_landing_before_does_not_count() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.target_lost_ns = 1
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
+def test_a_landing_that_climbs_is_broken_off() -> None:
+    """PX4 climbs and searches when it has lost its target."""
+    flight = flown_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 6)
+    flight.push = np.array([0.0, 0.0, 2.0])
+    flight.run(2)
+    assert flight.executive.tally.abort_reasons == ["climbs in landing"]
+
+
+def test_the_jolt_of_the_change_to_land_breaks_nothing_off() -> None:
+    flight = flown_to(Phase.FINAL)
+    flight.push = np.array([0.0, 0.0, 1.8])
+    flight.run(1)
+    flight.push = np.zeros(3)
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.CLIMB, Phase.HOLD])
+def test_a_vehicle_that_sinks_unasked_calls_the_pilot(phase: Phase) -> None:
+    flight = flown_to(phase)
+    if phase is Phase.APPROACH:  # it waits over the point
+        flight.state = lambda _height, _point: PointState.UNKNOWN
+    flight.push = np.array([0.0, 0.0, -4.0])
+    flight.run(3.5)
+    assert flight.texts.count("SLZ: sinking: take over") == 1
+
+
+def test_a_descent_faster_than_asked_is_broken_off() -> None:
+    flight = Flight([zone(1, 20, 0)], height=60.0).fly_to(Phase.DESCEND)
+    flight.push = np.array([0.0, 0.0, -1.5])
+    flight.run(4)
+    assert flight.executive.tally.abort_reasons == ["sinking"]
+
+
+# ---- the end ---------------------------------------------------------------------------------------
+
+
+def test_the_target_is_streamed_until_the_vehicle_is_armed_again() -> None:
+    """ArduPilot calls the end of the stream "Target Lost" at CRITICAL, even when it has disarmed."""
+    flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
+    flight.run(2)
+    flight.armed = False
+    flight.run(2)
+    assert flight.orders[-1][3].target_enu_m is not None
+    flight.armed = True
+    flight.run(0.2)
+    assert flight.orders[-1][3].target_enu_m is None
+
+
+def test_lifted_off_again_it_has_no_target() -> None:
+    flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
+    flight.mode, flight.position[2] = "LOITER", 3.0
+    flight.run(0.2)
+    assert flight.orders[-1][3].target_enu_m is None
+
+
+@pytest.mark.parametrize("blind", ["link lost", "LiDAR lost", "map late"])
+def test_what_is_lost_is_called_by_its_name(blind: str) -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.lidar_ok, flight.lost = False, blind
+    flight.run(12)
+    thing, state = blind.split(" ")
+    assert f"SLZ: {blind}: holding" in flight.texts
+    assert f"SLZ: {thing} still {state}: take over" in flight.texts

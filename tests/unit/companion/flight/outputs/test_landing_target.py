@@ -1,0 +1,122 @@
+"""LANDING_TARGET: each autopilot's own frame, angles as it reads them, nothing from an old pose."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy.spatial.transform import Rotation
+
+from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.outputs.landing_target import landing_target, local_origin_enu_m
+from slz.frame import LocalFrame
+from tests.unit.companion.flight.outputs.pose import Pose, pose
+
+S = 1_000_000_000
+COORDINATE = st.floats(-200, 200)
+POINT = st.tuples(COORDINATE, COORDINATE, COORDINATE)
+ANGLE = st.floats(-math.pi, math.pi)
+ARDUPILOT = VehicleState(sysid=1, autopilot="ardupilot")
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+
+
+def px4(local_ned_m: tuple[float, float, float]) -> VehicleState:
+    """Return a PX4 at the origin of the map that gives itself this local position."""
+    return VehicleState(
+        sysid=1,
+        autopilot="px4",
+        position_lla=(FRAME.lat_deg, FRAME.lon_deg, FRAME.alt_m),
+        velocity_ned_ms=(0.0, 0.0, 0.0),
+        local_ned_m=local_ned_m,
+    )
+
+
+def target(point: Any, at: Pose, vehicle: VehicleState = ARDUPILOT, **kwargs: Any) -> Any:
+    options = {"now_ns": 10 * S, "pose_timeout_s": 0.5, "frame": FRAME} | kwargs
+    return landing_target(vehicle, point, at, **options)
+
+
+def test_a_point_ahead_and_below_of_a_vehicle_that_faces_east() -> None:
+    message = target((13, 5, 2), pose((10, 5, 12), yaw=math.pi / 2))
+    assert (message.frame, message.position_valid) == (mavlink.MAV_FRAME_BODY_FRD, 1)
+    assert (message.x, message.y, message.z) == pytest.approx((3, 0, 10), abs=1e-9)
+    assert message.distance == pytest.approx(math.sqrt(109))
+    assert message.time_usec == 10_000_000
+
+
+@given(POINT, POINT, ANGLE, ANGLE, ANGLE)
+def test_the_body_vector_turned_back_is_the_way_to_the_point(
+    point: Any, position: Any, roll: float, pitch: float, yaw: float
+) -> None:
+    message = target(point, pose(position, roll, pitch, yaw))
+    body = [message.x, message.y, message.z]
+    north, east, down = Rotation.from_euler("ZYX", [yaw, pitch, roll]).apply(body)
+    assert np.add(position, (east, north, -down)) == pytest.approx(np.array(point), abs=0.011)
+    assert message.distance > 0
+
+
+@given(POINT, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+def test_ardupilot_s_reading_of_the_angles_gives_the_same_direction(
+    position: Any, roll: float, pitch: float
+) -> None:
+    message = target(np.add(position, (1.0, 2.0, -20.0)), pose(position, roll, pitch, 1.0))
+    seen = np.array([-math.tan(message.angle_y), math.tan(message.angle_x), 1.0])
+    body = np.array([message.x, message.y, message.z])
+    assert seen / np.linalg.norm(seen) == pytest.approx(body / np.linalg.norm(body), abs=1e-6)
+
+
+def test_on_the_point_the_distance_is_still_positive() -> None:
+    message = target((1, 2, 3), pose((1, 2, 3)))
+    assert message.distance > 0
+    assert (message.x, message.y, message.z) == (0, 0, pytest.approx(0.01))
+
+
+def test_px4_gets_its_local_frame_and_our_own_clock() -> None:
+    message = target((3, 4, -10), pose((0, 0, 0)), px4((100.0, 200.0, -30.0)))
+    assert message.frame == mavlink.MAV_FRAME_LOCAL_NED
+    assert (message.x, message.y, message.z) == pytest.approx((104, 203, -20), abs=1e-6)
+    assert message.time_usec == 10_000_000
+
+
+def test_px4_gets_nothing_while_its_origin_is_unknown() -> None:
+    assert target((3, 4, -10), pose((0, 0, 0)), VehicleState(autopilot="px4")) is None
+    assert target((3, 4, -10), pose((0, 0, 0)), px4((1.0, 2.0, 3.0)), frame=None) is None
+
+
+def test_no_target_from_a_stale_or_broken_pose() -> None:
+    assert target((0, 0, 0), pose((0, 0, 9)), now_ns=10 * S + S // 2) is not None
+    assert target((0, 0, 0), pose((0, 0, 9)), now_ns=10 * S + S // 2 + 1) is None
+    assert target((0, 0, math.nan), pose((0, 0, 9))) is None
+    assert target((0, 0, 0), pose((math.inf, 0, 9))) is None
+
+
+def test_the_stamp_is_never_zero() -> None:
+    assert target((0, 0, 0), pose((0, 0, 9), stamp_ns=0), now_ns=0).time_usec == 1
+
+
+def test_the_local_origin_is_found_from_positions_of_different_times() -> None:
+    lat, lon, alt = FRAME.lla([30.0, 20.0, 10.0])
+    state = VehicleState(
+        position_lla=(float(lat), float(lon), float(alt)),
+        position_boot_ms=5100,
+        velocity_ned_ms=(4.0, 0.0, -1.0),
+        local_ned_m=(14.6, 5.0, -3.9),  # 0.1 s earlier: 0.4 m farther south, 0.1 m lower
+        local_boot_ms=5000,
+    )
+    assert local_origin_enu_m(FRAME, state) == pytest.approx([25.0, 5.0, 6.0], abs=1e-6)
+
+
+def test_positions_too_far_apart_in_time_give_no_origin() -> None:
+    state = VehicleState(
+        position_lla=(47.0, 8.0, 400.0),
+        position_boot_ms=5300,
+        velocity_ned_ms=(0.0, 0.0, 0.0),
+        local_ned_m=(0.0, 0.0, 0.0),
+        local_boot_ms=5000,
+    )
+    assert local_origin_enu_m(FRAME, state) is None

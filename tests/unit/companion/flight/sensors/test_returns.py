@@ -1,0 +1,76 @@
+"""What a batch of returns refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.flight.sensors.returns import RawReturns, Returns, join
+
+
+def columns(n: int) -> dict[str, Any]:
+    counts = {name: np.arange(1, n + 1, dtype=np.uint8) for name in ("intensity", "ring", "echo", "echoes")}
+    return {"xyz_sensor_m": np.ones((n, 3), np.float32), "stamp_ns": np.arange(n, dtype=np.int64), **counts}
+
+
+def batch(n: int) -> Returns:
+    return Returns(**columns(n))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"xyz_sensor_m": np.ones((2, 3))},
+        {"xyz_sensor_m": np.ones((3, 3), np.float32)},
+        {"xyz_sensor_m": np.ones((2, 2), np.float32)},
+        {"xyz_sensor_m": np.ones((4, 3), np.float32)[::2]},
+        {"stamp_ns": np.zeros(2)},
+        {"intensity": np.zeros(3, np.uint8)},
+        {"ring": np.zeros(2)},
+        {"echo": np.zeros(1, np.uint8)},
+        {"echoes": np.zeros(4, np.uint8)[::2]},
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        Returns(**(columns(2) | wrong))
+
+
+def test_nobody_changes_returns_later() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        batch(2).xyz_sensor_m[0, 0] = 5
+
+
+def test_join_keeps_the_order_of_every_column() -> None:
+    joined = join([batch(2), batch(3)])
+    assert joined.stamp_ns.tolist() == [0, 1, 0, 1, 2]
+    for name in ("intensity", "ring", "echo", "echoes"):
+        assert getattr(joined, name).tolist() == [1, 2, 1, 2, 3]
+
+
+def test_a_part_keeps_the_order_of_every_column() -> None:
+    part = batch(4).part(np.array([True, False, False, True]))
+    assert [part.stamp_ns.tolist(), part.ring.tolist(), part.echo.tolist()] == [[0, 3], [1, 4], [1, 4]]
+    assert batch(4).part(slice(1, None, 2)).intensity.tolist() == [2, 4]
+
+
+def test_joined_returns_bear_the_least_pitch_of_any_and_so_does_a_part_of_them() -> None:
+    steady = RawReturns(*columns(2).values(), most_pitch_rad=0.2).later(0)
+    joined = join([batch(2), steady, batch(1)])
+    assert joined.most_pitch_rad == joined.part(slice(0, 1)).most_pitch_rad == 0.2
+    assert batch(2).most_pitch_rad == np.inf
+
+
+def test_plain_returns_are_one_of_one() -> None:
+    plain = Returns.plain(np.ones((2, 3), np.float32), np.zeros(2, np.int64))
+    assert plain.intensity.tolist() == [0, 0]
+    assert (plain.ring.tolist(), plain.echo.tolist(), plain.echoes.tolist()) == ([0, 0], [1, 1], [1, 1])
+
+
+def test_another_clock_changes_nothing_but_the_stamps() -> None:
+    xyz, stamps, *rest = columns(2).values()
+    returns = RawReturns(xyz, stamps, *rest).later(10**18)
+    assert returns.stamp_ns.tolist() == [10**18, 10**18 + 1]
+    assert [returns.intensity, returns.ring, returns.echo, returns.echoes] == rest

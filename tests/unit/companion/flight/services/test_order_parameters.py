@@ -1,0 +1,153 @@
+"""Orders as parameters, as a ground station sets them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, cast
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.landing.operator_commands import (
+    ABORT,
+    CONFIRM,
+    LAND_AT_BEST,
+    LAND_NOW,
+    SELECT,
+    Operator,
+)
+from companion.flight.landing.situation import Reply
+from companion.flight.services import order_parameters
+from companion.flight.services.order_parameters import REPEAT_NS, OrderParameters
+from companion.flight.services.parameter_server import ParameterServer
+from params import Row, rows
+from tests import REPOSITORY
+from tests.unit.companion.flight.link.messages import received
+
+US = (1, 191)
+
+
+class Listener:
+    """Notes the orders in place of the executive."""
+
+    def __init__(self) -> None:
+        self.orders: list[tuple[int, int]] = []
+        self.watched = 0
+        self.turns = 0
+        self.refuses = ""
+
+    def order(self, what: int, which: int = 0) -> Reply:
+        self.orders.append((what, which))
+        if self.refuses:
+            return Reply(False, self.refuses)
+        if what == SELECT and which != 7:
+            return Reply(False, f"no zone {which}")
+        self.watched = which if what == SELECT else self.watched
+        return Reply(True, "landing")
+
+    def watched_zone(self) -> int:
+        return self.watched
+
+
+class Desk:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_ns, self.listener = 10**9, Listener()
+        monkeypatch.setattr(order_parameters, "now_ns", lambda: self.now_ns)
+        self.server = ParameterServer(OrderParameters(cast(Operator, self.listener)))
+        self.texts: list[tuple[str, bool]] = []
+        self.server.told.subscribe(lambda *text: self.texts.append(text))
+
+    def set(self, name: str, value: float) -> list[tuple[str, Any]]:
+        message = mavlink.MAVLink_param_set_message(*US, name.encode(), value, mavlink.MAV_PARAM_TYPE_INT32)
+        answers = self.server.take(received(message, 255, 190), *US)
+        return [(m.get_type(), getattr(m, "param_value", None)) for m in answers]
+
+    def later(self) -> list[float]:
+        return [m.param_value for at in range(0, 10**9, 10**7) for m in self.server.poll(at)]
+
+
+@pytest.fixture
+def desk(monkeypatch: pytest.MonkeyPatch) -> Desk:
+    return Desk(monkeypatch)
+
+
+@pytest.mark.parametrize(("value", "order"), [(1, LAND_AT_BEST), (2, CONFIRM), (3, LAND_NOW), (4, ABORT)])
+def test_an_order_is_carried_out_read_back_and_reads_as_none(desk: Desk, value: int, order: int) -> None:
+    assert desk.set("SLZ_DO", value) == [("PARAM_VALUE", value)]
+    assert desk.listener.orders == [(order, 0)]
+    assert desk.later() == [0]
+    assert desk.texts == [(f"SLZ: SLZ_DO {value}: landing", True)]
+
+
+def test_a_zone_is_selected(desk: Desk) -> None:
+    assert desk.set("SLZ_SELECT", 7) == [("PARAM_VALUE", 7)]
+    assert desk.listener.orders == [(SELECT, 7)]
+    assert desk.later() == []
+
+
+def test_a_refused_order_tells_the_reason(desk: Desk) -> None:
+    assert desk.set("SLZ_SELECT", 8) == [("PARAM_ERROR", None), ("PARAM_VALUE", 0)]
+    assert desk.texts == [("SLZ: SLZ_SELECT 8: no zone 8", False)]
+
+
+@pytest.mark.parametrize("value", [5, -1, 0.5, float("nan"), 1e9])
+def test_what_is_no_order_is_refused_and_orders_nothing(desk: Desk, value: float) -> None:
+    assert desk.set("SLZ_DO", value)[0][0] == "PARAM_ERROR"
+    assert desk.listener.orders == []
+
+
+def test_a_parameter_set_again_for_a_lost_answer_is_one_order(desk: Desk) -> None:
+    desk.set("SLZ_DO", 1)
+    desk.now_ns += REPEAT_NS // 2
+    assert desk.set("SLZ_DO", 1) == [("PARAM_VALUE", 1)]
+    desk.now_ns += REPEAT_NS
+    desk.set("SLZ_DO", 1)
+    assert desk.listener.orders == [(LAND_AT_BEST, 0)] * 2
+
+
+def test_an_abort_is_carried_out_each_time_it_comes(desk: Desk) -> None:
+    for _ in range(3):
+        desk.now_ns += REPEAT_NS // 10
+        desk.set("SLZ_DO", 4)
+    assert desk.listener.orders == [(ABORT, 0)] * 3
+
+
+@pytest.mark.parametrize(("name", "value"), [("SLZ_DO", 1), ("SLZ_SELECT", 7)])
+def test_a_refused_order_is_asked_anew_at_once(desk: Desk, name: str, value: int) -> None:
+    desk.listener.refuses = "set GUIDED first"
+    assert desk.set(name, value)[0][0] == "PARAM_ERROR"
+    desk.now_ns += REPEAT_NS // 2
+    desk.listener.refuses = ""
+    assert desk.set(name, value) == [("PARAM_VALUE", value)]
+    assert len(desk.listener.orders) == 2
+
+
+@pytest.mark.parametrize(("name", "value"), [("SLZ_DO", 1), ("SLZ_SELECT", 7)])
+def test_an_order_that_another_one_or_the_pilot_ended_is_meant_anew(
+    desk: Desk, name: str, value: int
+) -> None:
+    desk.set(name, value)
+    desk.listener.turns += 1
+    desk.now_ns += REPEAT_NS // 2
+    desk.set(name, value)
+    assert len(desk.listener.orders) == 2
+
+
+def test_saved_parameters_loaded_back_order_nothing(desk: Desk) -> None:
+    assert desk.set("SLZ_DO", 0) == [("PARAM_VALUE", 0)]
+    assert desk.set("SLZ_SELECT", 0) == [("PARAM_VALUE", 0)]
+    assert desk.listener.orders == []
+
+
+def test_the_actions_for_qgroundcontrol_are_orders_of_ours() -> None:
+    """Format: docs.qgroundcontrol.com, Custom MAVLink Actions."""
+    file = json.loads((REPOSITORY / "docs" / "qgroundcontrol_actions.json").read_text())
+    assert (file["version"], file["fileType"]) == (1, "MavlinkActions")
+    assert {(a["mavCmd"], a["compId"]) for a in file["actions"]} == {(mavlink.MAV_CMD_USER_1, 191)}
+    assert [a["param1"] for a in file["actions"]] == [LAND_AT_BEST, CONFIRM, LAND_NOW, ABORT]
+
+
+def test_their_names_are_nobody_else_s() -> None:
+    taken = {row.mavlink for row in rows()} | {row.name for row in rows()}
+    own: tuple[Row, ...] = (order_parameters.SELECT_ROW, order_parameters.DO_ROW)
+    assert not taken & {name for row in own for name in (row.mavlink, row.name)}

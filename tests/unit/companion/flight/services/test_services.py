@@ -1,0 +1,150 @@
+"""What the services remember, and when the vehicle gets rally points at all."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import params
+from companion.flight.link.link import Link
+from companion.flight.link.mission_protocol import RallyPoint
+from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.link.wire.signing import MARGIN_TICKS, Signing, wall_ticks
+from companion.flight.services.services import RALLY_FILE, SIGNING_FILE, Services, start_signing
+from companion.flight.services.settings import Settings
+from companion.runtime.state_directory import StateDir
+from slz import LocalFrame
+
+
+def test_signing_goes_on_from_the_timestamp_that_was_kept(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    state = StateDir(tmp_path)
+    first = start_signing(key, state)
+    assert first.next_tick() >= wall_ticks() - 100_000
+    ahead = first.tick + 10**9  # the date is set back by almost three hours
+    state.write(SIGNING_FILE, f"{ahead}\n")
+    second = start_signing(key, state)
+    assert (second.secret, second.next_tick()) == (bytes(range(32)), ahead + MARGIN_TICKS + 1)
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [b"", b"\0" * 16, b"\xff\xfe\x80", b"-1\n", b"%d\n" % 2**48, b"9" * 5000],
+    ids=lambda b: repr(b[:20]),
+)
+def test_a_damaged_timestamp_is_told_and_signing_begins_with_the_date(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, damaged: bytes
+) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o600)
+    (tmp_path / SIGNING_FILE).write_bytes(damaged)
+    signing = start_signing(key, StateDir(tmp_path))
+    assert wall_ticks() - 1_000_000 <= signing.next_tick() <= wall_ticks() + 1_000_000
+    (line,) = (record.getMessage() for record in caplog.records if record.levelname == "WARNING")
+    assert line.startswith(f"{tmp_path / SIGNING_FILE}: ")
+    assert "is no timestamp" in line
+
+
+def services(state: StateDir | None = None, **values: Any) -> tuple[Services, Settings, Any]:
+    link = SimpleNamespace(
+        vehicle=VehicleState(position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0, armed=True),
+        subscribe=lambda *_, **__: None,
+    )
+    settings = Settings(params.build(values))
+    return Services(cast(Link, link), settings, None, state), settings, link
+
+
+def report() -> Any:
+    best = SimpleNamespace(enu_m=np.zeros(3), certainty=0.99)
+    return SimpleNamespace(
+        frame=LocalFrame(47.0, 8.0, 400.0), near=SimpleNamespace(zones=(SimpleNamespace(best=best),))
+    )
+
+
+def test_points_are_wanted_while_armed_and_switched_on_and_none_are_touched_without_a_report() -> None:
+    served, settings, link = services()
+    given = report()
+    served.report = lambda: given
+    assert served._wanted_points() == ()
+    assert settings.change("rally", "on").accepted
+    wanted = served._wanted_points()
+    assert wanted is not None
+    assert [p.alt_m for p in wanted] == [20]
+    served.report = lambda: None
+    assert served._wanted_points() is None
+    link.vehicle = VehicleState(position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0)
+    assert served._wanted_points() == ()
+
+
+def test_points_of_an_earlier_run_are_read_and_a_broken_line_is_left_out(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = StateDir(tmp_path)
+    state.write(RALLY_FILE, "470000000 80000000 20\nhome\n9999999999 0 0\n1 2\n")
+    served, _, _ = services(state)
+    assert served.rally.ours == (RallyPoint(470_000_000, 80_000_000, 20),)
+    assert len(caplog.records) == 3
+
+
+def test_points_of_which_only_bytes_are_left_are_none(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / RALLY_FILE).write_bytes(b"\xff\xfe\x80\0\0")
+    served, _, _ = services(StateDir(tmp_path))
+    assert served.rally.ours == ()
+    assert len(caplog.records) == 1
+
+
+async def test_what_is_remembered_survives_a_power_cut_and_the_event_loop_never_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[tuple[str, bool]] = []
+
+    def fsync(descriptor: int) -> None:
+        name = Path(f"/proc/self/fd/{descriptor}").readlink().name.lstrip(".").partition(".")[0]
+        synced.append((name, threading.current_thread() is threading.main_thread()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    served, _, _ = services(StateDir(tmp_path))
+    served._signing = Signing(bytes(32), wall=lambda: 10**9)
+    monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
+    served._send_mission([])
+    assert synced == []
+    task = asyncio.create_task(served.run())
+    async with asyncio.timeout(5):
+        while len(synced) < 2:
+            await asyncio.sleep(0)
+    assert synced == [("rally", False), ("signing", False)]
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    assert synced[2:] == [("signing", True)]  # the last one, when nothing flies any more
+    assert StateDir(tmp_path).read(SIGNING_FILE) == f"{10**9}\n"
+
+
+async def test_points_and_timestamps_that_cannot_be_kept_are_warned_of_and_the_flight_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    state = StateDir(tmp_path)
+    served, _, link = services(state)
+    sent: list[str] = []
+    link.send = sent.append
+    monkeypatch.setattr(state, "write", lambda *_, **__: "No space left on device")
+    monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
+    served._signing = cast(Any, SimpleNamespace(tick=7, to_save=lambda: 7))
+    served._send_mission(["a message"])
+    await served._save_timestamp()
+    assert sent == ["a message"]
+    assert [record.getMessage() for record in caplog.records] == [
+        "our rally points are not remembered: No space left on device",
+        "the timestamp of signing is not kept: No space left on device",
+    ]

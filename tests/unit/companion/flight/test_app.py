@@ -1,0 +1,319 @@
+"""What the application does with the executive's orders, without sockets."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import params
+from companion.flight.app import Companion, _Stopped
+from companion.flight.landing.situation import Orders, Phase
+from companion.flight.link.command import CommandResult
+from companion.flight.link.vehicle_state import VehicleState
+from companion.runtime.clock import now_ns
+from slz import LocalFrame, Scan
+from tests.ports import free_port
+
+FLYING = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True, reported_landed="in_air")
+
+
+class Cockpit:
+    """A companion whose orders are given by the test, and what it sends."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.companion = Companion(
+            "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False
+        )
+        self.sent: list[Any] = []
+        self.asked: list[str] = []
+        self.ended: list[str] = []
+        self.orders = Orders()
+        monkeypatch.setattr(self.companion.link, "send", self.sent.append)
+        monkeypatch.setattr(self.companion.link, "set_mode", self._set_mode)
+        monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.orders)
+        self.companion.executive.phase = Phase.CLIMB
+
+    async def _set_mode(self, name: str) -> CommandResult:
+        self.asked.append(name)
+        try:
+            await asyncio.sleep(60)  # no answer comes
+        except asyncio.CancelledError:
+            self.ended.append(name)
+            raise
+        return CommandResult(0, "timeout")
+
+    async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
+        heard_ns = now_ns() - round(heard_s_ago * 1e9)
+        self.companion.link._inbox.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
+        self.companion._tick()
+        await asyncio.sleep(0.01)
+
+    def velocities(self) -> list[tuple[float, float, float]]:
+        kind = "SET_POSITION_TARGET_LOCAL_NED"
+        return [(m.vx, m.vy, m.vz) for m in self.sent if m.get_type() == kind]
+
+
+@asynccontextmanager
+async def cockpit(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Cockpit]:
+    made = Cockpit(monkeypatch)
+    yield made
+    if made.companion._mode_change is not None:
+        made.companion._mode_change.cancel()
+    made.companion.worker.close()
+
+
+@pytest.mark.parametrize(("mode", "heard_s_ago"), [("GUIDED", 0.0), ("LAND", 3.0)])
+async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
+    monkeypatch: pytest.MonkeyPatch, mode: str, heard_s_ago: float
+) -> None:
+    """A try after that would undo what the pilot chose in between."""
+    async with cockpit(monkeypatch) as seat:
+        seat.orders = Orders(mode="guided", velocity_enu_ms=np.zeros(3))
+        await seat.tick("LAND")
+        assert seat.asked == ["GUIDED"]
+        seat.orders = Orders(velocity_enu_ms=np.zeros(3))
+        await seat.tick("LAND")
+        assert not seat.ended
+        await seat.tick(mode, heard_s_ago)
+        assert seat.ended == ["GUIDED"]
+
+
+@pytest.mark.parametrize("phase", [Phase.CLIMB, Phase.HOLD, Phase.SURVEY, Phase.APPROACH])
+async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_off(
+    monkeypatch: pytest.MonkeyPatch, phase: Phase
+) -> None:
+    """A try after that would land the vehicle where it is."""
+    async with cockpit(monkeypatch) as seat:
+        seat.companion.executive.phase = Phase.FINAL
+        seat.orders = Orders(mode="land")
+        await seat.tick("GUIDED")
+        seat.orders = Orders()
+        await seat.tick("GUIDED")
+        assert not seat.ended
+        seat.companion.executive.phase = phase
+        await seat.tick("GUIDED")
+        assert seat.ended == ["LAND"]
+
+
+async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ArduPilot flies on for three seconds with the last velocity that it was given."""
+    async with cockpit(monkeypatch) as seat:
+        companion = seat.companion
+        await seat.tick("GUIDED")
+        seat.orders = Orders(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
+        deciding = asyncio.create_task(companion._decide())
+        await asyncio.sleep(0.12)
+        companion.stop()
+        with pytest.raises(_Stopped):
+            await companion._wait_for_stop()
+        deciding.cancel()
+        assert seat.velocities()[0] == (0.0, 4.0, 0.0)
+        assert seat.velocities()[-1] == (0.0, 0.0, 0.0)
+
+
+async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+
+        async def refuse(name: str) -> CommandResult:
+            seat.asked.append(name)
+            return CommandResult(0, "denied", 1)
+
+        monkeypatch.setattr(seat.companion.link, "set_mode", refuse)
+        monkeypatch.setattr("companion.flight.app.ASK_AGAIN_S", 0.2, raising=False)
+        seat.orders = Orders(mode="guided")
+        for _ in range(10):
+            await seat.tick("LOITER")
+        assert len(seat.asked) == 1
+        await asyncio.sleep(0.2)
+        await seat.tick("LOITER")
+        assert len(seat.asked) == 2
+
+
+@pytest.mark.parametrize(
+    ("window_s", "age_s", "fresh"), [(1.0, 2.9, True), (1.0, 3.1, False), (2.0, 3.9, True)]
+)
+async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
+    monkeypatch: pytest.MonkeyPatch, window_s: float, age_s: float, fresh: bool
+) -> None:
+    """The pipeline gathers up to two seconds where returns are few."""
+    async with cockpit(monkeypatch) as seat:
+        seat.companion.worker._windower.window_s = window_s
+        now = now_ns()
+        seat.companion._last_report_ns = now - round(age_s * 1e9)
+        assert seat.companion._report_is_fresh(now) is fresh
+
+
+@pytest.mark.parametrize(
+    ("lidar_s", "seen_s", "fresh"),
+    [(0.1, 0.1, True), (1.9, 0.1, False), (None, 0.1, False), (0.1, 1.9, False)],
+)
+async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
+    lidar_s: float | None, seen_s: float, fresh: bool
+) -> None:
+    """In dust the LiDAR sends packets without a return; one whose cable broke sends none."""
+    companion = Companion(
+        "udpin:127.0.0.1:14550",
+        "livox:127.0.0.1:56301",
+        params.load("quadcopter", ["lidar_timeout_s=1"]),
+        auto=False,
+        radar_url="radar:127.0.0.1:7611",
+    )
+    now = now_ns()
+    companion._last_scan_ns = now - round(seen_s * 1e9)
+    companion.lidar.stream.last_arrival_ns = None if lidar_s is None else now - round(lidar_s * 1e9)  # type: ignore[attr-defined]
+    assert companion._scans_are_fresh(now) is fresh
+    companion.worker.close()
+
+
+PX4 = replace(FLYING, autopilot="px4", local_ned_m=(3.0, -4.0, -12.0), local_boot_ms=9_900, boot_ms=10_000)
+VELOCITIES, PLACE = 0b000111000, 0b000000111  # what a mask of the message ignores
+ACCELERATIONS = 0b111000000
+
+
+async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It enters that mode only while they arrive; few are enough, and on the ground none are due."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick("AUTO.LOITER")
+        await seat.tick("AUTO.LOITER")
+        assert len(seat.velocities()) == 1
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, reported_landed="on_ground"))
+        seat.companion._last_open_ns = 0
+        await seat.tick("AUTO.LOITER")
+        assert len(seat.velocities()) == 1
+
+
+@pytest.mark.parametrize("mode", ["POSCTL", "AUTO.MISSION", "AUTO.LOITER", "AUTO.RTL"])
+async def test_px4_is_told_no_velocity_in_a_mode_of_the_pilot(
+    monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    """A version that mixes a companion's velocities into Position mode and missions would be braked."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick(mode)
+        (signal,) = [m for m in seat.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+        assert signal.type_mask & VELOCITIES == VELOCITIES
+        assert signal.type_mask & ACCELERATIONS == ACCELERATIONS
+        assert signal.type_mask & PLACE == 0  # all ignored would not open OFFBOARD
+        assert (signal.x, signal.y, signal.z) == (3.0, -4.0, -12.0)
+
+
+async def test_px4_is_told_to_stop_in_offboard_until_an_order_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick("OFFBOARD")
+        (signal,) = [m for m in seat.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
+        assert (signal.vx, signal.vy, signal.vz) == (0.0, 0.0, 0.0)
+        assert signal.type_mask & VELOCITIES == 0
+        assert signal.type_mask & PLACE == PLACE
+
+
+@pytest.mark.parametrize("stale", [{"local_ned_m": None}, {"local_boot_ms": 9_000}])
+async def test_px4_is_told_no_place_that_is_not_its_own(
+    monkeypatch: pytest.MonkeyPatch, stale: dict[str, Any]
+) -> None:
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, **stale))
+        await seat.tick("AUTO.LOITER")
+        assert seat.velocities() == []
+
+
+@pytest.mark.parametrize(("heard_s_ago", "known"), [(1.0, True), (2.1, True), (2.6, False)])
+async def test_the_mode_is_known_at_one_heartbeat_a_second_of_which_one_is_lost(
+    monkeypatch: pytest.MonkeyPatch, heard_s_ago: float, known: bool
+) -> None:
+    """PX4's heartbeat cannot be made faster."""
+    async with cockpit(monkeypatch) as seat:
+        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        await seat.tick("OFFBOARD", heard_s_ago)
+        assert seat.companion.situation().heard is known
+
+
+def scan(stamp_ns: int) -> Scan:
+    points = np.array([[1.0, 2.0, -20.0], [2.0, 2.0, -20.0]])
+    return Scan(points, np.full(2, stamp_ns), np.zeros(3), LocalFrame(47.0, 8.0, 400.0))
+
+
+async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with cockpit(monkeypatch) as seat:
+        companion, begun, offered = seat.companion, [], []
+        monkeypatch.setattr(companion.worker, "restart", lambda: begun.append("map"))
+        monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        companion.link.ready = True
+        companion._on_scan(scan(1))
+        companion._on_radar_scan(scan(2))
+        assert (len(begun), len(offered)) == (0, 2)
+        companion.history.epoch += 1
+        companion._on_radar_scan(scan(3))  # it may still be of the frame before
+        assert (len(begun), len(offered)) == (0, 2)
+        companion._on_scan(scan(4))
+        companion._on_radar_scan(scan(5))
+        assert (len(begun), len(offered)) == (1, 3)
+        assert "the position estimate jumped: mapping anew" in caplog.text
+
+
+async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Else the map's end would take the point that the executive has just moved with the estimate."""
+    async with cockpit(monkeypatch) as seat:
+        companion, point, done, offered = seat.companion, np.array([1.0, 2.0, 0.0]), [], []
+        monkeypatch.setattr(companion.worker, "restart", lambda: done.append("map"))
+        monkeypatch.setattr(companion.worker, "select", lambda _point: done.append("point"))
+        monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        companion.link.ready = True
+        seat.orders = Orders(select_enu_m=point)
+        companion.history.epoch += 1
+        await seat.tick("GUIDED")
+        companion._on_scan(scan(1))  # it may still be of the frame before
+        assert (done, offered) == (["map", "point"], [])
+        companion._on_scan(scan(2))
+        assert (done, len(offered)) == (["map", "point"], 1)
+
+
+async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+        begun: list[str] = []
+        monkeypatch.setattr(seat.companion.worker, "restart", lambda: begun.append("map"))
+        seat.companion._on_scan(scan(1))
+        seat.companion.link.on_reboot.emit()
+        seat.companion._on_scan(scan(2))
+        assert begun == ["map"]
+
+
+async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with cockpit(monkeypatch) as seat:
+        offered: list[Scan] = []
+        monkeypatch.setattr(seat.companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        seat.companion.link.ready = False
+        seat.companion._on_scan(scan(1))
+        assert offered == []
+        seat.companion.link.ready = True
+        seat.companion._on_scan(scan(2))
+        assert len(offered) == 1
+
+
+async def test_a_radar_and_a_view_run_and_end_with_the_companion(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def warm_up() -> None: ...
+
+    ports = [free_port() for _ in range(3)]
+    companion = Companion(
+        f"udpin:127.0.0.1:{ports[0]}", f"livox:127.0.0.1:{ports[1]}", params.load(), auto=False,
+        radar_url=f"radar:127.0.0.1:{ports[2]}", foxglove_port=0,
+    )  # fmt: skip
+    monkeypatch.setattr(companion.worker, "warm_up", warm_up)
+    companion.on_ready.subscribe(companion.stop)
+    await companion.run()
+    assert companion.live is not None
+    assert companion.summary["phase"] == "idle"
+    assert companion.summary["radar"]["packets"] == 0
+    with pytest.raises(ConnectionRefusedError):  # nobody listens any more
+        await asyncio.open_connection("127.0.0.1", companion.live.port)

@@ -1,0 +1,234 @@
+"""Kernels are compiled before anything else where none are yet, or where they are old."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Self
+
+import pytest
+
+from companion.cli import program
+from companion.runtime import kernel_compilation
+from companion.runtime.interrupt import Interrupted
+
+EVERYTHING = kernel_compilation.OF_SOURCE_MODE | kernel_compilation.SELDOM
+IMPORTS_ROWS = "from slz.kernels.growable_array import (\n    b,\n)\n"
+EAGER = '@kernel("int64(int64)")\n'
+KERNELS = ("slz/kernels/points/voxels", "companion/flight/fusion/placement")
+OF_SOME_SENSORS = {"companion.flight.sensors.decoders.velodyne_points"}
+PYTHON = f"py{sys.version_info.major}{sys.version_info.minor}"
+
+
+@pytest.fixture
+def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of sources in the place of ours, nothing of it compiled; the home is beside it."""
+    monkeypatch.setattr(kernel_compilation, "ROOT", tmp_path / "program")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    for name in (*KERNELS, "slz/kernels/paper/search", "slz/kernels/jit"):
+        path = tmp_path / "program" / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("" if name.endswith("jit") else EAGER)
+        os.utime(path, (1000, 1000))
+    return tmp_path / "program"
+
+
+def compiled(folder: Path, at_s: float, *but: str, python: str = PYTHON) -> None:
+    """Leave what Numba leaves of every module, but of some."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in {"search", *(Path(own).name for own in KERNELS)} - set(but):
+        path = folder / f"{name}.kernel-43.{python}.nbi"
+        path.touch()
+        os.utime(path, (at_s, at_s))
+
+
+def test_it_is_the_first_start_until_all_kernels_are_compiled_and_again_when_one_is_newer(
+    sources: Path,
+) -> None:
+    cache = sources / "slz" / "kernels" / "__pycache__"
+    assert kernel_compilation.is_first()
+    compiled(cache, 2000, python="py39")
+    assert kernel_compilation.is_first()
+    compiled(cache, 2000, "placement")
+    assert kernel_compilation.is_first(), "the start before was ended"
+    compiled(cache, 2000)
+    assert not kernel_compilation.is_first()
+    os.utime(sources / "slz" / "kernels" / "jit.py", (3000, 3000))
+    assert not kernel_compilation.is_first(), "it holds no kernel"
+    os.utime(sources / "slz" / "kernels" / "paper" / "search.py", (3000, 3000))
+    assert not kernel_compilation.is_first(), "it is source mode's"
+    assert kernel_compilation.is_first(kernel_compilation.of_mode("source"))
+    os.utime(sources / "slz" / "kernels" / "points" / "voxels.py", (3000, 3000))
+    assert kernel_compilation.is_first()
+
+
+def test_it_is_a_first_start_when_a_kernel_that_another_one_calls_is_newer(sources: Path) -> None:
+    kernels = sources / "slz" / "kernels"
+    for name, text in (
+        ("points/voxels", EAGER + "from companion.flight.fusion.between import a\n"),
+        ("../../companion/flight/fusion/between", EAGER + IMPORTS_ROWS),
+        ("growable_array", ""),
+    ):
+        (kernels / f"{name}.py").write_text(text)
+        os.utime(kernels / f"{name}.py", (1000, 1000))
+    compiled(kernels / "__pycache__", 2000)
+    between = kernels / "__pycache__" / f"between.kernel-43.{PYTHON}.nbi"
+    between.touch()
+    os.utime(between, (2000, 2000))
+    assert not kernel_compilation.is_first()
+    os.utime(kernels / "growable_array.py", (3000, 3000))
+    assert kernel_compilation.is_first()
+
+
+def test_compiled_kernels_are_looked_for_where_numba_keeps_them(
+    sources: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled(tmp_path / "cache" / "numba" / "a-folder-of-its-own", 2000)
+    assert not kernel_compilation.is_first()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "elsewhere"))
+    assert kernel_compilation.is_first()
+    compiled(tmp_path / "elsewhere", 2000)
+    assert not kernel_compilation.is_first()
+
+
+def test_the_modules_compiled_for_a_flight_are_those_that_it_loads() -> None:
+    """In a program of its own: this one has loaded whatever other tests need."""
+    loads = (
+        "import sys\nfor m in ('companion.flight.app', 'slz.paper.paper_method'):\n"
+        " __import__(m); print(*sys.modules)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", loads],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        cwd=kernel_compilation.ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    for also, loaded in zip(
+        (kernel_compilation.NO_MORE, kernel_compilation.OF_SOURCE_MODE), told.stdout.splitlines(), strict=True
+    ):
+        compiled_first = {
+            ".".join(path.relative_to(kernel_compilation.ROOT).with_suffix("").parts)
+            for path in kernel_compilation._sources(also)
+        }
+        assert compiled_first - set(loaded.split()) <= OF_SOME_SENSORS
+        eager = {name for name in loaded.split() if name.startswith(("slz.", "companion."))} - compiled_first
+        assert not [name for name in eager if kernel_compilation.EAGER.search(_source(name))]
+
+
+def test_without_the_compiler_nothing_is_to_be_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    for told, expected in (("", True), ("0", True), ("1", False)):
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", told)
+        assert kernel_compilation.is_first() is expected
+
+
+def test_modules_are_compiled_in_other_processes_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    chosen = [
+        kernel_compilation.ROOT / "slz" / "kernels" / f"{name}.py"
+        for name in ("paper/gradient", "instruments/median_filter")
+    ]
+    monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter(chosen))
+    assert kernel_compilation.is_first()
+    told: list[tuple[int, int]] = []
+    kernel_compilation.compile_kernels(lambda *pair: told.append(pair))
+    assert sorted(told) == [(1, 2), (2, 2)]
+    assert not kernel_compilation.is_first()
+
+    # Numba keeps the hash of the source: a checkout or a formatter writes files again as they were.
+    again = tmp_path / "median_filter.py"
+    monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter([again]))
+    for added, expected in ((b"", False), (b"\n", True)):
+        again.write_bytes(chosen[1].read_bytes() + added)
+        os.utime(again, (2**32, 2**32))
+        assert kernel_compilation.is_first() is expected
+
+
+def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError("no more processes")
+
+    monkeypatch.setattr("subprocess.Popen", refused)
+    told: list[tuple[int, int]] = []
+    kernel_compilation.compile_kernels(lambda *pair: told.append(pair))
+    assert told == []
+
+
+class Compiler:
+    """A process that compiles until it is told to end."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self.stdin, self.stdout, self.ended = io.StringIO(), self, threading.Event()
+        self.asked = threading.Event()
+        COMPILERS.append(self)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def readline(self) -> str:
+        self.asked.set()
+        self.ended.wait(60)
+        return ""
+
+    def terminate(self) -> None:
+        self.ended.set()
+
+
+COMPILERS: list[Compiler] = []
+
+
+def test_a_signal_ends_the_processes_that_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_futures: object) -> None:
+        while not (COMPILERS and COMPILERS[0].asked.wait(60)):
+            pass
+        raise Interrupted(signal.SIGINT)
+
+    monkeypatch.setattr("subprocess.Popen", Compiler)
+    monkeypatch.setattr(kernel_compilation, "wait", interrupted)
+    COMPILERS.clear()
+    told: list[tuple[int, int]] = []
+    with pytest.raises(Interrupted):
+        kernel_compilation.compile_kernels(lambda *pair: told.append(pair))
+    assert all(compiler.ended.is_set() for compiler in COMPILERS if compiler.asked.is_set())
+    assert COMPILERS[0].stdin.getvalue().startswith("slz.")
+    assert told == []
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_the_first_start_says_why_it_takes_long(
+    first: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def compiled(step: Callable[[int, int], None], also: frozenset[str]) -> None:
+        step(1, 2)
+        asked.append(also)
+
+    asked: list[frozenset[str]] = []
+    monkeypatch.setattr(kernel_compilation, "is_first", lambda _: first)
+    monkeypatch.setattr(kernel_compilation, "compile_kernels", compiled)
+    program._compile_at_first()
+    program._compile_at_first("source")
+    assert asked == [frozenset(), kernel_compilation.OF_SOURCE_MODE][: 2 * first]
+    assert ("first start: compiling the kernels" in capfd.readouterr().err) == first
+
+
+def _source(module: str) -> bytes:
+    path = kernel_compilation.ROOT.joinpath(*module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    return path.read_bytes()

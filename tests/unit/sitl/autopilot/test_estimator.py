@@ -1,0 +1,86 @@
+"""The estimate errs by as much, and as slowly, as its configuration says."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sitl.autopilot.estimator import EstimateErrors, Estimator
+from sitl.vehicle.rigid_body import State, from_euler, multiply
+
+F64 = NDArray[np.float64]
+TRUTH = State(
+    pos_enu_m=np.array([10.0, -20.0, 30.0]),
+    vel_enu_ms=np.array([1.0, 2.0, -0.5]),
+    quat_wxyz=from_euler(0.1, -0.2, 2.5),
+    rates_frd_rad_s=np.array([0.01, 0.02, 0.03]),
+    acc_enu_ms2=np.zeros(3),
+)
+
+
+def turn_deg(estimate: State) -> F64:
+    """Return the small rotation (3,), north-east-down degrees, between truth and estimate."""
+    inverse = TRUTH.quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0])
+    error = multiply(estimate.quat_wxyz, inverse)
+    return np.asarray(np.degrees(2 * error[1:] * np.sign(error[0])))
+
+
+def errors_over_runs(errors: EstimateErrors, seconds: float, runs: int = 400) -> tuple[F64, F64, F64]:
+    """Return position, velocity and attitude errors (runs, 3) at the end of independent runs."""
+    out = np.empty((3, runs, 3))
+    for run in range(runs):
+        estimator = Estimator(np.random.default_rng(run), errors)
+        for _ in range(max(1, round(seconds / 0.1))):
+            estimate = estimator.update(0.1, TRUTH)
+        out[0, run] = estimate.pos_enu_m - TRUTH.pos_enu_m
+        out[1, run] = estimate.vel_enu_ms - TRUTH.vel_enu_ms
+        out[2, run] = turn_deg(estimate)
+    return out[0], out[1], out[2]
+
+
+@pytest.mark.parametrize("seconds", [0.1, 20.0])
+def test_errors_have_the_spread_configured_from_the_first_moment_on(seconds: float) -> None:
+    e = EstimateErrors()
+    position, velocity, attitude = errors_over_runs(e, seconds)
+    # Smoothing takes away up to a sixth of the fastest of them, velocity.
+    np.testing.assert_allclose(position.std(axis=0), [e.horizontal_m] * 2 + [e.vertical_m], rtol=0.2)
+    np.testing.assert_allclose(velocity.std(axis=0), e.velocity_ms, rtol=0.25)
+    np.testing.assert_allclose(attitude.std(axis=0), [e.tilt_deg] * 2 + [e.yaw_deg], rtol=0.2)
+    assert np.abs(position.mean(axis=0)).max() < 0.15 * 3 / np.sqrt(len(position))
+
+
+def test_the_position_error_wanders_over_a_minute_not_over_a_second() -> None:
+    changes = []
+    for run in range(60):
+        estimator = Estimator(np.random.default_rng(run))
+        first = estimator.update(0.1, TRUTH).pos_enu_m
+        for _ in range(10):
+            second = estimator.update(0.1, TRUTH).pos_enu_m
+        for _ in range(1200):
+            late = estimator.update(0.1, TRUTH).pos_enu_m
+        changes.append((second - first, late - first))
+    within_second, within_minutes = np.array(changes).std(axis=(0, 2))
+    assert within_second < 0.03
+    assert within_minutes > 0.1
+
+
+def test_without_errors_the_estimate_is_the_truth() -> None:
+    estimator = Estimator(np.random.default_rng(0), EstimateErrors.none())
+    for _ in range(5):
+        estimate = estimator.update(0.1, TRUTH)
+    for name in ("pos_enu_m", "vel_enu_ms", "quat_wxyz", "rates_frd_rad_s"):
+        np.testing.assert_array_equal(getattr(estimate, name), getattr(TRUTH, name))
+
+
+def test_a_filter_reset_moves_every_later_position_and_nothing_else() -> None:
+    estimator = Estimator(np.random.default_rng(0), EstimateErrors.none())
+    estimator.jump_enu_m[:] = (3.0, 0.0, -1.0)
+    estimate = estimator.update(0.1, TRUTH)
+    np.testing.assert_allclose(estimate.pos_enu_m - TRUTH.pos_enu_m, (3.0, 0.0, -1.0))
+    np.testing.assert_array_equal(estimate.vel_enu_ms, TRUTH.vel_enu_ms)
+
+
+def test_the_truth_is_left_as_it_was() -> None:
+    before = [a.copy() for a in (TRUTH.pos_enu_m, TRUTH.vel_enu_ms, TRUTH.quat_wxyz)]
+    Estimator(np.random.default_rng(0)).update(0.1, TRUTH)
+    for now, then in zip((TRUTH.pos_enu_m, TRUTH.vel_enu_ms, TRUTH.quat_wxyz), before, strict=True):
+        np.testing.assert_array_equal(now, then)

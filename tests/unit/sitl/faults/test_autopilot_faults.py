@@ -1,0 +1,141 @@
+"""A reboot, an estimate that moves, a pilot, and others on the line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl import faults, scenes
+from sitl.autopilot.modes import Mode
+from sitl.simulation import Simulation
+from sitl.wire.wire import MemoryWire
+from tests.unit.sitl.wire.test_wire import COMPANION, Station
+
+HEIGHT_M = 5.0
+
+
+def fault(name: str, seed: int = 1) -> faults.Fault:
+    return faults.build(name, np.random.default_rng(seed))
+
+
+@pytest.fixture
+def hovering() -> tuple[Simulation, Station]:
+    """Return a vehicle in GUIDED at five metres, and a companion's end that hears it."""
+    end = Station(1, COMPANION)
+    sim = Simulation(
+        scenes.build("landing_site", 1),
+        [end.wire],
+        pilot_height_m=HEIGHT_M,
+        ready_after_s=0.1,
+        tick_ns=5_000_000,
+        wind_ms=0.0,
+        parameters={"WPNAV_SPEED_UP": 500.0},
+    )
+    sim.run(10.0)
+    assert sim.autopilot.mode is Mode.GUIDED
+    assert sim.autopilot.height_above_home_m > HEIGHT_M - 0.6
+    end.wire.received.clear()
+    return sim, end
+
+
+def during(sim: Simulation, each: faults.Fault, seconds: float) -> None:
+    each.begin(sim)
+    sim.every_tick.append(each.step)
+    sim.run(seconds)
+    sim.every_tick.remove(each.step)
+    each.end(sim)
+
+
+def messages(end: Station) -> list[Any]:
+    codec = mavlink.MAVLink(None)
+    return codec.parse_buffer(bytearray(b"".join(end.wire.received))) or []
+
+
+def test_a_reboot_is_silent_for_two_seconds_and_then_counts_from_zero(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, end = hovering
+    before_m = sim.vehicle.truth.pos_enu_m
+    during(sim, fault("reboot"), 1.9)
+    assert [m for m in messages(end) if m.get_srcSystem() == 1] == []
+    sim.run(2.0)
+    heard = messages(end)
+    assert {m.get_type() for m in heard} >= {"HEARTBEAT", "GLOBAL_POSITION_INT"}
+    assert min(m.time_boot_ms for m in heard if m.get_type() == "GLOBAL_POSITION_INT") < 2200
+    assert sim.autopilot.armed
+    assert np.linalg.norm(sim.vehicle.truth.pos_enu_m - before_m) < 1.0
+
+
+def test_a_reset_estimate_jumps_by_five_metres_and_the_vehicle_stays(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, _ = hovering
+    before_m, believed_m = sim.vehicle.truth.pos_enu_m, sim.autopilot.estimate.pos_enu_m  # type: ignore[union-attr]
+    during(sim, fault("ekf_jump"), 3.0)
+    jump_m = sim.autopilot.estimate.pos_enu_m - believed_m  # type: ignore[union-attr]
+    assert np.linalg.norm(jump_m) == pytest.approx(5.0, abs=0.5)
+    assert np.linalg.norm(sim.vehicle.truth.pos_enu_m - before_m) < 0.6
+
+
+def test_a_drifting_estimate_draws_the_vehicle_with_it_and_ends_at_five_metres(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, _ = hovering
+    before_m = sim.vehicle.truth.pos_enu_m
+    during(sim, fault("gps_drift"), 4.0)
+    assert np.linalg.norm(sim.estimator.jump_enu_m) == pytest.approx(1.2, abs=0.01)
+    during(sim, fault("gps_drift"), 20.0)
+    moved_m = sim.vehicle.truth.pos_enu_m - before_m
+    assert np.hypot(*(moved_m + sim.estimator.jump_enu_m)[:2]) < 0.8
+
+
+def test_the_pilot_asks_until_the_mode_shows(hovering: tuple[Simulation, Station]) -> None:
+    sim, _ = hovering
+    taken = fault("pilot_mode")
+    sim.router.model.cut = True
+    taken.begin(sim)
+    sim.every_tick.append(taken.step)
+    sim.run(2.5)
+    sim.router.model.cut = False
+    sim.run(2.5)
+    assert sim.autopilot.mode in (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
+
+
+@pytest.mark.parametrize(
+    ("name", "sender"), [("second_vehicle", (2, 1)), ("second_station", (254, 190)), ("gimbal", (1, 154))]
+)
+def test_a_neighbour_is_heard_by_all_and_changes_nothing(
+    hovering: tuple[Simulation, Station], name: str, sender: tuple[int, int]
+) -> None:
+    sim, end = hovering
+    before_m = sim.vehicle.truth.pos_enu_m
+    during(sim, fault(name), 3.0)
+    spoken = [m for m in messages(end) if (m.get_srcSystem(), m.get_srcComponent()) == sender]
+    assert {"HEARTBEAT"} < {m.get_type() for m in spoken}
+    assert sim.autopilot.mode is Mode.GUIDED
+    assert np.linalg.norm(sim.vehicle.truth.pos_enu_m - before_m) < 0.6
+    assert len(sim.router.wires) == 2  # the companion's and the pilot's
+
+
+@pytest.mark.parametrize("name", ["pilot_mode", "lidar_half", "lidar_rain"])
+def test_a_fault_of_what_is_not_there_says_so(name: str) -> None:
+    sim = Simulation(scenes.build("landing_site", 1), [MemoryWire()])
+    with pytest.raises(ValueError, match="this simulation has no"):
+        fault(name).begin(sim)
+
+
+def test_a_held_up_autopilot_loses_time_that_its_sensors_do_not(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, end = hovering
+    boot_ns, now_ns = sim.autopilot.boot_ns, sim.now_ns
+    during(sim, fault("autopilot_held_up"), 6.0)
+    elapsed_s, shown_s = (sim.now_ns - now_ns) * 1e-9, (sim.autopilot.boot_ns - boot_ns) * 1e-9
+    assert elapsed_s == pytest.approx(6.0)
+    assert 0.5 * elapsed_s < shown_s < 0.8 * elapsed_s
+    heard = [m.time_boot_ms for m in messages(end) if m.get_type() == "GLOBAL_POSITION_INT"]
+    assert heard == sorted(heard)
+    assert (heard[-1] - heard[0]) * 1e-3 == pytest.approx(shown_s, abs=0.1)

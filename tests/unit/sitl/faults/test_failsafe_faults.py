@@ -1,0 +1,101 @@
+"""The pilot's stick, and faults that the autopilot answers by a failsafe of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sitl import faults, scenes
+from sitl.autopilot.modes import Mode
+from sitl.simulation import Simulation
+from sitl.wire.wire import MemoryWire
+
+HEIGHT_M = 6.0
+FAR = {"FENCE_ALT_MAX": 100.0, "FENCE_RADIUS": 300.0}
+
+
+@pytest.fixture
+def hovering() -> Simulation:
+    """Return a vehicle in GUIDED, six metres up and some way from home."""
+    sim = Simulation(
+        scenes.build("landing_site", 1),
+        [MemoryWire()],
+        pilot_height_m=HEIGHT_M,
+        ready_after_s=0.1,
+        tick_ns=5_000_000,
+        wind_ms=0.0,
+        parameters={"WPNAV_SPEED_UP": 500.0},
+    )
+    sim.run(9.0)
+    assert sim.autopilot.mode is Mode.GUIDED
+    home_enu_m = sim.autopilot.navigator.home_enu_m
+    sim.autopilot.navigator.guided.position_enu_m = home_enu_m + np.array([4.0, 3.0, HEIGHT_M])
+    return sim.run(4.0)
+
+
+def begun(sim: Simulation, name: str, seed: int, seconds: float) -> faults.Fault:
+    fault = faults.build(name, np.random.default_rng(seed))
+    fault.begin(sim)
+    sim.run(seconds)
+    return fault
+
+
+@pytest.mark.parametrize("name", ["battery_failsafe", "radio_failsafe", "fence_breach"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_loss_makes_the_autopilot_return_and_stays_so_after_its_end(
+    hovering: Simulation, name: str, seed: int
+) -> None:
+    fault = begun(hovering, name, seed, 3.0)
+    assert hovering.autopilot.mode is Mode.RTL
+    assert hovering.autopilot.failsafes.in_charge
+    fault.end(hovering)
+    hovering.run(3.0)
+    assert hovering.autopilot.mode is Mode.RTL
+    assert hovering.autopilot.failsafes.in_charge
+
+
+def test_ceiling_and_circle_are_both_drawn(hovering: Simulation) -> None:
+    drawn = set()
+    for seed in range(8):
+        hovering.autopilot.parameters.update(FAR)
+        faults.build("fence_breach", np.random.default_rng(seed)).begin(hovering)
+        drawn |= {name for name, far_m in FAR.items() if hovering.autopilot.parameters[name] < far_m}
+    assert drawn == set(FAR)
+
+
+def test_lost_gps_ends_in_a_landing_that_its_return_does_not_end(hovering: Simulation) -> None:
+    fault = begun(hovering, "gps_loss", 1, 9.0)
+    assert hovering.autopilot.mode is Mode.LAND
+    fault.end(hovering)
+    hovering.run(4.0)
+    assert not hovering.autopilot.failsafes.any_triggered
+    assert hovering.autopilot.mode is Mode.LAND
+    assert hovering.autopilot.failsafes.in_charge
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_stick_moves_a_landing_and_is_let_go(hovering: Simulation, seed: int) -> None:
+    hovering.autopilot.set_mode(Mode.LAND)
+    hovering.run(1.0)
+    before_m = hovering.vehicle.truth.pos_enu_m
+    fault = begun(hovering, "pilot_stick", seed, 3.0)
+    assert np.linalg.norm((hovering.vehicle.truth.pos_enu_m - before_m)[:2]) > 0.5
+    assert hovering.autopilot.navigator.repositioned
+    fault.end(hovering)
+    hovering.run(0.5)
+    assert not hovering.autopilot.receiver.sticks(hovering.now_ns).steering
+
+
+def test_a_stick_in_guided_moves_nothing(hovering: Simulation) -> None:
+    before_m = hovering.vehicle.truth.pos_enu_m
+    begun(hovering, "pilot_stick", 1, 3.0)
+    assert np.linalg.norm(hovering.vehicle.truth.pos_enu_m - before_m) < 0.6
+
+
+def test_what_is_drawn_is_the_same_for_the_same_seed(hovering: Simulation) -> None:
+    pulses = []
+    for seed in (3, 3, 4):
+        fault = begun(hovering, "pilot_stick", seed, 0.01)
+        pulses.append(tuple(hovering.autopilot.receiver.transmitter))
+        fault.end(hovering)
+    assert pulses[0] == pulses[1] != pulses[2]

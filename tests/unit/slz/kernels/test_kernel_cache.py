@@ -1,0 +1,76 @@
+"""Compiled kernels that are kept are those of today's sources, of the kernels that they call too."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import slz.kernels
+
+HELPER = """
+from slz.kernels.jit import kernel
+
+
+@kernel()
+def helped(x):
+    return x + {added}
+"""
+CALLER = """
+from slz.kernels.jit import kernel
+from slz.kernels.between import passed_on
+
+
+@kernel("float64(float64)")
+def called(x):
+    return passed_on(x)
+"""
+BETWEEN = CALLER.replace("between import passed_on", "helper import (\n    helped,\n)").replace(
+    "passed_on(x)", "helped(x)"
+).replace("def called", "def passed_on")  # fmt: skip
+ASKED = """
+from slz.kernels.caller import called
+print(called(1.0), sum(called.stats.cache_misses.values()))
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    """Return the kernels of a program of three files, each of which calls the next."""
+    kernels = tmp_path / "slz" / "kernels"
+    kernels.mkdir(parents=True)
+    for folder in (kernels, kernels.parent):
+        (folder / "__init__.py").touch()
+    for name in ("jit", "source_stamp"):
+        (kernels / f"{name}.py").write_bytes((Path(slz.kernels.__path__[0]) / f"{name}.py").read_bytes())
+    (kernels / "helper.py").write_text(HELPER.format(added=1))
+    (kernels / "between.py").write_text(BETWEEN)
+    (kernels / "caller.py").write_text(CALLER)
+    return kernels
+
+
+def asked(program: Path) -> tuple[float, int]:
+    """Return what the kernel answers in a new process, and how often it had to be compiled for that."""
+    own = {"PYTHONPATH": str(program.parents[1]), "NUMBA_DISABLE_JIT": "0"}
+    own["NUMBA_CACHE_DIR"] = str(program.parents[1] / "cache")
+    said = subprocess.run(
+        [sys.executable, "-c", ASKED],
+        env=os.environ | own,
+        cwd=program.parents[1],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    value, misses = said.split()
+    return float(value), int(misses)
+
+
+def test_a_kernel_is_compiled_anew_when_one_that_it_calls_has_changed(program: Path) -> None:
+    assert asked(program) == (2.0, 1)
+    assert asked(program) == (2.0, 0)
+    (program / "helper.py").write_text(HELPER.format(added=5))
+    (program / "stranger.py").write_text("")
+    assert asked(program) == (6.0, 1)

@@ -1,0 +1,150 @@
+"""Sixteen numbers at a time are what NumPy makes of them, wherever they lie and whatever they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.kernels.jit import kernel
+from slz.kernels.simd import (
+    LANES,
+    ask_for,
+    below,
+    both,
+    columns,
+    every,
+    every_wide,
+    flags,
+    flags_of,
+    load,
+    load_wide,
+    multiplied,
+    narrowed,
+    room,
+    root,
+    store,
+    store_bytes,
+    store_wide,
+    where,
+    widened,
+)
+
+Floats = NDArray[np.float32]
+ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-40, 3e38, -1.5], np.float32)
+
+
+@kernel("void(float32[::1], float32[::1], int64, float32[:, ::1], uint64[::1])")
+def all_of_them(a: Floats, b: Floats, at: int, out: Floats, bits: NDArray[np.uint64]) -> None:
+    flat = out.ravel()
+    x, y = load(a, at), load(b, at)
+    store(flat, 0, x + y)
+    store(flat, LANES, x - y)
+    store(flat, 2 * LANES, x * y)
+    store(flat, 3 * LANES, x / y)
+    store(flat, 4 * LANES, root(x))
+    store(flat, 5 * LANES, where(x < y, x, every(np.float32(7.0)) + y))
+    bits[0], bits[1], bits[2] = flags_of(x < y), flags_of(x == y), flags_of(both(x == x, y < x))
+
+
+@kernel("void(float32[::1], float64[::1], int64, float64[:, ::1], float32[::1], uint8[::1], uint64[::1])")
+def wide_ones(
+    a: Floats,
+    b: NDArray[np.float64],
+    at: int,
+    out: NDArray[np.float64],
+    narrow: Floats,
+    states: NDArray[np.uint8],
+    bits: NDArray[np.uint64],
+) -> None:
+    flat = out.ravel()
+    x, y = widened(load(a, at)), load_wide(b, at)
+    store_wide(flat, 0, x + y)
+    store_wide(flat, LANES, x - y)
+    store_wide(flat, 2 * LANES, x * y)
+    store_wide(flat, 3 * LANES, x / every_wide(b[0]))
+    store(narrow, 0, narrowed(y))
+    bits[2] = flags_of(flags(bits[0]))
+    store_bytes(states, at, flags(bits[0]), flags(bits[1]))
+
+
+@pytest.mark.parametrize("at", [0, 1, 7, 33])
+def test_wide_lanes_and_bytes_are_what_numpy_makes_of_them(at: int) -> None:
+    rng = np.random.default_rng(at)
+    a, b = rng.normal(0.0, 3.0, 64).astype(np.float32), rng.normal(0.0, 3.0, 64)
+    a[at : at + 16 : 2], b[at + 1] = ODD, 1e300
+    out, narrow, states = np.empty((4, LANES)), np.empty(LANES, np.float32), np.full(64, 7, np.uint8)
+    bits = np.array([0b1010_0000_1111_0101, 0b0101_0000_0000_1010, 0], np.uint64)
+    with np.errstate(all="ignore"):
+        wide_ones(a, b, at, out, narrow, states, bits)
+        x, y = a[at : at + LANES].astype(np.float64), b[at : at + LANES]
+        np.testing.assert_array_equal(out, np.array([x + y, x - y, x * y, x / b[0]]))
+        np.testing.assert_array_equal(narrow, y.astype(np.float32))
+    assert bits[2] == bits[0]
+    ones, alls = ([int(word) >> i & 1 for i in range(LANES)] for word in bits[:2])
+    expected = [255 if every_bit else one for one, every_bit in zip(ones, alls, strict=True)]
+    assert states[at : at + LANES].tolist() == expected
+    assert (np.delete(states, range(at, at + LANES)) == 7).all()
+
+
+@pytest.mark.parametrize("count", [1, 16, 1000])
+def test_room_begins_with_a_line_of_the_cache(count: int) -> None:
+    rooms = [room(count) for _ in range(9)]
+    assert all(len(each) == count and each.ctypes.data % 64 == 0 for each in rooms)
+
+
+def bits_of(flags: NDArray[np.bool_]) -> int:
+    return sum(1 << i for i in np.flatnonzero(flags).tolist())
+
+
+@pytest.mark.parametrize("at", [0, 1, 7, 33])
+def test_lanes_are_what_numpy_makes_of_them(at: int) -> None:
+    rng = np.random.default_rng(at)
+    a, b = (rng.normal(0.0, 3.0, 64).astype(np.float32) for _ in "ab")
+    a[at : at + 16 : 2], b[at + 1 : at + 16 : 5] = ODD, ODD[:3]
+    b[at + 4] = a[at + 4] = 2.0
+    out, bits = np.empty((6, LANES), np.float32), np.empty(3, np.uint64)
+    all_of_them(a, b, at, out, bits)
+    x, y = a[at : at + LANES], b[at : at + LANES]
+    with np.errstate(all="ignore"):
+        plain = [x + y, x - y, x * y, x / y, np.sqrt(x), np.where(x < y, x, np.float32(7.0) + y)]
+    np.testing.assert_array_equal(out, np.array(plain, np.float32))
+    assert bits.tolist() == [bits_of(x < y), bits_of(x == y), bits_of((x == x) & (y < x))]
+
+
+@kernel("void(float32[::1], float32[::1], float32[::1], float32[::1])")
+def multiplied_and_added(a: Floats, b: Floats, c: Floats, out: Floats) -> None:
+    store(out, 0, multiplied(load(a, 0), load(b, 0), load(c, 0)))
+
+
+def test_a_product_is_rounded_before_the_sum_or_with_it() -> None:
+    rng = np.random.default_rng(6)
+    a, b, c = (rng.normal(0.0, 3.0, LANES).astype(np.float32) for _ in "abc")
+    out, exact = np.empty(LANES, np.float32), a.astype(np.float64) * b + c
+    multiplied_and_added(a, b, c, out)
+    at_once, one_by_one = exact.astype(np.float32), a * b + c
+    assert ((out == at_once) | (out == one_by_one)).all()
+
+
+@pytest.mark.parametrize("at", [0, 5, 64, 135])
+def test_bits_of_what_is_below_a_limit_leave_out_what_is_no_number(at: int) -> None:
+    values = np.random.default_rng(3).random(200).astype(np.float32)
+    values[::7] = np.nan
+    values[1::13] = 0.5
+    limit = np.float32(0.5)
+    assert int(below(values, at, limit)) == bits_of(values[at : at + 64] < limit)
+
+
+@kernel("void(float32[::1], int64, float32[::1])")
+def in_columns(values: Floats, at: int, out: Floats) -> None:
+    ask_for(values, at)
+    for i, column in enumerate(columns(values, at)):
+        store(out, LANES * i, column)
+
+
+@pytest.mark.parametrize("at", [0, 3, 16])
+def test_columns_are_those_of_16_rows_of_16_numbers(at: int) -> None:
+    values, out = np.arange(300, dtype=np.float32), np.empty(LANES * LANES, np.float32)
+    in_columns(values, at, out)
+    rows = values[at : at + LANES * LANES].reshape(LANES, LANES)
+    np.testing.assert_array_equal(out.reshape(LANES, LANES), rows.T)

@@ -1,0 +1,200 @@
+"""What is told of a zone is the same whether or not what was known of its tiles is used again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import params
+from slz import Pipeline, Report, Window, Zone
+from slz.default_method import ZoneMap
+from slz.kernels.cells.cell_record import TILE, TILE_BITS
+from slz.kernels.raster.bitmap import ALL
+from slz.kernels.raster.zonal_sums import TOLD, carry_over
+from slz.zones.description import Content
+from tests.unit.slz.hand_made import FRAME
+
+Points = NDArray[np.float64]
+STEPS = 14
+
+
+def forgetful(zone_map: Any) -> None:
+    """Have a map look up everything anew in the next window."""
+    if zone_map is not None:
+        zone_map._contents = {}
+
+
+def scan(rng: np.random.Generator, middle: Points, radius: float, blocks: Points) -> Points:
+    """Rough ground with blocks on it, seen in a patch about a place."""
+    xy = middle + rng.uniform(-radius, radius, (int(80 * radius**2), 2))
+    z = 0.1 * np.sin(xy[:, 0] / 5) + rng.normal(0, 0.02, len(xy))
+    for east, north, side, height in blocks:
+        z[(np.abs(xy[:, 0] - east) < side) & (np.abs(xy[:, 1] - north) < side)] += height
+    return np.column_stack([xy, z])
+
+
+def windows(seed: int) -> list[Window]:
+    """All the ground, then patches of it, in the end from a vehicle that goes away; its height drifts."""
+    rng = np.random.default_rng(seed)
+    sides, heights = rng.uniform(0.2, 1.2, 70), rng.uniform(0.3, 2, 70)
+    walls = np.column_stack([rng.uniform(-28, 28, (70, 2)), sides, heights])
+    found = []
+    for step in range(STEPS):
+        place, radius = rng.uniform(-24, 24, 2), rng.uniform(1, 4)
+        middle = np.array([4.0 * max(0, step - 10), 0.0])
+        points = scan(rng, middle if step == 0 else place, 28 if step == 0 else radius, walls)
+        points[:, 2] += 0.004 * step
+        stamps = np.full(len(points), step * 10**9, np.int64)
+        sensor = np.array([*middle, 20.0])
+        found.append(Window(points, stamps, sensor, FRAME, step * 10**9, step * 10**9))
+    return found
+
+
+def told(zone: Zone) -> tuple[Any, ...]:
+    best = zone.best
+    return (
+        zone.id, zone.box, zone.area_m2, zone.certainty, zone.n_safe, zone.n_unsafe, zone.n_uncertain,
+        zone.slope_deg, zone.roughness, zone.boundary_cells.tobytes(), zone.corners_enu_m.tobytes(),
+        zone.cells.tobytes(), zone.why, best.enu_m.tobytes(), best.clearance_m, best.square_side_m,
+        best.slope_deg, best.certainty, str(best.horizon_deg), best.distance_m,
+        [(o.east_m, o.north_m, o.top_m, str(o.height_m), o.cells_enu_m.tobytes()) for o in zone.obstacles],
+    )  # fmt: skip
+
+
+def flown(seed: int, *, anew: bool) -> list[Report]:
+    own = ["zone_m=70", "min_boundary_points=5", "min_square_m=1", "memory_mb=16", "max_age_s=12"]
+    pipe = Pipeline(params.load("quadcopter", own), (0.0, 0.0))
+    reports = []
+    for window in windows(seed):
+        if anew:
+            forgetful(pipe._near)
+            forgetful(pipe._far)
+        reports.append(pipe.process(window))
+    return reports
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_zones_are_the_same_as_when_everything_is_looked_up_anew(seed: int) -> None:
+    for known, anew in zip(flown(seed, anew=False), flown(seed, anew=True), strict=True):
+        for mine, other in ((known.near, anew.near), (known.far, anew.far)):
+            assert list(map(told, mine.zones)) == list(map(told, other.zones))
+
+
+def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the test above would say nothing: many zones stay as they were, many are known in part."""
+    whole = part = 0
+    look = Content.of
+
+    def counted(candidate: Any, terrain: Any, before: Content | None = None) -> Content:
+        nonlocal whole, part
+        content = look(candidate, terrain, before)
+        if before is not None:
+            whole += content is before
+            part += content is not before and bool(
+                set(content.tally.versions.ravel()) & set(before.tally.versions.ravel()) - {-1}
+            )
+        return content
+
+    monkeypatch.setattr(Content, "of", counted)
+    for seed in range(6):
+        flown(seed, anew=False)
+    assert min(whole, part) > 40
+
+
+def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> None:
+    """All tiles that the rest lies in are as they were."""
+    pipe = Pipeline(params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"]), (0.0, 0.0))
+    rng = np.random.default_rng(1)
+    points = scan(rng, np.zeros(2), 28, np.empty((0, 4)))
+    pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
+    near = pipe._near
+    assert isinstance(near, ZoneMap)
+    whole = max(near._candidates, key=lambda candidate: len(candidate.boundary_cells))
+    own, content = whole.own_bits.copy(), whole.content_bits.copy()
+    own[:, -1] = content[:, -1] = 0
+    rest = replace(whole, own_bits=own, content_bits=content)
+    known = Content.of(rest, near.terrain, Content.of(whole, near.terrain))
+    anew = Content.of(rest, near.terrain)
+    assert known.tally.lasts
+    assert known.candidate is rest
+    np.testing.assert_array_equal(known.tally.told, anew.tally.told)
+    np.testing.assert_array_equal(known.tally.holes, anew.tally.holes)
+
+
+@given(st.integers(0, 2**32))
+def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(seed: int) -> None:
+    """Against one tile after the other, cut out of a wide map; rows beside the old ones are set."""
+    rng = np.random.default_rng(seed)
+    side = 5 * TILE
+
+    def zone(row0: int, stop: int, word: int, words: int) -> tuple[Any, ...]:
+        whole = np.zeros((side, 5), np.uint64)
+        whole[row0:stop, word : word + words] = cells[row0:stop, word : word + words]
+        return whole, row0, stop, word, words
+
+    cells = rng.integers(0, 2**63, (side, 5), np.uint64) * (rng.random((side, 5)) < rng.choice([0.01, 0.5]))
+    ends = np.sort(rng.integers(0, side, 2)), np.sort(rng.integers(0, side, 2))
+    if rng.random() < 0.8:
+        ends = ends[0], ends[0] + rng.integers(-9, 10, 2)
+    words = rng.integers(0, 2, 2)
+    (new, row0, stop, word, n), (old, old_row0, old_stop, old_word, old_n) = (
+        zone(max(0, int(a)), min(side, int(b) + 1 + max(0, -int(a))), int(w), int(rng.integers(1, 3)))
+        for (a, b), w in zip(ends, words, strict=True)
+    )
+    if rng.random() < 0.3:
+        new[rng.integers(row0, stop), word] ^= np.uint64(4)
+    versions, old_versions = (rng.random((2, 5, 5)) < 0.1).astype(np.int64)
+    told, all_holes = rng.random((5, 5, TOLD)), rng.integers(1, 2**63, (side, 5), np.uint64) & old
+
+    def tiles(first: int, last: int) -> slice:
+        return slice(first >> TILE_BITS, ((last - 1) >> TILE_BITS) + 1)
+
+    here = tiles(row0, stop), slice(word, word + n)
+    there = tiles(old_row0, old_stop), slice(old_word, old_word + old_n)
+    beside = np.full((old_stop - old_row0 + 2 * TILE, old_n), ALL)
+    old_holes = beside[TILE : len(beside) - TILE]
+    old_holes[:] = all_holes[old_row0:old_stop, there[1]]
+    shape = (here[0].stop - here[0].start, n)
+    wanted, parts, holes = (
+        np.ones(shape, bool),
+        np.zeros((*shape, TOLD)),
+        np.zeros((stop - row0, n), np.uint64),
+    )
+    mine, theirs = (
+        np.ascontiguousarray(x) for x in (new[row0:stop, here[1]], old[old_row0:old_stop, there[1]])
+    )
+    carry_over(
+        row0, np.ascontiguousarray(versions[here]), mine, mine, row0 - old_row0, word - old_word,
+        np.ascontiguousarray(old_versions[there]), theirs, theirs, np.ascontiguousarray(told[there]),
+        old_holes, wanted, parts, holes,
+    )  # fmt: skip
+    for i, j in np.ndindex(*shape):
+        tr, tc = here[0].start + i, word + j
+        rows = slice(tr * TILE, (tr + 1) * TILE)
+        known = there[0].start <= tr < there[0].stop and there[1].start <= tc < there[1].stop
+        same = known and versions[tr, tc] == old_versions[tr, tc]
+        same = same and np.array_equal(new[rows, tc], old[rows, tc])
+        assert wanted[i, j] == (new[rows, tc].any() and not same)
+        own = slice(max(rows.start, row0), min(rows.stop, stop))
+        kept = same and new[rows, tc].any()
+        np.testing.assert_array_equal(parts[i, j], told[tr, tc] if kept else 0)
+        found = holes[own.start - row0 : own.stop - row0, j]
+        np.testing.assert_array_equal(found, all_holes[own, tc] if kept else 0)
+
+
+def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
+    pipe = Pipeline(params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"]), (0.0, 0.0))
+    points = scan(np.random.default_rng(1), np.zeros(2), 28, np.empty((0, 4)))
+    pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
+    near = pipe._near
+    assert isinstance(near, ZoneMap)
+    one = near._candidates[0]
+    aside = replace(one, box=replace(one.box, col0=one.box.col0 + 1, col1=one.box.col1 + 1))
+    with pytest.raises(ValueError, match="rows of the terrain's tiles"):
+        Content.of(aside, near.terrain)

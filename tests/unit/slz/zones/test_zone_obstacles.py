@@ -1,0 +1,54 @@
+"""How high an obstacle of a zone stands: over the zone's own ground around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.grid import Box, Grid
+from slz.kernels.raster.bitmap import packed
+from slz.terrain.terrain_maps import SAFE
+from slz.zones.description import _obstacles
+
+ROWS, COLS = 12, 90
+
+
+@dataclass
+class Maps:
+    """Two maps, and nothing beyond them."""
+
+    grid: Grid
+    height_m: NDArray[np.float32]
+    top_m: NDArray[np.float32]
+
+    def layer(self, name: str, box: Box) -> NDArray[np.float32]:
+        wide = np.pad(getattr(self, name), 9, constant_values=np.nan)
+        return np.asarray(wide[box.row0 + 9 : box.row1 + 9, box.col0 + 9 : box.col1 + 9])
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        return np.asarray(getattr(self, name)[tuple(cells.T)])
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        return np.full(box.shape, SAFE, np.uint8)
+
+
+def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -> None:
+    """Left the ground is at 10 m, right at 20 m, between at 90 m, but no ground of the zone's."""
+    height = np.full((ROWS, COLS), 10.0, np.float32)
+    height[:, 60:], height[:, 30:60] = 20.0, 90.0
+    own = np.ones((ROWS, COLS), bool)
+    own[:, 30:60] = False
+    height[4, 9] = height[5, 71] = np.nan  # safe between returns
+    holes = np.zeros((ROWS, COLS), bool)
+    top = height.copy()
+    for row, col, up in ((5, 10, 13.0), (6, 70, 20.5)):
+        holes[row, col], own[row, col], height[row, col], top[row, col] = True, False, 99.0, up
+    terrain = Maps(Grid(0.0, 0.0, 0.5, ROWS, COLS), height, top)
+    found = _obstacles(
+        packed(holes.view(np.uint8)), packed(own.view(np.uint8)), Box(0, ROWS, 0, COLS), terrain
+    ).over(0.0)
+    assert sorted((o.east_m, o.north_m) for o in found) == [(5.25, 2.75), (35.25, 3.25)]
+    assert {o.east_m: o.height_m for o in found} == {5.25: pytest.approx(3.0), 35.25: pytest.approx(0.5)}
