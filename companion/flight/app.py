@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.doctor.autopilot_fitness import Fitness
+from companion.flight.flight_summary import flight_summary
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
@@ -21,21 +22,21 @@ from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import Landing, LandingMemory
 from companion.flight.landing.landing_point_news import PointWatch
 from companion.flight.landing.look_ahead import LEVEL_M, held_back
-from companion.flight.landing.map_frame import begin_frame_if_far
-from companion.flight.landing.operator_commands import Operator
+from companion.flight.landing.operator_commands import OperatorCommands
+from companion.flight.landing.operator_order import Operator
 from companion.flight.landing.restart import Restart
 from companion.flight.landing.situation import FLYING, Phase, Severity, Situation
 from companion.flight.link.link import Link
 from companion.flight.link.wire.signing import Signing
+from companion.flight.map_frame import begin_frame_if_far
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.recent_obstacles import ObstacleMemory
 from companion.flight.mapping.survey_prior import SurveyPrior
-from companion.flight.outputs.flight_summary import flight_summary
 from companion.flight.outputs.landing_status import Status
 from companion.flight.outputs.schedule import Streams
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
 from companion.flight.recorder.recordings import Recordings
-from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.driver import Lidar, open_lidar
 from companion.flight.services.order_parameters import OrderParameters
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
@@ -118,11 +119,12 @@ class Companion:
         self.link = Link(mavlink_url, parameters, signing, identity_from(state, system))
         if state is not None:
             remember_vehicle(self.link, state)
-        operator = Operator(self)
-        self.link.on_command(operator.answer)
-        orders = (OrderParameters(operator),)
-        self.services = Services(self.link, self.settings, signing, state, self._fresh_report, orders)
         self.history = PoseHistory(parameters)
+        self.executive = Executive(parameters, auto)
+        self.operator = Operator(self.executive, self.situation, parameters.zone_m)
+        self.link.on_command(OperatorCommands(self.operator, lambda: self.history.frame).answer)
+        orders = (OrderParameters(self.operator),)
+        self.services = Services(self.link, self.settings, signing, state, self._fresh_report, orders)
         self.link.on_reboot.subscribe(self.history.begin_anew)
         surveyed = None if prior is None else SurveyPrior(prior, parameters)
         self.worker = PipelineWorker(parameters, self._on_report, surveyed)
@@ -136,10 +138,9 @@ class Companion:
             self.link, self.lidar.stream, self.worker, self.settings, self._wall_offset_ns, state,
             lambda: self.assembler.scans,
         )  # fmt: skip
-        self.radar = None
+        self.radar: Lidar | None = None
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self._on_radar_scan)
-        self.executive = Executive(parameters, auto)
         self.fitness = Fitness(auto)
         self._memory = LandingMemory(state)
         self._restart = Restart(self._memory)
@@ -409,6 +410,8 @@ class Companion:
         if begin_frame_if_far(self):
             self._epoch = self.history.epoch  # what waits to be placed will be in the new frame
             self._begin_map()
+            if self.page is not None:
+                self.page.board.leave_path()
         situation = self.situation()
         orders = self.executive.step(situation)
         self._keep_in_mind(situation)

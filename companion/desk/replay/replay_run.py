@@ -14,7 +14,7 @@ from companion.desk.replay.loss_report import lost_for_time, not_mapped, why_no_
 from companion.desk.replay.own_replay import Outcome, Replay
 from companion.desk.replay.recording_reader import Recording
 from companion.desk.replay.recording_type import Beside, kind_of, opened
-from companion.flight.outputs.flight_summary import choice_summary, zone_summary
+from companion.flight.outputs.zone_summary import choice_summary, zone_summary
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError
 from params import Parameters

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.dashboard.browser_orders import (
     Command,
@@ -18,22 +16,15 @@ from companion.flight.dashboard.browser_orders import (
     SetParameter,
     Simple,
 )
-from companion.flight.landing.operator_commands import (
-    ABORT,
-    CONFIRM,
-    LAND_AT_BEST,
-    LAND_NOW,
-    POINT,
-    SELECT,
-    Operator,
-)
+from companion.flight.flight_view import FlightView
+from companion.flight.landing.operator_order import Order, OrderKind
 from companion.flight.landing.situation import Reply
-from companion.flight.link.command_server import OperatorCommand
 
-if TYPE_CHECKING:
-    from companion.flight.app import Companion
-
-SIMPLE = {"abort": ABORT, "land_best": LAND_AT_BEST, "land_now": LAND_NOW}
+SIMPLE = {
+    "abort": OrderKind.ABORT,
+    "land_best": OrderKind.LAND_AT_BEST,
+    "land_now": OrderKind.LAND_NOW,
+}
 
 
 class Desk(Protocol):
@@ -46,17 +37,17 @@ class Desk(Protocol):
 class FlightDesk:
     """Orders of a flight."""
 
-    def __init__(self, companion: Companion) -> None:
-        self._companion = companion
-        self._operator = Operator(companion)
+    def __init__(self, flight: FlightView) -> None:
+        self._flight = flight
+        self._operator = flight.operator
 
     async def carry_out(self, order: Command) -> Reply:
         """Do it, or say why not."""
         match order:
             case Simple():
-                return self._operator.order(SIMPLE[order.do])
+                return self._operator.carry_out(Order(SIMPLE[order.do]))
             case SelectZone():
-                return self._operator.order(SELECT, order.zone)
+                return self._operator.carry_out(Order(OrderKind.SELECT_ZONE, order.zone))
             case SelectPoint():
                 return self._watch(order.east_m, order.north_m)
             case Confirm():
@@ -64,33 +55,26 @@ class FlightDesk:
             case SetParameter():
                 return self._set(order)
             case Record():
-                return await self._companion.recordings.ask(order.on)
+                return await self._flight.recordings.ask(order.on)
             case Replay():
                 return Reply(False, "this is a flight, no replay")
 
     def _watch(self, east_m: float, north_m: float) -> Reply:
-        """Put a point under watch by the command that a ground station would send."""
-        frame = self._companion.history.frame
-        if frame is None:
+        """Select a point of the map."""
+        if self._flight.history.frame is None:
             return Reply(False, "no position yet")
-        lat, lon, _ = (float(v) for v in frame.lla([east_m, north_m, 0.0]))
-        params = (float(POINT), 0.0, math.nan, math.nan)
-        number = mavlink.MAV_CMD_USER_1
-        command = OperatorCommand(number, params, lat, lon, math.nan, mavlink.MAV_FRAME_GLOBAL, 0, 0)
-        answer = self._operator.answer(command)
-        if answer.result == mavlink.MAV_RESULT_ACCEPTED:
-            return Reply(True, "watching the point")
-        return Reply(False, answer.reason.removeprefix("SLZ: "))
+        point = np.array([east_m, north_m, 0.0])
+        return self._operator.carry_out(Order(OrderKind.SELECT_POINT, point_enu_m=point))
 
     def _confirm(self, order: Confirm) -> Reply:
         """Land at the point under watch, if it is the one that the sender saw."""
-        companion, seen = self._companion, np.array([order.east_m, order.north_m, 0.0])
-        if not companion.executive.is_watching(companion.situation(), seen):
+        flight, seen = self._flight, np.array([order.east_m, order.north_m, 0.0])
+        if not flight.executive.is_watching(flight.situation(), seen):
             return Reply(False, "the selection changed or is not judged yet: look and confirm again")
-        return self._operator.order(CONFIRM)
+        return self._operator.carry_out(Order(OrderKind.LAND_AT_SELECTED))
 
     def _set(self, order: SetParameter) -> Reply:
-        settings = self._companion.settings
+        settings = self._flight.settings
         if all(row.name != order.name for row in settings.rows):
             return Reply(False, f"no parameter {order.name}")
         change = settings.change(order.name, order.value)

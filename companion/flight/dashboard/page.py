@@ -7,7 +7,7 @@ import logging
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +21,11 @@ from companion.flight.dashboard.security.address import bound, listen, parse_add
 from companion.flight.dashboard.security.token_check import Door
 from companion.flight.dashboard.server import Server
 from companion.flight.dashboard.site import ANSWER_S, Site
+from companion.flight.flight_view import FlightView
 from companion.flight.landing.situation import Reply
 from companion.runtime.priority import SWITCH_S
 from params import Row
 from slz import Pipeline, Report
-
-if TYPE_CHECKING:
-    from companion.flight.app import Companion
 
 log = logging.getLogger(__name__)
 
@@ -92,15 +90,15 @@ async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply
 class Page:
     """Shows a companion and takes orders for it."""
 
-    def __init__(self, companion: Companion, front: Front) -> None:
-        self._companion, self.front = companion, front
-        self.board = Board(companion.parameters)
-        self.board.computing = lambda: companion.worker.busy
+    def __init__(self, flight: FlightView, front: Front) -> None:
+        self._flight, self.front = flight, front
+        self.board = Board(flight.parameters)
+        self.board.computing = lambda: flight.worker.busy
         self.starts = 0
         self._server: Server | None = None
         self._anew = True
         self._last_state_s = self._last_health_s = -1e9
-        companion.link.on_text.subscribe(self.board.say)
+        flight.link.on_text.subscribe(self.board.say)
 
     async def run(self) -> None:
         """Serve until cancelled; when the page's thread ends, start it anew after a growing pause."""
@@ -122,7 +120,7 @@ class Page:
 
     def report(self, report: Report) -> None:
         """Show a report."""
-        latencies = self._companion.worker.latencies_ms
+        latencies = self._flight.worker.latencies_ms
         self.board.take(report, float(latencies.last) if latencies else float("nan"))
 
     def close(self) -> None:
@@ -138,9 +136,9 @@ class Page:
         self.board.viewers = 0
         self.board.drawn.clear()
         self._anew = True
-        self._companion.worker.look = self._look
-        desk = FlightDesk(self._companion)
-        server = self._server = serve(self.front, self.board, desk, about(self._companion.settings.rows))
+        self._flight.worker.look = self._look
+        desk = FlightDesk(self._flight)
+        server = self._server = serve(self.front, self.board, desk, about(self._flight.settings.rows))
         try:
             while server.alive:
                 self._observe()
@@ -151,15 +149,15 @@ class Page:
 
     def _observe(self) -> None:
         """Put the state on the board, ten times a second of real time at most."""
-        now_s, companion, board = time.monotonic(), self._companion, self.board
-        if companion.path_enu_m:
-            board.fly(_place(companion.path_enu_m.last))
+        now_s, flight, board = time.monotonic(), self._flight, self.board
+        if flight.path_enu_m:
+            board.fly(_place(flight.path_enu_m.last))
         if now_s - self._last_state_s >= 0.9 * STATE_S:
             self._last_state_s = now_s
-            board.state = state_document.state(companion)
+            board.state = state_document.state(flight)
         if now_s - self._last_health_s >= HEALTH_S and (board.viewers or board.health is None):
             self._last_health_s = now_s
-            board.health = state_document.health(companion)
+            board.health = state_document.health(flight)
 
     def _look(self, pipeline: Pipeline) -> None:
         """Take what changed of the maps, in the pipeline's thread."""

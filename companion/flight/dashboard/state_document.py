@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from companion.flight.flight_view import FlightView
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
 from companion.flight.geometry.pose import Pose
 from companion.flight.landing.situation import FLYING
 from companion.flight.link.vehicle_state import VehicleState
 
-if TYPE_CHECKING:
-    from companion.flight.app import Companion
-
 LATENCIES = 300
 
 
-def state(companion: Companion) -> dict[str, Any]:
+def state(flight: FlightView) -> dict[str, Any]:
     """Return pose, phase and whatever may change from one tick to the next."""
-    s = companion.situation()
-    pose = companion.history.latest(s.now_ns)
-    vehicle, executive, parameters = companion.link.vehicle, companion.executive, companion.parameters
+    s = flight.situation()
+    pose = flight.history.latest(s.now_ns)
+    vehicle, executive, parameters = flight.link.vehicle, flight.executive, flight.parameters
     aim = executive.aim_enu_m
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
     return {
@@ -41,13 +39,13 @@ def state(companion: Companion) -> dict[str, Any]:
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,
         "blocked": s.blocked,
-        "pipeline_failed": companion.worker.invalid,
+        "pipeline_failed": flight.worker.invalid,
         "battery_pct": s.battery_pct,
         "battery_v": vehicle.battery_v,
         "battery_low": low,
-        "unfit": list(companion.fitness.texts),
+        "unfit": list(flight.fitness.texts),
         **_motion(pose),
-        "height_m": _finite(companion.streams.height_m, 1),
+        "height_m": _finite(flight.streams.height_m, 1),
         "height_home_m": _finite(s.height_above_home_m, 1),
         "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
         "aborts": executive.tally.aborts,
@@ -102,29 +100,29 @@ def _motion(pose: Pose | None) -> dict[str, Any]:
     }
 
 
-def health(companion: Companion) -> dict[str, Any]:
+def health(flight: FlightView) -> dict[str, Any]:
     """Return rates, delays and losses: how the program itself does."""
-    link = companion.link.statistics()
-    lidar, fusion = companion.lidar.statistics(), companion.assembler.statistics()
-    recorder = companion.recordings.recorder
+    link = flight.link.statistics()
+    lidar, fusion = flight.lidar.statistics(), flight.assembler.statistics()
+    recorder = flight.recordings.recorder
     return {
-        "ready": companion.link.ready,
-        "autopilot": companion.link.vehicle.autopilot,
+        "ready": flight.link.ready,
+        "autopilot": flight.link.vehicle.autopilot,
         "rates_hz": {name: round(rate, 1) for name, rate in link.rates_hz.items()},
         "missing": list(link.missing),
         "link_lost": link.lost,
         "link_bad": link.bad,
         "link_dropped": link.dropped,
         "delay_p99_ms": _finite(link.delay_p99_ms, 1),
-        "sync_ms": _finite(link.residual_ms, 2) if companion.link.timesync.synced else None,
-        "windows": companion.worker.reports,
-        "dropped_windows": companion.worker.dropped_windows,
-        "latencies_ms": [round(ms, 1) for ms in companion.worker.latencies_ms.array(LATENCIES).tolist()],
-        "streams": companion.streams.statistics(),
+        "sync_ms": _finite(link.residual_ms, 2) if flight.link.timesync.synced else None,
+        "windows": flight.worker.reports,
+        "dropped_windows": flight.worker.dropped_windows,
+        "latencies_ms": [round(ms, 1) for ms in flight.worker.latencies_ms.array(LATENCIES).tolist()],
+        "streams": flight.streams.statistics(),
         "lidar": {name: value for name, value in lidar.items() if isinstance(value, int | float | str)},
         "fusion": {name: value for name, value in fusion.items() if isinstance(value, int | float | str)},
         "recording": None if recorder is None else recorder.statistics(),
-        "parameters": companion.settings.stored.model_dump(mode="json"),
+        "parameters": flight.settings.stored.model_dump(mode="json"),
     }
 
 

@@ -7,19 +7,17 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import foxglove
 
+from companion.flight.flight_view import FlightView
 from companion.flight.geometry.pose import Pose
 from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import foxglove_scene
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import UsageError
 from slz import LocalFrame, Report, Window
-
-if TYPE_CHECKING:
-    from companion.flight.app import Companion
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +53,7 @@ class LiveView:
         The port is in use.
     """
 
-    def __init__(self, companion: Companion, port: int) -> None:
+    def __init__(self, flight: FlightView, port: int) -> None:
         self._clock_offset_ns = time.time_ns() - now_ns()
         self._last_pose_ns = 0
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
@@ -73,8 +71,8 @@ class LiveView:
         except Exception as error:
             raise UsageError(f"--foxglove {port}: {error}") from None
         self._channels = {t: c for t, c in foxglove_scene.channels(context).items() if t in SHOWN}
-        companion.worker.on_window.subscribe(self.window)
-        companion.link.on_text.subscribe(self.text)
+        flight.worker.on_window.subscribe(self.window)
+        flight.link.on_text.subscribe(self.text)
 
     @property
     def port(self) -> int:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from shapely.geometry import mapping
 from shapely.geometry.polygon import orient
 
-from companion.flight.outputs.flight_summary import zone_summary
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS, zone_polygon
+from companion.flight.outputs.zone_summary import zone_summary
 from slz import Grid, LocalFrame, Zone
 
 

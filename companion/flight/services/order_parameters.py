@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.operator_commands import (
-    ABORT,
-    CONFIRM,
-    LAND_AT_BEST,
-    LAND_NOW,
-    SELECT,
-    Operator,
-)
+from companion.flight.landing.operator_order import Operator, Order, OrderKind
 from companion.flight.services.settings import Change
 from companion.runtime.clock import now_ns
 from params import Row
@@ -40,7 +33,12 @@ DO_ROW = Row(
     sentence="Order: 1 land at the best zone, 2 at the selected point, 3 emergency, 4 abort. Reads as 0.",
     live=True,
 )
-ORDERS = {1: LAND_AT_BEST, 2: CONFIRM, 3: LAND_NOW, 4: ABORT}
+ORDERS = {
+    1: OrderKind.LAND_AT_BEST,
+    2: OrderKind.LAND_AT_SELECTED,
+    3: OrderKind.LAND_NOW,
+    4: OrderKind.ABORT,
+}
 # A station that missed the answer sets the parameter again: no second order, as long as the first stands.
 REPEAT_NS = 3_000_000_000
 
@@ -71,7 +69,7 @@ class OrderParameters:
     @property
     def select(self) -> int:
         """Zone under watch, 0 for none."""
-        return self._operator.watched_zone()
+        return self._operator.selected_zone()
 
     def change(self, name: str, value: int) -> Change:
         """Carry out an order, or say why not."""
@@ -80,11 +78,11 @@ class OrderParameters:
         row = SELECT_ROW if name == "select" else DO_ROW
         if row.high is not None and not 0 < value <= row.high:
             return Change(False, f"{row.mavlink}: must be 0 to {row.high:g}")
-        if (name, value, self._operator.turns) == self._last and now_ns() - self._last_ns < REPEAT_NS:
+        if (name, value, self._operator.order_count) == self._last and now_ns() - self._last_ns < REPEAT_NS:
             return Change(True, "")
-        what, which = (SELECT, value) if name == "select" else (ORDERS[value], 0)
-        reply = self._operator.order(what, which)
-        repeatable = reply.accepted and what != ABORT  # an abort is carried out each time
-        self._last = (name, value, self._operator.turns) if repeatable else None
+        order = Order(OrderKind.SELECT_ZONE, value) if name == "select" else Order(ORDERS[value])
+        reply = self._operator.carry_out(order)
+        repeatable = reply.accepted and order.kind is not OrderKind.ABORT  # an abort is carried out each time
+        self._last = (name, value, self._operator.order_count) if repeatable else None
         self._last_ns = now_ns()
         return Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")

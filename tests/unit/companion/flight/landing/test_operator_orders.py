@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_commands import Operator
+from companion.flight.landing.operator_commands import OperatorCommands
+from companion.flight.landing.operator_order import Operator
 from companion.flight.landing.situation import Reply
 from companion.flight.link.command_server import OperatorCommand
 from slz import LocalFrame
@@ -34,14 +35,10 @@ class Executive:
         return order
 
 
-def desk(frame: LocalFrame | None = FRAME, selected: Any = None) -> tuple[Operator, Executive]:
+def desk(frame: LocalFrame | None = FRAME) -> tuple[OperatorCommands, Executive]:
     executive = Executive()
-    situation = SITUATION if selected is None else SimpleNamespace(selected=selected)
-    companion: Any = SimpleNamespace(
-        executive=executive, situation=lambda: situation, history=SimpleNamespace(frame=frame),
-        parameters=SimpleNamespace(zone_m=500.0),
-    )  # fmt: skip
-    return Operator(companion), executive
+    operator = Operator(cast(Any, executive), lambda: cast(Any, SITUATION), 500.0)
+    return OperatorCommands(operator, lambda: frame), executive
 
 
 def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: Any) -> OperatorCommand:
@@ -147,4 +144,5 @@ def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried
     [(None, 0), (SimpleNamespace(zone_id=None), 0), (SimpleNamespace(zone_id=4), 4)],
 )
 def test_the_zone_under_watch(selected: Any, zone: int) -> None:
-    assert desk(selected=selected)[0].watched_zone() == zone
+    situation: Any = SimpleNamespace(selected=selected)
+    assert Operator(cast(Any, Executive()), lambda: situation, 500.0).selected_zone() == zone

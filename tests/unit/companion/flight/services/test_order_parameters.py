@@ -8,14 +8,8 @@ from typing import Any, cast
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_commands import (
-    ABORT,
-    CONFIRM,
-    LAND_AT_BEST,
-    LAND_NOW,
-    SELECT,
-    Operator,
-)
+from companion.flight.landing.operator_commands import KINDS
+from companion.flight.landing.operator_order import Operator, Order, OrderKind
 from companion.flight.landing.situation import Reply
 from companion.flight.services import order_parameters
 from companion.flight.services.order_parameters import REPEAT_NS, OrderParameters
@@ -31,22 +25,22 @@ class Listener:
     """Notes the orders in place of the executive."""
 
     def __init__(self) -> None:
-        self.orders: list[tuple[int, int]] = []
-        self.watched = 0
-        self.turns = 0
+        self.orders: list[Order] = []
+        self.selected = 0
+        self.order_count = 0
         self.refuses = ""
 
-    def order(self, what: int, which: int = 0) -> Reply:
-        self.orders.append((what, which))
+    def carry_out(self, order: Order) -> Reply:
+        self.orders.append(order)
         if self.refuses:
             return Reply(False, self.refuses)
-        if what == SELECT and which != 7:
-            return Reply(False, f"no zone {which}")
-        self.watched = which if what == SELECT else self.watched
+        if order.kind is OrderKind.SELECT_ZONE and order.zone_id != 7:
+            return Reply(False, f"no zone {order.zone_id}")
+        self.selected = order.zone_id or self.selected
         return Reply(True, "landing")
 
-    def watched_zone(self) -> int:
-        return self.watched
+    def selected_zone(self) -> int:
+        return self.selected
 
 
 class Desk:
@@ -71,17 +65,25 @@ def desk(monkeypatch: pytest.MonkeyPatch) -> Desk:
     return Desk(monkeypatch)
 
 
-@pytest.mark.parametrize(("value", "order"), [(1, LAND_AT_BEST), (2, CONFIRM), (3, LAND_NOW), (4, ABORT)])
-def test_an_order_is_carried_out_read_back_and_reads_as_none(desk: Desk, value: int, order: int) -> None:
+@pytest.mark.parametrize(
+    ("value", "kind"),
+    [
+        (1, OrderKind.LAND_AT_BEST),
+        (2, OrderKind.LAND_AT_SELECTED),
+        (3, OrderKind.LAND_NOW),
+        (4, OrderKind.ABORT),
+    ],
+)
+def test_an_order_is_carried_out_read_back_and_reads_as_none(desk: Desk, value: int, kind: OrderKind) -> None:
     assert desk.set("SLZ_DO", value) == [("PARAM_VALUE", value)]
-    assert desk.listener.orders == [(order, 0)]
+    assert desk.listener.orders == [Order(kind)]
     assert desk.later() == [0]
     assert desk.texts == [(f"SLZ: SLZ_DO {value}: landing", True)]
 
 
 def test_a_zone_is_selected(desk: Desk) -> None:
     assert desk.set("SLZ_SELECT", 7) == [("PARAM_VALUE", 7)]
-    assert desk.listener.orders == [(SELECT, 7)]
+    assert desk.listener.orders == [Order(OrderKind.SELECT_ZONE, 7)]
     assert desk.later() == []
 
 
@@ -102,14 +104,14 @@ def test_a_parameter_set_again_for_a_lost_answer_is_one_order(desk: Desk) -> Non
     assert desk.set("SLZ_DO", 1) == [("PARAM_VALUE", 1)]
     desk.now_ns += REPEAT_NS
     desk.set("SLZ_DO", 1)
-    assert desk.listener.orders == [(LAND_AT_BEST, 0)] * 2
+    assert desk.listener.orders == [Order(OrderKind.LAND_AT_BEST)] * 2
 
 
 def test_an_abort_is_carried_out_each_time_it_comes(desk: Desk) -> None:
     for _ in range(3):
         desk.now_ns += REPEAT_NS // 10
         desk.set("SLZ_DO", 4)
-    assert desk.listener.orders == [(ABORT, 0)] * 3
+    assert desk.listener.orders == [Order(OrderKind.ABORT)] * 3
 
 
 @pytest.mark.parametrize(("name", "value"), [("SLZ_DO", 1), ("SLZ_SELECT", 7)])
@@ -127,7 +129,7 @@ def test_an_order_that_another_one_or_the_pilot_ended_is_meant_anew(
     desk: Desk, name: str, value: int
 ) -> None:
     desk.set(name, value)
-    desk.listener.turns += 1
+    desk.listener.order_count += 1
     desk.now_ns += REPEAT_NS // 2
     desk.set(name, value)
     assert len(desk.listener.orders) == 2
@@ -144,7 +146,12 @@ def test_the_actions_for_qgroundcontrol_are_orders_of_ours() -> None:
     file = json.loads((REPOSITORY / "docs" / "qgroundcontrol_actions.json").read_text())
     assert (file["version"], file["fileType"]) == (1, "MavlinkActions")
     assert {(a["mavCmd"], a["compId"]) for a in file["actions"]} == {(mavlink.MAV_CMD_USER_1, 191)}
-    assert [a["param1"] for a in file["actions"]] == [LAND_AT_BEST, CONFIRM, LAND_NOW, ABORT]
+    assert [KINDS[a["param1"]] for a in file["actions"]] == [
+        OrderKind.LAND_AT_BEST,
+        OrderKind.LAND_AT_SELECTED,
+        OrderKind.LAND_NOW,
+        OrderKind.ABORT,
+    ]
 
 
 def test_their_names_are_nobody_else_s() -> None:

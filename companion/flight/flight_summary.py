@@ -1,0 +1,75 @@
+"""Summary of a flight, as `--json` prints it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.flight_view import FlightView
+from companion.flight.landing.situation import Phase
+from companion.flight.outputs.zone_summary import choice_summary, point_summary, zone_summary
+from slz import LocalFrame, Report
+
+
+def flight_summary(flight: FlightView) -> dict[str, Any]:
+    """Return what the flight came to, as `--json` prints it."""
+    executive, worker, radar = flight.executive, flight.worker, flight.radar
+    tally, frame = executive.tally, flight.history.frame
+    chosen = None
+    if tally.chosen_enu_m is not None and frame is not None:
+        chosen = {**_place(frame, tally.chosen_enu_m), "zone": tally.zone_id}
+    landed = executive.phase is Phase.LANDED
+    touchdown = None
+    if landed and flight.path_enu_m and frame is not None:
+        touchdown = _place(frame, flight.path_enu_m.last)
+    return {
+        "phase": executive.phase.value,
+        "landed": landed,
+        "chosen": chosen,
+        "touchdown": touchdown,
+        "aborts": tally.aborts,
+        "abort_reasons": tally.abort_reasons,
+        "pilot_took_over": tally.hands_off,
+        "failsafes": tally.failsafes,
+        "off_point_m": None if tally.off_point_m is None else round(tally.off_point_m, 2),
+        **_found(flight.report),
+        "zones_seen": len(flight.zones_seen),
+        "reports": worker.reports,
+        "dropped_windows": worker.dropped_windows,
+        "failed_windows": worker.failed,
+        "late_windows": worker.late,
+        "latency_ms": _quantiles(worker.latencies_ms.array()),
+        "autopilot_parameters": flight.fitness.summary(),
+        "streams": flight.streams.statistics(),
+        "link": asdict(flight.link.statistics()),
+        "lidar": flight.lidar.statistics(),
+        "radar": None if radar is None else radar.statistics(),
+        "fusion": flight.assembler.statistics(),
+        "recording": flight.recordings.statistics(),
+    }
+
+
+def _found(report: Report | None) -> dict[str, Any]:
+    if report is None:
+        return {"zones": [], "choice": None, "point": None}
+    selected = report.selected
+    return {
+        "zones": [zone_summary(zone, report.frame) for zone in report.zones],
+        "choice": choice_summary(report),
+        "point": None if selected is None else point_summary(selected, report.frame),
+    }
+
+
+def _place(frame: LocalFrame, enu_m: NDArray[np.float64]) -> dict[str, float]:
+    lat, lon, alt = (float(v) for v in frame.lla(enu_m))
+    return {"lat": lat, "lon": lon, "alt_m": alt}
+
+
+def _quantiles(values: NDArray[np.float64]) -> dict[str, float | None]:
+    if not len(values):
+        return {"p50": None, "p99": None, "max": None}
+    p50, p99 = np.percentile(values, [50, 99])
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(float(values.max()), 2)}

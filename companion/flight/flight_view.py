@@ -1,0 +1,57 @@
+"""View of a running flight for whatever shows, records or summarises it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from companion.flight.doctor.autopilot_fitness import Fitness
+from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.landing.executive import Executive
+from companion.flight.landing.operator_order import Operator
+from companion.flight.landing.situation import Situation
+from companion.flight.link.link import Link
+from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.outputs.schedule import Streams
+from companion.flight.recorder.recordings import Recordings
+from companion.flight.sensors.driver import Lidar
+from companion.flight.services.settings import Settings
+from companion.runtime.ring_buffer import Recent
+from params import Parameters
+from slz import Report
+
+
+class FlightView(Protocol):
+    """Parts of a flight.
+
+    Attributes
+    ----------
+    report
+        The newest one, None before the first.
+    path_enu_m
+        Flown path, (n, 3) of the map frame.
+    zones_seen
+        IDs of all zones reported so far.
+    radar
+        The radar beside the LiDAR, if any.
+    """
+
+    parameters: Parameters
+    settings: Settings
+    link: Link
+    lidar: Lidar
+    radar: Lidar | None
+    assembler: ScanAssembler
+    history: PoseHistory
+    worker: PipelineWorker
+    executive: Executive
+    operator: Operator
+    fitness: Fitness
+    streams: Streams
+    recordings: Recordings
+    report: Report | None
+    path_enu_m: Recent
+    zones_seen: set[int]
+
+    def situation(self) -> Situation:
+        """Return what is known now, as the executive sees it."""

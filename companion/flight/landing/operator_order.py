@@ -1,0 +1,95 @@
+"""Operator's orders to the landing executive, whichever way they come: MAVLink, parameters, the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+
+from companion.flight.landing.executive import Executive
+from companion.flight.landing.situation import Reply, Situation, Vector
+
+
+class OrderKind(Enum):
+    """What an operator can order."""
+
+    ABORT = auto()
+    LAND_AT_BEST = auto()
+    LAND_IN_ZONE = auto()
+    LAND_AT_POINT = auto()
+    LAND_NOW = auto()  # at the zone reached soonest, from any mode
+    SELECT_ZONE = auto()  # put its best point under watch
+    SELECT_POINT = auto()
+    LAND_AT_SELECTED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One order.
+
+    Attributes
+    ----------
+    zone_id
+        Of LAND_IN_ZONE and SELECT_ZONE.
+    point_enu_m
+        (3,) east, north, up of the map frame, of LAND_AT_POINT and SELECT_POINT.
+    """
+
+    kind: OrderKind
+    zone_id: int | None = None
+    point_enu_m: Vector | None = None
+
+
+class Operator:
+    """Carries out orders of the operator.
+
+    Parameters
+    ----------
+    executive
+        Obeys them.
+    situation
+        Returns what is known now.
+    reach_m
+        Horizontal distance from the map's origin up to which points are taken.
+    """
+
+    def __init__(self, executive: Executive, situation: Callable[[], Situation], reach_m: float) -> None:
+        self._executive = executive
+        self._situation = situation
+        self._reach_m = reach_m
+
+    @property
+    def order_count(self) -> int:
+        """Order counter: incremented when an order is accepted, aborted or finished."""
+        return self._executive.turns
+
+    def selected_zone(self) -> int:
+        """Return the ID of the zone that the selected point is in, 0 for none."""
+        selected = self._situation().selected
+        return 0 if selected is None or selected.zone_id is None else selected.zone_id
+
+    def carry_out(self, order: Order) -> Reply:
+        """Carry out an order, or return why not."""
+        executive, situation = self._executive, self._situation()
+        match order:
+            case Order(OrderKind.ABORT):
+                return executive.abort(situation)
+            case Order(OrderKind.LAND_AT_BEST):
+                return executive.land_at_best(situation)
+            case Order(OrderKind.LAND_NOW):
+                return executive.land_now(situation)
+            case Order(OrderKind.LAND_AT_SELECTED):
+                return executive.land_at_selected(situation)
+            case Order(OrderKind.LAND_IN_ZONE, zone_id=int(zone_id)):
+                return executive.land_in_zone(situation, zone_id)
+            case Order(OrderKind.SELECT_ZONE, zone_id=int(zone_id)):
+                return executive.watch_zone(situation, zone_id)
+            case Order(point_enu_m=np.ndarray() as enu_m) if float(np.hypot(*enu_m[:2])) > self._reach_m:
+                return Reply(False, "the point is too far away")
+            case Order(OrderKind.LAND_AT_POINT, point_enu_m=np.ndarray() as enu_m):
+                return executive.land_at_point(situation, enu_m)
+            case Order(OrderKind.SELECT_POINT, point_enu_m=np.ndarray() as enu_m):
+                return executive.watch(enu_m)
+        raise ValueError(f"{order}: it has neither zone nor point")
