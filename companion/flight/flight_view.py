@@ -26,12 +26,6 @@ class FlightView(Protocol):
 
     Attributes
     ----------
-    report
-        The newest one, None before the first.
-    path_enu_m
-        Flown path, (n, 3) of the map frame.
-    zones_seen
-        IDs of all zones reported so far.
     radar
         The radar beside the LiDAR, if any.
     """
@@ -49,9 +43,18 @@ class FlightView(Protocol):
     fitness: Fitness
     streams: Streams
     recordings: Recordings
-    report: Report | None
-    path_enu_m: Recent
-    zones_seen: set[int]
+
+    @property
+    def report(self) -> Report | None:
+        """The newest report of the present map, None before the first."""
+
+    @property
+    def path_enu_m(self) -> Recent:
+        """Flown path, (n, 3) of the map frame."""
+
+    @property
+    def zones_seen(self) -> set[int]:
+        """IDs of all zones reported so far."""
 
     def situation(self) -> Situation:
         """Return what is known now, as the executive sees it."""

@@ -118,7 +118,7 @@ class Page:
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
-    def report(self, report: Report) -> None:
+    def use_report(self, report: Report) -> None:
         """Show a report."""
         latencies = self._flight.worker.latencies_ms
         self.board.take(report, float(latencies.last) if latencies else float("nan"))

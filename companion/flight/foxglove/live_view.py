@@ -84,7 +84,7 @@ class LiveView:
         wall_ns = self._wall_ns()
         self._put(foxglove_scene.POINTS, lambda: foxglove_scene.cloud(window, wall_ns), wall_ns)
 
-    def report(self, report: Report) -> None:
+    def use_report(self, report: Report) -> None:
         """Show what came of a window."""
         wall_ns = self._wall_ns()
         self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), wall_ns)

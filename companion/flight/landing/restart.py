@@ -1,4 +1,4 @@
-"""A flight that is under way when the companion starts, because it was killed or started late."""
+"""Landing under way across restarts of the companion: kept on disk, and taken up again after a kill."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import Landing, LandingMemory
-from companion.flight.landing.situation import Phase, Situation, Vector
+from companion.flight.landing.situation import FLYING, Phase, Situation, Vector
 from slz import LocalFrame
 
 PATIENCE_NS = 3_000_000_000  # for the position, before the landing is called unwatched
@@ -14,10 +14,13 @@ OVER_M = 3.0  # farther from the point the landing is not the one that was left
 
 
 class Restart:
-    """Takes a landing up again, or tells that it is not watched; once, when the autopilot is heard."""
+    """Takes a landing up again, or tells that it is not watched; once, when the autopilot is heard.
+
+    From then on the landing under way is kept for a companion that is started after this one was killed.
+    """
 
     def __init__(self, memory: LandingMemory) -> None:
-        self._left = memory.left
+        self._memory, self._left = memory, memory.left
         self._first_ns: int | None = None
         self.decided = False
 
@@ -29,14 +32,38 @@ class Restart:
         sysid: int | None,
         boot_ms: int | None,
     ) -> None:
-        """Decide as soon as enough is known.
+        """Decide as soon as enough is known, then keep the landing under way.
 
         Parameters
         ----------
         sysid, boot_ms
             The autopilot's system and time since boot.
         """
-        if self.decided or not s.connected or not s.heard:
+        if self.decided:
+            self._keep(executive, frame, sysid, boot_ms)
+        else:
+            self._decide(s, executive, frame, sysid, boot_ms)
+
+    def _keep(
+        self, executive: Executive, frame: LocalFrame | None, sysid: int | None, boot_ms: int | None
+    ) -> None:
+        if executive.phase not in FLYING:
+            self._memory.keep(None)
+        elif sysid is not None and boot_ms is not None:
+            aim, nowhere = executive.aim_enu_m, (float("nan"),) * 3
+            place = nowhere if aim is None or frame is None else frame.lla(aim)
+            lat, lon, alt = (float(v) for v in place)
+            self._memory.keep(Landing(executive.phase.value, sysid, boot_ms, lat, lon, alt))
+
+    def _decide(
+        self,
+        s: Situation,
+        executive: Executive,
+        frame: LocalFrame | None,
+        sysid: int | None,
+        boot_ms: int | None,
+    ) -> None:
+        if not s.connected or not s.heard:
             return
         self._first_ns = s.now_ns if self._first_ns is None else self._first_ns
         waiting = s.now_ns - self._first_ns < PATIENCE_NS

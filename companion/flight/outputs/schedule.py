@@ -80,7 +80,7 @@ class Streams:
             "DISTANCE_SENSOR": Cadence(HEIGHT_HZ),
         }
 
-    def take(self, report: Report) -> None:
+    def use_report(self, report: Report) -> None:
         """Use a report from now on."""
         self.report, self._report_ns = report, now_ns()
 

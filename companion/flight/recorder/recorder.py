@@ -119,7 +119,7 @@ class Recorder:
         at_ns = now_ns()
         self._raw(journal.EVENT, journal.pack_frame(frame), at_ns)
 
-    def report(self, report: Report) -> None:
+    def use_report(self, report: Report) -> None:
         """Record what came of a window."""
         at_ns = now_ns()
         wall_ns = self._wall_ns(at_ns)

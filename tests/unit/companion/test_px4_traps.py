@@ -54,7 +54,7 @@ def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, orders: Orders) -> No
     """Let the application carry out orders."""
     monkeypatch.setattr(made.executive, "step", lambda _situation: orders)
     made.link._inbox.vehicle = replace(IN_FLIGHT, last_heartbeat_ns=now_ns())
-    made._tick()
+    made.decisions.step()
 
 
 @pytest.mark.parametrize(("kind", "numbers"), [("land", (4.0, 9.0)), ("guided", (6.0, 0.0))])
@@ -65,7 +65,7 @@ async def test_it_lands_by_the_mode_not_by_the_command(
     made, sent = on_px4
     tick(made, monkeypatch, Orders(mode=kind, velocity_enu_ms=np.zeros(3)))
     await asyncio.sleep(0)
-    made._mode_change.cancel()  # type: ignore[union-attr]
+    made.modes.cancel()
     (command,) = [message for message in sent if not hasattr(message, "get_type")]
     assert command.command == mavlink.MAV_CMD_DO_SET_MODE
     assert command.params[:3] == (1.0, *numbers)

@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 import params
-from companion.flight.app import Companion, _Stopped
+from companion.flight import situation_source
+from companion.flight.app import Companion
 from companion.flight.landing.situation import Orders, Phase
 from companion.flight.link.command import CommandResult
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.runtime.clock import now_ns
 from slz import LocalFrame, Scan
 from tests.ports import free_port
+from tests.unit.companion.flight.landing.flight import Flight
 
 FLYING = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True, reported_landed="in_air")
 
@@ -49,7 +52,7 @@ class Cockpit:
     async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
         heard_ns = now_ns() - round(heard_s_ago * 1e9)
         self.companion.link._inbox.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
-        self.companion._tick()
+        self.companion.decisions.step()
         await asyncio.sleep(0.01)
 
     def velocities(self) -> list[tuple[float, float, float]]:
@@ -61,8 +64,7 @@ class Cockpit:
 async def cockpit(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Cockpit]:
     made = Cockpit(monkeypatch)
     yield made
-    if made.companion._mode_change is not None:
-        made.companion._mode_change.cancel()
+    made.companion.modes.cancel()
     made.companion.worker.close()
 
 
@@ -105,11 +107,11 @@ async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) ->
         companion = seat.companion
         await seat.tick("GUIDED")
         seat.orders = Orders(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
-        deciding = asyncio.create_task(companion._decide())
+        stop = asyncio.Event()
+        deciding = asyncio.create_task(companion.decisions.run(stop))
         await asyncio.sleep(0.12)
-        companion.stop()
-        with pytest.raises(_Stopped):
-            await companion._wait_for_stop()
+        stop.set()
+        await companion.leave()
         deciding.cancel()
         assert seat.velocities()[0] == (0.0, 4.0, 0.0)
         assert seat.velocities()[-1] == (0.0, 0.0, 0.0)
@@ -123,7 +125,7 @@ async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch
             return CommandResult(0, "denied", 1)
 
         monkeypatch.setattr(seat.companion.link, "set_mode", refuse)
-        monkeypatch.setattr("companion.flight.app.ASK_AGAIN_S", 0.2, raising=False)
+        monkeypatch.setattr("companion.flight.mode_requests.ASK_AGAIN_S", 0.2, raising=False)
         seat.orders = Orders(mode="guided")
         for _ in range(10):
             await seat.tick("LOITER")
@@ -141,10 +143,12 @@ async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
 ) -> None:
     """The pipeline gathers up to two seconds where returns are few."""
     async with cockpit(monkeypatch) as seat:
-        seat.companion.worker._windower.window_s = window_s
-        now = now_ns()
-        seat.companion._last_report_ns = now - round(age_s * 1e9)
-        assert seat.companion._report_is_fresh(now) is fresh
+        monkeypatch.setattr(PipelineWorker, "window_s", property(lambda _: window_s))
+        report = Flight([]).situation().report
+        assert report is not None
+        seat.companion.situations.use_report(report)
+        monkeypatch.setattr(situation_source, "now_ns", lambda: now_ns() + round(age_s * 1e9))
+        assert (seat.companion.situations.report_now() is report) is fresh
 
 
 @pytest.mark.parametrize(
@@ -163,9 +167,9 @@ async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
         radar_url="radar:127.0.0.1:7611",
     )
     now = now_ns()
-    companion._last_scan_ns = now - round(seen_s * 1e9)
+    companion.situations.on_scan(now - round(seen_s * 1e9))
     companion.lidar.stream.last_arrival_ns = None if lidar_s is None else now - round(lidar_s * 1e9)  # type: ignore[attr-defined]
-    assert companion._scans_are_fresh(now) is fresh
+    assert companion.situations.scans_are_fresh(now) is fresh
     companion.worker.close()
 
 
@@ -184,7 +188,7 @@ async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
         await seat.tick("AUTO.LOITER")
         assert len(seat.velocities()) == 1
         monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, reported_landed="on_ground"))
-        seat.companion._last_open_ns = 0
+        monkeypatch.setattr(situation_source, "now_ns", lambda: now_ns() + 10**9)  # the next one is due
         await seat.tick("AUTO.LOITER")
         assert len(seat.velocities()) == 1
 
@@ -248,14 +252,14 @@ async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
         monkeypatch.setattr(companion.worker, "restart", lambda: begun.append("map"))
         monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
         companion.link.ready = True
-        companion._on_scan(scan(1))
-        companion._on_radar_scan(scan(2))
+        companion.feed.add_lidar_scan(scan(1))
+        companion.feed.add_radar_scan(scan(2))
         assert (len(begun), len(offered)) == (0, 2)
         companion.history.epoch += 1
-        companion._on_radar_scan(scan(3))  # it may still be of the frame before
+        companion.feed.add_radar_scan(scan(3))  # it may still be of the frame before
         assert (len(begun), len(offered)) == (0, 2)
-        companion._on_scan(scan(4))
-        companion._on_radar_scan(scan(5))
+        companion.feed.add_lidar_scan(scan(4))
+        companion.feed.add_radar_scan(scan(5))
         assert (len(begun), len(offered)) == (1, 3)
         assert "the position estimate jumped: mapping anew" in caplog.text
 
@@ -273,9 +277,9 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
         seat.orders = Orders(select_enu_m=point)
         companion.history.epoch += 1
         await seat.tick("GUIDED")
-        companion._on_scan(scan(1))  # it may still be of the frame before
+        companion.feed.add_lidar_scan(scan(1))  # it may still be of the frame before
         assert (done, offered) == (["map", "point"], [])
-        companion._on_scan(scan(2))
+        companion.feed.add_lidar_scan(scan(2))
         assert (done, len(offered)) == (["map", "point"], 1)
 
 
@@ -283,9 +287,9 @@ async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.Mo
     async with cockpit(monkeypatch) as seat:
         begun: list[str] = []
         monkeypatch.setattr(seat.companion.worker, "restart", lambda: begun.append("map"))
-        seat.companion._on_scan(scan(1))
+        seat.companion.feed.add_lidar_scan(scan(1))
         seat.companion.link.on_reboot.emit()
-        seat.companion._on_scan(scan(2))
+        seat.companion.feed.add_lidar_scan(scan(2))
         assert begun == ["map"]
 
 
@@ -294,10 +298,10 @@ async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest
         offered: list[Scan] = []
         monkeypatch.setattr(seat.companion.worker, "offer", lambda scan, _number: offered.append(scan))
         seat.companion.link.ready = False
-        seat.companion._on_scan(scan(1))
+        seat.companion.feed.add_lidar_scan(scan(1))
         assert offered == []
         seat.companion.link.ready = True
-        seat.companion._on_scan(scan(2))
+        seat.companion.feed.add_lidar_scan(scan(2))
         assert len(offered) == 1
 
 

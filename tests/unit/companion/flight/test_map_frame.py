@@ -104,8 +104,8 @@ async def test_the_map_begins_anew_and_the_recording_tells(
     begun: list[str] = []
     monkeypatch.setattr(made.worker, "restart", lambda: begun.append("map"))
     fly(made, 30.0, 2400.0)
-    made._tick()
-    made._tick()
+    made.decisions.step()
+    made.decisions.step()
     assert begun == ["map"]
     assert frames == [made.history.frame]
     made.recordings.recorder = None

@@ -41,7 +41,7 @@ class Seat:
         self.companion.link._inbox.vehicle = replace(FLYING, last_heartbeat_ns=now)
         self.companion.history.add_attitude(now, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.companion.history.add_position(now, 47.0, 8.0, 400.0, (0.0, 0.0, 0.0))
-        self.companion._last_scan_ns = now
+        self.companion.situations.on_scan(now)
         self.show(None)
 
     def show(self, east_m: float | None, state: PointState = PointState.SAFE) -> None:
@@ -50,8 +50,7 @@ class Seat:
         selected = None
         if east_m is not None:
             selected = replace(unknown(np.array([east_m, 5.0, 0.0])), state=state, judged_by="near")
-        self.companion.report = replace(self.report, selected=selected)
-        self.companion._last_report_ns = now_ns()
+        self.companion.situations.use_report(replace(self.report, selected=selected))
 
     async def order(self, **fields: Any) -> Reply:
         message = parse(json.dumps({"id": 1, **fields}))
@@ -71,7 +70,7 @@ async def test_a_zone_is_selected_judged_and_confirmed() -> None:
         assert (await s.order(do="select_zone", zone=1)).accepted
         assert s.companion.executive.phase is Phase.IDLE
         assert not (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted  # not judged yet
-        s.companion._tick()
+        s.companion.decisions.step()
         s.show(5.0)
         assert (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted
         assert s.companion.executive.phase is Phase.SURVEY
@@ -81,7 +80,7 @@ async def test_only_the_point_that_the_sender_saw_is_confirmed() -> None:
     """Two operators: one confirms while the other selects."""
     async with seat() as s:
         await s.order(do="select_zone", zone=1)
-        s.companion._tick()
+        s.companion.decisions.step()
         s.show(5.0)
         assert not (await s.order(do="confirm", east_m=5.2, north_m=5.0)).accepted
         await s.order(do="select_zone", zone=2)

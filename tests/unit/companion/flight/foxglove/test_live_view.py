@@ -40,7 +40,7 @@ async def test_an_engineer_s_viewer_gets_the_zones_in_the_recording_s_schema() -
             await viewer.send(json.dumps({"op": "subscribe", "subscriptions": [wanted]}))
             data: str | bytes = ""
             while not isinstance(data, bytes):
-                live.report(report)
+                live.use_report(report)
                 try:
                     data = await asyncio.wait_for(viewer.recv(), 0.2)
                 except TimeoutError:

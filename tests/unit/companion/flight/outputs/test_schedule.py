@@ -94,7 +94,7 @@ class Flight:
         report = object.__new__(Report)
         object.__setattr__(report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top))
         object.__setattr__(report, "selected", None)
-        self.streams.take(report)
+        self.streams.use_report(report)
 
 
 @pytest.fixture

@@ -1,0 +1,63 @@
+"""The executive's loop: 20 times a second from what is known to orders, and their execution."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from companion.flight.flight_view import FlightView
+from companion.flight.flown_path import FlownPath
+from companion.flight.landing.restart import Restart
+from companion.flight.map_frame import begin_frame_if_far
+from companion.flight.order_execution import OrderExecution
+from companion.flight.scan_feed import ScanFeed
+from companion.flight.situation_source import SituationSource
+
+STEP_S = 0.05
+
+
+class DecisionLoop:
+    """Steps the executive of a flight.
+
+    Parameters
+    ----------
+    on_new_frame
+        Called after another map frame has begun.
+    """
+
+    def __init__(
+        self,
+        flight: FlightView,
+        feed: ScanFeed,
+        situations: SituationSource,
+        execution: OrderExecution,
+        restart: Restart,
+        path: FlownPath,
+        on_new_frame: Callable[[], None],
+    ) -> None:
+        self._flight, self._feed, self._situations = flight, feed, situations
+        self._execution, self._restart, self._path = execution, restart, path
+        self._on_new_frame = on_new_frame
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Step until stopped: the last setpoint is that of whoever stops it."""
+        loop = asyncio.get_running_loop()
+        next_s = loop.time()
+        while not stop.is_set():
+            self.step()
+            next_s = max(next_s + STEP_S, loop.time())
+            await asyncio.sleep(next_s - loop.time())
+
+    def step(self) -> None:
+        """Step the executive once and carry out its orders."""
+        flight = self._flight
+        self._feed.follow_jumps()  # before the executive selects the point again, in the new map
+        if begin_frame_if_far(flight):
+            self._feed.begin_frame()
+            self._on_new_frame()
+        self._situations.blocked = self._execution.blocked
+        situation, vehicle = self._situations.situation(), flight.link.vehicle
+        orders = flight.executive.step(situation)
+        self._restart.step(situation, flight.executive, flight.history.frame, vehicle.sysid, vehicle.boot_ms)
+        self._execution.execute(orders, situation)
+        self._path.follow(situation, heard_ever=vehicle.sysid is not None)

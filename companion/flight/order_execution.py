@@ -1,0 +1,94 @@
+"""Execution of the executive's orders: texts, modes, setpoints, selection and landing target."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.axes import enu_from_level
+from companion.flight.landing.look_ahead import LEVEL_M, held_back
+from companion.flight.landing.situation import Orders, Situation
+from companion.flight.link.link import Link
+from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.mode_requests import ModeRequests
+from companion.flight.outputs.schedule import Streams
+from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
+
+log = logging.getLogger(__name__)
+
+OPEN_STEP_NS = 200_000_000
+
+
+class OrderExecution:
+    """Sends what the executive orders.
+
+    Parameters
+    ----------
+    lidar_min_m
+        Nearest range of the LiDAR: what is nearer is not seen.
+
+    Attributes
+    ----------
+    blocked
+        Something is in the way that the last velocity led.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        history: PoseHistory,
+        worker: PipelineWorker,
+        streams: Streams,
+        modes: ModeRequests,
+        lidar_min_m: float,
+    ) -> None:
+        self._link, self._history, self._worker = link, history, worker
+        self._streams, self._modes = streams, modes
+        self._lidar_min_m = lidar_min_m
+        self._last_open_ns = 0
+        self.blocked = False
+
+    def execute(self, orders: Orders, situation: Situation) -> None:
+        """Carry out the orders of this moment."""
+        for severity, text in orders.texts:
+            log.info(text)
+            self._link.statustext(text, severity.value)
+        if orders.select_enu_m is not None:
+            self._worker.select(orders.select_enu_m)
+        if orders.mode is not None:
+            self._modes.request(orders.mode)
+        else:
+            self._modes.review(situation)
+        vehicle = self._link.vehicle
+        if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
+            velocity = self._held_back(orders.velocity_enu_ms, situation)
+            self._link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
+        elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
+            self._link.send(signal)
+        self._streams.target_enu_m = orders.target_enu_m
+
+    def stop_vehicle(self) -> None:
+        """Send the last setpoint: ArduPilot flies on with the one before for three seconds."""
+        self._link.send(velocity_setpoint(self._link.vehicle, np.zeros(3), None))
+
+    def _must_keep_offboard_open(self, situation: Situation) -> bool:
+        """Tell whether a signal is due, without which PX4 does not enter its offboard mode."""
+        px4, flying = self._link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
+        due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
+        if px4 and flying and due:
+            self._last_open_ns = situation.now_ns
+        return px4 and flying and due
+
+    def _held_back(self, velocity_enu_ms: NDArray[np.float64], situation: Situation) -> NDArray[np.float64]:
+        """Return the velocity that stops before what was seen ahead."""
+        self.blocked = False
+        pose = self._history.latest(situation.now_ns)
+        if pose is None or not velocity_enu_ms.any():
+            return velocity_enu_ms
+        axes = enu_from_level(pose)
+        around = self._streams.around_level_m(pose, situation.now_ns, LEVEL_M)
+        velocity, self.blocked = held_back(velocity_enu_ms @ axes, around, self._lidar_min_m)
+        return np.asarray(axes @ velocity)

@@ -1,0 +1,116 @@
+"""Scans on their way from georeferencing to the map: which are mapped, and when a new map begins."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.pose import Pose
+from companion.flight.landing.executive import Executive
+from companion.flight.link.link import Link
+from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.runtime.clock import now_ns
+from companion.runtime.event import Event
+from slz import LocalFrame, Scan
+
+log = logging.getLogger(__name__)
+
+
+class PoseDisplay(Protocol):
+    """A recorder or live view that follows the vehicle."""
+
+    def pose(self, pose: Pose, frame: LocalFrame) -> None:
+        """Show where the vehicle is."""
+
+
+class ScanFeed:
+    """Hands scans to the map.
+
+    Parameters
+    ----------
+    scan_count
+        Returns the number of scans placed so far.
+    displays
+        Returns whoever shows the vehicle's pose now.
+
+    Attributes
+    ----------
+    on_scan
+        A scan was placed; at which time.
+    on_new_map
+        A new map begins: what was found on the one before no longer counts.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        history: PoseHistory,
+        worker: PipelineWorker,
+        executive: Executive,
+        obstacles: ObstacleMemory,
+        scan_count: Callable[[], int],
+        displays: Callable[[], tuple[PoseDisplay | None, ...]],
+    ) -> None:
+        self._link, self._history = link, history
+        self._worker, self._executive, self._obstacles = worker, executive, obstacles
+        self._scan_count, self._displays = scan_count, displays
+        self.on_scan: Event[[int]] = Event()
+        self.on_new_map: Event[[]] = Event()
+        self._flown = False
+        self._scan_epoch = self._map_epoch = history.epoch
+
+    def add_lidar_scan(self, scan: Scan) -> None:
+        """Take a scan of the LiDAR."""
+        if self._history.epoch != self._scan_epoch:
+            self._scan_epoch = self._history.epoch
+            self.follow_jumps()
+            return  # it may still be of the frame before
+        at_ns = now_ns()
+        self.on_scan.emit(at_ns)
+        for display in self._displays():
+            if display is not None and (pose := self._history.latest(at_ns)) is not None:
+                display.pose(pose, scan.frame)
+        self._obstacles.add(scan)
+        self._offer(scan)
+
+    def add_radar_scan(self, scan: Scan) -> None:
+        """Take a scan of the radar; its points come late and in blocks, so they are no obstacles at hand."""
+        if self._history.epoch != self._scan_epoch:
+            return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
+        self.on_scan.emit(now_ns())
+        self._offer(scan)
+
+    def follow_jumps(self) -> None:
+        """Begin a new map if the position estimate jumped."""
+        if self._history.epoch == self._map_epoch:
+            return
+        log.warning("the position estimate jumped: mapping anew")
+        self._begin_map()
+
+    def begin_frame(self) -> None:
+        """Begin a new map in the frame that has just begun."""
+        self._scan_epoch = self._history.epoch  # what waits to be placed will be in the new frame
+        self._begin_map()
+
+    def _begin_map(self) -> None:
+        self._map_epoch = self._history.epoch
+        self._worker.restart()
+        self.on_new_map.emit()
+
+    def _offer(self, scan: Scan) -> None:
+        """Map a scan, if this is the time for it."""
+        if not self._link.ready:
+            return  # a window would wait for the warm-up, and be late
+        if self._executive.mapping and not self._stands_after_flight():
+            self._worker.offer(scan, self._scan_count())
+        else:
+            self._worker.flush()
+
+    def _stands_after_flight(self) -> bool:
+        """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""
+        landed = self._link.vehicle.landed
+        self._flown = self._flown or landed == "in_air"
+        return self._flown and landed == "on_ground"

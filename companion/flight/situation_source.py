@@ -1,0 +1,145 @@
+"""Snapshots of what is known of vehicle, sensors and map, as the landing executive sees it."""
+
+from __future__ import annotations
+
+from companion.flight.doctor.autopilot_fitness import Fitness
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.landing.situation import Situation
+from companion.flight.link.link import Link
+from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.sensors.driver import Lidar
+from companion.runtime.clock import now_ns
+from params import Parameters
+from slz import Report
+
+# A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
+HEARD_NS = 2_500_000_000
+SWITCHED_NS = 2_500_000_000  # a pilot's switch explains a mode that shows so long after it
+
+
+class SituationSource:
+    """Source of situations.
+
+    Parameters
+    ----------
+    radar
+        A radar beside the LiDAR, if any.
+
+    Attributes
+    ----------
+    newest
+        The newest report of the present map, None before the first.
+    blocked
+        Something is in the way that the last velocity led.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        link: Link,
+        history: PoseHistory,
+        worker: PipelineWorker,
+        lidar: Lidar,
+        radar: Lidar | None,
+        fitness: Fitness,
+    ) -> None:
+        self._p = parameters
+        self._link, self._history, self._worker = link, history, worker
+        self._lidar, self._radar, self._fitness = lidar, radar, fitness
+        self.newest: Report | None = None
+        self.blocked = False
+        self._last_scan_ns: int | None = None
+        self._last_report_ns: int | None = None
+
+    # ---- what comes in --------------------------------------------------------------------------
+
+    def on_scan(self, at_ns: int) -> None:
+        """Note that a scan was placed on the map."""
+        self._last_scan_ns = at_ns
+
+    def use_report(self, report: Report) -> None:
+        """Use a new report."""
+        self.newest, self._last_report_ns = report, now_ns()
+
+    def on_new_map(self) -> None:
+        """Forget the report: it was of the map before."""
+        self.newest = self._last_report_ns = None
+
+    # ---- what is known --------------------------------------------------------------------------
+
+    def situation(self) -> Situation:
+        """Return what is known now."""
+        now = now_ns()
+        vehicle, health = self._link.vehicle, self._link.vehicle.health
+        pose = self._history.latest(now)
+        report = self.newest if self.report_is_fresh(now) else None
+        landed = vehicle.landed
+        return Situation(
+            now_ns=now,
+            connected=self._link.connected,
+            armed=vehicle.armed,
+            guided=vehicle.guided,
+            landing=vehicle.landing,
+            mode=vehicle.mode,
+            on_ground=None if landed == "unknown" else landed == "on_ground",
+            position_enu_m=None if pose is None else pose.position_enu_m,
+            velocity_enu_ms=None if pose is None else pose.velocity_enu_ms,
+            height_above_home_m=vehicle.relative_alt_m or 0.0,
+            lidar_ok=self.scans_are_fresh(now) and self.report_is_fresh(now) and not self._worker.invalid,
+            report=report,
+            selected=None if report is None else report.selected,
+            battery_pct=vehicle.battery_pct,
+            blocked=self.blocked,
+            heard=self._mode_is_known(now),
+            epoch=self._history.epoch if pose is None else pose.epoch,
+            blind=self._blind(now),
+            failsafe=vehicle.failsafe,
+            breached=health.breached,
+            estimate_lost=health.estimate_lost,
+            gps_lost=health.gps_lost,
+            cause=health.cause(now),
+            target_lost_ns=health.target_lost_ns,
+            sticks_us=health.sticks_us,
+            switched=_is_recent(health.switched_ns, now, SWITCHED_NS),
+            fit=self._fitness.fit,
+        )
+
+    def fresh_report(self) -> Report | None:
+        """Return the newest report if it is fresh and valid."""
+        return self.newest if self.report_is_fresh(now_ns()) and not self._worker.invalid else None
+
+    def report_now(self) -> Report | None:
+        """Return the newest report if it is fresh."""
+        return self.newest if self.report_is_fresh(now_ns()) else None
+
+    def report_is_fresh(self, now: int) -> bool:
+        """Tell whether the newest report is of the last windows: they last up to 2 s over few returns."""
+        limit = (self._worker.window_s + self._p.window_s + 1.0) * 1e9
+        return self._last_report_ns is not None and now - self._last_report_ns < limit
+
+    def scans_are_fresh(self, now: int) -> bool:
+        """Tell whether something is seen, and the LiDAR sends: a radar sees for it, but not in its place."""
+        stamps = [self._last_scan_ns]
+        if self._radar is not None:
+            stamps.append(self._lidar.last_arrival_ns)
+        limit = self._p.lidar_timeout_s * 1e9
+        return all(at_ns is not None and now - at_ns < limit for at_ns in stamps)
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    def _blind(self, now: int) -> str:
+        """Return what is wrong while the ground is not seen: the link, the LiDAR or the computer."""
+        if not self._mode_is_known(now) or self._history.latest(now) is None:
+            return "link lost"  # scans wait for poses
+        if not _is_recent(self._lidar.last_arrival_ns, now, round(self._p.lidar_timeout_s * 1e9)):
+            return "LiDAR lost"
+        if not self.scans_are_fresh(now):
+            return "scans late"
+        return "map invalid" if self._worker.invalid else "map late"
+
+    def _mode_is_known(self, now: int) -> bool:
+        return _is_recent(self._link.vehicle.last_heartbeat_ns, now, HEARD_NS)
+
+
+def _is_recent(at_ns: int | None, now: int, limit_ns: int) -> bool:
+    return at_ns is not None and now - at_ns < limit_ns
