@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 import slz.kernels
+from slz.kernels.source_stamp import sources_of
+from tests import REPOSITORY
 
 HELPER = """
 from slz.kernels.jit import kernel
@@ -52,12 +54,12 @@ def program(tmp_path: Path) -> Path:
     return kernels
 
 
-def asked(program: Path) -> tuple[float, int]:
+def asked(program: Path, ask: str = ASKED) -> tuple[float, int]:
     """Return what the kernel answers in a new process, and how often it had to be compiled for that."""
     own = {"PYTHONPATH": str(program.parents[1]), "NUMBA_DISABLE_JIT": "0"}
     own["NUMBA_CACHE_DIR"] = str(program.parents[1] / "cache")
     said = subprocess.run(
-        [sys.executable, "-c", ASKED],
+        [sys.executable, "-c", ask],
         env=os.environ | own,
         cwd=program.parents[1],
         check=True,
@@ -74,3 +76,27 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_calls_has_changed(program: P
     (program / "helper.py").write_text(HELPER.format(added=5))
     (program / "stranger.py").write_text("")
     assert asked(program) == (6.0, 1)
+
+
+def test_the_stamp_of_the_companion_s_kernels_follows_the_modules_that_they_import() -> None:
+    placement = REPOSITORY / "companion" / "flight" / "fusion" / "placement.py"
+    names = {path.name for path in sources_of(placement, REPOSITORY)}
+    assert {"placement.py", "motion.py", "jit.py"} <= names
+
+
+def test_a_change_of_any_module_of_the_simulator_has_its_kernels_compiled_anew(tmp_path: Path) -> None:
+    program = tmp_path / "sitl"
+    program.mkdir()
+    (program / "__init__.py").touch()
+    (program / "compilation.py").write_bytes((REPOSITORY / "sitl" / "compilation.py").read_bytes())
+    (program / "helper.py").write_text(HELPER.format(added=1).replace("slz.kernels.jit", "sitl.compilation"))
+    (program / "caller.py").write_text(
+        CALLER.replace("slz.kernels.jit", "sitl.compilation").replace(
+            "slz.kernels.between import passed_on", "sitl.helper import helped as passed_on"
+        )
+    )
+    ask = ASKED.replace("slz.kernels.caller", "sitl.caller")
+    assert asked(program / "kernels", ask) == (2.0, 1)
+    assert asked(program / "kernels", ask) == (2.0, 0)
+    (program / "helper.py").write_text(HELPER.format(added=5).replace("slz.kernels.jit", "sitl.compilation"))
+    assert asked(program / "kernels", ask) == (6.0, 1)
