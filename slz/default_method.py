@@ -1,153 +1,184 @@
-"""The map of one resolution in default mode: its window, its terrain and the zones found in it."""
+"""Default method: evidence of all windows and plane fits, with allowance for errors of ranges and poses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.adaptive import COARSEST
-from slz.grid import Grid
-from slz.terrain.terrain import EvidenceTerrain
-from slz.terrain.tiles import Tiles
-from slz.zone import Zone
-from slz.zones.description import Content, describe
-from slz.zones.detection import Candidate, search_bits, side_in_cells
-from slz.zones.ranking import rank
-from slz.zones.tracking import ZoneTracker
+from slz.adaptive import COARSEST, Adapter, Choice
+from slz.concurrency import beside
+from slz.frame import is_known
+from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable
+from slz.landing_point.judgement import SelectedPoint, unknown
+from slz.method import MapPair, Step
+from slz.points.mapping_reach import reach_m, within
+from slz.points.outliers import (
+    CLOUD_GROUP,
+    FLIGHT_GROUP,
+    LoneReturns,
+    gap_interval,
+    in_a_group,
+    in_company,
+)
+from slz.points.registration import Offset, offset
+from slz.prior import Prior
+from slz.prior import Source as PriorSource
+from slz.report import MapReport
+from slz.stage_clock import StageClock
+from slz.window import Window
+from slz.zones.zone_map import ZoneMap
 
 Points = NDArray[np.float64]
+MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 
 
-class ZoneMap:
-    """Terrain and zones of one resolution.
+class DefaultMethod:
+    """Safer rules than the sources'; see `docs/sources.md` for each departure.
 
     Parameters
     ----------
     centre_enu_m
-        East and north of the window's centre (SLZ paper 3.1.2).
-    numbers
-        IDs for new zones.
+        East and north of the first window's centre; None takes the first point.
+    threads
+        With 2 the far map is derived beside the near one; the results are the same.
+    prior
+        Gives ground surveyed before the flight, see `slz.prior`.
     """
 
+    fills_contours = False
+
     def __init__(
-        self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
+        self,
+        parameters: Parameters,
+        centre_enu_m: tuple[float, float] | None,
+        threads: int,
+        prior: PriorSource | None,
     ) -> None:
-        self._parameters = parameters
-        grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
-        self.terrain = EvidenceTerrain(grid, parameters)
-        self._names = ZoneTracker(numbers)
-        self.zones: tuple[Zone, ...] = ()
-        self._candidates: tuple[Candidate, ...] = ()
-        self._contents: dict[int, Content] = {}  # of the zones, by ID
-        self.n_without_tile = self.n_evicted = 0
+        self._p = parameters
+        self._other = ThreadPoolExecutor(1, "slz-far-map") if threads == 2 else None
+        far = far_parameters(parameters)
+        self._pair = MapPair(
+            lambda centre, numbers: ZoneMap(parameters, centre, numbers),
+            lambda centre, numbers: ZoneMap(far, centre, numbers),
+            centre_enu_m,
+        )
+        self._adapter = Adapter(parameters)
+        self._prior = None if prior is None else Prior(prior, parameters)
+        self._lone = LoneReturns()
 
     @property
-    def tiles(self) -> Tiles:
-        """The evidence."""
-        return self.terrain.tiles
+    def maps(self) -> tuple[ZoneMap, ZoneMap] | None:
+        """Near and far map, None before the first window."""
+        return self._pair.maps
 
-    def take(
-        self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
-    ) -> bool:
-        """Add a window's points and search the terrain; tell whether the map's window was moved for that.
+    def process(
+        self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
+    ) -> Step:
+        """Run outlier removal, registration, terrain and zones on a window."""
+        new_frame = self._pair.is_new(window)
+        if new_frame:
+            self._lone, self._adapter = LoneReturns(), Adapter(self._p)
+        points = self._without_outliers(window, sensor_enu_m)
+        clock.lap("outliers")
+        near, far = self._pair.begin(window, lambda: points[:1]) if new_frame else self._pair.maps_now
+        used = within(points, sensor_enu_m, reach_m(self._p))
+        with beside(self._other, self._chosen, window, _picked(points, used), far) as chosen:
+            points = self._registered(points, used, sensor_enu_m, near)
+            self._contradictions(points, used, sensor_enu_m, near)
+        choice = chosen.result()
+        clock.lap("registration")
+        pinned = None if selected is None else selected.enu_m
+        for zone_map in (near, far):
+            zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
+        stamp_s = window.end_ns * 1e-9
+        with beside(self._other, far.take, points, sensor_enu_m, stamp_s, near.tiles):
+            moved = near.take(_picked(points, used), sensor_enu_m, stamp_s)
+        clock.lap("terrain")
+        near.name(sensor_enu_m)
+        far.name(sensor_enu_m)
+        clock.lap("zones")
+        if self._prior is not None:
+            live, tiles = (near.terrain, far.terrain), near.tiles
+            self._prior.take(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
+            clock.lap("prior")
+        return Step(near, far, choice, int(used.sum()), moved)
 
-        Parameters
-        ----------
-        points_enu_m
-            (n, 3), in the map's heights (`tiles.datum_m`); the sensor's place is in those of the frame.
-        like
-            Evidence whose zero of heights the points have, by default its own.
-        """
-        moved = self._follow(sensor_enu_m)
-        terrain = self.terrain
-        if like is not None:
-            terrain.tiles.datum_m = like.datum_m
-        sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
-        change = terrain.add(points_enu_m, sensor_there_m, stamp_s)
-        self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
-        self._candidates = self._search()
-        return moved
+    def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
+        """Return an unknown point: evidence that neither map has is too old, or was given up."""
+        return unknown(enu_m, math.nan if before is None else before.height_m)
 
-    def zone_at(self, enu_m: Points) -> int | None:
-        """Return the ID of the zone that holds a point."""
-        row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
-        return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
+    def far_is_active(self, choice: Choice) -> bool:
+        """Return False: zones of the far map are places to look closer at."""
+        return False
 
-    def _follow(self, sensor_enu_m: Points) -> bool:
-        """Move the window when it must (SLZ paper 3.2.5); tell whether it was moved."""
-        old = self.terrain.grid
-        centre = self._next_centre(sensor_enu_m, old)
-        if centre is None:
-            return False
-        down, right = old.index(*centre)
-        grid = replace(
-            old,
-            west_m=old.west_m + (right - old.cols // 2) * old.cell_m,
-            south_m=old.south_m + (down - old.rows // 2) * old.cell_m,
-        )
-        self._become(self.terrain.moved(grid))
-        return True
+    def prior_report(self) -> MapReport | None:
+        """Return the zones of ground surveyed before the flight, None without."""
+        grid = None if self._prior is None else self._prior.grid
+        return None if self._prior is None or grid is None else MapReport(grid, self._prior.zones)
 
-    def _next_centre(self, sensor_enu_m: Points, grid: Grid) -> tuple[float, float] | None:
-        """Return the centre of the new zone, or None to stay.
+    # ---- stages ---------------------------------------------------------------------------------
 
-        The window moves to the vehicle, when it comes nearer to an edge than a quarter of the zone, so that
-        one far return does not throw the map away.
-        """
-        east, north = float(sensor_enu_m[0]), float(sensor_enu_m[1])
-        room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
-        return (east, north) if room < self._parameters.zone_m / 4 else None
+    def _without_outliers(self, window: Window, sensor_enu_m: Points) -> Points:
+        """Return the finite points within `max_range_m` that no outlier rule drops."""
+        p = self._p
+        points = np.ascontiguousarray(window.points_enu_m)
+        height_m, usable_as_they_are = are_usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
+        if not usable_as_they_are:
+            points = usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
+            height_m = points[:, 2].copy()
+        in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
+        keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
+        believed_m = height_m if keep.all() else heights_of(height_m, keep)
+        strays = beyond(height_m, keep, *gap_interval(believed_m, p.outlier_gap_m))
+        keep[strays] = in_a_group(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
+        kept = picked(points, keep)
+        if not in_flight:
+            return kept
+        again = self._lone.returning(picked(points, ~keep), sensor_enu_m, len(points))
+        return np.vstack([kept, again]) if len(again) else kept
 
-    def at_level(self, level: int) -> None:
-        """Draw the map at another level of the pyramid; zones keep their IDs."""
-        if self.terrain.level != level:
-            self._become(self.terrain.at_level(level))
+    def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
+        """Return how the next window and the far map are to be, and have the far map so."""
+        choice = self._adapter.look(window, points_enu_m)
+        far.at_level(choice.level)
+        return choice
 
-    def _become(self, terrain: EvidenceTerrain) -> None:
-        self._names.moved(self.terrain.grid, terrain.grid)
-        self._contents = {}
-        self.terrain = terrain
+    def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
+        """Return the points in the near map's heights, after following the drift of those to be used."""
+        tiles, found = near.tiles, Offset()
+        most_m = self._p.register_m
+        if most_m > 0 and is_known(sensor):
+            found = offset(points, np.flatnonzero(used), sensor, tiles, most_m)
+        points = found.taken_out(points, sensor, tiles.datum_m)
+        tiles.datum_m += found.up_m
+        return points
 
-    def _search(self) -> tuple[Candidate, ...]:
-        """Search the total map for what may be zones."""
-        p, terrain = self._parameters, self.terrain
-        seen = terrain.seen
-        if seen.empty:
-            return ()
-        coarser = terrain.grid.cell_m / p.cell_m
-        side = side_in_cells(p.min_square_m, terrain.grid)
-        return tuple(
-            search_bits(*terrain.safe_bits(seen), side, max(1, int(p.min_boundary_points / coarser)))
-        )
+    def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
+        """Use what stands on known ground of the near map, too, however far: it counts at once."""
+        terrain, least_m = near.terrain, self._p.relief_m
+        if is_known(sensor):
+            others = np.flatnonzero(~used)
+            used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
 
-    def name(self, sensor_enu_m: Points) -> None:
-        """Name, describe and rank the zones found."""
-        p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
 
-        def described(candidate: Candidate, zone_id: int) -> Zone:
-            content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id))
-            return describe(content, terrain, sensor_enu_m, p, zone_id)
-
-        self.zones = rank(self._names.update(self._candidates, described), p)
-        self._contents = contents
+def _picked(points: Points, which: NDArray[np.bool_]) -> Points:
+    return points if which.all() else picked(points, which)
 
 
 def far_parameters(parameters: Parameters) -> Parameters:
     """Return the parameters of the far map.
 
-    The sources change the cell only. In default mode the evidence has cells a quarter of `far_cell_m` wide,
-    from which coarser levels are drawn; a footprint spans three cells at least, gaps of a cell count as seen
-    and the limit on a zone's boundary follows the cell, so that the far map finds where it is worth to look
-    closer. What it calls safe is no place to land before the near map says so too.
+    The evidence has cells a quarter of `far_cell_m` wide, from which coarser levels are derived; a footprint
+    spans three cells at least, gaps of a cell count as seen and the limit on a zone's boundary follows the
+    cell, so that the far map finds where it is worth looking closer. What it calls safe is no place to land
+    before the near map says so too.
     """
     p = parameters
     cell_m = max(p.far_cell_m / 2**COARSEST, p.cell_m)
-    if p.mode == "source":
-        return p.model_copy(update={"cell_m": p.far_cell_m})
     return p.model_copy(
         update={
             "cell_m": cell_m,

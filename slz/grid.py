@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
 import numpy as np
@@ -128,6 +128,15 @@ class Grid:
     @property
     def north_m(self) -> float:
         return self.south_m + self.rows * self.cell_m
+
+    def recentred(self, east_m: float, north_m: float) -> Grid:
+        """Return a grid of the same cells with a point in its middle (SLZ paper, section 3.2.5)."""
+        down, right = self.index(east_m, north_m)
+        return replace(
+            self,
+            west_m=self.west_m + (right - self.cols // 2) * self.cell_m,
+            south_m=self.south_m + (down - self.rows // 2) * self.cell_m,
+        )
 
     def index(self, east_m: float, north_m: float) -> tuple[int, int]:
         """Return row and column of a point (SLZ paper Eq. 3-4); they may lie outside the grid."""

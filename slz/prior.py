@@ -13,7 +13,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,8 @@ from params import Parameters
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box, Grid, read_at
 from slz.kernels.points.prior_agreement import contradict, heights_over
-from slz.landing_point.judgement import Readable
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
+from slz.terrain.terrain_view import CellView, UnboundedTerrain
 from slz.zone import Zone
 from slz.zones.description import Content, describe
 from slz.zones.detection import Candidate, search_components, side_in_cells
@@ -60,14 +60,12 @@ Source = Callable[[LocalFrame, Points], Surveyed | None]
 """Gives the surveyed ground around a place (3,) of a frame; None where there is none."""
 
 
-class PriorTerrain:
+class PriorTerrain(UnboundedTerrain):
     """What is left of surveyed ground, to be read as the live maps are (`Readable`).
 
     offset_m: of the survey's zero over that of the live maps' kept heights. datum_m: of the latter, see
     `slz.terrain.tiles.Tiles`.
     """
-
-    of_the_sources: ClassVar = False
 
     def __init__(self, surveyed: Surveyed) -> None:
         self.surveyed = surveyed
@@ -141,7 +139,7 @@ class Prior:
         sensor_enu_m: Points,
         frame: LocalFrame,
         now_s: float,
-        live: tuple[Readable, ...],
+        live: tuple[CellView, ...],
         datum_m: float = 0.0,
     ) -> None:
         """Compare a window's returns with the survey and find what zones are left.
@@ -245,7 +243,7 @@ class Prior:
             contradict(points, over, sensor, terrain.offset_m, least_m, noise, *place, terrain.given_up)
         )
 
-    def _overruled(self, zone: Zone, terrain: PriorTerrain, live: tuple[Readable, ...]) -> bool:
+    def _overruled(self, zone: Zone, terrain: PriorTerrain, live: tuple[CellView, ...]) -> bool:
         """Tell whether a return or a live map speaks against a zone's landing point."""
         row, col = terrain.grid.index(*zone.best.enu_m[:2].tolist())
         if not zone.holds(row, col):
@@ -272,7 +270,7 @@ class Prior:
         return rank(self._names.update(found, described), p)
 
 
-def known_to(live: tuple[Readable, ...], grid: Grid) -> NDArray[np.bool_]:
+def known_to(live: tuple[CellView, ...], grid: Grid) -> NDArray[np.bool_]:
     """Return the cells of a raster whose centres lie on ground of which a live map says anything."""
     out = np.zeros((grid.rows, grid.cols), bool)
     for terrain in live:

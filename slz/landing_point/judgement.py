@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias, TypeGuard
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,36 +13,15 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.frame import is_known
-from slz.grid import Box, Grid
+from slz.grid import Box
 from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.distance_transform import farthest, surest
 from slz.landing_point.obstacles import Surroundings, grouped, horizon_at
-from slz.terrain.terrain import EvidenceTerrain
-from slz.terrain.terrain_maps import SAFE, UNSAFE
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
+from slz.terrain.terrain_view import CellView, TerrainView
 from slz.zone import LandingPoint
 from slz.zones.detection import Candidate
 
-if TYPE_CHECKING:
-    from slz.paper.paper_terrain import SourceTerrain
-
-
-class Readable(Protocol):
-    """Maps of a grid, wherever they are kept, see `EvidenceTerrain`."""
-
-    of_the_sources: ClassVar[bool]
-    """Whether a cell is safe or not, none unknown, and outside the grid there is nothing."""
-
-    @property
-    def grid(self) -> Grid: ...
-
-    def layer(self, name: str, box: Box) -> NDArray[np.float32]: ...
-
-    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]: ...
-
-    def state(self, box: Box) -> NDArray[np.uint8]: ...
-
-
-Terrain: TypeAlias = "EvidenceTerrain | SourceTerrain | Readable"
 Judge = Literal["near", "far", "none"]
 MOST_OBSTACLES = 64
 BULGE = 0.02  # how much ground rises over its plane, per metre of distance
@@ -54,6 +33,13 @@ class PointState(Enum):
     SAFE = "safe"
     UNSAFE = "unsafe"
     UNKNOWN = "unknown"
+
+
+STATES = {
+    int(SAFE): PointState.SAFE,
+    int(UNSAFE): PointState.UNSAFE,
+    int(UNKNOWN): PointState.UNKNOWN,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +82,7 @@ class Widest:
     certainty: NDArray[np.float32]
 
 
-def widest(candidate: Candidate, terrain: Readable) -> Widest:
+def widest(candidate: Candidate, terrain: CellView) -> Widest:
     """Return the cells whose clearance is within half a cell of the greatest."""
     wide = candidate.words_box
     found = farthest(candidate.own_bits, candidate.square_side)
@@ -112,7 +98,7 @@ def widest(candidate: Candidate, terrain: Readable) -> Widest:
 def best_point(
     among: Widest,
     square_side: int,
-    terrain: Readable,
+    terrain: CellView,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
@@ -143,10 +129,10 @@ def best_point(
     )
 
 
-def ground_m(terrain: Terrain, cell: Box) -> float:
+def ground_m(terrain: TerrainView, cell: Box) -> float:
     """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
     for radius in range(4):
-        heights = terrain.layer("height_m", _around(cell, radius, terrain))
+        heights = terrain.layer("height_m", terrain.around(cell, radius))
         known = heights[np.isfinite(heights)]
         if len(known):
             return float(np.median(known) if radius else known[0])
@@ -154,29 +140,21 @@ def ground_m(terrain: Terrain, cell: Box) -> float:
 
 
 def judge(
-    enu_m: NDArray[np.float64],
-    near: Terrain,
-    far: Terrain | None,
-    parameters: Parameters,
-    before: SelectedPoint | None,
-) -> SelectedPoint:
-    """Judge a selected point anew: it is safe only when every cell within the touchdown error is safe.
+    enu_m: NDArray[np.float64], near: TerrainView, far: TerrainView, parameters: Parameters
+) -> SelectedPoint | None:
+    """Judge a selected point anew; None where neither map has it.
 
-    Where the near map has it, that one decides, else the far map (SLZ thesis 4.3.2.3). In source mode a map
-    that any window went into has what lies in its own window, and a point that both windows left behind keeps
-    its last state (4.3.2.2). Else a map has what was measured there and has not aged; the tiles of the point
-    are kept, so its state survives too, but not for ever.
+    Where the near map has it, that one decides, else the far map (SLZ thesis, section 4.3.2.3). In default
+    mode the point is safe only when every cell within the touchdown error is safe.
     """
-    maps: tuple[tuple[Judge, Terrain | None], ...] = (("near", near), ("far", far))
+    maps: tuple[tuple[Judge, TerrainView], ...] = (("near", near), ("far", far))
     for name, terrain in maps:
-        if terrain is None:
-            continue
-        cell = _cell(enu_m, terrain)
-        state = _state(enu_m, terrain, parameters)
+        state = terrain.state_at(enu_m, parameters.touchdown_error_m)
         if state is not None:
+            cell = _cell(enu_m, terrain)
             return SelectedPoint(
                 enu_m=enu_m,
-                state=state,
+                state=STATES[state],
                 judged_by=name,
                 height_m=ground_m(terrain, cell),
                 slope_deg=float(terrain.layer("slope_deg", cell)[0, 0]),
@@ -185,9 +163,7 @@ def judge(
                 zone_id=None,
                 surroundings=surroundings(enu_m, terrain, parameters),
             )
-    if before is None or isinstance(near, EvidenceTerrain):
-        return unknown(enu_m, math.nan if before is None else before.height_m)
-    return replace(before, judged_by="none", zone_id=None)
+    return None
 
 
 def unknown(enu_m: NDArray[np.float64], height_m: float = math.nan) -> SelectedPoint:
@@ -196,42 +172,12 @@ def unknown(enu_m: NDArray[np.float64], height_m: float = math.nan) -> SelectedP
     return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
 
 
-def _cell(enu_m: NDArray[np.float64], terrain: Terrain) -> Box:
+def _cell(enu_m: NDArray[np.float64], terrain: TerrainView) -> Box:
     row, col = terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
     return Box(row, row + 1, col, col + 1)
 
 
-def _of_the_sources(terrain: Terrain) -> TypeGuard[SourceTerrain]:
-    """Tell source mode's maps from others, without their kernels where there are none of them."""
-    return terrain.of_the_sources
-
-
-def _around(cell: Box, reach: int, terrain: Terrain) -> Box:
-    """Return a box about a cell; evidence lies outside its window too."""
-    if _of_the_sources(terrain):
-        return cell.grown(reach, terrain.grid)
-    return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
-
-
-def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> PointState | None:
-    """Return what a map says of a point, None where it does not have it."""
-    if _of_the_sources(terrain):
-        cell = _cell(enu_m, terrain)
-        if terrain.seen.empty or not terrain.grid.holds(cell.row0, cell.col0):
-            return None
-        return PointState.SAFE if terrain.state(cell)[0, 0] == SAFE else PointState.UNSAFE
-    (east, north), error_m = enu_m[:2].tolist(), parameters.touchdown_error_m
-    row0, col0 = terrain.grid.index(east - error_m, north - error_m)
-    row1, col1 = terrain.grid.index(east + error_m, north + error_m)
-    state = terrain.state(Box(row0, row1 + 1, col0, col1 + 1))
-    if (state == SAFE).all():
-        return PointState.SAFE
-    if (state == UNSAFE).any():
-        return PointState.UNSAFE
-    return PointState.UNKNOWN if (state == SAFE).any() else None
-
-
-def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> Surroundings:
+def surroundings(enu_m: NDArray[np.float64], terrain: TerrainView, parameters: Parameters) -> Surroundings:
     """Return what stands within `surround_m` of a point, over the plane of the ground about it.
 
     The ground is what is safe and joined to the point's own cell, or all that is safe where that one is not.
@@ -239,7 +185,7 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     """
     grid, reach = terrain.grid, math.ceil(parameters.surround_m / terrain.grid.cell_m)
     cell = _cell(enu_m, terrain)
-    box = _around(cell, reach, terrain)
+    box = terrain.around(cell, reach)
     top = _tops(terrain, box)
     rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
     north, east = (rows - cell.row0) * grid.cell_m, (cols - cell.col0) * grid.cell_m
@@ -262,17 +208,17 @@ def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Param
     return Surroundings(parameters.surround_m, tuple(nearest), view)
 
 
-def _tops(terrain: Terrain, box: Box) -> NDArray[np.float32]:
+def _tops(terrain: TerrainView, box: Box) -> NDArray[np.float32]:
     height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
     return np.where(np.isnan(top), height, top)
 
 
-def _view(terrain: Terrain, box: Box) -> NDArray[np.float32]:
+def _view(terrain: TerrainView, box: Box) -> NDArray[np.float32]:
     """Return what may stand in the way: mean heights where the ground is safe, elsewhere tops."""
     return np.where(terrain.state(box) == SAFE, terrain.layer("height_m", box), _tops(terrain, box))
 
 
-def _own_ground(terrain: Terrain, box: Box, cell: Box) -> NDArray[np.bool_]:
+def _own_ground(terrain: TerrainView, box: Box, cell: Box) -> NDArray[np.bool_]:
     safe = terrain.state(box) == SAFE
     label, _ = ndimage.label(safe, np.ones((3, 3)))
     own = label[cell.row0 - box.row0, cell.col0 - box.col0]
@@ -298,7 +244,7 @@ def _plane(
 def horizon_towards(
     enu_m: NDArray[np.float64],
     sensor_enu_m: NDArray[np.float64],
-    terrain: Terrain,
+    terrain: TerrainView,
     parameters: Parameters,
 ) -> float:
     """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
@@ -308,7 +254,7 @@ def horizon_towards(
     way = math.hypot(east, north)
     towards = (east / way, north / way) if way > 0 else (0.0, 0.0)
     reach = math.ceil(parameters.surround_m / terrain.grid.cell_m)
-    box = _ahead(_around(_cell(enu_m, terrain), reach, terrain), _cell(enu_m, terrain), reach, *towards)
+    box = _ahead(terrain.around(_cell(enu_m, terrain), reach), _cell(enu_m, terrain), reach, *towards)
     half_m = parameters.footprint_m / 2
     view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m, towards)
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))

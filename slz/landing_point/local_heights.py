@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from slz.frame import is_known
 from slz.grid import Box
-from slz.landing_point.judgement import Terrain
-from slz.terrain.terrain import EvidenceTerrain
-from slz.terrain.terrain_maps import SAFE
+from slz.terrain.terrain_view import TerrainView
 
 REACH_M = 30.0
 LEAST_CELL_M = 0.5
@@ -63,7 +61,7 @@ class Nearby:
         return np.stack([east, north, self.top_m[rows, cols].astype(np.float64)], axis=1)
 
 
-def nearby(near: Terrain, far: Terrain, sensor_enu_m: NDArray[np.float64]) -> Nearby | None:
+def nearby(near: TerrainView, far: TerrainView, sensor_enu_m: NDArray[np.float64]) -> Nearby | None:
     """Return the heights around the sensor, of the far map where the near one knows none.
 
     Parameters
@@ -80,31 +78,13 @@ def nearby(near: Terrain, far: Terrain, sensor_enu_m: NDArray[np.float64]) -> Ne
     count = math.ceil(REACH_M / (block * cell_m))
     row, col = near.grid.index(float(sensor_enu_m[0]), float(sensor_enu_m[1]))
     box = Box(row - count * block, row + count * block, col - count * block, col + count * block)
-    ground, top = (_blocks(layer, block) for layer in _heights(near, box))
+    ground, top = (_blocks(layer, block) for layer in near.ground_and_top(box))
     west = near.grid.west_m + box.col0 * cell_m
     south = near.grid.south_m + box.row0 * cell_m
     _fill(ground, top, far, west, south, block * cell_m)
     for array in (ground, top):
         array.setflags(write=False)
     return Nearby(west, south, block * cell_m, ground, top)
-
-
-def _heights(terrain: Terrain, box: Box) -> tuple[Floats, Floats]:
-    """Return mean heights and how high cells reach over a box, NaN beyond what the map holds."""
-    if isinstance(terrain, EvidenceTerrain):
-        height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
-        return height, np.where(terrain.state(box) == SAFE, height, np.fmax(height, top))
-    inner = Box(
-        max(0, box.row0), min(terrain.grid.rows, box.row1), max(0, box.col0), min(terrain.grid.cols, box.col1)
-    )
-    height = np.full(box.shape, np.nan, np.float32)
-    if not inner.empty:
-        there = (
-            slice(inner.row0 - box.row0, inner.row1 - box.row0),
-            slice(inner.col0 - box.col0, inner.col1 - box.col0),
-        )
-        height[there] = terrain.layer("height_m", inner)
-    return height, height
 
 
 def _blocks(layer: Floats, side: int) -> Floats:
@@ -115,7 +95,9 @@ def _blocks(layer: Floats, side: int) -> Floats:
     return out
 
 
-def _fill(ground: Floats, top: Floats, far: Terrain, west_m: float, south_m: float, cell_m: float) -> None:
+def _fill(
+    ground: Floats, top: Floats, far: TerrainView, west_m: float, south_m: float, cell_m: float
+) -> None:
     """Write the far map's heights into the cells that are unknown."""
     rows, cols = np.nonzero(np.isnan(ground))
     if not len(rows):
@@ -124,6 +106,6 @@ def _fill(ground: Floats, top: Floats, far: Terrain, west_m: float, south_m: flo
     far_row = np.floor((south_m + (rows + 0.5) * cell_m - grid.south_m) / grid.cell_m).astype(np.intp)
     far_col = np.floor((west_m + (cols + 0.5) * cell_m - grid.west_m) / grid.cell_m).astype(np.intp)
     box = Box(int(far_row.min()), int(far_row.max()) + 1, int(far_col.min()), int(far_col.max()) + 1)
-    far_ground, far_top = _heights(far, box)
+    far_ground, far_top = far.ground_and_top(box)
     ground[rows, cols] = far_ground[far_row - box.row0, far_col - box.col0]
     top[rows, cols] = far_top[far_row - box.row0, far_col - box.col0]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.kernels.paper.zone_search import N_BOUNDARY, find
 from slz.kernels.raster.square_erosion import erode
-from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_terrain import PaperTerrain
 from slz.terrain.demand_zero import untouched
 
 Bits = NDArray[np.uint64]
@@ -45,7 +45,7 @@ class Part:
         return bool(word >> (col & 63) & 1)
 
 
-class SourceSearch:
+class PaperDetection:
     """The zones of a terrain, found anew only where the safety of cells changed.
 
     A zone can only be where a safe square fits. Where those fit is kept as a bit map, and components are
@@ -60,7 +60,7 @@ class SourceSearch:
         Boundary cells that a zone must have.
     """
 
-    def __init__(self, terrain: SourceTerrain, least_side: int, least_boundary: int) -> None:
+    def __init__(self, terrain: PaperTerrain, least_side: int, least_boundary: int) -> None:
         self._terrain = terrain
         self.side, self._boundary = least_side, least_boundary
         self.squares, self._taken = (untouched(terrain.safe_bits.shape, np.uint64) for _ in "st")

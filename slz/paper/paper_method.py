@@ -1,82 +1,103 @@
-"""The map of one resolution in source mode: its window, its terrain and the zones found in it."""
+"""Paper method: the rules of the SLZ paper to the letter, unsafe ones included."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.adaptive import Adapter, Choice
 from slz.grid import Grid
-from slz.paper.paper_detection import Part, SourceSearch
-from slz.paper.paper_terrain import SourceTerrain
-from slz.paper.paper_tracking import RepeatFilter
-from slz.paper.paper_zone import describe_source
+from slz.landing_point.judgement import SelectedPoint, unknown
+from slz.method import MapPair, Step
+from slz.paper.paper_map import PaperMap
 from slz.paper.window_cells import Returns
-from slz.zone import Zone
-from slz.zones.detection import side_in_cells
-from slz.zones.ranking import Ranking
+from slz.report import MapReport
+from slz.stage_clock import StageClock
+from slz.window import Window
 
 Points = NDArray[np.float64]
+ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 
 
-class SourceMap:
-    """Terrain and zones of one resolution; parameters are those of `slz.default_method.ZoneMap`."""
+class PaperMethod:
+    """As the SLZ paper has it, one map at a time; time follows the returns and the ground they hit.
 
-    tiles = None
-    n_without_tile = n_evicted = 0
+    Parameters
+    ----------
+    centre_enu_m
+        East and north of the first window's centre; None takes the first return (SLZ paper, section 3.1.2).
+    follow
+        Whether a return outside the zone moves it there (section 3.2.5) or is passed over.
+    """
+
+    fills_contours = True
 
     def __init__(
-        self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
+        self, parameters: Parameters, centre_enu_m: tuple[float, float] | None, follow: bool
     ) -> None:
-        self._parameters = parameters
-        self._names = RepeatFilter(parameters, numbers)
-        self._ranking = Ranking(parameters)
-        self._found: tuple[Part, ...] = ()
-        self.zones: tuple[Zone, ...] = ()
-        grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
-        self._use(SourceTerrain(grid, parameters))
-
-    def _use(self, terrain: SourceTerrain) -> None:
-        p = self._parameters
-        self.terrain = terrain
-        coarser = terrain.grid.cell_m / p.cell_m
-        least = max(1, int(p.min_boundary_points / coarser))
-        self._search = SourceSearch(terrain, side_in_cells(p.min_square_m, terrain.grid), least)
-
-    def take(self, returns: Returns) -> int:
-        """Fuse returns placed in this map's grid with the terrain; return how many there are."""
-        return self.terrain.take(returns)
-
-    def move(self, east_m: float, north_m: float) -> None:
-        """Move the window to a point outside it (SLZ paper 3.2.5); the common part is copied."""
-        old = self.terrain.grid
-        down, right = old.index(east_m, north_m)
-        grid = replace(
-            old,
-            west_m=old.west_m + (right - old.cols // 2) * old.cell_m,
-            south_m=old.south_m + (down - old.rows // 2) * old.cell_m,
+        self._p = parameters
+        self._follow = follow
+        far = parameters.model_copy(update={"cell_m": parameters.far_cell_m})
+        self._pair = MapPair(
+            lambda centre, numbers: PaperMap(parameters, centre, numbers),
+            lambda centre, numbers: PaperMap(far, centre, numbers),
+            centre_enu_m,
         )
-        self._names.moved(old, grid)
-        self._use(self.terrain.moved(grid))
+        self._adapter = Adapter(parameters)
+        self._returns = Returns()
+        self._far_was_active = False
 
-    def zone_at(self, enu_m: Points) -> int | None:
-        """Return the ID of the zone that holds a point."""
-        row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
-        return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
+    @property
+    def maps(self) -> tuple[PaperMap, PaperMap] | None:
+        """Near and far map, None before the first window."""
+        return self._pair.maps
 
-    def find(self, sensor_enu_m: Points) -> None:
-        """Search the total map for zones, name and rank them."""
-        found = self._search.update()
-        if found is self._found and not self._names.changed:
-            return
-        self._found = found
-        named = self._names.update(
-            found,
-            lambda part, zone_id: describe_source(
-                part, self.terrain, self._search, sensor_enu_m, self._parameters, zone_id
-            ),
-        )
-        self.zones = self._ranking.of(named)
+    def process(
+        self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
+    ) -> Step:
+        """Run outlier removal, the choice of the map, terrain and zones on a window."""
+        if self._pair.is_new(window):
+            self._adapter = Adapter(self._p)
+            self._pair.begin(window, lambda: self._read(window, sensor_enu_m, ANYWHERE).kept()[:1])
+        near, far = self._pair.maps_now
+        guess = far if self._far_was_active else near
+        returns = self._read(window, sensor_enu_m, guess.terrain.grid)
+        clock.lap("outliers")
+        choice = self._adapter.look_at_some(window, returns)
+        active = far if choice.far else near
+        if active is not guess:
+            returns = self._read(window, sensor_enu_m, active.terrain.grid)
+        clock.lap("choice")
+        outside = returns.first_outside() if self._follow else None
+        if outside is not None:
+            active.move(*outside)
+            returns = self._read(window, sensor_enu_m, active.terrain.grid)
+        n_used = active.take(returns)
+        clock.lap("terrain")
+        near.find(sensor_enu_m)
+        far.find(sensor_enu_m)
+        clock.lap("zones")
+        self._far_was_active = choice.far
+        return Step(near, far, choice, n_used, outside is not None and active is near)
+
+    def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
+        """Return the last state of a point that both windows left behind (SLZ thesis, section 4.3.2.2)."""
+        return unknown(enu_m) if before is None else replace(before, judged_by="none", zone_id=None)
+
+    def far_is_active(self, choice: Choice) -> bool:
+        """Tell whether the far map was chosen (SLZ thesis, section 4.3.1)."""
+        return choice.far
+
+    def prior_report(self) -> MapReport | None:
+        """Return None: the sources know no ground surveyed before the flight."""
+        return None
+
+    def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:
+        """Place a window's returns in a grid and drop the outliers among them (SLZ paper, section 3.2.1)."""
+        p = self._p
+        self._returns.read(window.points_enu_m, sensor_enu_m, p.max_range_m, grid)
+        self._returns.keep_heights(p.histogram_bins, p.histogram_threshold)
+        return self._returns

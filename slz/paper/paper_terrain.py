@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ SPARSE = 4  # cells of a window's box and about it for each return, beyond which
 Map = NDArray[np.float32]
 
 
-class SourceTerrain:
+class PaperTerrain:
     """Total DSM, slope, roughness and binary map of one zone, filled with the worst case.
 
     The maps begin as zeros that take no memory; a word of 64 cells is filled with the worst case when the
@@ -43,8 +42,6 @@ class SourceTerrain:
     (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
     whose safety changed since `settle`.
     """
-
-    of_the_sources: ClassVar = True
 
     def __init__(self, grid: Grid, parameters: Parameters) -> None:
         if max(grid.rows, grid.cols) > MOST_CELLS:
@@ -124,9 +121,9 @@ class SourceTerrain:
         box, self.changed = self.changed, NOTHING
         return box
 
-    def moved(self, grid: Grid) -> SourceTerrain:
+    def moved(self, grid: Grid) -> PaperTerrain:
         """Return the maps of a new zone, the common part copied (SLZ paper 3.2.5)."""
-        new = SourceTerrain(grid, self._parameters)
+        new = PaperTerrain(grid, self._parameters)
         mine, theirs = overlap(self.grid, grid)
         if theirs.empty:
             return new
@@ -167,6 +164,34 @@ class SourceTerrain:
             return np.full(box.shape, np.nan, np.float32)
         known = self._cells(self.known_bits, box) == 1
         return np.where(known, _read(values, box), np.float32(np.nan))
+
+    def around(self, cell: Box, reach: int) -> Box:
+        """Return the box within so many cells of a cell, within the grid: nothing is known outside."""
+        return cell.grown(reach, self.grid)
+
+    def state_at(self, enu_m: NDArray[np.float64], error_m: float) -> int | None:
+        """Return the state of the cell of a point, unsafe where it is not safe; None outside the window."""
+        row, col = self.grid.index(float(enu_m[0]), float(enu_m[1]))
+        if self.seen.empty or not self.grid.holds(row, col):
+            return None
+        return int(SAFE if self.safe(Box(row, row + 1, col, col + 1))[0, 0] == 1 else UNSAFE)
+
+    def ground_and_top(self, box: Box) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the heights of a box twice, NaN outside the grid: the sources know no tops."""
+        rows, cols = self.grid.rows, self.grid.cols
+        inner = Box(max(0, box.row0), min(rows, box.row1), max(0, box.col0), min(cols, box.col1))
+        height = np.full(box.shape, np.nan, np.float32)
+        if not inner.empty:
+            there = (
+                slice(inner.row0 - box.row0, inner.row1 - box.row0),
+                slice(inner.col0 - box.col0, inner.col1 - box.col0),
+            )
+            height[there] = self.layer("height_m", inner)
+        return height, height
+
+    def drawn_at(self, _level: int) -> PaperTerrain:
+        """Return these maps: they have one level."""
+        return self
 
     def touch_all(self) -> None:
         """Count every tile seen as touched."""

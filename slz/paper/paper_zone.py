@@ -14,19 +14,19 @@ from slz.kernels.raster.distance_transform import first_choice, room
 from slz.kernels.raster.region_fill import all_reach, component
 from slz.landing_point.judgement import horizon_towards
 from slz.lazy_fields import Later
-from slz.paper.paper_detection import Part, SourceSearch
+from slz.paper.paper_detection import PaperDetection, Part
 from slz.paper.paper_obstacles import source_obstacles
-from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_terrain import PaperTerrain
 from slz.paper.snapshots import heights_at
 from slz.zone import LandingPoint, Zone
 
 Bits = NDArray[np.uint64]
 
 
-def describe_source(
+def describe_paper_zone(
     part: Part,
-    terrain: SourceTerrain,
-    search: SourceSearch,
+    terrain: PaperTerrain,
+    search: PaperDetection,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
     zone_id: int,
@@ -73,8 +73,8 @@ def _best_point(
     part: Part,
     safe: Bits,
     own: Later[Bits],
-    terrain: SourceTerrain,
-    search: SourceSearch,
+    terrain: PaperTerrain,
+    search: PaperDetection,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:

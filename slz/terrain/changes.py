@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.cells.cell_record import TILE
-from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain_view import DisplayedTerrain
 from slz.terrain.tiles import Key
-
-if TYPE_CHECKING:
-    from slz.paper.paper_terrain import SourceTerrain
 
 NAMES = ("height_m", "slope_deg", "relief_m", "certainty")
 
@@ -48,9 +44,7 @@ class Drawn:
     left: int
 
 
-def take_drawn(
-    terrain: EvidenceTerrain | SourceTerrain, most: int, around_enu_m: NDArray[np.float64]
-) -> Drawn:
+def take_drawn(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.float64]) -> Drawn:
     """Return copies of the tiles that changed and mark them as seen; the nearest to a point first.
 
     Parameters

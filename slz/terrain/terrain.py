@@ -18,7 +18,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.raster.bitmap import Bits
 from slz.terrain.derive import LAYERS, Seen, reach_of
 from slz.terrain.terrain_maps import SAFE
+from slz.terrain.terrain_view import UnboundedTerrain
 from slz.terrain.tiled_raster import Block, TiledLayers
 from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
@@ -44,7 +44,7 @@ MIB = 2.0**20
 State = NDArray[np.uint8]
 
 
-class EvidenceTerrain:
+class EvidenceTerrain(UnboundedTerrain):
     """A window of the evidence, and the maps drawn from it at one level of the pyramid.
 
     Parameters
@@ -61,8 +61,6 @@ class EvidenceTerrain:
     serial: number of the maps drawn, another one where all is to be taken anew. touched: tiles drawn or
     forgotten since somebody emptied the set.
     """
-
-    of_the_sources: ClassVar = False
 
     def __init__(
         self, grid: Grid, parameters: Parameters, tiles: Tiles | None = None, level: int = 0
@@ -234,6 +232,10 @@ class EvidenceTerrain:
         new._oldest_s = dict(self._oldest_s)
         return new
 
+    def drawn_at(self, level: int) -> EvidenceTerrain:
+        """Return the maps at a level of the pyramid: these, where it is theirs."""
+        return self if level == self.level else self.at_level(level)
+
     def safe_bits(self, box: Box) -> tuple[Bits, int, int]:
         """Return the safe cells of a box that is not empty, and row and column of the first bit.
 
@@ -292,12 +294,12 @@ class EvidenceTerrain:
         return self._with_datum(name, self.kept_at(name, cells))
 
     @property
-    def datum_m(self) -> float:
+    def kept_datum_m(self) -> float:
         """Height of the zero of what `kept_at` gives."""
         return self.tiles.datum_m
 
     def kept_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Return one of `LAYERS` at (n, 2) cells, heights over `datum_m`: they last while that drifts."""
+        """Return one of `LAYERS` at (n, 2) cells, heights over `kept_datum_m`: valid while that drifts."""
         there = np.ascontiguousarray(cells, np.int32)
         return self._maps.at(there, *self._corner, LAYERS.index(name))
 

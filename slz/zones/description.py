@@ -13,10 +13,10 @@ from slz.grid import Box
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.connected_components import cells_around, medians
 from slz.kernels.raster.zonal_sums import count
-from slz.landing_point.judgement import Readable, Widest, best_point, widest
+from slz.landing_point.judgement import Widest, best_point, widest
 from slz.landing_point.obstacles import Groups, grouped
 from slz.lazy_fields import Later
-from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain_view import CellView
 from slz.zone import Zone
 from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import Candidate
@@ -42,7 +42,7 @@ class Content:
     widest: Widest
 
     @classmethod
-    def of(cls, candidate: Candidate, terrain: Readable, before: Content | None = None) -> Content:
+    def of(cls, candidate: Candidate, terrain: CellView, before: Content | None = None) -> Content:
         """Look a candidate up in the maps, or those of its tiles that changed since before.
 
         What was before must be of the same terrain and grid.
@@ -58,7 +58,7 @@ class Content:
             candidate=candidate,
             tally=tally,
             corners=corners,
-            corners_m=_kept_at(terrain, "height_m", corners),
+            corners_m=terrain.kept_at("height_m", corners),
             obstacles=_obstacles(tally.holes, candidate.own_bits, candidate.words_box, terrain),
             widest=widest(candidate, terrain),
         )
@@ -66,7 +66,7 @@ class Content:
 
 def describe(
     content: Content,
-    terrain: Readable,
+    terrain: CellView,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
     zone_id: int,
@@ -75,7 +75,7 @@ def describe(
 
     The zone is its safe cells; counts, certainty and obstacles are of the cells inside the contour.
     """
-    grid, candidate, datum_m = terrain.grid, content.candidate, _datum_m(terrain)
+    grid, candidate, datum_m = terrain.grid, content.candidate, terrain.kept_datum_m
     n_own, n_all = count(candidate.own_bits), count(candidate.content_bits)
     n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.tally.told.tolist()
 
@@ -104,24 +104,14 @@ def describe(
     )
 
 
-def _datum_m(terrain: Readable) -> float:
-    return terrain.datum_m if isinstance(terrain, EvidenceTerrain) else 0.0
-
-
-def _kept_at(terrain: Readable, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-    """Return heights at cells, over the terrain's datum if it has one."""
-    at = terrain.kept_at if isinstance(terrain, EvidenceTerrain) else terrain.layer_at
-    return at(name, cells)
-
-
-def _obstacles(holes: Bits, own: Bits, box: Box, terrain: Readable) -> Groups:
+def _obstacles(holes: Bits, own: Bits, box: Box, terrain: CellView) -> Groups:
     """Group the measured unsafe cells inside a contour; their height is over the zone around them."""
 
     def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
-        highest = _kept_at(terrain, "top_m", cells)
+        highest = terrain.kept_at("top_m", cells)
         unknown = np.flatnonzero(np.isnan(highest))
         if len(unknown):
-            highest[unknown] = _kept_at(terrain, "height_m", cells[unknown])
+            highest[unknown] = terrain.kept_at("height_m", cells[unknown])
         return highest
 
     def grounds(groups: NDArray[np.int64], _: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -130,7 +120,7 @@ def _obstacles(holes: Bits, own: Bits, box: Box, terrain: Readable) -> Groups:
             cells, ends = cells_around(own, groups, done, AROUND, SOME)
             cells[:, 0] += box.row0
             cells[:, 1] += box.col0
-            found.append(medians(_kept_at(terrain, "height_m", cells), ends))
+            found.append(medians(terrain.kept_at("height_m", cells), ends))
         return np.concatenate(found)
 
     return grouped(holes, tops, grounds, terrain.grid, box, MOST_OBSTACLES)

@@ -11,10 +11,10 @@ from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.zonal_sums import TOLD, carry_over, tally, tally_tiles
-from slz.landing_point.judgement import Readable
 from slz.terrain.derive import LAYERS
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNSAFE
+from slz.terrain.terrain_view import CellView
 from slz.zones.detection import Candidate
 
 STRIP = 64  # rows, whose maps are in the cache while they are added up
@@ -38,7 +38,7 @@ class Tally:
 
 
 def tallied(
-    candidate: Candidate, terrain: Readable, old: Candidate | None = None, known: Tally | None = None
+    candidate: Candidate, terrain: CellView, old: Candidate | None = None, known: Tally | None = None
 ) -> Tally:
     """Add up the maps of a candidate, or those of its tiles that are not as they were known of an old one.
 

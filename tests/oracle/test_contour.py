@@ -17,8 +17,8 @@ from slz.kernels.raster.connected_components import components, put_without_crum
 from slz.kernels.raster.distance_transform import largest_square
 from slz.kernels.raster.region_fill import component
 from slz.kernels.raster.square_erosion import grow
-from slz.paper.paper_detection import SourceSearch
-from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_detection import PaperDetection
+from slz.paper.paper_terrain import PaperTerrain
 from slz.zones.detection import FEWEST, Candidate, search_components
 from tests.oracle.source_rules import moore
 
@@ -193,11 +193,11 @@ def test_every_component_with_room_is_found_once(
 
 def search_source(safe: Map, least_side: int, least_boundary: int) -> list[Candidate]:
     """The source's search of a whole map; squares and components are left to other tests."""
-    terrain = SourceTerrain(Grid(0.0, 0.0, 1.0, *safe.shape), params.load("quadcopter", ["mode=source"]))
+    terrain = PaperTerrain(Grid(0.0, 0.0, 1.0, *safe.shape), params.load("quadcopter", ["mode=source"]))
     terrain.safe_bits[:, :-1] = packed(safe)
     terrain.changed = terrain.grid.everything
     found = []
-    for part in SourceSearch(terrain, least_side, least_boundary).update():
+    for part in PaperDetection(terrain, least_side, least_boundary).update():
         words = np.ascontiguousarray(terrain.safe_bits[part.box.row0 : part.box.row1, part.words])
         first = part.boundary_cells[0] - [part.box.row0, 64 * part.words.start]
         own = component(words & part.content, *first.tolist())

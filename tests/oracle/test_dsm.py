@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import params
 from slz.grid import Grid
 from slz.kernels.cells.accumulate import cells_of, sum_and_count
-from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_terrain import PaperTerrain
 
 Floats = NDArray[np.float64]
 Cells = dict[tuple[int, int], float]
@@ -66,9 +66,9 @@ def test_a_cell_holds_the_mean_of_its_points(points_8: list[tuple[int, int, int]
 SIDE, MAX_SLOPE = 10, 40.0
 
 
-def terrain(fusing: str) -> SourceTerrain:
+def terrain(fusing: str) -> PaperTerrain:
     own = ["mode=source", f"fusing={fusing}", "cell_m=1", f"max_slope_deg={MAX_SLOPE}", "safe_slope_deg=4"]
-    return SourceTerrain(Grid(0.0, 0.0, 1.0, SIDE, SIDE), params.load("quadcopter", own))
+    return PaperTerrain(Grid(0.0, 0.0, 1.0, SIDE, SIDE), params.load("quadcopter", own))
 
 
 def window(seed: int) -> Floats:

@@ -13,9 +13,9 @@ from slz.kernels.paper.zone_statistics import inside_count
 from slz.kernels.raster.bitmap import packed, unpacked
 from slz.kernels.raster.distance_transform import room
 from slz.kernels.raster.region_fill import all_reach, component
-from slz.paper.paper_detection import Part, SourceSearch
-from slz.paper.paper_terrain import SourceTerrain
-from slz.paper.paper_zone import describe_source
+from slz.paper.paper_detection import PaperDetection, Part
+from slz.paper.paper_terrain import PaperTerrain
+from slz.paper.paper_zone import describe_paper_zone
 from tests.oracle.source_rules import distances, largest_square
 
 EIGHT = np.ones((3, 3), int)
@@ -39,14 +39,14 @@ def ragged(seed: int) -> NDArray[np.uint8]:
     return safe.astype(np.uint8)
 
 
-def searched(safe: NDArray[np.uint8]) -> tuple[SourceTerrain, SourceSearch, tuple[Part, ...]]:
-    terrain = SourceTerrain(Grid(0.0, 0.0, 1.0, *safe.shape), params.load("quadcopter", ["mode=source"]))
+def searched(safe: NDArray[np.uint8]) -> tuple[PaperTerrain, PaperDetection, tuple[Part, ...]]:
+    terrain = PaperTerrain(Grid(0.0, 0.0, 1.0, *safe.shape), params.load("quadcopter", ["mode=source"]))
     words = packed(safe)
     terrain.safe_bits[:, : words.shape[1]] = words
     terrain.known_bits[:, : words.shape[1]] = words
     terrain.begun[:] = 1
     terrain.changed = terrain.grid.everything
-    search = SourceSearch(terrain, SIDE, 12)
+    search = PaperDetection(terrain, SIDE, 12)
     return terrain, search, search.update()
 
 
@@ -110,7 +110,9 @@ def test_the_best_point_is_of_the_component_however_large_its_islands(seed: int)
     terrain, search, parts = searched(safe)
     label, _ = ndimage.label(safe, EIGHT)
     for part in parts:
-        zone = describe_source(part, terrain, search, NOWHERE, params.load("quadcopter", ["mode=source"]), 1)
+        zone = describe_paper_zone(
+            part, terrain, search, NOWHERE, params.load("quadcopter", ["mode=source"]), 1
+        )
         own = label == label[tuple(part.boundary_cells[0])]
         row, col = np.floor(zone.best.enu_m[1::-1]).astype(int)
         away = distances(own)
@@ -128,7 +130,7 @@ def test_a_larger_square_on_an_island_is_not_the_zone_s_though_its_farthest_cell
     safe[np.hypot(rows - 14, cols - 40) < 11.5] = 1  # joined with the ring
     safe[30:49, 70:89] = 1  # an island
     terrain, search, (part,) = searched(safe)
-    zone = describe_source(part, terrain, search, NOWHERE, params.load("quadcopter", ["mode=source"]), 1)
+    zone = describe_paper_zone(part, terrain, search, NOWHERE, params.load("quadcopter", ["mode=source"]), 1)
     label, _ = ndimage.label(safe, EIGHT)
     own = label == label[3, 3]
     assert not own[35, 75]

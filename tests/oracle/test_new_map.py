@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import params
 from slz.grid import Box, Grid, overlap
 from slz.kernels.raster.bitmap import unpacked
-from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_terrain import PaperTerrain
 from slz.terrain.terrain import LAYERS, EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 
@@ -37,9 +37,9 @@ def cloud() -> NDArray[np.float64]:
     return np.asarray(points + np.array([WEST_M, SOUTH_M, 0.0]))
 
 
-def source() -> SourceTerrain:
+def source() -> PaperTerrain:
     own = ["mode=source", f"cell_m={CELL_M}", f"max_slope_deg={WORST_DEG}", "safe_slope_deg=4"]
-    terrain = SourceTerrain(GRID, params.load("quadcopter", own))
+    terrain = PaperTerrain(GRID, params.load("quadcopter", own))
     terrain.add(cloud())
     return terrain
 

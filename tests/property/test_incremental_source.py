@@ -15,8 +15,8 @@ from slz import LocalFrame, Pipeline, Report, Window
 from slz.grid import Grid
 from slz.kernels.paper.zone_search import find
 from slz.paper import paper_detection
-from slz.paper.paper_detection import SourceSearch
-from slz.paper.paper_terrain import SourceTerrain
+from slz.paper.paper_detection import PaperDetection
+from slz.paper.paper_terrain import PaperTerrain
 from tests.oracle.source_rules import Repeats, distances, interval, largest_square, zones_of
 
 Floats = NDArray[np.float64]
@@ -53,7 +53,7 @@ class Anew:
 
     def __init__(self) -> None:
         grid = Grid.centred(0.0, 0.0, PARAMETERS.zone_m, CELL_M)
-        self.terrain = SourceTerrain(grid, PARAMETERS)
+        self.terrain = PaperTerrain(grid, PARAMETERS)
         self.repeats = Repeats()
 
     def process(self, points: Floats) -> None:
@@ -96,7 +96,7 @@ def test_zones_are_those_of_a_search_of_everything(seed: int, windows: int) -> N
 @given(st.integers(0, 100_000))
 def test_the_order_of_the_points_changes_no_bit(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    one, two = (SourceTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS) for _ in "ab")
+    one, two = (PaperTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS) for _ in "ab")
     for _ in range(3):
         points = scan(rng)
         one.add(points)
@@ -110,13 +110,13 @@ def test_the_order_of_the_points_changes_no_bit(seed: int) -> None:
 def test_what_is_kept_up_is_bit_for_bit_what_is_made_anew(seed: int, windows: int) -> None:
     """Squares and components, with and without what was kept of the windows before."""
     rng = np.random.default_rng(seed)
-    terrain = SourceTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS)
-    search = SourceSearch(terrain, SIDE, LEAST)
+    terrain = PaperTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS)
+    search = PaperDetection(terrain, SIDE, LEAST)
     for _ in range(windows):
         terrain.add(scan(rng))
         mine = search.update()
         terrain.changed = terrain.grid.everything
-        fresh = SourceSearch(terrain, SIDE, LEAST)
+        fresh = PaperDetection(terrain, SIDE, LEAST)
         theirs = fresh.update()
         np.testing.assert_array_equal(search.squares, fresh.squares)
         assert [part.box for part in mine] == [part.box for part in theirs]
@@ -129,8 +129,8 @@ def test_what_is_kept_up_is_bit_for_bit_what_is_made_anew(seed: int, windows: in
 def test_a_search_that_failed_is_made_up_for_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     """Else the zones of the windows after it would be those of the windows before it, and called valid."""
     rng = np.random.default_rng(5)
-    terrain = SourceTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS)
-    search = SourceSearch(terrain, SIDE, LEAST)
+    terrain = PaperTerrain(Grid.centred(0, 0, 90, CELL_M), PARAMETERS)
+    search = PaperDetection(terrain, SIDE, LEAST)
     for _ in range(6):
         terrain.add(scan(rng))
         with monkeypatch.context() as patch:
@@ -140,7 +140,7 @@ def test_a_search_that_failed_is_made_up_for_by_the_next(monkeypatch: pytest.Mon
         mine = search.update()
         assert search.update() is mine
         terrain.changed = terrain.grid.everything
-        theirs = SourceSearch(terrain, SIDE, LEAST).update()
+        theirs = PaperDetection(terrain, SIDE, LEAST).update()
         assert [part.box for part in mine] == [part.box for part in theirs]
         for a, b in zip(mine, theirs, strict=True):
             np.testing.assert_array_equal(a.content, b.content)

@@ -12,7 +12,7 @@ from companion.flight.landing.expanding_square import expanding_square
 from companion.flight.landing.guidance import heading_rad, level, towards
 from companion.flight.landing.situation import Orders, Situation, Vector
 from params import Parameters
-from slz.pipeline import reach_m
+from slz.points.mapping_reach import reach_m
 
 BLOCKED_NS = 2_000_000_000
 STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way

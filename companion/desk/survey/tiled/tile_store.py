@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.lattice import common, within
 from slz import UNKNOWN, Box, Grid
 from slz.grid import read_at
+from slz.terrain.terrain_view import UnboundedTerrain
 
 HELD = 8  # tiles whose files stay mapped: 22 MB each at most, which count as memory of the worker
 Key = tuple[int, int]
@@ -63,10 +64,8 @@ class Layout:
 
 
 @dataclass(slots=True)
-class Store:
+class Store(UnboundedTerrain):
     """Reads layers over boxes counted from the survey's own corner, as `Layout.grid` counts them."""
-
-    of_the_sources: ClassVar = False
 
     layout: Layout
     _open: OrderedDict[Key, tuple[Box, dict[str, NDArray[Any]]] | None] = field(default_factory=OrderedDict)

@@ -1,0 +1,75 @@
+"""Map of one resolution by the paper's rules: its window, its terrain and the zones found in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Grid
+from slz.paper.paper_detection import PaperDetection, Part
+from slz.paper.paper_terrain import PaperTerrain
+from slz.paper.paper_tracking import RepeatFilter
+from slz.paper.paper_zone import describe_paper_zone
+from slz.paper.window_cells import Returns
+from slz.zone import Zone
+from slz.zones.detection import side_in_cells
+from slz.zones.ranking import Ranking
+
+Points = NDArray[np.float64]
+
+
+class PaperMap:
+    """Terrain and zones of one resolution; parameters are those of `slz.zones.zone_map.ZoneMap`."""
+
+    n_without_tile = n_evicted = 0
+
+    def __init__(
+        self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
+    ) -> None:
+        self._parameters = parameters
+        self._names = RepeatFilter(parameters, numbers)
+        self._ranking = Ranking(parameters)
+        self._found: tuple[Part, ...] = ()
+        self.zones: tuple[Zone, ...] = ()
+        grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
+        self._use(PaperTerrain(grid, parameters))
+
+    def _use(self, terrain: PaperTerrain) -> None:
+        p = self._parameters
+        self.terrain = terrain
+        coarser = terrain.grid.cell_m / p.cell_m
+        least = max(1, int(p.min_boundary_points / coarser))
+        self._search = PaperDetection(terrain, side_in_cells(p.min_square_m, terrain.grid), least)
+
+    def take(self, returns: Returns) -> int:
+        """Fuse returns placed in this map's grid with the terrain; return how many there are."""
+        return self.terrain.take(returns)
+
+    def move(self, east_m: float, north_m: float) -> None:
+        """Move the window to a point outside it (SLZ paper 3.2.5); the common part is copied."""
+        old = self.terrain.grid
+        grid = old.recentred(east_m, north_m)
+        self._names.moved(old, grid)
+        self._use(self.terrain.moved(grid))
+
+    def zone_at(self, enu_m: Points) -> int | None:
+        """Return the ID of the zone that holds a point."""
+        row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
+        return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
+
+    def find(self, sensor_enu_m: Points) -> None:
+        """Search the total map for zones, name and rank them."""
+        found = self._search.update()
+        if found is self._found and not self._names.changed:
+            return
+        self._found = found
+        named = self._names.update(
+            found,
+            lambda part, zone_id: describe_paper_zone(
+                part, self.terrain, self._search, sensor_enu_m, self._parameters, zone_id
+            ),
+        )
+        self.zones = self._ranking.of(named)

@@ -1,0 +1,109 @@
+"""Protocol of terrain maps: what landing points, obstacles and local heights read of them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.grid import Box, Grid
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
+from slz.terrain.tiles import Key
+
+Floats = NDArray[np.float32]
+
+
+class TerrainView(Protocol):
+    """Maps of a grid."""
+
+    @property
+    def grid(self) -> Grid: ...
+
+    def layer(self, name: str, box: Box) -> Floats:
+        """Return a copy of one of `LAYERS` over a box, NaN where unknown."""
+
+    def state(self, box: Box) -> NDArray[np.uint8]:
+        """Return 0 unsafe, 1 safe, 255 unknown for a box."""
+
+    def around(self, cell: Box, reach: int) -> Box:
+        """Return the box within so many cells of a cell, as far as the map extends."""
+
+    def state_at(self, enu_m: NDArray[np.float64], error_m: float) -> int | None:
+        """Return the state of a point (3,) that may be missed by an error; None where the map lacks it."""
+
+    def ground_and_top(self, box: Box) -> tuple[Floats, Floats]:
+        """Return mean heights and tops of the cells of a box (m), NaN where unknown."""
+
+
+class CellView(TerrainView, Protocol):
+    """Terrain maps that can be read cell by cell."""
+
+    @property
+    def kept_datum_m(self) -> float:
+        """Height of the zero of what `kept_at` returns."""
+
+    def layer_at(self, name: str, cells: NDArray[np.integer]) -> Floats:
+        """Return one of `LAYERS` at (n, 2) cells."""
+
+    def kept_at(self, name: str, cells: NDArray[np.integer]) -> Floats:
+        """Return one of `LAYERS` at (n, 2) cells, heights over `kept_datum_m`."""
+
+
+class DisplayedTerrain(TerrainView, Protocol):
+    """Terrain maps that displays follow tile by tile."""
+
+    serial: int
+    touched: set[Key]
+
+    @property
+    def seen(self) -> Box: ...
+
+    @property
+    def corner_m(self) -> tuple[float, float]: ...
+
+    def touch_all(self) -> None: ...
+
+    def tile(
+        self, key: Key, names: tuple[str, ...]
+    ) -> tuple[list[NDArray[np.float32]], NDArray[np.uint8]] | None: ...
+
+    def drawn_at(self, level: int) -> DisplayedTerrain:
+        """Return the maps at a level of the resolution pyramid."""
+
+    def prepare(self) -> None:
+        """Have memory ready for the next window."""
+
+
+class UnboundedTerrain:
+    """What terrain maps share that extend beyond their grid, and know unknown cells."""
+
+    @property
+    def kept_datum_m(self) -> float:
+        """Zero: `kept_at` returns heights of the map frame."""
+        return 0.0
+
+    def kept_at(self: CellView, name: str, cells: NDArray[np.integer]) -> Floats:
+        """Return one of `LAYERS` at (n, 2) cells."""
+        return self.layer_at(name, cells)
+
+    def around(self: TerrainView, cell: Box, reach: int) -> Box:
+        """Return the box within so many cells of a cell."""
+        return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
+
+    def state_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> int | None:
+        """Return the state of a point: safe only where every cell within the error is safe."""
+        east, north = enu_m[:2].tolist()
+        row0, col0 = self.grid.index(east - error_m, north - error_m)
+        row1, col1 = self.grid.index(east + error_m, north + error_m)
+        state = self.state(Box(row0, row1 + 1, col0, col1 + 1))
+        if (state == SAFE).all():
+            return int(SAFE)
+        if (state == UNSAFE).any():
+            return int(UNSAFE)
+        return int(UNKNOWN) if (state == SAFE).any() else None
+
+    def ground_and_top(self: TerrainView, box: Box) -> tuple[Floats, Floats]:
+        """Return mean heights, and tops where the ground is not safe."""
+        height, top = self.layer("height_m", box), self.layer("top_m", box)
+        return height, np.where(self.state(box) == SAFE, height, np.fmax(height, top))

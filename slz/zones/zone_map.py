@@ -1,0 +1,128 @@
+"""Map of one resolution in default mode: its window, its terrain and the zones found in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Grid
+from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.tiles import Tiles
+from slz.zone import Zone
+from slz.zones.description import Content, describe
+from slz.zones.detection import Candidate, search_bits, side_in_cells
+from slz.zones.ranking import rank
+from slz.zones.tracking import ZoneTracker
+
+Points = NDArray[np.float64]
+
+
+class ZoneMap:
+    """Terrain and zones of one resolution.
+
+    Parameters
+    ----------
+    centre_enu_m
+        East and north of the window's centre (SLZ paper 3.1.2).
+    numbers
+        IDs for new zones.
+    """
+
+    def __init__(
+        self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
+    ) -> None:
+        self._parameters = parameters
+        grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
+        self.terrain = EvidenceTerrain(grid, parameters)
+        self._names = ZoneTracker(numbers)
+        self.zones: tuple[Zone, ...] = ()
+        self._candidates: tuple[Candidate, ...] = ()
+        self._contents: dict[int, Content] = {}  # of the zones, by ID
+        self.n_without_tile = self.n_evicted = 0
+
+    @property
+    def tiles(self) -> Tiles:
+        """The evidence."""
+        return self.terrain.tiles
+
+    def take(
+        self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
+    ) -> bool:
+        """Add a window's points and search the terrain; tell whether the map's window was moved for that.
+
+        Parameters
+        ----------
+        points_enu_m
+            (n, 3), in the map's heights (`tiles.datum_m`); the sensor's place is in those of the frame.
+        like
+            Evidence whose zero of heights the points have, by default its own.
+        """
+        moved = self._follow(sensor_enu_m)
+        terrain = self.terrain
+        if like is not None:
+            terrain.tiles.datum_m = like.datum_m
+        sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
+        change = terrain.add(points_enu_m, sensor_there_m, stamp_s)
+        self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
+        self._candidates = self._search()
+        return moved
+
+    def zone_at(self, enu_m: Points) -> int | None:
+        """Return the ID of the zone that holds a point."""
+        row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
+        return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
+
+    def _follow(self, sensor_enu_m: Points) -> bool:
+        """Move the window when it must (SLZ paper 3.2.5); tell whether it was moved."""
+        old = self.terrain.grid
+        centre = self._next_centre(sensor_enu_m, old)
+        if centre is None:
+            return False
+        self._become(self.terrain.moved(old.recentred(*centre)))
+        return True
+
+    def _next_centre(self, sensor_enu_m: Points, grid: Grid) -> tuple[float, float] | None:
+        """Return the centre of the new zone, or None to stay.
+
+        The window moves to the vehicle, when it comes nearer to an edge than a quarter of the zone, so that
+        one far return does not throw the map away.
+        """
+        east, north = float(sensor_enu_m[0]), float(sensor_enu_m[1])
+        room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
+        return (east, north) if room < self._parameters.zone_m / 4 else None
+
+    def at_level(self, level: int) -> None:
+        """Draw the map at another level of the pyramid; zones keep their IDs."""
+        if self.terrain.level != level:
+            self._become(self.terrain.at_level(level))
+
+    def _become(self, terrain: EvidenceTerrain) -> None:
+        self._names.moved(self.terrain.grid, terrain.grid)
+        self._contents = {}
+        self.terrain = terrain
+
+    def _search(self) -> tuple[Candidate, ...]:
+        """Search the total map for what may be zones."""
+        p, terrain = self._parameters, self.terrain
+        seen = terrain.seen
+        if seen.empty:
+            return ()
+        coarser = terrain.grid.cell_m / p.cell_m
+        side = side_in_cells(p.min_square_m, terrain.grid)
+        return tuple(
+            search_bits(*terrain.safe_bits(seen), side, max(1, int(p.min_boundary_points / coarser)))
+        )
+
+    def name(self, sensor_enu_m: Points) -> None:
+        """Name, describe and rank the zones found."""
+        p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
+
+        def described(candidate: Candidate, zone_id: int) -> Zone:
+            content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id))
+            return describe(content, terrain, sensor_enu_m, p, zone_id)
+
+        self.zones = rank(self._names.update(self._candidates, described), p)
+        self._contents = contents
