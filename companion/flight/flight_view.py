@@ -1,4 +1,4 @@
-"""View of a running flight for whatever shows, records or summarises it."""
+"""Protocol of a running flight for displays, recorder and summary."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from slz import Report
 
 
 class FlightView(Protocol):
-    """Parts of a flight.
+    """Components of a flight.
 
     Attributes
     ----------
     report
-        The newest one, None before the first.
+        Newest report, None before the first.
     path_enu_m
-        Flown path, (n, 3) of the map frame.
+        Flown path, (n, 3) in the map frame.
     zones_seen
         IDs of all zones reported so far.
     radar
-        The radar beside the LiDAR, if any.
+        Second sensor, None without one.
     """
 
     parameters: Parameters
@@ -54,4 +54,4 @@ class FlightView(Protocol):
     zones_seen: set[int]
 
     def situation(self) -> Situation:
-        """Return what is known now, as the executive sees it."""
+        """Return the current inputs of the executive."""
