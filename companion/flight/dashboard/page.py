@@ -78,7 +78,7 @@ def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Serv
 
 
 async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply:
-    """Execute an order unless its time has passed, because its sender was then told that it had no effect.
+    """Execute an order before its deadline; later, its sender has been informed that it had no effect.
 
     until_s: monotonic clock. An abort is executed at any time.
     """

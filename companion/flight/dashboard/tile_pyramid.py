@@ -39,7 +39,7 @@ class Sheet:
     """Pyramid of one map, near or far.
 
     Block (row, col) of level k has `SIDE` x `SIDE` cells of 2^k times the map's cell size, counted from the
-    map's corner; it contains block (2 row, 2 col) and its three upper and right neighbours of level k - 1.
+    map's corner; it contains block (2 row, 2 col) of level k - 1 and its northern and eastern neighbours.
 
     Attributes
     ----------

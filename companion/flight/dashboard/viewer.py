@@ -147,7 +147,7 @@ class Viewer:
             return
         told = seen if seen is not None and seen <= self._sent["state"] else None  # None: from another run
         if isinstance(message, Simple) and message.do == "abort" and self._role is Role.OPERATOR:
-            # An abort waits for no earlier order, and no rate limit applies to it.
+            # An abort waits for no earlier order and is exempt from their rate limit.
             task = asyncio.create_task(self._abort(message, told), name="abort from browser")
             self._aborts.add(task)
             task.add_done_callback(self._aborts.discard)

@@ -78,7 +78,7 @@ class Route:
         self._corners = expanding_square(float(about_m[0]), float(about_m[1]), 1.6 * reach_m(self._p))
 
     def to_corner(self, position_enu_m: Vector, way: Way) -> Vector:
-        """Return the offset (2,) to the corner, or to the next one if reached or too high to get there."""
+        """Return the offset (2,) to the corner, or to the next one if it is reached or the way too high."""
         if self._corner is None or self._corners is None:
             raise RuntimeError("the search has not begun")
         offset = self._corner - position_enu_m[:2]

@@ -41,7 +41,7 @@ class Recorder:
     wall_offset_ns
         Offset of the time of day from the companion's clock; constant, so that the file's stamps do not jump.
     setup
-        Decoding state of the sensor beside its packets.
+        Sensor configuration that decoding needs beside the packets.
     identity
         Identity of the vehicle, as far as it is known.
     gated

@@ -39,7 +39,7 @@ ORDERS = {
     3: OrderKind.LAND_NOW,
     4: OrderKind.ABORT,
 }
-# A ground station that missed the answer sets the parameter again: a repeat while the first order is valid.
+# A station that missed the answer sets the parameter again: a repeat, while the first order is valid.
 REPEAT_NS = 3_000_000_000
 
 
