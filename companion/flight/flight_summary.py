@@ -1,4 +1,4 @@
-"""Summary of a flight, as `--json` prints it."""
+"""Flight summary: the document that `--json` prints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slz import LocalFrame, Report
 
 
 def flight_summary(flight: FlightView) -> dict[str, Any]:
-    """Return what the flight came to, as `--json` prints it."""
+    """Return the summary of a flight that `--json` prints."""
     executive, worker, radar = flight.executive, flight.worker, flight.radar
     tally, frame = executive.tally, flight.history.frame
     chosen = None

@@ -1,4 +1,4 @@
-"""View of a running flight for whatever shows, records or summarises it."""
+"""Protocol of a running flight for displays, recorder and summary."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from slz import Report
 
 
 class FlightView(Protocol):
-    """Parts of a flight.
+    """Components of a flight.
 
     Attributes
     ----------
     radar
-        The radar beside the LiDAR, if any.
+        Second sensor, None without one.
     """
 
     parameters: Parameters
@@ -57,4 +57,4 @@ class FlightView(Protocol):
         """IDs of all zones reported so far."""
 
     def situation(self) -> Situation:
-        """Return what is known now, as the executive sees it."""
+        """Return the current inputs of the executive."""

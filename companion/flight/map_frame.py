@@ -1,4 +1,4 @@
-"""New map frame when the vehicle is far from the origin of the last one."""
+"""Switch to a new map frame when the vehicle is far from the origin of the current one."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ log = logging.getLogger(__name__)
 def begin_frame_if_far(flight: FlightView) -> bool:
     """Begin a new map frame if the vehicle is far from the origin; return whether one began.
 
-    Selected point, chosen point and flown path are converted to it; the map that begins asks for the survey
-    anew. Between hand-over and landing the frame stays: a landing ends within the reach of a survey.
+    Selected point, chosen point and flown path are converted to the new frame; the new map requests the
+    survey prior again. Between hand-over and landing the frame is kept: a landing stays within a survey's
+    reach.
     """
     history, old = flight.history, flight.history.frame
     if old is None or flight.executive.phase in FLYING or not history.is_far:

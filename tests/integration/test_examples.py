@@ -19,9 +19,9 @@ from companion.flight.sensors import sensor_registry
 from companion.flight.sensors.driver import open_lidar
 from companion.flight.sensors.returns import Returns
 from params import Parameters
-from tests.unit.docs.said import ROOT
+from tests import REPOSITORY
 
-EXAMPLES = ROOT / "docs" / "examples"
+EXAMPLES = REPOSITORY / "docs" / "examples"
 
 
 def run(name: str, folder: Path, *words: str) -> str:

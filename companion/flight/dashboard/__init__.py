@@ -1,5 +1,4 @@
-"""The pilot's page: what the companion sees, in any browser on the drone's network, and orders back.
+"""Pilot's web page: shows the companion's state in any browser on the drone's network, and sends orders back.
 
-It runs in a thread with an event loop of its own and takes nothing but what the companion leaves on a
-`Board`.
+It runs in a thread with an event loop of its own and reads only what the companion writes to a `Board`.
 """

@@ -1,4 +1,4 @@
-"""What the pilot must not overlook, as a rule without memory: it stands as long as its reason does."""
+"""Stateless alarm rules: an alarm is active while its reason exists."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ Level = Literal["critical", "warning"]
 
 
 def standing(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dict[str, str]]:
-    """Return the alarms that stand, the gravest first.
+    """Return the active alarms, most severe first.
 
     Parameters
     ----------
     state
         Document of `companion.flight.dashboard.state_document.state`.
     selected
-        The landing point in the newest report, None without one.
+        Landing point in the newest report, None without one.
     """
     found: list[tuple[Level, str, str]] = []
     if selected is not None and selected["state"] == "unsafe":

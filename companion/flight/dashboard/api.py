@@ -1,4 +1,4 @@
-"""What other programs may read of the flight: JSON over HTTP, described by OpenAPI."""
+"""Read-only HTTP API of the flight: JSON schemas, described by OpenAPI."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DESCRIPTION = (
 
 
 class Alarm(BaseModel):
-    """Something that the pilot must not overlook."""
+    """Active alarm for the pilot."""
 
     level: Literal["critical", "warning"]
     key: str
@@ -22,7 +22,7 @@ class Alarm(BaseModel):
 
 
 class Point(BaseModel):
-    """The selected landing point."""
+    """Selected landing point."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -36,7 +36,7 @@ class Point(BaseModel):
 
 
 class Origin(BaseModel):
-    """Where the map's frame begins (WGS-84)."""
+    """Origin of the map frame (WGS-84)."""
 
     lat_deg: float
     lon_deg: float
@@ -73,7 +73,7 @@ class Geometry(BaseModel):
 
 
 class Feature(BaseModel):
-    """A zone; its properties are those of `slz map` and `map`, near or far."""
+    """Zone; its properties are those of `slz map`, and `map`: near or far."""
 
     type: Literal["Feature"]
     id: int
@@ -82,7 +82,7 @@ class Feature(BaseModel):
 
 
 class Zones(BaseModel):
-    """The zones of the newest report, the near map's first, each map's in its ranking."""
+    """Zones of the newest report, near map first, each map in its ranking."""
 
     type: Literal["FeatureCollection"]
     features: list[Feature]

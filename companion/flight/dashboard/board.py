@@ -1,7 +1,7 @@
-"""What the companion leaves for the page to read, and what the page asks for.
+"""Shared state between the companion, which writes it, and the page, which reads it.
 
-Two threads share it without a lock: every value is replaced as a whole or only appended to, and whoever reads
-takes what is there now. So nobody ever waits for a browser.
+Two threads share it without a lock: every value is replaced as a whole or only appended to, and a reader uses
+the present value. So the companion never waits for a browser.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from slz import Drawn, Pipeline, Report
 MOST_TEXTS = 200
 MOST_PATH = 20_000
 MOST_BATCHES = 4
-# Tiles of a window, copied in the pipeline's thread: two milliseconds.
+# Greatest number of tiles per window, copied in the pipeline's thread: two milliseconds.
 NEAR_TILES: tuple[Literal["near", "far"], int] = ("near", 160)
 FAR_TILES: tuple[Literal["near", "far"], int] = ("far", 40)
 
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """What the pilot was told: a number that rises, time of day, severity of MAVLink, words."""
+    """Text for the pilot: increasing number, time of day, MAVLink severity, text."""
 
     number: int
     wall_s: float
@@ -36,28 +36,28 @@ class Text:
 
 
 class Board:
-    """Newest state of everything on show.
+    """Newest state of everything that the page shows.
 
     Attributes
     ----------
     state, health
-        Documents of `state_document`: ten times and once a second; None before the first.
+        Documents of `state_document`, ten times and once a second; None before the first.
     report, report_number, latency_ms
-        Newest report, how many there were, and how long the last one took from its last scan.
+        Newest report, count of reports, and latency of the last one from its last scan.
     texts
-        What the pilot was told, the newest last.
+        Texts for the pilot, newest last.
     path
-        Flown path, east, north, up (m); cut to half when it is long, `path_number` counting the cuts.
+        Flown path, east, north, up (m); halved when it is long, `path_number` counts the new paths.
     drawn
-        Changes of the maps, by map, that the page has not taken yet.
+        Changes of the maps, by map, that the page has not processed yet.
     parameters
-        In force.
+        Parameters in force.
     viewers
-        Browsers that look; nothing is prepared while there are none.
+        Number of connected browsers; nothing is prepared without one.
     computing
-        Tells whether a window is being computed: Python's lock is the landing's then.
+        Returns whether a window is being computed: the landing then needs Python's lock.
     run
-        Name of this run of the companion; a page that was open before forgets what it knew of another one.
+        ID of this run of the companion; a page that stayed open drops the data of another run.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -78,9 +78,9 @@ class Board:
         self._numbers = itertools.count(1)
 
     def look(self, pipeline: Pipeline, *, anew: bool) -> bool:
-        """Take what changed of the maps, in the pipeline's thread; tell whether it was time to.
+        """Copy the changes of the maps, in the pipeline's thread; return whether it was time to.
 
-        anew: take all of them.
+        anew: copy the maps as a whole.
         """
         if self.viewers <= 0 or len(self.drawn) >= MOST_BATCHES:
             return False
@@ -91,21 +91,21 @@ class Board:
         return True
 
     def take(self, report: Report, latency_ms: float) -> None:
-        """Show a report."""
+        """Store a new report."""
         self.report, self.latency_ms = report, latency_ms
         self.report_number += 1
 
     def say(self, text: str, severity: int) -> None:
-        """Show a text."""
+        """Add a text for the pilot."""
         self.texts.append(Text(next(self._numbers), time.time(), severity, text))
 
     def leave_path(self) -> None:
-        """Forget the path: it is of another map frame."""
+        """Clear the path, which is in another map frame."""
         self.path = []
         self.path_number += 1
 
     def fly(self, enu_m: tuple[float, float, float]) -> None:
-        """Lengthen the path, unless it ends there."""
+        """Append to the path, unless it already ends there."""
         if self.path and self.path[-1] == enu_m:
             return
         if len(self.path) >= MOST_PATH:

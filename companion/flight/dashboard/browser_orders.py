@@ -1,4 +1,4 @@
-"""What a browser may send: one JSON object a message, checked to the letter."""
+"""Schema of the browser's messages: one strictly validated JSON object each."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class _Order(BaseModel):
 
 
 class SelectZone(_Order):
-    """Put the best point of a zone under watch."""
+    """Select the best point of a zone."""
 
     do: Literal["select_zone"]
     zone: Annotated[int, Field(ge=1, lt=2**31)]
 
 
 class SelectPoint(_Order):
-    """Put a point of the map under watch."""
+    """Select a point of the map."""
 
     do: Literal["select_point"]
     east_m: Metres
@@ -33,7 +33,7 @@ class SelectPoint(_Order):
 
 
 class Confirm(_Order):
-    """Land at the point under watch, which the sender believes to be this one."""
+    """Land at the selected point, which the sender believes to be this one."""
 
     do: Literal["confirm"]
     east_m: Metres
@@ -41,7 +41,7 @@ class Confirm(_Order):
 
 
 class Simple(_Order):
-    """An order without further words."""
+    """Order without arguments."""
 
     do: Literal["abort", "land_best", "land_now"]
 
@@ -62,7 +62,7 @@ class Record(_Order):
 
 
 class Replay(_Order):
-    """Control a replay: seconds of flight in a second, 0 to pause; or go to a second of the flight."""
+    """Control a replay: speed as a multiple of real time, 0 to pause; or jump to a second of the flight."""
 
     do: Literal["replay"]
     speed: Annotated[float, Field(ge=0, le=100)] | None = None
@@ -70,7 +70,7 @@ class Replay(_Order):
 
 
 class Facts(_Order):
-    """Ask what is known of a point of the map; anybody may."""
+    """Ask for the map's values at a point; allowed to every role."""
 
     do: Literal["facts"]
     east_m: Metres
@@ -83,16 +83,16 @@ _MESSAGE: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimina
 
 
 class BadMessageError(ValueError):
-    """What came is no message; says why in a line."""
+    """Invalid message; says why in a line."""
 
 
 def parse(text: str) -> Message:
-    """Return the message that a text holds.
+    """Return the message in a text.
 
     Raises
     ------
     BadMessageError
-        It is too long, no JSON, or not one of the messages here.
+        The text is too long, not JSON, or not one of the messages here.
     """
     if len(text) > MOST_BYTES:
         raise BadMessageError(f"a message has {MOST_BYTES} characters at most")

@@ -1,4 +1,4 @@
-"""A square of the map as a browser takes it: small numbers, coarser copies, compressed bytes."""
+"""Map block for the browser: quantised cells, coarser levels, compressed encoding."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from companion.flight.dashboard.quantise import (
 )
 from slz import UNKNOWN, DrawnTile
 
-SIDE = 256  # cells along the side of a block
-# magic, cells along the side, west, south, cell, height of number 0, step of heights (m)
+SIDE = 256  # cells per side of a block
+# magic, cells per side, west, south, cell size, height of value 0, step of heights (m)
 HEAD = struct.Struct("<4sIddddd")
 MAGIC = b"SLZ1"
-GZIP = 31  # zlib's number for that format
+GZIP = 31  # zlib's window bits for the gzip format
 
 Small = NDArray[np.uint8]
 
 
 @dataclass(slots=True, eq=False)
 class Block:
-    """Maps of `SIDE` x `SIDE` cells in small numbers, row 0 the southernmost.
+    """Quantised maps of `SIDE` x `SIDE` cells, row 0 southernmost.
 
     height: in steps above `base_m`, 0 unknown. slope, relief, certainty: in their steps, 255 unknown. state:
-    0 unsafe, 1 safe, 255 unknown. version: rises with every change.
+    0 unsafe, 1 safe, 255 unknown. version: increases with every change.
     """
 
     base_m: float
@@ -51,14 +51,14 @@ class Block:
 
 
 def empty(base_m: float) -> Block:
-    """Return a block of which nothing is known."""
+    """Return a block of unknown cells."""
     shape = SIDE, SIDE
     slope, relief, certainty = (np.full(shape, NO_VALUE) for _ in "src")
     return Block(base_m, np.zeros(shape, np.uint16), slope, relief, certainty, np.full(shape, UNKNOWN))
 
 
 def write(block: Block, row: int, col: int, tile: DrawnTile) -> bool:
-    """Put a tile's maps into a block at a row and column; tell whether anything changed."""
+    """Write a tile's maps to a block at a row and column; return whether anything changed."""
     side = tile.state.shape[0]
     here = slice(row, row + side), slice(col, col + side)
     return bool(
@@ -79,18 +79,18 @@ def write(block: Block, row: int, col: int, tile: DrawnTile) -> bool:
 
 
 def clear(block: Block, row: int, col: int, side: int) -> None:
-    """Forget a square of a block."""
+    """Set a square of a block to unknown."""
     here = slice(row, row + side), slice(col, col + side)
     block.height[here] = NO_HEIGHT
     for plane in block.planes:
-        plane[here] = NO_VALUE  # which is also `UNKNOWN`
+        plane[here] = NO_VALUE  # equals `UNKNOWN`
 
 
 def coarser(children: dict[tuple[int, int], Block], base_m: float) -> Block:
-    """Return the block of cells twice as wide over four blocks, by their row and column 0 or 1.
+    """Return the block with cells twice as wide over four blocks, by their row and column 0 or 1.
 
-    Of four cells: mean height of those known; the steepest, the greatest relief, the least certainty; unsafe
-    where one is unsafe, else unknown where one is unknown. So what is small and bad stays in sight.
+    Of four cells: mean of the known heights; greatest slope and relief, least certainty; unsafe if one is
+    unsafe, else unknown if one is unknown. So small hazards stay visible.
     """
     block, half = empty(base_m), SIDE // 2
     for (row, col), child in children.items():
@@ -113,14 +113,14 @@ def coarser(children: dict[tuple[int, int], Block], base_m: float) -> Block:
 
 
 def base_of(height_m: NDArray[np.float32]) -> float:
-    """Return a base from which the heights around these are in range: 163 m below their middle, to 1 m."""
+    """Return a base that keeps the heights around these in range: about 164 m below their median."""
     known = height_m[np.isfinite(height_m)]
     middle_m = float(np.median(known)) if known.size else 0.0
     return math.floor(middle_m) - MIDDLE * STEP_M
 
 
 def encode(block: Block, west_m: float, south_m: float, cell_m: float) -> bytes:
-    """Return a block compressed (gzip): head, height differences along rows by low and high bytes, planes."""
+    """Return a block as gzip: head, height differences along rows by low and high bytes, planes."""
     difference = np.diff(block.height, axis=1, prepend=np.uint16(0)).astype("<u2")
     parts = difference.view(np.uint8).reshape(SIDE, SIDE, 2)
     head = HEAD.pack(MAGIC, SIDE, west_m, south_m, cell_m, block.base_m, STEP_M)

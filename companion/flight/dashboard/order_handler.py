@@ -1,4 +1,4 @@
-"""Carries out a browser's orders through the same interfaces as MAVLink's commands and parameters."""
+"""Handler of a browser's orders, through the same interfaces as MAVLink's commands and parameters."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ SIMPLE = {
 
 
 class Desk(Protocol):
-    """Takes orders, in the loop of whoever is shown."""
+    """Receiver of orders, in the event loop of the flight or replay."""
 
     async def carry_out(self, order: Command) -> Reply:
-        """Do it, or say why not."""
+        """Execute an order, or return the reason of its refusal."""
 
 
 class FlightDesk:
-    """Orders of a flight."""
+    """Receiver of a flight's orders."""
 
     def __init__(self, flight: FlightView) -> None:
         self._flight = flight
         self._operator = flight.operator
 
     async def carry_out(self, order: Command) -> Reply:
-        """Do it, or say why not."""
+        """Execute an order, or return the reason of its refusal."""
         match order:
             case Simple():
                 return self._operator.carry_out(Order(SIMPLE[order.do]))
@@ -67,7 +67,7 @@ class FlightDesk:
         return self._operator.carry_out(Order(OrderKind.SELECT_POINT, point_enu_m=point))
 
     def _confirm(self, order: Confirm) -> Reply:
-        """Land at the point under watch, if it is the one that the sender saw."""
+        """Land at the selected point, if it is the one that the sender saw."""
         flight, seen = self._flight, np.array([order.east_m, order.north_m, 0.0])
         if not flight.executive.is_watching(flight.situation(), seen):
             return Reply(False, "the selection changed or is not judged yet: look and confirm again")

@@ -1,4 +1,4 @@
-"""The page as a part of the companion: an optional one, whose end is none of the landing's business."""
+"""Page service of the companion: optional, and a failure does not affect the landing."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ STEADY_S = 60.0
 
 
 class Front:
-    """Where and for whom a page is served; opened before the flight, so that a wrong address ends the start.
+    """Address and access of a page, opened before the flight so that a wrong address ends the start.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Front:
 
 
 def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Server:
-    """Begin to serve a board; orders go to the desk in the running loop."""
+    """Start serving a board; orders go to the desk in the running loop."""
     loop = asyncio.get_running_loop()
 
     async def carry_out(order: Command) -> Reply:
@@ -78,9 +78,9 @@ def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Serv
 
 
 async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply:
-    """Do what was ordered unless it is too late for that: then its sender was told that nothing came of it.
+    """Execute an order before its deadline; later, its sender has been informed that it had no effect.
 
-    until_s: of the monotonic clock. An abort is never too late.
+    until_s: monotonic clock. An abort is executed at any time.
     """
     if time.monotonic() > until_s and order.do != "abort":
         return Reply(False, "the landing program was busy for too long: look and try again")
@@ -88,7 +88,7 @@ async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply
 
 
 class Page:
-    """Shows a companion and takes orders for it."""
+    """Shows a companion and accepts orders for it."""
 
     def __init__(self, flight: FlightView, front: Front) -> None:
         self._flight, self.front = flight, front
@@ -101,9 +101,9 @@ class Page:
         flight.link.on_text.subscribe(self.board.say)
 
     async def run(self) -> None:
-        """Serve until cancelled; when the page's thread ends, start it anew after a growing pause."""
+        """Serve until cancelled; restart the page's thread after a growing pause when it ends."""
         pause_s = FIRST_PAUSE_S
-        # Whoever computes for the landing takes Python's lock back from the page after this long.
+        # Threads that compute for the landing get Python's lock back from the page after this interval.
         sys.setswitchinterval(min(SWITCH_S, sys.getswitchinterval()))
         log.info("the page is at http://%s/", self.front.address)
         while True:
@@ -119,12 +119,12 @@ class Page:
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
     def use_report(self, report: Report) -> None:
-        """Show a report."""
+        """Put a report on the board."""
         latencies = self._flight.worker.latencies_ms
         self.board.take(report, float(latencies.last) if latencies else float("nan"))
 
     def close(self) -> None:
-        """End the page and free its port."""
+        """Stop the page and free its port."""
         if self._server is not None:
             self._server.stop()
         self.front.close()
@@ -148,7 +148,7 @@ class Page:
         raise server.failure or RuntimeError("it ended by itself")
 
     def _observe(self) -> None:
-        """Put the state on the board, ten times a second of real time at most."""
+        """Put the state on the board, at most ten times a second of real time."""
         now_s, flight, board = time.monotonic(), self._flight, self.board
         if flight.path_enu_m:
             board.fly(_place(flight.path_enu_m.last))
@@ -160,13 +160,13 @@ class Page:
             board.health = state_document.health(flight)
 
     def _look(self, pipeline: Pipeline) -> None:
-        """Take what changed of the maps, in the pipeline's thread."""
+        """Copy the changes of the maps, in the pipeline's thread."""
         if self.board.look(pipeline, anew=self._anew):
             self._anew = False
 
 
 def about(rows: tuple[Row, ...]) -> dict[str, Any]:
-    """Return what a page is told once: the table of parameters."""
+    """Return the document sent once to each page: the table of parameters."""
     table = [
         {
             "name": row.name,

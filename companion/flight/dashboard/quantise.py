@@ -1,4 +1,4 @@
-"""Maps in small numbers, and coarser ones: the kernels behind the page's blocks."""
+"""Kernels that quantise and downsample maps for the page's blocks."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-STEP_M = 0.005  # of heights
+STEP_M = 0.005  # height step
 MIDDLE = 32_768
 NO_HEIGHT = np.uint16(0)
 NO_VALUE = np.uint8(255)
 SLOPE_STEP_DEG, RELIEF_STEP_M, CERTAINTY_STEP = 0.25, 0.01, 0.005
-_UNSAFE, _SAFE, _UNKNOWN = 0, 1, 255  # as in `slz.terrain.terrain_maps`
+_UNSAFE, _SAFE, _UNKNOWN = 0, 1, 255  # same as in `slz.terrain.terrain_maps`
 
 Floats = NDArray[np.float32]
 Small = NDArray[np.uint8]
@@ -23,7 +23,7 @@ Heights = NDArray[np.uint16]
 
 @kernel("uint8(float32, float64)")
 def _steps(value: float, step: float) -> Any:
-    """Return a value in steps, 254 at most; 255 where unknown."""
+    """Return a value in steps, at most 254; 255 if unknown."""
     if np.isnan(value):
         return np.uint8(255)
     return np.uint8(min(254.0, max(0.0, np.rint(value / step))))
@@ -31,7 +31,7 @@ def _steps(value: float, step: float) -> Any:
 
 @kernel("uint16(float32, float64)")
 def _height(value: float, base_m: float) -> Any:
-    """Return a height in steps above a base, 1 to 65535; 0 where unknown."""
+    """Return a height in steps above a base, 1 to 65535; 0 if unknown."""
     if np.isnan(value):
         return np.uint16(0)
     return np.uint16(min(65_535.0, max(1.0, np.rint((value - base_m) / STEP_M))))
@@ -54,9 +54,9 @@ def quantise(
     sure: Small,
     verdict: Small,
 ) -> bool:
-    """Write maps in small numbers over what is there; tell whether anything changed.
+    """Overwrite quantised maps with new ones; return whether anything changed.
 
-    The certainty of what is unknown is unknown, too.
+    The certainty of an unknown cell is unknown.
     """
     changed = False
     for row in range(state.shape[0]):
@@ -99,7 +99,7 @@ def halve(
     out_sure: Small,
     out_verdict: Small,
 ) -> None:
-    """Write each square of four cells as one: see `companion.flight.dashboard.map_block.coarser`.
+    """Downsample squares of four cells to one: see `companion.flight.dashboard.map_block.coarser`.
 
     shift: steps to add to heights, for another base.
     """

@@ -1,4 +1,4 @@
-"""The page's addresses."""
+"""HTTP and WebSocket routes of the page."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS = {"js": "text/javascript", "css": "text/css", "html": "text/html", "svg":
 
 
 def read_static() -> dict[str, tuple[bytes, str]]:
-    """Return every file of the page with its kind: they are small and stay in memory."""
+    """Return every file of the page with its media type: they are small and stay in memory."""
     folder = resources.files("companion.flight.dashboard").joinpath("static")
     found = {}
     for file in folder.iterdir():
@@ -35,7 +35,7 @@ def read_static() -> dict[str, tuple[bytes, str]]:
 
 
 def make_app(site: Site) -> ASGIApp:
-    """Return the whole site, guarded."""
+    """Return the application with all routes behind the guard."""
     app = FastAPI(
         title=api.TITLE, description=api.DESCRIPTION, docs_url=None, redoc_url=None, openapi_url=OPENAPI
     )
@@ -111,7 +111,7 @@ def make_app(site: Site) -> ASGIApp:
 
 
 async def _body(request: Request) -> bytes:
-    """Return a short body, cut where it is longer."""
+    """Return the body, truncated to `MOST_BODY_BYTES`."""
     data = b""
     async for part in request.stream():
         data += part

@@ -1,4 +1,4 @@
-"""Serves the site in a thread with an event loop of its own."""
+"""Web server of the page, in a thread with an event loop of its own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STOP_S = 3.0
 
 
 class Server:
-    """One run of the site; a new one serves again.
+    """One run of the web server; a new instance is needed to serve again.
 
     Parameters
     ----------
@@ -40,22 +40,22 @@ class Server:
         self._thread = threading.Thread(target=self._run, name="slz-page", daemon=True)
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start the thread."""
         self._thread.start()
 
     @property
     def alive(self) -> bool:
-        """Whether it serves."""
+        """Whether the thread runs."""
         return self._thread.is_alive()
 
     def ask_to_stop(self) -> None:
-        """Let it end soon."""
+        """Request the end of the thread without waiting for it."""
         self._stopping = True
         if self._uvicorn is not None:
             self._uvicorn.should_exit = self._uvicorn.force_exit = True
 
     def stop(self) -> None:
-        """Let it end; wait no longer than a few seconds for that."""
+        """Stop the thread; wait at most `STOP_S` for it."""
         self.ask_to_stop()
         if self._thread.is_alive():
             self._thread.join(STOP_S)
@@ -72,7 +72,7 @@ class Server:
             make_app(site),
             lifespan="off",
             log_config=None,
-            log_level=logging.ERROR,  # strangers' bad requests are no news
+            log_level=logging.ERROR,  # bad requests of strangers are not worth a line
             access_log=False,
             ws="websockets-sansio",
             ws_max_size=MOST_BYTES + 32,
@@ -82,7 +82,7 @@ class Server:
             timeout_keep_alive=10,
             timeout_graceful_shutdown=1,
             server_header=False,
-            proxy_headers=False,  # whoever is on this computer could write any address into them
+            proxy_headers=False,  # any program on this computer could forge the address in them
             http=functools.partial(Connection, incidents=site.door.incidents),  # type: ignore[arg-type]
         )
         server = self._uvicorn = uvicorn.Server(config)

@@ -1,4 +1,4 @@
-"""The page's own event loop: what browsers are sent, and what they may ask."""
+"""Page site: prepares the messages to browsers and answers their requests, in the page's event loop."""
 
 from __future__ import annotations
 
@@ -26,35 +26,35 @@ log = logging.getLogger(__name__)
 TICK_S = 0.1
 ANSWER_S = 3.0
 STALE_S = 3.0
-TICKS_KEPT = 256  # older ones are stale whatever their age
-# The page waits for a window to be computed, but no longer than this: what it shows must not grow old.
+TICKS_KEPT = 256  # earlier ticks are stale whatever their age
+# The page waits while a window is computed, but at most this long, so that what it shows stays fresh.
 MOST_WAIT_S, LOOK_AGAIN_S = 0.2, 0.01
 Result = TypeVar("Result")
 
 
 class Site:
-    """Turns the board into messages, once for all browsers.
+    """Converts the board to messages, once for all browsers.
 
     Parameters
     ----------
     board
         Written by the companion.
     door
-        Who may do what.
+        Access control.
     carry_out
-        Hands an order to the companion and waits for the answer.
+        Passes an order to the companion and waits for the answer.
     about
-        What the page is told once: kind of page, parameters' table.
+        Document sent once to each page: kind of page, table of parameters.
 
     Attributes
     ----------
     tick
-        States that were shown so far: what a browser has seen. It rises only when the companion left a new
-        one, so that one which hangs is not taken for one that flies on.
+        Count of states shown, by which a browser names the one it has seen. It increases only with a new
+        state from the companion, so that a hanging companion is not taken for a flying one.
     serving
-        Name of this site; with another one the maps are sent anew.
+        ID of this site; with another one the maps are sent anew.
     state, zones, health, replay
-        Messages ready to send, each with a number that rises when it changes.
+        Messages ready to send, each with a number that increases when it changes.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Site:
         self._shown: tuple[Any, Any] = (None, None)
         self._ticked_s: deque[float] = deque(maxlen=TICKS_KEPT)
 
-    # ---- what is sent ---------------------------------------------------------------------------
+    # ---- output ---------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Refresh ten times a second until cancelled."""
@@ -95,10 +95,10 @@ class Site:
                 await asyncio.sleep(TICK_S)
 
     def refresh(self) -> None:
-        """Make the messages of this tick."""
+        """Prepare the messages of this tick."""
         board = self.board
         shown, self._shown = self._shown, (board.state, board.replay)
-        renewed = self._shown[0] is not shown[0] or self._shown[1] is not shown[1]  # a replay may stand still
+        renewed = self._shown[0] is not shown[0] or self._shown[1] is not shown[1]  # a replay may be paused
         if board.state is not None and renewed:
             self.tick += 1
             self._ticked_s.append(time.monotonic())
@@ -114,7 +114,7 @@ class Site:
                 setattr(self, name, (number, json.dumps({"t": name, **source})))
 
     async def _keep_drawing(self) -> None:
-        """Take reports and changes of the maps, in a thread."""
+        """Process reports and changes of the maps, in a thread."""
         while True:
             while self.board.drawn:
                 await self.in_thread(self.atlas.take, *self.board.drawn.popleft())
@@ -127,19 +127,19 @@ class Site:
             await asyncio.sleep(TICK_S)
 
     async def in_thread(self, work: Callable[..., Result], *args: Any) -> Result:
-        """Run what takes milliseconds in the encoder's thread."""
+        """Run work that takes milliseconds in the encoder's thread."""
         await self.give_way()
         return await asyncio.get_running_loop().run_in_executor(self._thread, work, *args)
 
     async def give_way(self) -> None:
-        """Wait while a window is computed, for a fraction of a second at most."""
+        """Wait while a window is computed, at most `MOST_WAIT_S`."""
         loop = asyncio.get_running_loop()
         until_s = loop.time() + MOST_WAIT_S
         while self.board.computing() and loop.time() < until_s:  # noqa: ASYNC110 - another thread's
             await asyncio.sleep(LOOK_AGAIN_S)
 
     async def block(self, name: str, serial: int, level: int, row: int, col: int) -> bytes | None:
-        """Return a block of a map, compressed; None where there is none, or the map is another one now."""
+        """Return a compressed block of a map; None where there is none, or if the map has been replaced."""
         sheet = self.atlas.sheets.get(name)
         if sheet is None or sheet.serial != serial or not 0 <= level < LEVELS:
             return None
@@ -152,13 +152,13 @@ class Site:
             self._collection = number, await self.in_thread(_collection, report)
         return self._collection[1]
 
-    # ---- what is asked --------------------------------------------------------------------------
+    # ---- requests -------------------------------------------------------------------------------
 
     async def answer(self, order: Command, seen_tick: int | None) -> Reply:
-        """Carry out an order of an operator.
+        """Execute an operator's order.
 
-        seen_tick: the newest state that the sender's screen showed, None for none. What was ordered on the
-        sight of one that is older than three seconds, or that was never shown, is refused, but for an abort.
+        seen_tick: newest state on the sender's screen, None for none. An order given on the sight of a state
+        older than three seconds, or never shown, is refused, except an abort.
         """
         age_s = None if seen_tick is None else self._age_s(seen_tick)
         if (age_s is None or age_s > STALE_S) and order.do != "abort":
@@ -170,12 +170,12 @@ class Site:
             return Reply(False, "no answer from the landing program: try again")
 
     def _age_s(self, tick: int) -> float | None:
-        """Return how long ago a state was shown; None when it was not, or too long ago."""
+        """Return the age of a shown state; None if it was not shown, or too long ago."""
         back = self.tick - tick
         return time.monotonic() - self._ticked_s[-1 - back] if 0 <= back < len(self._ticked_s) else None
 
     def facts(self, question: Facts) -> dict[str, Any]:
-        """Return what the maps say of a point."""
+        """Return the map's values at a point."""
         found = self.atlas.cell(question.east_m, question.north_m)
         point = {"east_m": question.east_m, "north_m": question.north_m}
         if found is None:
@@ -185,7 +185,7 @@ class Site:
         return {**point, "map": name} | {field: getattr(cell, field) for field in fields}
 
     def close(self) -> None:
-        """End the encoder's thread."""
+        """Stop the encoder's thread."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 

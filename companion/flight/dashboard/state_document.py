@@ -1,4 +1,4 @@
-"""What of the companion is shown: small documents, made in its loop in a fraction of a millisecond."""
+"""State documents for the page, built in the companion's loop in a fraction of a millisecond."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LATENCIES = 300
 
 
 def state(flight: FlightView) -> dict[str, Any]:
-    """Return pose, phase and whatever may change from one tick to the next."""
+    """Return pose, phase and all values that may change from one tick to the next."""
     s = flight.situation()
     pose = flight.history.latest(s.now_ns)
     vehicle, executive, parameters = flight.link.vehicle, flight.executive, flight.parameters
@@ -54,7 +54,7 @@ def state(flight: FlightView) -> dict[str, Any]:
 
 
 def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[str, Any]:
-    """Return the same document from a recording, as far as that tells."""
+    """Return the same document from a recording, as far as it holds the values."""
     pose = history.latest(at_ns)
     return {
         "at_ns": at_ns,
@@ -86,7 +86,7 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
 
 
 def _motion(pose: Pose | None) -> dict[str, Any]:
-    """Return where the vehicle is, how it moves and how it is turned; all None where that is not known."""
+    """Return position, velocity and attitude of the vehicle; all None if unknown."""
     east, north, up = (None, None, None) if pose is None else _rounded(pose.position_enu_m)
     roll, pitch, yaw = (None, None, None) if pose is None else _angles_deg(pose.rotation_enu_from_frd)
     return {
@@ -101,7 +101,7 @@ def _motion(pose: Pose | None) -> dict[str, Any]:
 
 
 def health(flight: FlightView) -> dict[str, Any]:
-    """Return rates, delays and losses: how the program itself does."""
+    """Return rates, delays and losses of the program itself."""
     link = flight.link.statistics()
     lidar, fusion = flight.lidar.statistics(), flight.assembler.statistics()
     recorder = flight.recordings.recorder

@@ -1,4 +1,4 @@
-"""The maps as the page serves them: blocks of small numbers in a pyramid, made when a browser asks."""
+"""Tile pyramid of the maps for the page: quantised blocks, encoded on request."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Key = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What a map says of one cell; None where unknown."""
+    """Map values of one cell; None where unknown."""
 
     cell_m: float
     height_m: float | None
@@ -36,17 +36,17 @@ class Cell:
 
 
 class Sheet:
-    """One map, near or far.
+    """Pyramid of one map, near or far.
 
-    Block (row, col) of level k covers `SIDE` cells of 2^k times the map's, counted from its corner; it holds
-    blocks (2 row, 2 col) and its neighbours of level k - 1.
+    Block (row, col) of level k has `SIDE` x `SIDE` cells of 2^k times the map's cell size, counted from the
+    map's corner; it contains block (2 row, 2 col) of level k - 1 and its northern and eastern neighbours.
 
     Attributes
     ----------
     serial
-        Of the map that is shown; with another one everything begins anew.
+        Serial number of the map; another one clears everything.
     changes
-        Finest blocks and when each changed last, in numbers that rise.
+        Finest blocks with the time of their last change, an increasing number.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Sheet:
         self._clock = 0
 
     def take(self, drawn: Drawn) -> None:
-        """Take what changed of the map."""
+        """Apply the changes of the map."""
         if drawn.serial != self.serial:
             self.serial = drawn.serial
             self.west_m, self.south_m, self.cell_m = drawn.west_m, drawn.south_m, drawn.cell_m
@@ -72,7 +72,7 @@ class Sheet:
             self.changes[key] = self._finest[key].version = self._clock
 
     def since(self, clock: int) -> list[tuple[int, int, int]]:
-        """Return row, column and time of the finest blocks that changed after a time."""
+        """Return row, column and change time of the finest blocks that changed after a time."""
         return [(*key, at) for key, at in tuple(self.changes.items()) if at > clock]
 
     @property
@@ -81,7 +81,7 @@ class Sheet:
         return self._clock
 
     def encoded(self, level: int, row: int, col: int) -> bytes | None:
-        """Return a block compressed, None where nothing is known."""
+        """Return a compressed block, None if all of it is unknown."""
         version = self._version(level, row, col)
         if version is None:
             return None
@@ -95,7 +95,7 @@ class Sheet:
         return held[1]
 
     def cell(self, east_m: float, north_m: float) -> Cell | None:
-        """Return what is known of the cell at a point; None beyond all that was drawn."""
+        """Return the cell at a point, None outside the drawn blocks."""
         if not self.cell_m:
             return None
         row, col = int((north_m - self.south_m) // self.cell_m), int((east_m - self.west_m) // self.cell_m)
@@ -133,14 +133,14 @@ class Sheet:
         return key
 
     def _version(self, level: int, row: int, col: int) -> int | None:
-        """Return when a block changed last, None where nothing is known."""
+        """Return the time of a block's last change, None if all of it is unknown."""
         rows = range(row << level, (row + 1) << level)
         cols = range(col << level, (col + 1) << level)
         found = [at for r in rows for c in cols if (at := self.changes.get((r, c))) is not None]
         return max(found, default=None)
 
     def _block(self, level: int, row: int, col: int, version: int) -> Block:
-        """Return a block of which something is known, made anew if it changed."""
+        """Return a block with known cells, rebuilt if it changed."""
         if level == 0:
             return self._finest[row, col]
         held = self._coarse.get((level, row, col))
@@ -158,17 +158,17 @@ class Sheet:
 
 
 class Atlas:
-    """The near and the far map."""
+    """Pyramids of the near and the far map."""
 
     def __init__(self) -> None:
         self.sheets = {"near": Sheet(), "far": Sheet()}
 
     def take(self, name: str, drawn: Drawn) -> None:
-        """Take what changed of a map."""
+        """Apply the changes of a map."""
         self.sheets[name].take(drawn)
 
     def heads(self) -> dict[str, dict[str, Any]]:
-        """Return where the maps lie, for the page."""
+        """Return position and size of the maps, for the page."""
         return {
             name: {
                 "serial": sheet.serial,
@@ -183,7 +183,7 @@ class Atlas:
         }
 
     def cell(self, east_m: float, north_m: float) -> tuple[str, Cell] | None:
-        """Return the map that knows a point, the near one first, and what it says."""
+        """Return the map that knows a point, near map first, and its cell there."""
         for name, sheet in self.sheets.items():
             found = sheet.cell(east_m, north_m)
             if found is not None and (found.state != "unknown" or name == "far"):
@@ -192,7 +192,7 @@ class Atlas:
 
 
 def _place(key: Key, side: int) -> tuple[Key, int, int]:
-    """Return the block that holds a tile, and the tile's row and column in it."""
+    """Return the block that contains a tile, and the tile's row and column in it."""
     per = SIDE // side
     (block_row, row), (block_col, col) = divmod(key[0], per), divmod(key[1], per)
     return (block_row, block_col), row * side, col * side

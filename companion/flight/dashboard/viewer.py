@@ -1,4 +1,4 @@
-"""One browser: what it was sent, and what it may still send."""
+"""WebSocket session of one browser."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.flight.landing.situation import Reply
 
 log = logging.getLogger(__name__)
 
-SEND_S = 5.0  # a browser that takes nothing for so long is let go
+SEND_S = 5.0  # a browser that accepts nothing for this long is disconnected
 MOST_BAD = 10
 MOST_PER_S = 20
 PATH_PART = 2000
@@ -24,7 +24,7 @@ ABORT = '"abort"'
 
 
 class Viewer:
-    """Sends what is new at the pace of the browser: what it had no time for is left out."""
+    """Sends updates at the pace of the browser, skipping superseded ones, and receives its orders."""
 
     def __init__(self, site: Site, socket: WebSocket, role: Role) -> None:
         self._site, self._socket, self._role = site, socket, role
@@ -39,7 +39,7 @@ class Viewer:
         self._aborts: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
-        """Serve until the browser goes."""
+        """Serve until the browser disconnects."""
         await self._socket.accept()
         tasks = [
             asyncio.create_task(self._send_all(), name="page to browser"),
@@ -51,7 +51,7 @@ class Viewer:
             for task in done:
                 task.result()
         except (WebSocketDisconnect, TimeoutError, RuntimeError, OSError):
-            pass  # it went, or was let go
+            pass  # the browser disconnected, or was disconnected
         finally:
             for task in tasks:
                 task.cancel()
@@ -75,7 +75,7 @@ class Viewer:
             await self._socket.send_text(text)
 
     def news(self) -> list[str]:
-        """Return what this browser has not been sent, the most urgent first."""
+        """Return the messages that this browser has not been sent, most urgent first."""
         found = []
         for name in self._sent:
             number, text = getattr(self._site, name)
@@ -145,9 +145,9 @@ class Viewer:
             self._site.refused += 1
             await self._reply(None, Reply(False, f"not understood: {error}"))
             return
-        told = seen if seen is not None and seen <= self._sent["state"] else None  # else another run's
+        told = seen if seen is not None and seen <= self._sent["state"] else None  # None: from another run
         if isinstance(message, Simple) and message.do == "abort" and self._role is Role.OPERATOR:
-            # It waits neither for what was asked before nor for how much that was.
+            # An abort waits for no earlier order and is exempt from their rate limit.
             task = asyncio.create_task(self._abort(message, told), name="abort from browser")
             self._aborts.add(task)
             task.add_done_callback(self._aborts.discard)
@@ -162,12 +162,12 @@ class Viewer:
                 await self._reply(message.id, Reply(False, "too many orders at once: try again"))
 
     async def _carry_out_all(self) -> None:
-        """Carry out orders one after the other."""
+        """Execute orders one after the other."""
         while True:
             await self._answer(*await self._orders.get())
 
     async def _abort(self, message: Command, told: int | None) -> None:
-        with contextlib.suppress(WebSocketDisconnect, TimeoutError, RuntimeError, OSError):  # it went
+        with contextlib.suppress(WebSocketDisconnect, TimeoutError, RuntimeError, OSError):  # disconnected
             await self._answer(message, told)
 
     async def _answer(self, message: Command, told: int | None) -> None:
@@ -179,7 +179,7 @@ class Viewer:
 
 
 def _split(text: str) -> tuple[int | None, str]:
-    """Return the tick that a message was sent on the sight of, and the message: `TICK JSON`."""
+    """Return the tick that the sender had seen, and the message, from `TICK JSON`."""
     tick, space, order = text.partition(" ")
     if not space or not (tick.isascii() and tick.isdigit() and len(tick) < 16):
         raise BadMessageError("a message is the tick last seen, a space and a JSON object")

@@ -1,4 +1,4 @@
-"""Zones, landing point and obstacles as the page draws them."""
+"""Shapes of zones, landing point and obstacles for the page."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from params import Parameters
 from slz import Grid, Obstacle, Report, SelectedPoint, Zone
 
 MOST_OBSTACLES = 40
-MOST_PRIOR = 100  # zones of a survey drawn, the best
-MOST_HELD = 512  # outlines
+MOST_PRIOR = 100  # best zones of the survey prior that are drawn
+MOST_HELD = 512  # cached outlines
 CENTIMETRES = 100
 
 Sure = Literal["certain", "less", "uncertain"]
@@ -22,20 +22,20 @@ Rings = list[list[int]]
 
 
 def sure(certainty: float, parameters: Parameters) -> Sure:
-    """Return how a zone is drawn (SLZ paper 3.4.1: dark green, light green, red)."""
+    """Return the drawing class of a zone (SLZ paper 3.4.1: dark green, light green, red)."""
     if certainty >= parameters.confidence_factor:
         return "certain"
     return "less" if certainty >= parameters.uncertain_below else "uncertain"
 
 
 class Picture:
-    """Makes the document of a report; outlines of zones that did not change are made once."""
+    """Builds the document of a report; outlines of unchanged zones are cached."""
 
     def __init__(self) -> None:
         self._held: OrderedDict[tuple[Any, ...], list[Rings]] = OrderedDict()
 
     def document(self, report: Report, parameters: Parameters) -> dict[str, Any]:
-        """Return zones, selected point and what the window was like; metres of the map frame."""
+        """Return zones, selected point and properties of the window, in metres of the map frame."""
         frame, choice = report.frame, report.choice
         return {
             "frame": [frame.lat_deg, frame.lon_deg, frame.alt_m],
@@ -88,7 +88,7 @@ class Picture:
         }
 
     def _rings(self, zone: Zone, grid: Grid) -> list[Rings]:
-        """Return polygons, each its outer ring and holes, as east, north, east, north ... in centimetres."""
+        """Return polygons, each as outer ring and holes: east, north, east, north ... in centimetres."""
         key = (zone.id, grid.west_m, grid.south_m, grid.cell_m, zone.box, hash(zone.cells.tobytes()))
         if key not in self._held:
             self._held[key] = [
@@ -102,7 +102,7 @@ class Picture:
 
 
 def point(selected: SelectedPoint) -> dict[str, Any]:
-    """Return the selected landing point with the obstacles around it, the nearest first."""
+    """Return the selected landing point with the obstacles around it, nearest first."""
     around = selected.surroundings
     way_in = None if around is None else around.way_in()
     nearest = () if around is None else around.obstacles[:MOST_OBSTACLES]

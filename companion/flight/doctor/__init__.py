@@ -1,1 +1,1 @@
-"""`slz doctor`: what of a vehicle is fit for landing with us, what is not, and what to do about it."""
+"""`slz doctor`: preflight checks of vehicle, sensor and computer, each with a remedy."""

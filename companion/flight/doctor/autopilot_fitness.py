@@ -1,4 +1,4 @@
-"""Whether the autopilot is set up for a landing: its parameters, read at the start and at each hand-over."""
+"""Monitor of the autopilot's parameters, read at the start and at each hand-over."""
 
 from __future__ import annotations
 
@@ -19,56 +19,56 @@ from params import Required, required
 log = logging.getLogger(__name__)
 
 TICK_S = 0.05
-# What could not be read is asked for again after this, while it keeps a landing from beginning.
+# Retry interval for unread critical parameters, while they keep a landing from beginning.
 AGAIN_NS = 10_000_000_000
 MOST_TEXTS = 3
 
 
 class Fitness:
-    """Reads what `slz doctor` reads, and says what is wrong; without I/O but for `run`.
+    """Reader of the parameters that `slz doctor` checks; no I/O except in `run`.
 
-    It reads anew whenever the autopilot is found, rebooted, armed or put in the guided mode, and when an
-    order is taken. Faults are told once, and again when they differ; what keeps `--land auto` from landing is
-    told at each hand-over.
+    Reads anew whenever the autopilot is found, rebooted, armed or put in the guided mode, and when an order
+    is accepted. Faults are reported once, and again when they change; a fault that keeps `--land auto` from
+    landing is reported at each hand-over.
 
     Parameters
     ----------
     auto
-        Whether it lands without an order.
+        Whether the executive lands without an order.
 
     Attributes
     ----------
     faults
-        What is wrong, as last read: the critical ones first.
+        Wrong parameters of the last reading, critical ones first.
     """
 
     def __init__(self, auto: bool = False) -> None:
         self._auto = auto
         self._rows: tuple[Required, ...] = ()
         self._reader: ParameterReader | None = None
-        self._read = False  # as often as it was tried: the faults stand
+        self._read = False  # all read or tried often enough: `faults` is up to date
         self._read_once = False
-        self._handed_over = False  # since the last reading began, rather than a try to read what was lost
+        self._handed_over = False  # this reading was caused by a hand-over, not by a retry
         self._ended_ns = 0
         self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
         self._told: tuple[tuple[str, str], ...] = ()
         self._texts: list[tuple[Severity, str]] = []
         self.faults: tuple[Finding, ...] = ()
 
-    # ---- what is known --------------------------------------------------------------------------
+    # ---- state ----------------------------------------------------------------------------------
 
     @property
     def fit(self) -> bool:
-        """Whether all that is critical was read since the last hand-over, and is right: unknown is not."""
+        """Whether all critical parameters were read since the last hand-over and are right."""
         return bool(self._rows) and not self._critical()
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """What is wrong, in short; nothing while it is being read for the first time."""
+        """Short texts of the faults; empty during the first reading."""
         return tuple(_said(fault) for fault in self.faults)
 
     def summary(self) -> dict[str, Any]:
-        """Return what `--json` tells."""
+        """Return the entry of the `--json` summary."""
         return {
             "read": self._read_once,
             "fit": self.fit,
@@ -76,7 +76,7 @@ class Fitness:
         }
 
     def _critical(self) -> list[str]:
-        """Return the names of critical parameters that are not known to be right."""
+        """Return the names of critical parameters that are wrong or unread."""
         values = {} if self._reader is None else self._reader.values
         return [
             row.name
@@ -84,10 +84,10 @@ class Fitness:
             if row.critical and not (row.name in values and row.accepts(values[row.name]))
         ]
 
-    # ---- what happens ---------------------------------------------------------------------------
+    # ---- events ---------------------------------------------------------------------------------
 
     def step(self, vehicle: VehicleState, connected: bool, flying: bool, now: int) -> list[Any]:
-        """Return the requests to send now; flying: an order, or its own, is being carried out."""
+        """Return the requests to send now; `flying`: an order or an automatic landing is under way."""
         if self._calls_for_reading(vehicle, connected, flying):
             self._begin(vehicle)
             self._handed_over = vehicle.guided and vehicle.armed
@@ -104,19 +104,19 @@ class Fitness:
         return due
 
     def take(self, message: Any) -> None:
-        """Take a PARAM_VALUE or PARAM_ERROR, asked for or not."""
+        """Store a PARAM_VALUE or PARAM_ERROR, requested or not."""
         if self._reader is not None:
             self._reader.take(message)
             if self._read:
                 self._judge()
 
     def news(self) -> list[tuple[Severity, str]]:
-        """Return what the pilot is to be told, once."""
+        """Return the new texts for the pilot and clear them."""
         texts, self._texts = self._texts, []
         return texts
 
     async def run(self, link: Link, flying: Callable[[], bool]) -> None:
-        """Read and tell until cancelled."""
+        """Read parameters and report faults until cancelled."""
         forget = [
             link.subscribe(name, lambda message, _: self.take(message))
             for name in ("PARAM_VALUE", "PARAM_ERROR")
@@ -136,7 +136,7 @@ class Fitness:
     # ---- details --------------------------------------------------------------------------------
 
     def _calls_for_reading(self, vehicle: VehicleState, connected: bool, flying: bool) -> bool:
-        """Tell whether another vehicle is there, or this one was handed over a moment ago."""
+        """Return whether the vehicle is a new one or was just armed, put in guided mode or given an order."""
         same: tuple[object, ...] = (connected, vehicle.autopilot, vehicle.reboots)
         steps = (vehicle.guided, vehicle.armed, flying)
         before, self._before = self._before, (same, steps)
@@ -168,7 +168,7 @@ class Fitness:
             self._tell()
 
     def _warn(self, flying: bool) -> None:
-        """Tell at a hand-over what is critical: a landing by itself waits for it, an order is carried out."""
+        """Warn at a hand-over of a critical fault; only an automatic landing waits for its repair."""
         critical, handed_over, self._handed_over = self._critical(), self._handed_over, False
         if not critical or not handed_over:
             return

@@ -1,4 +1,4 @@
-"""`slz doctor` as a program: examine, show, say whether all is well."""
+"""Front end of `slz doctor`: run the examination, format the findings."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def examine(
     signing: Signing | None = None,
     system: int | None = None,
 ) -> list[Finding]:
-    """Listen for so many seconds and return the findings; raises UsageError for a URL that is none."""
+    """Listen for `seconds` and return the findings; raise UsageError for a wrong URL."""
     return asyncio.run(Examination(mavlink_url, lidar_url, parameters, seconds, signing, system).run())
 
 
 def document(findings: list[Finding]) -> dict[str, Any]:
-    """Return what `--json` prints."""
+    """Return the document that `--json` prints."""
     return {"ok": healthy(findings), "findings": [finding.document() for finding in findings]}
 
 
 def table(findings: list[Finding]) -> Table:
-    """Return the findings for a person, each with what to do."""
+    """Return the findings as a table, each with its remedy."""
     shown = Table("check", "", "found", "needed", "what to do")
     for finding in findings:
         state = f"[{_STYLE[finding.state]}]{finding.state}[/]"

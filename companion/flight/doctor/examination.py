@@ -1,4 +1,4 @@
-"""Listens to autopilot and LiDAR for a while, then judges."""
+"""Examination of autopilot, LiDAR and computer: listen for a while, then judge."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 STEP_S = 0.02
 TIMER_S = 0.01
 SETTLE_S = 2.0
-IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat comes within a second
+IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat arrives within a second
 PARAMETERS_S = 20.0
 VERSION_TRIES, VERSION_S = 3, 0.3
 
@@ -42,13 +42,13 @@ class Examination:
     Parameters
     ----------
     mavlink_url, lidar_url
-        As of `slz run`.
+        URLs as in `slz run`.
     seconds
-        How long to listen.
+        Listening time.
     signing
-        Of a link that is signed.
+        MAVLink signing of the link, None for an unsigned one.
     system
-        The vehicle's MAVLink system; None: the only aircraft heard.
+        MAVLink system of the vehicle; None: the only aircraft heard.
 
     Raises
     ------
@@ -65,7 +65,7 @@ class Examination:
     late_ms: list[float] = field(default_factory=list)
 
     async def run(self) -> list[Finding]:
-        """Return all findings; open nothing that stays open."""
+        """Return all findings; close everything that was opened."""
         identity = VehicleIdentity(self.system, LISTEN_NS)
         link = Link(self.mavlink_url, self.parameters, self.signing, identity, alone=False)
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
@@ -89,7 +89,7 @@ class Examination:
         except BaseExceptionGroup as errors:
             raise errors.exceptions[0] from None
         log.info("measuring this computer; the first time this compiles for a minute")
-        # After all else, for it loads the CPU.
+        # Last, because it loads the CPU.
         return [*findings, *machine_findings(self.parameters, self.late_ms)]
 
     def _link(self, link: Link) -> list[Finding]:
@@ -110,7 +110,7 @@ class Examination:
         )
         wanted = float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         try:
-            for _ in range(VERSION_TRIES):  # its command may be answered, and the message lost
+            for _ in range(VERSION_TRIES):  # the command may be acknowledged and the message lost
                 await link.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted, timeout_s=0.7, tries=2)
                 await asyncio.sleep(VERSION_S)
                 if told:
@@ -134,14 +134,14 @@ class Examination:
                         link.send(request)
                     await asyncio.sleep(STEP_S)
         except TimeoutError:
-            pass  # what has not come is a finding
+            pass  # a parameter that did not arrive is a finding
         finally:
             for unsubscribe in forget:
                 unsubscribe()
         return parameter_findings(rows, reader.values, reader.absent)
 
     async def _identify(self, link: Link) -> None:
-        """Wait until the vehicle is connected, which takes the time to listen for others; no longer."""
+        """Wait until the vehicle is connected, at most `IDENTIFY_S`, which includes listening for others."""
         connected = asyncio.Event()
         forget = link.on_connection.subscribe(lambda _: connected.set())
         with contextlib.suppress(TimeoutError):

@@ -1,4 +1,4 @@
-"""One thing looked at, and what came of it."""
+"""Result of one check of the doctor."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ State = Literal["ok", "warn", "fail", "skipped"]
 class Finding:
     """A check with its result.
 
-    state: 'fail' is what the system does not work with, 'warn' what it works less well with, 'skipped' what
-    could not be looked at because of another finding. remedy: what to do, empty when there is nothing.
+    state: 'fail' for a fault that keeps the system from working, 'warn' for one that degrades it, 'skipped'
+    for a check that another finding made impossible. remedy: action to take, empty if none is needed.
     """
 
     check: str
@@ -23,17 +23,17 @@ class Finding:
     remedy: str = ""
 
     def document(self) -> dict[str, Any]:
-        """Return it as `--json` prints it."""
+        """Return the finding as `--json` prints it."""
         return asdict(self)
 
 
 def judged(
     check: str, good: bool, found: str, needed: str, remedy: str, *, otherwise: State = "fail"
 ) -> Finding:
-    """Return a finding that is fine, or that is `otherwise` and has a remedy."""
+    """Return an 'ok' finding if `good`, else one in state `otherwise` with the remedy."""
     return Finding(check, "ok" if good else otherwise, found, needed, "" if good else remedy)
 
 
 def healthy(findings: list[Finding]) -> bool:
-    """Tell whether nothing needed is wrong."""
+    """Return whether no finding failed."""
     return all(finding.state != "fail" for finding in findings)

@@ -1,4 +1,4 @@
-"""The LiDAR's packets: whether they come, how many, whole, and on a steady clock."""
+"""Checks of the LiDAR's packets: rate, loss, integrity, clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The MAVLink link: heartbeat, streams, losses, clock."""
+"""Checks of the MAVLink link: heartbeat, message rates, losses, clock synchronisation."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from companion.flight.link.message_rates import Stream
 from companion.flight.link.vehicle_state import VehicleState
 
 ROUND_TRIP_MS = 10.0
-"""PX4 starts its clock filter over at longer ones."""
+"""PX4 resets its clock filter at longer round trips."""
 RESIDUAL_MS = 3.0
 LOSS = 0.01
-# A stream that arrives at less than this share of its rate is slow.
+# A message that arrives at less than this share of its rate is slow.
 SHARE = 0.8
-# Rates are of two seconds, in which one message more or less is chance.
+# Rates are measured over two seconds, in which one message more or less is chance.
 CHANCE_HZ = 0.5
 
 
 def link_findings(
     url: str, vehicle: VehicleState, statistics: LinkStatistics, streams: tuple[Stream, ...]
 ) -> list[Finding]:
-    """Judge what was heard; `streams` is what should arrive."""
+    """Judge the link; `streams` are the messages that should arrive."""
     if vehicle.sysid is None:
         return [_silence(url, statistics)]
     known = vehicle.autopilot in ("ardupilot", "px4")

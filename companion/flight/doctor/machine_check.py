@@ -1,4 +1,4 @@
-"""This computer: cores, speed at the job, its clock."""
+"""Checks of this computer: cores, pipeline speed, timer latency, clock."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from slz.frame import LocalFrame
 CORES = 2
 TIMER_MS = 10.0
 POINTS = 100_000
-# A window must take at most this share of the time it spans.
+# A window must be processed within this share of its own span.
 SHARE = 0.5
 YEAR_2025 = 1_735_689_600
 
 
 def machine_findings(parameters: Parameters, late_ms: Sequence[float]) -> list[Finding]:
-    """Judge this computer; `late_ms` is how late a timer woke each time. It runs the pipeline for seconds."""
+    """Judge this computer; `late_ms` are timer latencies. Runs the pipeline for some seconds."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return [
         judged(
@@ -47,7 +47,7 @@ def machine_findings(parameters: Parameters, late_ms: Sequence[float]) -> list[F
 
 
 def speed_finding(took_ms: float, parameters: Parameters) -> Finding:
-    """Judge the time that a window of `POINTS` points takes."""
+    """Judge the processing time of a window of `POINTS` points."""
     most_ms = SHARE * 1000 * parameters.window_s
     return judged(
         "pipeline speed",
@@ -59,7 +59,7 @@ def speed_finding(took_ms: float, parameters: Parameters) -> Finding:
 
 
 def timer_finding(late_ms: Sequence[float]) -> Finding:
-    """Judge how late timers wake: what streams at 20 Hz jitters by as much."""
+    """Judge the wake-up latency of timers, which is also the jitter of the 20 Hz messages."""
     late = float(np.percentile(np.asarray(late_ms, np.float64), 99)) if len(late_ms) else 0.0
     return judged(
         "timer, p99 late",
@@ -72,7 +72,7 @@ def timer_finding(late_ms: Sequence[float]) -> Finding:
 
 
 def window_ms(parameters: Parameters, runs: int = 3) -> float:
-    """Return the median time of a window of invented ground, after all is compiled."""
+    """Return the median processing time of a window of synthetic ground, without compilation."""
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(-25, 25, (POINTS, 2)), rng.normal(0.0, 0.02, POINTS)])
     pipeline = Pipeline(parameters)

@@ -1,4 +1,4 @@
-"""Which MAVLink systems are heard besides the vehicle, or in its place."""
+"""Check for other MAVLink systems on the link, beside the vehicle or in its place."""
 
 from __future__ import annotations
 

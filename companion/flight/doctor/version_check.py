@@ -1,4 +1,4 @@
-"""The autopilot's firmware: which version it is, and what that means for us."""
+"""Check of the autopilot's firmware version."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from companion.flight.doctor.finding import Finding
 from companion.flight.link.flight_modes import Autopilot
 
-# flight_sw_version's lowest byte, FIRMWARE_VERSION_TYPE: from this value on.
+# FIRMWARE_VERSION_TYPE, the lowest byte of flight_sw_version: lower bound of each kind.
 _KINDS = ((255, "release"), (192, "release candidate"), (128, "beta"), (64, "alpha"), (0, "development"))
 NAMES: dict[str, str] = {"ardupilot": "ArduPilot", "px4": "PX4"}
-# The parameter files' oldest one, and the newest one whose source was read.
+# Oldest version of the parameter files, and newest version whose source code was read.
 OLDEST: dict[str, tuple[int, int]] = {"ardupilot": (4, 5), "px4": (1, 14)}
 NEWEST: dict[str, tuple[int, int]] = {"ardupilot": (4, 7), "px4": (1, 18)}
 
 
 @dataclass(frozen=True, slots=True)
 class Version:
-    """A firmware's version, as AUTOPILOT_VERSION.flight_sw_version packs it."""
+    """Firmware version from AUTOPILOT_VERSION.flight_sw_version."""
 
     major: int
     minor: int
@@ -26,7 +26,7 @@ class Version:
 
     @classmethod
     def unpack(cls, packed: int) -> Version:
-        """Return the version that 32 bits hold."""
+        """Return the version packed in 32 bits."""
         major, minor, patch, kind = packed.to_bytes(4, "big")
         return cls(major, minor, patch, next(name for least, name in _KINDS if kind >= least))
 
@@ -35,7 +35,7 @@ class Version:
 
 
 def version_finding(autopilot: Autopilot, version: Version | None) -> Finding:
-    """Judge the version; None is one that was not told."""
+    """Judge the version; None if the autopilot did not report it."""
     name = NAMES.get(autopilot)
     if name is None:
         return Finding("firmware", "skipped", "no autopilot that is known")

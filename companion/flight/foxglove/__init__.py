@@ -1,1 +1,1 @@
-"""Live view for engineers: the recording's topics for the eye, over Foxglove's WebSocket."""
+"""Live view for engineers: the visual topics of a recording over Foxglove's WebSocket."""

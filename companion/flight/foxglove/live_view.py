@@ -1,4 +1,4 @@
-"""Serves what a recording shows, live: Foxglove and Lichtblick connect to `ws://HOST:PORT`."""
+"""Foxglove WebSocket server of the visual topics, for Foxglove and Lichtblick at `ws://HOST:PORT`."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ SHOWN = frozenset(
 
 
 class LiveView:
-    """A server of the topics for the eye; it takes no orders and is reached from this computer only.
+    """Server of the visual topics; it accepts no orders and only connections from this computer.
 
-    Messages are made and sent in a thread of their own; when that falls behind, the oldest are left out.
+    Messages are built and sent in a separate thread; when it falls behind, the oldest are dropped.
 
     Parameters
     ----------
     port
-        0 is any free one.
+        Port to listen on, 0 for any free one.
 
     Raises
     ------
@@ -76,22 +76,22 @@ class LiveView:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """Port that the server listens on."""
         return int(self._server.port)
 
     def window(self, _event: WindowEvent, window: Window) -> None:
-        """Show a window's points."""
+        """Publish the points of a window."""
         wall_ns = self._wall_ns()
         self._put(foxglove_scene.POINTS, lambda: foxglove_scene.cloud(window, wall_ns), wall_ns)
 
     def use_report(self, report: Report) -> None:
-        """Show what came of a window."""
+        """Publish a report."""
         wall_ns = self._wall_ns()
         self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), wall_ns)
         self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), wall_ns)
 
     def pose(self, pose: Pose, frame: LocalFrame) -> None:
-        """Show where the vehicle is, ten times a second at most."""
+        """Publish the vehicle's pose, at most ten times a second."""
         if now_ns() - self._last_pose_ns < POSE_NS:
             return
         self._last_pose_ns, wall_ns = now_ns(), self._wall_ns()
@@ -99,14 +99,14 @@ class LiveView:
         self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), wall_ns)
 
     def text(self, text: str, severity: int) -> None:
-        """Show what the pilot is told."""
+        """Publish a text for the pilot."""
         level = logging.INFO if severity > 4 else logging.WARNING if severity > 2 else logging.CRITICAL
         record = logging.LogRecord("slz", level, "", 0, text, None, None)
         wall_ns = self._wall_ns()
         self._put(foxglove_scene.LOG, lambda: foxglove_scene.line(record, wall_ns), wall_ns)
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         self._thread.shutdown(wait=False, cancel_futures=True)
         self._server.stop()
 
@@ -124,7 +124,7 @@ class LiveView:
         try:
             self._waiting.popleft()()
         except IndexError:
-            pass  # what waited longest was left out
+            pass  # the oldest message was dropped
         except Exception:
             log.exception("a message for Foxglove cannot be made")
 

@@ -1,4 +1,4 @@
-"""Batches of returns wait here until the poses around them are known."""
+"""Scan assembler: buffers returns until poses bracket them, then georeferences them."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from params import Parameters
 from slz import Scan
 
 SPAN_NS = 50_000_000
-# Returns kept waiting at most, some seconds of a fast sensor: memory is bounded whatever the stamps say.
+# Limit of buffered returns, some seconds of a fast sensor: bounds memory whatever the stamps say.
 MOST_WAITING = 2_000_000
 
 
 class ScanAssembler:
-    """Gathers returns into scans of 50 ms and places them once poses bracket them.
+    """Assembles returns into scans of 50 ms and georeferences them once poses bracket them.
 
-    Nothing is ever placed with an extrapolated pose: a batch that no pose has followed `pose_timeout_s` after
-    it, by the sensor's own stamps, is dropped.
+    No return is placed by an extrapolated pose: a batch that no pose has followed within `pose_timeout_s`, by
+    the sensor's own stamps, is dropped.
 
     Parameters
     ----------
     parameters
         Mount, range gate and `pose_timeout_s`.
     history
-        The vehicle's poses.
+        Poses of the vehicle.
     on_scan
         Called with every scan, in order.
 
     Attributes
     ----------
     stale
-        Returns dropped because no pose came in time, or too many waited.
+        Returns dropped because no pose came in time or the buffer was full.
     scans
-        Scans handed on.
+        Scans emitted.
     """
 
     def __init__(self, parameters: Parameters, history: PoseHistory, on_scan: Callable[[Scan], None]) -> None:
@@ -46,14 +46,14 @@ class ScanAssembler:
         self._on_scan = on_scan
         self._georeferencer = Georeferencer(parameters)
         self._screen = Screen(parameters)
-        self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each
+        self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each batch
         self._n_waiting = 0
         self._gathered: list[Returns] = []
         self.stale = 0
         self.scans = 0
 
     def add(self, returns: Returns) -> None:
-        """Take a batch; hand on the scans that are complete now."""
+        """Add a batch of returns; emit the scans that are now complete."""
         if not len(returns):
             return
         newest_ns = int(returns.stamp_ns.max())
@@ -63,7 +63,7 @@ class ScanAssembler:
         self._drop_stale(newest_ns)
 
     def statistics(self) -> dict[str, int]:
-        """Return scans handed on and returns dropped, by reason."""
+        """Return the counts of emitted scans and of dropped returns by reason."""
         return {
             "scans": self.scans,
             "stale": self.stale,
@@ -82,7 +82,7 @@ class ScanAssembler:
             self._gather(returns, newest_ns)
 
     def _gather(self, returns: Returns, newest_ns: int) -> None:
-        """Add a batch to the scan; a scan ends once it spans 50 ms, and before a gap that would double it."""
+        """Add a batch to the scan, which ends at a span of 50 ms or before a gap that would double it."""
         if self._gathered and not 0 <= newest_ns - int(self._gathered[0].stamp_ns[0]) < 2 * SPAN_NS:
             self._emit()
         self._gathered.append(returns)
@@ -97,7 +97,7 @@ class ScanAssembler:
             self._on_scan(scan)
 
     def _drop_stale(self, newest_ns: int) -> None:
-        """Drop what waited too long, or was stamped by a clock that has been set back since."""
+        """Drop batches that waited too long or were stamped before the sensor's clock was set back."""
         while self._waiting and (
             abs(newest_ns - self._waiting[0][0]) > self._patience_ns or self._n_waiting > MOST_WAITING
         ):

@@ -1,4 +1,4 @@
-"""Returns of the LiDAR, placed on the map."""
+"""Direct georeferencing of LiDAR returns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slz import Scan
 
 
 class Georeferencer:
-    """Places every return with the pose interpolated at its own stamp, so that motion does not distort.
+    """Georeferences each return with the pose interpolated at its own stamp, which removes motion distortion.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Georeferencer:
     Attributes
     ----------
     out_of_range, without_pose, pitched
-        Returns dropped so far; the last because the sensor was pitched more than they bear.
+        Returns dropped so far; `pitched`: the sensor's pitch exceeded the limit of the returns.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -60,7 +60,7 @@ class Georeferencer:
         if n == 0:
             return None
         points, stamps = points[:n], stamps[:n]
-        if (stamps[1:] < stamps[:-1]).any():  # a packet was overtaken on the way
+        if (stamps[1:] < stamps[:-1]).any():  # packets arrived out of order
             order = np.argsort(stamps, kind="stable")
             points, stamps = points[order], stamps[order]
         pose = history.interpolate(stamps[-1:])
@@ -70,9 +70,9 @@ class Georeferencer:
         return Scan(points_enu_m=points, stamp_ns=stamps, sensor_enu_m=sensor, frame=history.frame)
 
     def _is_pitched(self, returns: Returns, history: PoseHistory) -> bool:
-        """Tell whether the sensor's x axis was further from level than the returns bear, or may have been."""
+        """Return whether the sensor's x axis exceeded the returns' pitch limit, or its pitch is unknown."""
         if returns.most_pitch_rad == np.inf:
             return False
         rotation = history.interpolate(np.unique(returns.stamp_ns)).rotation_enu_from_frd
         ahead = rotation @ self._mount.rotation_frd_from_sensor[:, 0]
-        return not (np.abs(ahead[:, 2]) <= np.sin(returns.most_pitch_rad)).all()  # nor without a pose
+        return not (np.abs(ahead[:, 2]) <= np.sin(returns.most_pitch_rad)).all()  # True for NaN: no pose

@@ -1,8 +1,8 @@
-"""Kernels that say where a vehicle was between two samples of its attitude and position.
+"""Kernels that interpolate a vehicle's attitude and position between samples.
 
-An attitude sample is a unit quaternion (w, x, y, z) that turns body forward-right-down into north-east-down.
-Between two samples the body turns at a constant rate (slerp); a position follows the cubic that meets both
-positions and both velocities (Hermite).
+An attitude sample is a unit quaternion (w, x, y, z) of body forward-right-down into north-east-down. Attitude
+is interpolated at a constant rate (slerp); position follows the cubic through both positions and both
+velocities (Hermite).
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from slz.kernels.jit import kernel
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-# Columns of a position sample: east, north, up; their rates; a number that changes where the estimate or the
-# clock that dates it jumped.
+# Columns of a position sample: east, north, up; their rates; a number that changes when the estimate or the
+# clock of its stamps jumps.
 POSITION_WIDTH = 7
 STRETCH = 6
-SMALL_RAD = 0.5  # below which a sine is taken from its series
+SMALL_RAD = 0.5  # limit of the sine's power series
 
 
 @kernel("int64(int64[::1], int64, int64)")
 def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
     """Return the least i with `stamp_ns[i] <= t_ns <= stamp_ns[i + 1]`, -1 if there is none.
 
-    So the last sample before a gap belongs to what lies before it. The search walks from `hint`, as
-    neighbouring returns lie in the same or the next segment.
+    The last sample before a gap thus belongs to the segment before it. The search walks from `hint`, because
+    neighbouring returns are in the same or the next segment.
     """
     last = len(stamp_ns) - 1
     if last < 1 or t_ns < stamp_ns[0] or t_ns > stamp_ns[last]:
@@ -46,7 +46,7 @@ def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
 
 @kernel("void(float64[::1], float64[:, ::1])")
 def rotation_enu(quat_wxyz: Floats, out: Floats) -> None:
-    """Write the rotation of body forward-right-down into east-north-up, from one into north-east-down."""
+    """Write the rotation of body forward-right-down into east-north-up from the quaternion into NED."""
     w, x, y, z = quat_wxyz[0], quat_wxyz[1], quat_wxyz[2], quat_wxyz[3]
     out[1, 0] = 1 - 2 * (y * y + z * z)
     out[1, 1] = 2 * (x * y - w * z)
@@ -61,7 +61,7 @@ def rotation_enu(quat_wxyz: Floats, out: Floats) -> None:
 
 @kernel("UniTuple(float64, 4)(float64[::1], float64[::1])")
 def turn_between(before: Floats, after: Floats) -> tuple[float, float, float, float]:
-    """Return body axis (3) and angle (rad, 0 to pi) of the shorter turn from one attitude to the next."""
+    """Return body axis (3) and angle (rad, 0 to pi) of the shorter rotation between two attitudes."""
     w = before[0] * after[0] + before[1] * after[1] + before[2] * after[2] + before[3] * after[3]
     # conjugate(before) * after
     x = before[0] * after[1] - before[1] * after[0] - before[2] * after[3] + before[3] * after[2]
@@ -77,8 +77,8 @@ def turn_between(before: Floats, after: Floats) -> tuple[float, float, float, fl
 
 @kernel("UniTuple(float64, 2)(float64)")
 def sine_versine_of_small(angle: float) -> tuple[float, float]:
-    """Return sin and 1 - cos of an angle below half a radian by their series, which errs by 1e-11."""
-    s = angle * angle  # times reciprocals: a chain of divisions takes longer than all the rest of a return
+    """Return sin and 1 - cos of an angle below half a radian from their series, with an error of 1e-11."""
+    s = angle * angle  # reciprocals, because a chain of divisions takes longer than the rest of a return
     sine = angle * (1 - s * (1 / 6) * (1 - s * (1 / 20) * (1 - s * (1 / 42) * (1 - s * (1 / 72)))))
     versine = 0.5 * s * (1 - s * (1 / 12) * (1 - s * (1 / 30) * (1 - s * (1 / 56) * (1 - s * (1 / 90)))))
     return sine, versine
@@ -96,7 +96,7 @@ def sine_versine(angle: float) -> tuple[float, float]:
 def hermite_cubic(samples: Floats, i: int, span_s: float, out: Floats) -> None:
     """Write the coefficients (4, 3), constant first, of the cubic from sample i to i + 1.
 
-    It is a function of the share of the way, 0 to 1, between samples `span_s` seconds apart.
+    The argument of the cubic is the normalised time, 0 to 1, between samples `span_s` seconds apart.
     """
     for k in range(3):
         start, way = samples[i, k], samples[i + 1, k] - samples[i, k]
@@ -122,9 +122,9 @@ def interpolate(
     rotation_enu_from_frd: Floats,
     valid: NDArray[np.bool_],
 ) -> None:
-    """Write position (n, 3), rotation (n, 3, 3) and whether both hold (n,) at each stamp; NaN where not.
+    """Write position (n, 3), rotation (n, 3, 3) and validity (n,) at each stamp; NaN where invalid.
 
-    A segment longer than `gap_ns`, or one over which the estimate jumped, holds nothing.
+    A segment longer than `gap_ns`, or one across which the estimate jumped, is invalid.
     """
     before = np.empty((3, 3))
     cubic = np.empty((4, 3))
@@ -153,7 +153,7 @@ def interpolate(
         share = (t - attitude_ns[a]) / (attitude_ns[a + 1] - attitude_ns[a])
         s, c = sine_versine(angle * share)
         rotation_enu(attitudes[a], before)
-        for row in range(3):  # times the body's turn, by Rodrigues' formula
+        for row in range(3):  # times the body's rotation, by Rodrigues' formula
             r0, r1, r2 = before[row, 0], before[row, 1], before[row, 2]
             along = c * (r0 * x + r1 * y + r2 * z)
             rotation_enu_from_frd[j, row, 0] = r0 * (1 - c) + s * (r1 * z - r2 * y) + along * x

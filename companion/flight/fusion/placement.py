@@ -1,4 +1,4 @@
-"""Kernel that places every return with the pose of its own moment."""
+"""Kernel that georeferences returns, each with the pose at its own stamp."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from companion.flight.fusion.motion import (
 )
 from slz.kernels.jit import kernel
 
-BLOCK = 256  # returns that are worked out at a time, without a branch, so that the compiler takes several
+BLOCK = 256  # returns per block, without a branch, so that the compiler vectorises
 SINE, VERSINE, X, Y, Z, SQUARE = range(6)
 ONE = np.uint64(1)
 
@@ -34,7 +34,7 @@ def _turns(
     angle: float,
     work: Floats,
 ) -> None:
-    """Leave sin and 1 - cos of the angles that the body has turned since a segment's beginning."""
+    """Write sin and 1 - cos of the body's rotation angles since the beginning of a segment."""
     sine, versine = work[SINE], work[VERSINE]
     if angle > SMALL_RAD:
         for i in range(count):
@@ -59,14 +59,14 @@ def _turned(
     az: float,
     work: Floats,
 ) -> None:
-    """Leave returns in the body's axes at a segment's beginning: its motion since by Rodrigues' formula."""
+    """Write returns in body axes at the beginning of a segment, rotated by Rodrigues' formula."""
     m00, m01, m02 = m[0, 0], m[0, 1], m[0, 2]
     m10, m11, m12 = m[1, 0], m[1, 1], m[1, 2]
     m20, m21, m22 = m[2, 0], m[2, 1], m[2, 2]
     lx, ly, lz = lever[0], lever[1], lever[2]
     sine, versine, square = work[SINE], work[VERSINE], work[SQUARE]
     tx, ty, tz = work[X], work[Y], work[Z]
-    for i in range(count):  # by itself: the arithmetic of returns that lie three by three is done one by one
+    for i in range(count):  # separate loop: arithmetic on interleaved coordinates is not vectorised
         tx[i], ty[i], tz[i] = xyz_m[first + i, 0], xyz_m[first + i, 1], xyz_m[first + i, 2]
     for i in range(count):
         x, y, z = tx[i], ty[i], tz[i]
@@ -97,7 +97,7 @@ def _moved(
     cubic: Floats,
     work: Floats,
 ) -> None:
-    """Leave returns on the map instead: turned to its axes, and where the body was."""
+    """Convert returns from body to map coordinates: rotate, then add the body's position."""
     r00, r01, r02 = r[0, 0], r[0, 1], r[0, 2]
     r10, r11, r12 = r[1, 0], r[1, 1], r[1, 2]
     r20, r21, r22 = r[2, 0], r[2, 1], r[2, 2]
@@ -142,7 +142,7 @@ def place(
     attitude_ns, attitudes, position_ns, positions, gap_ns
         `PoseHistory.samples()`.
     rotation_frd_from_sensor, lever_frd_m
-        `Mount`.
+        See `Mount`.
     least_m, most_m
         Range gate.
     points_enu_m, point_ns
@@ -151,13 +151,13 @@ def place(
     Returns
     -------
     tuple of int
-        Points written, returns out of range (NaN among them), returns without a pose.
+        Points written, returns out of range (including NaN), returns without a pose.
     """
     n, out_of_range, without_pose = np.uint64(0), 0, 0
     near, far = least_m * least_m, most_m * most_m
     r, cubic, work = np.empty((3, 3)), np.empty((4, 3)), np.empty((6, BLOCK))
     a = p = -1
-    a_from = a_to = p_from = p_to = np.int64(0)  # the segments under way, empty at first
+    a_from = a_to = p_from = p_to = np.int64(0)  # the current segments, empty at first
     ax, ay, az, angle, a_share, p_share = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     first, total = np.uint64(0), np.uint64(len(stamp_ns))
     while first < total:
@@ -183,7 +183,7 @@ def place(
                     hermite_cubic(positions, p, (p_to - p_from) * 1e-9, cubic)
         placed = a >= 0 and p >= 0
         count, most = ONE, min(np.uint64(BLOCK), total - first)
-        if placed:  # so many that follow have the same segments
+        if placed:  # count the following returns in the same segments
             low, high = max(a_from, p_from), min(a_to, p_to)
             while count < most and low <= stamp_ns[first + count] <= high:
                 count += ONE

@@ -1,4 +1,4 @@
-"""The vehicle's recent attitudes and positions, and its pose at any time between them."""
+"""History of the vehicle's attitude and position, with interpolation at any time between samples."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from slz.frame import LocalFrame
 Floats = NDArray[np.float64]
 
 CAPACITY = 1024
-# A position this far from where the velocities lead is a correction of the estimate, not motion; unknown
-# accelerations are allowed for besides. Over a gap they count by what they can add to the way at the mean
-# velocity of both ends: a t^2 / 4, half of that if they change once.
+# A position this far from the prediction by the velocities is a correction of the estimate, not motion. The
+# allowance also covers unknown accelerations: over a gap, an acceleration a adds at most a t^2 / 4 to the
+# prediction by the mean velocity of both ends, half of that if it changes once.
 JUMP_M = 2.0
 ACCELERATION_MS2 = 10.0
 GAP_ACCELERATION_MS2 = 3.0
 EXTRAPOLATION_S = 0.1
-# Attitudes are told against the axes at the vehicle, the map's axes are those at its origin. Turned by this
-# angle, level ground has that slope and a return at 100 m is misplaced by 3.5 cm: 2.2 km north or south of
-# the origin, 1.5 km east or west of it at 47 degrees of latitude.
+# Attitudes refer to the axes at the vehicle, the map's axes to its origin. Rotated by this angle, level
+# ground has that slope and a return at 100 m is misplaced by 3.5 cm: 2.2 km north or south of the origin,
+# 1.5 km east or west of it at 47 degrees of latitude.
 MOST_TURN_RAD = math.radians(0.02)
 
 
 @dataclass(frozen=True, slots=True)
 class Poses:
-    """Poses at many stamps; rows that are not valid hold NaN.
+    """Poses at many stamps; invalid rows hold NaN.
 
     position_enu_m : (n, 3). rotation_enu_from_frd : (n, 3, 3). valid : (n,) bool.
     """
@@ -49,22 +49,22 @@ class PoseHistory:
     Parameters
     ----------
     parameters
-        `pose_timeout_s` is the longest gap that is interpolated over, and the age at which a pose is stale.
+        `pose_timeout_s`: longest gap that is interpolated, and age at which a pose is stale.
     frame
-        Map frame; if None, the first position becomes its origin. A jump of the estimate that leads too far
-        from its origin begins another one.
+        Map frame; if None, the first position becomes its origin. A jump of the estimate too far from the
+        origin begins a new frame.
     capacity
-        Samples of each kind that are kept.
+        Number of samples kept of each kind.
 
     Attributes
     ----------
     frame
         Map frame, None until known.
     epoch
-        Rises by one whenever the position estimate jumps, the clocks start anew or another frame begins.
+        Incremented when the position estimate jumps, the clocks restart or a new frame begins.
     jumps, refused, misdated
-        Jumps of the estimate; samples that were out of order, repeated or not finite; samples dropped because
-        the autopilot's clock proved to be another one than that they were dated by.
+        Jumps of the estimate; samples out of order, repeated or not finite; samples dropped because they were
+        stamped by a wrong mapping of the autopilot's clock.
     """
 
     def __init__(
@@ -83,13 +83,13 @@ class PoseHistory:
         self._certain_ns: int | None = None
         self._trusts_all = True
         self._mappings = 0
-        self._stretch = 0  # between jumps of the estimate or of the autopilot's clock
+        self._stretch = 0  # number of the interval between jumps of the estimate or the autopilot's clock
 
     def trust(self, until_ns: int | None, mappings: int) -> None:
-        """Place nothing by poses after a stamp: their stamps may be wrong; see `AutopilotClock`.
+        """Limit the poses in use to stamps up to `until_ns`: later stamps may be wrong, see `AutopilotClock`.
 
-        Where stamps are mapped anew, those after it were: they are forgotten, and nothing is interpolated
-        from before to after.
+        When `mappings` changes, samples after `until_ns` are dropped as wrongly stamped, and nothing is
+        interpolated across the change.
         """
         self._certain_ns, self._trusts_all = until_ns, False
         if mappings == self._mappings:
@@ -100,7 +100,7 @@ class PoseHistory:
             self.misdated += self._attitudes.drop_after(until_ns) + self._positions.drop_after(until_ns)
 
     def add_attitude(self, stamp_ns: int, quat_wxyz: Sequence[float], rates: Sequence[float]) -> None:
-        """Take an attitude (body forward-right-down to north-east-down) and body rates in rad/s."""
+        """Append an attitude (body forward-right-down to north-east-down) and body rates in rad/s."""
         quat = np.asarray(quat_wxyz, dtype=np.float64)
         norm = float(np.linalg.norm(quat))
         if not 0.5 < norm < 2 or not self._is_next(self._attitudes, stamp_ns):
@@ -112,7 +112,7 @@ class PoseHistory:
     def add_position(
         self, stamp_ns: int, lat_deg: float, lon_deg: float, alt_m: float, vel_ned_ms: Sequence[float]
     ) -> None:
-        """Take a position (WGS-84 degrees, altitude in m) and its rates north, east, down in m/s."""
+        """Append a position (WGS-84 degrees, altitude in m) and its rates north, east, down in m/s."""
         velocity = np.asarray(vel_ned_ms, dtype=np.float64)[[1, 0, 2]] * (1, 1, -1)
         if not self._is_place(lat_deg, lon_deg, alt_m, velocity) or not self._is_next(
             self._positions, stamp_ns
@@ -134,15 +134,15 @@ class PoseHistory:
 
     @property
     def is_far(self) -> bool:
-        """Whether the vehicle is so far from the map's origin that another frame should begin."""
+        """Whether the vehicle is so far from the map's origin that a new frame should begin."""
         if self.frame is None or self._newest_lla is None:
             return False
         return self.frame.turn_rad(*self._newest_lla[:2]) > MOST_TURN_RAD
 
     def begin_frame(self, frame: LocalFrame | None = None) -> LocalFrame:
-        """Begin another map frame, at the newest position if none is given, and return it.
+        """Begin a new map frame, at the newest position if none is given, and return it.
 
-        What was sampled is carried over; the epoch rises, for what was mapped is of the frame before.
+        Samples are converted to it; the epoch is incremented because the map is in the old frame.
 
         Raises
         ------
@@ -158,14 +158,14 @@ class PoseHistory:
         return frame
 
     def _change_frame(self, frame: LocalFrame) -> None:
-        """Write the places that are kept in another frame; velocities are along the axes at the vehicle."""
+        """Convert stored positions to another frame; velocities keep the axes at the vehicle."""
         if self.frame is not None and len(self._positions):
             places = self._positions.values[:, :3]
             places[:] = frame.enu_m(*self.frame.lla(places).T)
         self.frame = frame
 
     def begin_anew(self) -> None:
-        """Forget what was sampled: the autopilot began anew, and so did its estimate."""
+        """Drop all samples: the autopilot restarted, and so did its estimate."""
         self._attitudes.clear()
         self._positions.clear()
         self.epoch += 1
@@ -173,7 +173,7 @@ class PoseHistory:
 
     @property
     def bracketed_until_ns(self) -> int | None:
-        """Newest time that both attitude and position cover for certain, None without either."""
+        """Newest time covered by certain stamps of both attitude and position, None without either."""
         attitude, position = self._attitudes.newest_ns, self._positions.newest_ns
         if attitude is None or position is None:
             return None
@@ -182,12 +182,12 @@ class PoseHistory:
         return None if self._certain_ns is None else min(attitude, position, self._certain_ns)
 
     def samples(self) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64], Floats, int]:
-        """Return what kernels read: stamps and samples of attitude and position, and the longest gap."""
+        """Return the kernels' inputs: stamps and samples of attitude and position, and the longest gap."""
         a, p = self._attitudes, self._positions
         return a.stamp_ns, a.values, p.stamp_ns, p.values, self._limit_ns
 
     def interpolate(self, stamp_ns: NDArray[np.int64]) -> Poses:
-        """Return the poses at stamps (n,); never extrapolates, nor crosses a gap or a jump."""
+        """Return the poses at stamps (n,), without extrapolation or interpolation across gaps and jumps."""
         n = len(stamp_ns)
         poses = Poses(np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.bool_))
         interpolate(
@@ -200,9 +200,9 @@ class PoseHistory:
         return poses
 
     def latest(self, now_ns: int) -> Pose | None:
-        """Return the newest pose carried forward to now, by 0.1 s at most; None if it is stale.
+        """Return the newest pose extrapolated to now, by at most 0.1 s; None if it is stale.
 
-        Its stamp is the time that it holds for.
+        Its stamp is the time to which it was extrapolated.
         """
         attitude_ns, position_ns = self._attitudes.newest_ns, self._positions.newest_ns
         if attitude_ns is None or position_ns is None:
@@ -220,10 +220,10 @@ class PoseHistory:
             epoch=self.epoch,
         )
 
-    # ---- what is taken --------------------------------------------------------------------------
+    # ---- acceptance of samples ------------------------------------------------------------------
 
     def _is_next(self, track: Track, stamp_ns: int) -> bool:
-        """Tell whether a stamp is newer than the last; one far older means that the clock began anew."""
+        """Return whether a stamp is newer than the last; a far older one means that the clock restarted."""
         newest = track.newest_ns
         if newest is None or stamp_ns > newest:
             return True
@@ -234,7 +234,7 @@ class PoseHistory:
 
     @staticmethod
     def _is_place(lat_deg: float, lon_deg: float, alt_m: float, velocity: Floats) -> bool:
-        """Tell a place on Earth from none."""
+        """Return whether position and velocity are finite and on Earth."""
         on_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180
         return on_earth and bool(np.isfinite(alt_m) and np.isfinite(velocity).all())
 
@@ -245,15 +245,15 @@ class PoseHistory:
         elapsed_s = (stamp_ns - int(self._positions.stamp_ns[-1])) * 1e-9
         way = (last[3:6] + velocity) * (elapsed_s / 2)
         allowed_m = motion_m(elapsed_s, self._limit_ns * 1e-9)
-        if last[STRETCH] != self._stretch:  # the clock jumped between: nobody knows how much time passed
+        if last[STRETCH] != self._stretch:  # the clock jumped in between: the elapsed time is unknown
             allowed_m += float(np.linalg.norm(way))
         return bool(np.linalg.norm(position - last[:3] - way) > allowed_m)
 
 
 def motion_m(elapsed_s: float, timeout_s: float) -> float:
-    """Return how far from where the mean velocity leads a vehicle can be by its own motion, after so long.
+    """Return the greatest distance in m between a vehicle and its prediction by the mean velocity.
 
-    Beyond `timeout_s` it is a gap, in which no such manoeuvre as between two samples goes on throughout.
+    `elapsed_s` beyond `timeout_s` is a gap, through which no manoeuvre as hard as between two samples lasts.
     """
     aside_ms2 = ACCELERATION_MS2 / 2 if elapsed_s <= timeout_s else GAP_ACCELERATION_MS2 / 4
     return float(JUMP_M + aside_ms2 * elapsed_s**2)

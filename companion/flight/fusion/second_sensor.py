@@ -1,4 +1,4 @@
-"""A second sensor beside the first: a radar whose axes are those of the vehicle, forward and right."""
+"""Second sensor beside the LiDAR: a radar with the axes of the vehicle, forward and right."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ MOUNT = {
     "dust_reach_m": 0.0,
     "vehicle_m": 0.0,
 }
-"""Parameters of the first sensor that are others for the radar: dust does not hide anything from it."""
+"""Parameters of the LiDAR that differ for the radar: dust hides nothing from it."""
 
 
 def radar_parameters(parameters: Parameters) -> Parameters:
-    """Return the parameters with the radar's mount and gate in place of the LiDAR's."""
+    """Return the parameters with the radar's mount and range gate in place of the LiDAR's."""
     return parameters.model_copy(update=MOUNT)
 
 
 def open_beside(
     url: str, parameters: Parameters, history: PoseHistory, on_scan: Callable[[Scan], None]
 ) -> Lidar:
-    """Return the driver of a radar beside the LiDAR; its scans are placed by the same poses.
+    """Return the driver of a radar beside the LiDAR; its scans are georeferenced with the same poses.
 
     Raises
     ------

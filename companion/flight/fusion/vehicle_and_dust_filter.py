@@ -1,7 +1,6 @@
-"""What is no ground is taken out before it is mapped: the vehicle itself, rain and dust near the sensor.
+"""Filter of returns that are not ground: the vehicle itself, rain and dust near the sensor.
 
-Nothing is called free for it: a ray whose return is dropped shows nothing, and ground that nobody saw stays
-unknown.
+A dropped return does not mark its ray as free: ground that was not seen stays unknown.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from params import Parameters
 class Screen:
     """Drops returns and counts them by reason.
 
-    - the vehicle: nearer to the autopilot than `vehicle_m`;
+    - vehicle: nearer to the autopilot than `vehicle_m`;
     - rain and dust: nearer to the sensor than `dust_reach_m`, and weaker than `dust_intensity` or not the
-      last return of their ray, for what lets light pass is no ground.
+      last return of their ray, because a target that lets light pass is not ground.
 
-    Isolated returns are dropped by the pipeline, see `outliers`; the range gate is the georeferencer's.
+    Isolated returns are dropped by the pipeline, see `outliers`; the range gate is in the georeferencer.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Between the map's east-north-up and the vehicle's forward-right-down."""
+"""Axis conversions between the map's east-north-up and the vehicle's forward-right-down."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 class PoseLike(Protocol):
-    """Where the vehicle is and how it is turned, at a time of the companion clock."""
+    """Position and attitude of the vehicle at a time of the companion clock."""
 
     @property
     def stamp_ns(self) -> int: ...
@@ -27,37 +27,37 @@ class PoseLike(Protocol):
 
 
 def body_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
-    """Return (..., 3) points of the map relative to the vehicle in its body axes, m."""
+    """Return points of the map (..., 3) in body axes relative to the vehicle, m."""
     offset = np.asarray(points_enu_m, dtype=np.float64) - pose.position_enu_m
     return np.asarray(offset @ pose.rotation_enu_from_frd)
 
 
 def heading_rad(rotation_enu_from_frd: Floats) -> float:
-    """Return the heading, clockwise from north."""
+    """Return the heading, rad clockwise from north."""
     east, north = rotation_enu_from_frd[:2, 0]
     return math.atan2(east, north)
 
 
 def enu_from_level(pose: PoseLike) -> Floats:
-    """Return the (3, 3) rotation of forward, right, down of the vehicle, turned by its heading only."""
+    """Return the rotation (3, 3) of level forward-right-down (heading only) into east-north-up."""
     heading = heading_rad(pose.rotation_enu_from_frd)
     sine, cosine = math.sin(heading), math.cos(heading)
     return np.array([[sine, cosine, 0.0], [cosine, -sine, 0.0], [0.0, 0.0, -1.0]])
 
 
 def level_frd_m(points_enu_m: ArrayLike, pose: PoseLike) -> Floats:
-    """Return (..., 3) points of the map relative to the vehicle, turned by its heading only, m."""
+    """Return points of the map (..., 3) in level forward-right-down relative to the vehicle, m."""
     offset = np.asarray(points_enu_m, dtype=np.float64) - pose.position_enu_m
     return np.asarray(offset @ enu_from_level(pose))
 
 
 def rotation_enu_from_frd(quat_wxyz: Sequence[float] | Floats) -> Floats:
-    """Return the (3, 3) rotation of body forward-right-down into east-north-up.
+    """Return the rotation (3, 3) of body forward-right-down into east-north-up.
 
     Parameters
     ----------
     quat_wxyz
-        Unit quaternion that turns body forward-right-down into north-east-down, as ATTITUDE_QUATERNION.
+        Unit quaternion of body forward-right-down into north-east-down, as in ATTITUDE_QUATERNION.
     """
     w, x, y, z = quat_wxyz
     ned_from_frd = np.array(

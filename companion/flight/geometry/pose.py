@@ -1,4 +1,4 @@
-"""A pose, and its short extrapolation."""
+"""Vehicle pose, and its short extrapolation."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where the vehicle is, how fast, and how it is turned.
+    """Position, velocity and attitude of the vehicle.
 
     stamp_ns : companion clock. position_enu_m, velocity_enu_ms : (3,) in the map frame.
-    quat_wxyz : (4,), turns body forward-right-down into north-east-down.
+    quat_wxyz : (4,), rotation of body forward-right-down into north-east-down.
     epoch : changes whenever the autopilot's position estimate jumps.
     """
 
@@ -36,7 +36,7 @@ class Pose:
 
 
 def turned(quat_wxyz: Floats, rates_frd_rads: Floats, seconds: float) -> Floats:
-    """Return the attitude after turning at constant body rates."""
+    """Return the attitude after `seconds` of constant body rates (rad/s)."""
     angle = float(np.linalg.norm(rates_frd_rads)) * seconds
     if angle == 0:
         return quat_wxyz.copy()

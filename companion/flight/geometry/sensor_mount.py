@@ -1,4 +1,4 @@
-"""How the LiDAR sits on the vehicle."""
+"""Extrinsic calibration of the LiDAR: boresight and lever arm on the vehicle."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 def rotation_frd_from_sensor(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Floats:
     """Return the rotation (3, 3) of sensor forward-left-up axes into body forward-right-down.
 
-    R = Rz(yaw) Ry(pitch) Rx(roll), right-handed turns about forward, left and up, takes sensor into body
+    R = Rz(yaw) Ry(pitch) Rx(roll), right-handed rotations about forward, left and up, maps sensor into body
     forward-left-up axes: positive roll lowers the right side, positive pitch lowers the sensor's x axis,
     positive yaw turns it left.
 
-    With pitch alone, the sensor's direction of elevation e in its own x-z plane, (cos e, 0, sin e), comes to
-    lie at (cos(pitch - e), 0, -sin(pitch - e)), straight down for pitch = 90 deg + e. The middle of a
+    With pitch alone, the direction of elevation e in the sensor's x-z plane, (cos e, 0, sin e), maps to
+    (cos(pitch - e), 0, -sin(pitch - e)), which is straight down for pitch = 90 deg + e. The middle of a
     Mid-360's field of view (-7 to +52 deg) is e = 22.5 deg, so pitch = 112.5 deg points it straight down.
     The sensor's z axis, e = 90 deg, then points forward and 22.5 deg below the horizon; being 67.5 deg away
     from that middle, it cannot point above the horizon.

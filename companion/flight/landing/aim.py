@@ -1,4 +1,4 @@
-"""The point flown to: where it is, how far away, and whether the newest report finds it safe."""
+"""Target point of a landing: position, distance, and state in the newest report."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ SAME_PLACE_M = 0.01
 
 
 class Aim:
-    """A landing point, with the ground under it as last measured.
+    """Target point, with the ground height under it as last measured.
 
     Attributes
     ----------
     enu_m
-        East, north, up in the map frame (3,), or None while there is none.
+        East, north, up in the map frame (3,), None without a target.
     height_left_m, away_m
-        The vehicle's height over the ground at the point, and horizontal distance to it; infinite while
+        Height of the vehicle above ground at the point, and horizontal distance to it; infinite while
         unknown.
     """
 
@@ -28,17 +28,17 @@ class Aim:
         self._ground_m: float | None = None
 
     def take(self, enu_m: Vector) -> None:
-        """Aim at another point."""
+        """Set a new target point."""
         self.enu_m, self._ground_m = np.asarray(enu_m, np.float64), None
 
     def move(self, jump_enu_m: Vector) -> None:
-        """Follow a jump of the position estimate."""
+        """Shift the target by a jump of the position estimate."""
         if self.enu_m is not None:
             self.enu_m = self.enu_m + jump_enu_m
             self._ground_m = None if self._ground_m is None else self._ground_m + float(jump_enu_m[2])
 
     def measure(self, position_enu_m: Vector | None, selected: SelectedPoint | None) -> None:
-        """Take the ground from the newest report, if that is about this point, and the distances to it."""
+        """Update the ground height, if the newest report judges this point, and the distances."""
         if self.enu_m is None:
             return
         if self.is_at(selected) and selected is not None and np.isfinite(selected.height_m):
@@ -49,20 +49,20 @@ class Aim:
 
     @property
     def on_ground_enu_m(self) -> Vector:
-        """The point (3,) on the ground as last measured; as high as it was given before that."""
+        """The point (3,) at the measured ground height, or at its given height before a measurement."""
         if self.enu_m is None:
             raise RuntimeError("no point to fly to")
         up_m = self.enu_m[2] if self._ground_m is None else self._ground_m
         return np.array([self.enu_m[0], self.enu_m[1], up_m])
 
     def is_at(self, selected: SelectedPoint | None) -> bool:
-        """Whether a report's selected point is this one."""
+        """Return whether a report's selected point is this one."""
         return selected is not None and self.enu_m is not None and same_place(selected.enu_m, self.enu_m)
 
     def judgement(self, selected: SelectedPoint | None) -> PointState:
-        """State of the point in the newest report; unknown while that report is about another point.
+        """Return the state of the point in the newest report; unknown if that judges another point.
 
-        What the far map says is no ground to land on.
+        A judgement by the far map counts as unknown: landing needs the near map.
         """
         if selected is None or not self.is_at(selected) or selected.judged_by == "far":
             return PointState.UNKNOWN
@@ -70,5 +70,5 @@ class Aim:
 
 
 def same_place(a: Vector, b: Vector) -> bool:
-    """Whether two points are horizontally one."""
+    """Return whether two points are at the same horizontal position."""
     return float(np.hypot(*(a[:2] - b[:2]))) <= SAME_PLACE_M

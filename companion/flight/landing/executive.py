@@ -1,7 +1,7 @@
-"""Who commands the vehicle, and to do what: survey, approach, descend, land, break off.
+"""Landing executive: a state machine for survey, approach, descent, landing and abort.
 
-A state machine without I/O: `step` takes what is known now and returns what to do now. It commands nothing
-before the operator handed over, and nothing after the mode changed under it.
+Without I/O: `step` maps the present situation to orders. It commands nothing before the operator's hand-over,
+and nothing after another party changed the mode.
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ from params import Parameters
 from slz import PointState, Zone
 
 SECOND = 1_000_000_000
-STEADY_NS = 2 * SECOND  # so long airborne and level before auto starts; so long safe before the descent
-TARGET_NS = round(2.5 * SECOND)  # the autopilot's estimator wants so much of the target before LAND
-TAKE_OVER_NS = 5 * SECOND  # the autopilot has so long to obey an emergency
-SEARCH_NS = 300 * SECOND  # longer than the survey should take, before the pilot is called
+STEADY_NS = 2 * SECOND  # airborne and level before an automatic start; point safe before the descent
+TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
+TAKE_OVER_NS = 5 * SECOND  # limit for the autopilot to obey an emergency
+SEARCH_NS = 300 * SECOND  # beyond `survey_s`, before the pilot is called
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
-STUCK_NS = 60 * SECOND  # longer than the way should take
+STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
 CALL_AGAIN_NS = 30 * SECOND  # with a low battery and no zone
-LANDING_MS = 0.5  # the slowest that autopilots sink at the end of a landing
+LANDING_MS = 0.5  # lowest sink rate of autopilots at the end of a landing
 RECHARGED_PCT = 10.0
-OVER_NS = 3 * SECOND  # so long without it a failsafe is over
-BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which tells of a failsafe, comes each second
-RESUMED_NS = 8 * SECOND  # a landing taken up again may sink so long before its point must be seen safe
+OVER_NS = 3 * SECOND  # without a failsafe, until it is over
+BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
+RESUMED_NS = 8 * SECOND  # a resumed landing may sink this long before its point must be seen safe
 
 STOPPED = np.zeros(3)
 
@@ -59,14 +59,15 @@ class Executive:
     parameters
         Speeds, heights and times of the `landing` section.
     auto
-        Land without being asked, once the vehicle is armed, airborne and in its guided mode.
+        Land without an order, once the vehicle is armed, airborne and in its guided mode.
 
     Attributes
     ----------
     phase, tally
-        Where the landing stands, and what happened so far.
+        Phase of the landing, and events so far.
     turns
-        Rises with each order taken, and when one is broken off or ends: then it stands no more as given.
+        Order counter: incremented when an order is accepted, aborted or finished, so that a stale repeat can
+        be recognised.
     """
 
     def __init__(self, parameters: Parameters, auto: bool) -> None:
@@ -79,9 +80,9 @@ class Executive:
         self._presumed = Presumptions()
         self._hand_over_seen = HandOver()
         self._asked_up_ms: float | None = None
-        self._taken: tuple[str, int] | None = None  # the mode set by another, and when
-        self._mode_told = ""  # the mode of the failsafe as last told
-        self._calm_since_ns: int | None = None  # without failsafe
+        self._taken: tuple[str, int] | None = None  # mode set by another party, and its time
+        self._mode_told = ""  # last reported mode of the failsafe
+        self._calm_since_ns: int | None = None  # since then without failsafe
         self._resumed_until_ns = 0
         self._disarmed = False  # since the last landing
         self._since_ns = 0
@@ -90,7 +91,7 @@ class Executive:
         self._aim = Aim()
         self._refused: list[Vector] = []
         self._route = Route(parameters)
-        self._over_since_ns: int | None = None  # the point, in this approach
+        self._over_since_ns: int | None = None  # over the point, in this approach
         self._safe_since_ns: int | None = None
         self._outage = Outage()
         self._unordered_told_ns: int | None = None
@@ -99,28 +100,28 @@ class Executive:
         self._battery_said_ns: int | None = None
         self._texts: list[tuple[Severity, str]] = []
         self._pending_select: Vector | None = None
-        self._asked: Vector | None = None  # the newest point put under watch
-        self._last: Situation | None = None  # the newest one with a position
+        self._asked: Vector | None = None  # newest selected point
+        self._last: Situation | None = None  # newest situation with a position
 
     # ---- operator -------------------------------------------------------------------------------
 
     def land_at_best(self, situation: Situation) -> Reply:
-        """Take the order to land at the best zone, with a low battery at the one reached soonest."""
+        """Accept the order to land at the best zone, or at the one reached soonest if the battery is low."""
         return self._hand_over(situation, Wish(urgent=self._is_low(situation)))
 
     def land_in_zone(self, situation: Situation, zone_id: int) -> Reply:
-        """Take the order to land in a zone by its ID."""
+        """Accept the order to land in a zone by its ID."""
         zone = _zone(situation, zone_id)
         if zone is None:
             return Reply(False, f"no zone {zone_id}")
         return self._hand_over(situation, Wish(zone.best.enu_m, zone_id))
 
     def land_at_point(self, situation: Situation, enu_m: Vector) -> Reply:
-        """Take the order to land at a point of the operator's choice, if it proves safe."""
+        """Accept the order to land at a point of the operator's choice, if it proves safe."""
         return self._hand_over(situation, Wish(enu_m))
 
     def land_at_selected(self, situation: Situation) -> Reply:
-        """Take the order to land at the point under watch: the confirmation of a selection."""
+        """Accept the order to land at the selected point: the confirmation of a selection."""
         selected = situation.selected
         if self._asked is not None and (selected is None or not same_place(selected.enu_m, self._asked)):
             return Reply(False, "selection not judged yet: confirm again")
@@ -129,7 +130,7 @@ class Executive:
         return self.land_at_point(situation, selected.enu_m)
 
     def land_now(self, situation: Situation) -> Reply:
-        """Take the order to land at the zone reached soonest, from any mode: the order itself hands over."""
+        """Accept the order to land at the zone reached soonest, from any mode: it is also the hand-over."""
         if self.phase in (Phase.FINAL, Phase.DESCEND):
             return Reply(True, "landing already")
         refusal = _not_flying(situation)
@@ -141,7 +142,7 @@ class Executive:
         return self._start(situation, Wish(urgent=True))
 
     def watch(self, enu_m: Vector) -> Reply:
-        """Keep a point under watch without flying to it."""
+        """Select a point without flying to it."""
         if self.phase in FLYING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
         self._pending_select = self._asked = enu_m
@@ -149,7 +150,7 @@ class Executive:
         return Reply(True, "watching the point")
 
     def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
-        """Keep the best point of a zone under watch: a selection to be confirmed."""
+        """Select the best point of a zone, to be confirmed."""
         zone = _zone(situation, zone_id)
         return Reply(False, f"no zone {zone_id}") if zone is None else self.watch(zone.best.enu_m)
 
@@ -160,7 +161,7 @@ class Executive:
         if self.phase is Phase.FINAL and self._aim.height_left_m < self._p.commit_height_m:
             return Reply(False, "below commit height: landing")
         self._wish = None
-        if self.phase is Phase.SURVEY and not situation.guided:  # an emergency that has not taken over yet
+        if self.phase is Phase.SURVEY and not situation.guided:  # an emergency that does not command yet
             self._say(Severity.NOTICE, f"emergency cancelled: {situation.mode} stays")
             self._rest(Phase.IDLE, situation)
             return Reply(True, "aborting")
@@ -184,13 +185,13 @@ class Executive:
         self._refused.clear()
         self._started_ns = s.now_ns
         self._start_survey(s)
-        self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)  # what was mapped so far will do
+        self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)  # the present map counts as the survey
         return Reply(True, "landing")
 
     # ---- every step -----------------------------------------------------------------------------
 
     def step(self, s: Situation) -> Orders:
-        """Return the orders of this moment (call it at 10 Hz or faster)."""
+        """Return the orders for the present situation (call it at 10 Hz or faster)."""
         self._follow_jumps(s)
         self._aim.measure(s.position_enu_m, s.selected)
         self._hand_over_seen.follow(s)
@@ -210,12 +211,12 @@ class Executive:
 
     @property
     def aim_enu_m(self) -> Vector | None:
-        """The point (3,) that is flown to, on the ground as last measured; None while none is."""
+        """Target point (3,) at the measured ground height, None while the vehicle flies to none."""
         on_the_way = self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         return self._aim.on_ground_enu_m if on_the_way and self._aim.enu_m is not None else None
 
     def carry(self, moved: Callable[[Vector], Vector]) -> None:
-        """Carry what is remembered into another map frame, in which `moved` gives the place of a point."""
+        """Convert stored positions to another map frame; `moved` maps a point to it."""
         self._last = None
         asked = self._asked if self._pending_select is None else self._pending_select
         if asked is not None:
@@ -226,7 +227,7 @@ class Executive:
             self._aim.take(moved(self._aim.on_ground_enu_m))
 
     def is_watching(self, situation: Situation, enu_m: Vector) -> bool:
-        """Tell whether this is the point under watch: the one asked for last, and judged by now."""
+        """Return whether this point is the newest selection and is judged by the newest report."""
         asked, selected = self._pending_select, situation.selected
         asked = self._asked if asked is None else asked
         if selected is None or not same_place(selected.enu_m, enu_m):
@@ -235,9 +236,9 @@ class Executive:
 
     @property
     def mapping(self) -> bool:
-        """Whether scans belong into the map: not where rotors blow up dust, close to the point."""
+        """Whether scans are mapped: not close to the point, where rotors blow up dust."""
         low = self._aim.height_left_m < self._p.dust_height_m
-        if self.phase is Phase.LANDED:  # the next flight may lead lower than the point
+        if self.phase is Phase.LANDED:  # the next flight may go below the point
             return not (low and self._aim.away_m < self._p.footprint_m + self._p.dust_height_m)
         return not (low and self.phase is Phase.FINAL)
 
@@ -283,7 +284,7 @@ class Executive:
         return Stage.COMMITTED if self.phase is Phase.FINAL and low else Stage(self.phase.value)
 
     def _react(self, breach: Breach, s: Situation) -> Orders | None:
-        """Carry out the reaction to a presumption that does not hold; None where the phase goes on."""
+        """Execute the reaction to a breach; None where the phase goes on."""
         match breach.reaction:
             case Reaction.ENDS:
                 return self._finish(s)
@@ -314,7 +315,7 @@ class Executive:
         return Orders()
 
     def _blame_failsafe(self, s: Situation) -> Orders | None:
-        """Stand back where a failsafe, reported only now, explains the mode taken away a moment ago."""
+        """Stand back if a failsafe reported only now explains a mode taken away a moment ago."""
         if self._taken is None or self.phase is not Phase.IDLE:
             return None
         mode, taken_ns = self._taken
@@ -328,7 +329,7 @@ class Executive:
     # ---- the autopilot's failsafe ---------------------------------------------------------------
 
     def _stand_back(self, breach: Breach, s: Situation) -> Orders:
-        """Command nothing more: the autopilot flies by its own failsafe, or without an estimate."""
+        """Stop commanding: the autopilot flies by its own failsafe, or without an estimate."""
         self._taken = None
         cause = breach.what if breach.presumption is Presumption.ESTIMATE else s.cause
         self._say(Severity.CRITICAL, f"failsafe{f' ({cause})' if cause else ''}: {s.mode} flies, take over")
@@ -339,7 +340,7 @@ class Executive:
         return Orders()
 
     def _in_failsafe(self, s: Situation) -> Orders:
-        """Wait for its end and tell which mode flies; then a new hand-over is needed."""
+        """Wait for the end of the failsafe and report its mode; a new hand-over is needed afterwards."""
         if s.connected and (not s.armed or s.on_ground is True):
             self._say(Severity.WARNING, "on the ground by the autopilot's failsafe")
             self._rest(Phase.IDLE, s)
@@ -357,10 +358,10 @@ class Executive:
             self._rest(Phase.IDLE, s)
         return Orders()
 
-    # ---- a companion that was started again in flight -------------------------------------------
+    # ---- restart in flight ----------------------------------------------------------------------
 
     def resume_landing(self, s: Situation, enu_m: Vector) -> None:
-        """Watch the autopilot's landing at a point again, as a companion before this one did."""
+        """Resume watching the autopilot's landing at a point, which a previous companion began."""
         self._aim.take(enu_m)
         self._aim.measure(s.position_enu_m, s.selected)
         self.tally.chosen_enu_m = self._pending_select = self._aim.enu_m
@@ -371,7 +372,7 @@ class Executive:
         self._resumed_until_ns = s.now_ns + RESUMED_NS
 
     def tell_restart(self, s: Situation, how: str) -> None:
-        """Say that it was started in flight (`how`), and what becomes of that."""
+        """Report the start in flight (`how`), and its consequence."""
         if s.landing:
             self._say(Severity.CRITICAL, f"{how} in {s.mode}: landing not watched, take over")
         elif self._auto and s.guided and self._hand_over_seen.given:
@@ -405,8 +406,8 @@ class Executive:
     def _wait(self, s: Situation) -> Orders:
         """In auto mode start when the vehicle has been airborne, guided and level for two seconds.
 
-        After a landing the target is streamed until the vehicle is armed again: ArduPilot calls the end of
-        the stream "PrecLand: Target Lost" at CRITICAL, disarmed or not, which a pilot takes for a fault.
+        After a landing the target is streamed until the vehicle is armed again: ArduPilot reports the end of
+        the stream as "PrecLand: Target Lost" at CRITICAL, disarmed or not, which a pilot takes for a fault.
         """
         if self.phase is Phase.LANDED and self._rests(s):
             return Orders(target_enu_m=self._aim.on_ground_enu_m)
@@ -436,7 +437,7 @@ class Executive:
         return Orders()
 
     def _tell_unordered(self, s: Situation) -> None:
-        """Tell now and then that the guided mode begins nothing without a new hand-over."""
+        """Report now and then that the guided mode has no effect without a new hand-over."""
         alone = self._auto and s.connected and s.armed and s.guided and s.on_ground is False
         if not alone or self._hand_over_seen.given:
             self._unordered_told_ns = None
@@ -445,7 +446,7 @@ class Executive:
             self._say(Severity.WARNING, f"{s.mode} without a hand-over: hand over again")
 
     def _rests(self, s: Situation) -> bool:
-        """Tell whether it has stood where it landed since then, and was not armed again."""
+        """Return whether the vehicle has stood where it landed since then, and was not armed again."""
         self._disarmed = self._disarmed or (s.connected and not s.armed)
         return s.on_ground is True and not (s.armed and self._disarmed)
 
@@ -454,7 +455,7 @@ class Executive:
             self._say(Severity.WARNING, "no position: waiting")
             self._route.forget()
         else:
-            # An order after an abort close to the ground does not end the climb away from it.
+            # After an abort close to the ground, an order does not end the climb.
             least_m = self._route.height_m if self.phase in FLYING else -np.inf
             self._route.begin(s.position_enu_m, s.height_above_home_m, least_m)
         self._say(Severity.INFO, "surveying")
@@ -484,9 +485,9 @@ class Executive:
         return self._route.fly(position, offset, self._p.survey_speed_ms)
 
     def _choice(self, s: Situation) -> Zone | None:
-        """Return where to land, once the survey has lasted: a near zone, else one to be looked at.
+        """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.
 
-        That is a far one, or one of ground surveyed before the flight.
+        The latter is a zone of the far map, or of the survey prior.
         """
         urgent = self._wish is not None and self._wish.urgent
         if s.report is None or (not urgent and s.now_ns - self._since_ns < self._p.survey_s * 1e9):
@@ -500,7 +501,7 @@ class Executive:
         )
 
     def _take_over(self, s: Situation) -> Orders:
-        """Ask for the guided mode after an emergency's order; give up when the autopilot refuses."""
+        """Request the guided mode after an emergency order; give up if the autopilot refuses."""
         if s.now_ns - self._started_ns > TAKE_OVER_NS:
             self._say(Severity.CRITICAL, f"{s.mode} stays: not landing")
             self._rest(Phase.IDLE, s)
@@ -519,7 +520,7 @@ class Executive:
         return Orders(velocity_enu_ms=STOPPED)
 
     def _approach(self, s: Situation) -> Orders:
-        """Fly over the point, and stay there until it was found safe for two seconds."""
+        """Fly over the point, and stay there until it has been safe for two seconds."""
         position, velocity = _known(s.position_enu_m), _known(s.velocity_enu_ms)
         if not s.lidar_ok:
             return self._without_lidar(s)
@@ -548,7 +549,7 @@ class Executive:
         return self._route.fly(position, offset, self._p.approach_speed_ms)
 
     def _descend(self, s: Situation) -> Orders:
-        """Sink over the point under watch, streaming the landing target, until LAND can take over."""
+        """Sink over the selected point, streaming the landing target, until LAND can take over."""
         reason = self._why_not(s) or ("point not reached" if s.now_ns > self._late_ns else None)
         if reason:
             return self._break_off(s, reason)
@@ -564,7 +565,7 @@ class Executive:
         return Orders(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=target)
 
     def _final(self, s: Situation) -> Orders:
-        """Watch the autopilot land; break off when the point turns unsafe, as long as it can be seen."""
+        """Watch the autopilot land; break off if the point turns unsafe while it can be seen."""
         late = s.now_ns > self._late_ns
         if not self._committed:
             unseen = (
@@ -577,21 +578,21 @@ class Executive:
         elif late:
             self._call("not landing", s)
         slow = s.guided and s.now_ns - self._since_ns > SECOND
-        if slow:  # refused, or lost on the way: what it was told last must not lead it on
+        if slow:  # refused, or lost on the way: stop the vehicle's last setpoint
             return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=self._aim.on_ground_enu_m)
         return Orders(target_enu_m=self._aim.on_ground_enu_m)
 
     @property
     def _committed(self) -> bool:
-        """Whether the last verified state of the point holds: below, dust is all that would be seen."""
+        """Whether the last verified state of the point holds, because only dust would be seen this low."""
         return self._aim.height_left_m <= max(self._p.commit_height_m, self._p.dust_height_m)
 
     def _climb(self, s: Situation) -> Orders:
-        """After an abort: back to guided, up to survey height, then look again or wait for the operator."""
+        """After an abort: guided mode, climb to survey height, then survey or wait for the operator."""
         position = _known(s.position_enu_m)
         up = np.array([0.0, 0.0, self._p.climb_speed_ms])
         left_m = self._route.height_m - float(position[2])
-        if s.lidar_ok or left_m > 1.0:  # to climb it needs no map
+        if s.lidar_ok or left_m > 1.0:  # climbing needs no map
             self._tell_return(s)
         if left_m <= 1.0:
             self._late_ns = self._limit_ns(s)
@@ -614,15 +615,15 @@ class Executive:
         self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)
         return Orders(velocity_enu_ms=STOPPED)
 
-    # ---- what can fail --------------------------------------------------------------------------
+    # ---- faults ---------------------------------------------------------------------------------
 
     def _without_lidar(self, s: Situation) -> Orders:
-        """Stop; after ten seconds tell the operator to take over."""
+        """Stop; call the pilot after ten seconds."""
         self._waits_for(s.blind, s)
         return Orders(velocity_enu_ms=STOPPED)
 
     def _without_pose(self, s: Situation) -> Orders:
-        """Hold by the autopilot's own estimate; a landing that can no longer be watched is broken off."""
+        """Hold by the autopilot's own estimate; break off a landing that cannot be watched any more."""
         if self.phase is Phase.FINAL and self._committed:
             return Orders()
         if self.phase is Phase.SURVEY and not s.guided:
@@ -633,13 +634,13 @@ class Executive:
         return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
     def _leave_landing(self, s: Situation) -> Orders:
-        """Leave a landing mode that was asked for, given up, and entered late: nobody chose this ground."""
+        """Leave a landing mode entered after it was given up: nobody chose this ground."""
         self._say(Severity.WARNING, "LAND came late: climbing")
         self._go(Phase.CLIMB, s)
         return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _follow_jumps(self, s: Situation) -> None:
-        """Where the position estimate jumps, move what is remembered with it: the vehicle did not move."""
+        """Shift stored positions by a jump of the position estimate: the vehicle did not move."""
         last = self._last
         if s.position_enu_m is None:
             return
@@ -650,13 +651,13 @@ class Executive:
             self._move(last, s)
         if self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
             self._pending_select = self.tally.chosen_enu_m = self._aim.enu_m
-        elif self._asked is not None or self._pending_select is not None:  # the map is gone, and it with it
+        elif self._asked is not None or self._pending_select is not None:  # lost with the map
             self._asked = self._pending_select = None
             if self.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
                 self._say(Severity.WARNING, "selection lost: select again")
 
     def _move(self, last: Situation, s: Situation) -> None:
-        """Move what is remembered by the jump, if it is more than motion: it may have braked in a gap."""
+        """Shift by the jump if it exceeds possible motion: the vehicle may have braked in a gap."""
         speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
         elapsed_s = (s.now_ns - last.now_ns) * 1e-9
         jump_m = _known(s.position_enu_m) - _known(last.position_enu_m) - speed_ms * elapsed_s
@@ -668,7 +669,7 @@ class Executive:
         self._aim.move(jump_m)
 
     def _call(self, trouble: str, s: Situation) -> None:
-        """Call the pilot about a vehicle that does not do as told, again and again; go on asking it."""
+        """Call the pilot, again each minute, about a vehicle that does not obey; keep commanding it."""
         self._say(Severity.CRITICAL, f"{trouble}: take over")
         self._late_ns = s.now_ns + STUCK_NS
 
@@ -683,14 +684,14 @@ class Executive:
                 self._go(Phase.HOLD, s)
 
     def _tell_return(self, s: Situation) -> None:
-        """Tell once that what the pilot was called for is there again: it hovers until it is ordered."""
+        """Report once that the input of a call is back: the vehicle hovers until the next order."""
         if thing := self._outage.there(s.now_ns):
             self._say(Severity.WARNING, f"{thing} back: hovering, order again")
 
     def _heed_battery(self, s: Situation) -> None:
-        """Once the charge is low, land at the zone reached soonest, and call the pilot while there is none.
+        """With a low battery, land at the zone reached soonest, and call the pilot while there is none.
 
-        Before a hand-over only say so.
+        Before a hand-over only warn.
         """
         if s.battery_pct is not None and s.battery_pct > self._p.battery_land_pct + RECHARGED_PCT:
             self._battery_said_ns = None
@@ -706,7 +707,7 @@ class Executive:
             self._say(Severity.CRITICAL, "battery low: landing at the nearest zone")
         elif self.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD) and s.armed and s.on_ground is not True:
             self._say(Severity.CRITICAL, "battery low: land")
-        else:  # its own landing, a failsafe, or the ground: nothing to say yet
+        else:  # the autopilot's landing, a failsafe, or on the ground: no warning yet
             return
         self._battery_said_ns = s.now_ns
         if said_ns is None and on_its_way:
@@ -723,7 +724,7 @@ class Executive:
         return soonest(s.report, self._refused, self._p, s.position_enu_m)
 
     def _lacks_zone(self, s: Situation) -> bool:
-        """Tell whether it was told to land, flies to no point, and knows of none."""
+        """Return whether a landing is ordered, no point is flown to, and no zone is known."""
         looks = self.phase in (Phase.SURVEY, Phase.CLIMB, Phase.HOLD) and self._wish is not None
         return looks and self._soonest(s) is None
 
@@ -742,7 +743,7 @@ class Executive:
         return way
 
     def _why_not(self, s: Situation) -> str | None:
-        """Return why the descent must not go on, or None."""
+        """Return the reason against going on with the descent, or None."""
         if not s.lidar_ok:
             return s.blind
         judged = self._aim.judgement(s.selected)
@@ -770,7 +771,7 @@ class Executive:
         self._route.unblocked()
 
     def _limit_ns(self, s: Situation) -> int:
-        """When the phase, begun now, has gone wrong: a minute after twice the time that its way takes."""
+        """Return the time limit of the phase, begun now: a minute and twice its travel time from now."""
         way_s = 0.0
         match self.phase:
             case Phase.APPROACH:
@@ -788,7 +789,7 @@ class Executive:
 
 
 def _zone(s: Situation, zone_id: int) -> Zone | None:
-    """Return a zone by its ID, of the active map or of ground surveyed before the flight."""
+    """Return a zone by its ID, of the active map or of the survey prior."""
     if s.report is None:
         return None
     prior = () if s.report.prior is None else s.report.prior.zones
@@ -796,7 +797,7 @@ def _zone(s: Situation, zone_id: int) -> Zone | None:
 
 
 def _not_flying(s: Situation) -> Reply | None:
-    """Return the refusal of an order to land, None where the vehicle can obey."""
+    """Return the refusal of an order to land, None if the vehicle can obey."""
     if not s.connected:
         return Reply(False, "no autopilot")
     if not s.armed or s.on_ground is True:

@@ -1,4 +1,4 @@
-"""Where to fly while surveying."""
+"""Expanding square search pattern."""
 
 from __future__ import annotations
 

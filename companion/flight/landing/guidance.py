@@ -1,4 +1,4 @@
-"""Velocities that bring the vehicle to a place."""
+"""Velocity guidance to a position."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ GAIN_PER_S = 0.8
 
 
 def towards(offset_m: NDArray[np.float64], speed_ms: float) -> NDArray[np.float64]:
-    """Return the horizontal velocity (2,) that covers an offset (2,) and stops there without overshoot.
+    """Return the horizontal velocity (2,) that covers an offset (2,) without overshoot.
 
-    Far away the speed is the given one, nearer it follows a constant deceleration, at last it is
-    proportional to the distance.
+    The speed is `speed_ms` far away, follows a constant deceleration nearer, and is proportional to the
+    distance at the end.
     """
     distance = float(np.hypot(*offset_m))
     if distance < 1e-6:
@@ -25,10 +25,10 @@ def towards(offset_m: NDArray[np.float64], speed_ms: float) -> NDArray[np.float6
 
 
 def level(error_m: float, speed_ms: float) -> float:
-    """Return the vertical velocity, up positive, that takes out a height error."""
+    """Return the vertical velocity, up positive, that removes a height error."""
     return max(-speed_ms, min(speed_ms, GAIN_PER_S * error_m))
 
 
 def heading_rad(velocity_enu_ms: NDArray[np.float64]) -> float:
-    """Return the course of a velocity, clockwise from north."""
+    """Return the course of a velocity, rad clockwise from north."""
     return math.atan2(float(velocity_enu_ms[0]), float(velocity_enu_ms[1]))

@@ -1,4 +1,4 @@
-"""Whether the pilot has handed over to a companion that lands without further word."""
+"""Detector of the pilot's hand-over to a companion that lands without an order."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from companion.flight.landing.situation import Situation
 
 
 class HandOver:
-    """Follows the flight mode from step to step.
+    """Tracks the flight mode from step to step.
 
-    The guided mode is a hand-over if it was there when the companion started, was set on the ground, or is
-    chosen in the air. It is none when the autopilot returns to it out of a failsafe of its own, as PX4 does
-    when setpoints arrive again; then the pilot has to choose it once more.
+    The guided mode is a hand-over if it was set at the start of the companion, was set on the ground, or is
+    chosen in the air. It is none if the autopilot returns to it after a failsafe of its own, as PX4 does when
+    setpoints arrive again; the pilot then has to choose it once more.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class HandOver:
         self._failsafe = False
 
     def follow(self, s: Situation) -> None:
-        """Take what is known at this step."""
+        """Update from the present situation."""
         if not s.connected or not s.heard:
             return
         failsafe = s.failsafe or s.breached
@@ -32,5 +32,5 @@ class HandOver:
         self._guided, self._failsafe = s.guided, failsafe
 
     def withdraw(self) -> None:
-        """Wait for the next hand-over: this one is over."""
+        """End this hand-over; the next one is needed."""
         self.given = False

@@ -1,4 +1,4 @@
-"""What a companion that is started again in flight must know of the landing under way."""
+"""Persistent record of the landing in progress, for a companion restarted in flight."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from companion.runtime.state_directory import StateDir
 log = logging.getLogger(__name__)
 
 FILE = "landing.json"
-OLDEST_MS = 900_000  # a landing begun longer ago than this is another one
+OLDEST_MS = 900_000  # a landing recorded longer ago is a different one
 
 
 @dataclass(frozen=True, slots=True)
 class Landing:
-    """A landing under way.
+    """A landing in progress.
 
-    phase: name of the executive's phase. sysid, boot_ms: system and time since boot of the autopilot, by
-    which its flight is recognised. lat_deg, lon_deg, alt_m: the point flown to, NaN while there is none.
+    phase: name of the executive's phase. sysid, boot_ms: system and time since boot of the autopilot, which
+    identify its flight. lat_deg, lon_deg, alt_m: target point, NaN without one.
     """
 
     phase: str
@@ -32,32 +32,31 @@ class Landing:
 
     @property
     def key(self) -> str:
-        """Text that stays the same while the point moves by less than a decimetre."""
+        """Text that is unchanged while the point moves by less than a decimetre."""
         return f"{self.phase} {self.sysid} {self.lat_deg:.6f} {self.lon_deg:.6f} {self.alt_m:.1f}"
 
     @property
     def has_point(self) -> bool:
-        """Whether a point was flown to."""
+        """Whether there is a target point."""
         return all(map(math.isfinite, (self.lat_deg, self.lon_deg, self.alt_m)))
 
     def is_of(self, sysid: int | None, boot_ms: int | None) -> bool:
-        """Tell whether this autopilot, with its clock at `boot_ms`, still flies it."""
+        """Return whether this landing belongs to the present flight of an autopilot with this clock."""
         return sysid == self.sysid and boot_ms is not None and 0 <= boot_ms - self.boot_ms <= OLDEST_MS
 
 
 class LandingMemory:
-    """Keeps the landing under way in the state directory, without waiting for the disk.
+    """Keeps the landing in progress in the state directory, without waiting for the disk.
 
     Parameters
     ----------
     state
-        None keeps nothing.
+        State directory; None keeps nothing.
 
     Attributes
     ----------
     left
-        What a companion before this one left; None if it ended its last flight, or left nothing that can be
-        read.
+        Record of the previous companion; None if it ended its last flight or left nothing readable.
     """
 
     def __init__(self, state: StateDir | None) -> None:
@@ -66,7 +65,7 @@ class LandingMemory:
         self._kept: str | None = None
 
     def keep(self, landing: Landing | None) -> None:
-        """Remember a landing, None once there is none; writes only what changed."""
+        """Store a landing, None after its end; writes only changes."""
         if self._state is None:
             return
         key = None if landing is None else landing.key

@@ -1,4 +1,4 @@
-"""News of the selected landing point: said the moment its state changes (SLZ thesis 4.3.2)."""
+"""Announcements of state changes of the selected landing point (SLZ thesis 4.3.2)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from slz import PointState, Report
 
 
 class PointWatch:
-    """Compares the selected point with what was last said of it."""
+    """Compares the selected point with the last announcement."""
 
     def __init__(self) -> None:
         self._said: tuple[NDArray[np.float64], PointState] | None = None
 
     def news(self, report: Report) -> tuple[Severity, str] | None:
-        """Return what to tell the pilot after a window, None when nothing changed."""
+        """Return severity and text for the pilot after a window, None without a change."""
         point = report.selected
         if point is None:
             self._said = None

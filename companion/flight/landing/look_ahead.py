@@ -1,6 +1,6 @@
-"""Stops the vehicle before what stands in its way, whether or not the autopilot does.
+"""Collision prevention: limits velocity before obstacles, whether or not the autopilot does.
 
-ArduPilot's avoidance acts on velocities in its guided mode, PX4's on nothing that a companion commands.
+ArduPilot's avoidance acts on velocity setpoints in its guided mode; PX4's acts on no setpoint of a companion.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ import numpy as np
 from companion.flight.landing.guidance import BRAKING_MS2
 from companion.flight.landing.situation import Vector
 
-ASIDE_M = 1.5  # half the corridor's width
+ASIDE_M = 1.5  # half the width of the corridor
 LEVEL_M = 2.0  # half its height
 MARGIN_M = 3.0
-STRAYS = 2  # so many returns may be dust
+STRAYS = 2  # nearest returns ignored as possible dust
 SLOW_MS = 0.3
 
 
 def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> tuple[Vector, bool]:
-    """Return a velocity from which the vehicle stops `MARGIN_M` before anything, and whether that is none.
+    """Return the velocity that lets the vehicle stop `MARGIN_M` before obstacles, and whether it is blocked.
 
     Parameters
     ----------
     velocity_frd_ms
         Wanted velocity (3,), forward, right, down in level axes, m/s.
     around_frd_m
-        Points (n, 3) from the vehicle in the same axes, m; within `least_m` they are the vehicle itself.
+        Points (n, 3) relative to the vehicle in the same axes, m; points within `least_m` are the vehicle.
     """
     horizontal = held_back_along(velocity_frd_ms[:2], around_frd_m, least_m)
     sink = float(velocity_frd_ms[2])
@@ -39,7 +39,7 @@ def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> 
 
 
 def held_back_along(velocity_ms: Vector, around_m: Vector, least_m: float) -> Vector:
-    """Return the horizontal velocity (2,), slowed down by what stands in its corridor."""
+    """Return the horizontal velocity (2,), limited by the obstacles in its corridor."""
     speed = float(np.hypot(*velocity_ms))
     if speed < 1e-6:
         return np.zeros(2)

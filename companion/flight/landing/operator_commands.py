@@ -1,4 +1,4 @@
-"""The operator's orders over MAVLink: MAV_CMD_USER_1."""
+"""MAV_CMD_USER_1: the operator's orders over MAVLink."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ OF_ZONES = frozenset({OrderKind.LAND_IN_ZONE, OrderKind.SELECT_ZONE})
 
 
 class OperatorCommands:
-    """Turns MAV_CMD_USER_1 into orders.
+    """Converts MAV_CMD_USER_1 to orders.
 
     param1: 0 abort, 1 land at the best zone, 2 land at zone param2, 3 select (param2 = 0) or land at
     (param2 = 1) the point in x, y, z: latitude, longitude (degrees), altitude above mean sea level (m),
-    4 land now at the zone reached soonest, from any mode (emergency), 5 select zone param2, 6 land there.
+    4 land now at the zone reached soonest, from any mode (emergency), 5 select zone param2, 6 land at the
+    selected point.
 
     Parameters
     ----------
     operator
-        Carries them out.
+        Executes the orders.
     frame
         Returns the map frame, None before the first position.
     """
@@ -45,7 +46,7 @@ class OperatorCommands:
         self._frame = frame
 
     def answer(self, command: OperatorCommand) -> CommandReply:
-        """Carry out a command, or say why not; the reason goes to the sender's screen."""
+        """Execute a command and return the answer; the reason of a refusal goes to the sender's screen."""
         if command.command != mavlink.MAV_CMD_USER_1:
             return CommandReply.unsupported()
         order = self._order(command)
@@ -59,7 +60,7 @@ class OperatorCommands:
         )
 
     def _order(self, command: OperatorCommand) -> Order | Reply:
-        """Return the order that a command is, or the refusal of one that is none."""
+        """Return the order of a command, or the refusal of an invalid one."""
         number, which = command.params[0], command.params[1]
         if number == POINT and which in (0, 1):
             return self._point(command, OrderKind.LAND_AT_POINT if which == 1 else OrderKind.SELECT_POINT)

@@ -1,4 +1,4 @@
-"""Operator's orders to the landing executive, whichever way they come: MAVLink, parameters, the page."""
+"""Operator's orders to the landing executive, from MAVLink, parameters or the page."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from companion.flight.landing.situation import Reply, Situation, Vector
 
 
 class OrderKind(Enum):
-    """What an operator can order."""
+    """Kinds of orders."""
 
     ABORT = auto()
     LAND_AT_BEST = auto()
     LAND_IN_ZONE = auto()
     LAND_AT_POINT = auto()
     LAND_NOW = auto()  # at the zone reached soonest, from any mode
-    SELECT_ZONE = auto()  # put its best point under watch
+    SELECT_ZONE = auto()  # selects its best point
     SELECT_POINT = auto()
     LAND_AT_SELECTED = auto()
 
@@ -32,9 +32,9 @@ class Order:
     Attributes
     ----------
     zone_id
-        Of LAND_IN_ZONE and SELECT_ZONE.
+        ID of the zone, for LAND_IN_ZONE and SELECT_ZONE.
     point_enu_m
-        (3,) east, north, up of the map frame, of LAND_AT_POINT and SELECT_POINT.
+        (3,) east, north, up in the map frame, for LAND_AT_POINT and SELECT_POINT.
     """
 
     kind: OrderKind
@@ -43,16 +43,16 @@ class Order:
 
 
 class Operator:
-    """Carries out orders of the operator.
+    """Executes the operator's orders.
 
     Parameters
     ----------
     executive
-        Obeys them.
+        Landing executive.
     situation
-        Returns what is known now.
+        Returns the present situation.
     reach_m
-        Horizontal distance from the map's origin up to which points are taken.
+        Greatest horizontal distance of an accepted point from the map's origin.
     """
 
     def __init__(self, executive: Executive, situation: Callable[[], Situation], reach_m: float) -> None:
@@ -66,12 +66,12 @@ class Operator:
         return self._executive.turns
 
     def selected_zone(self) -> int:
-        """Return the ID of the zone that the selected point is in, 0 for none."""
+        """Return the ID of the zone that contains the selected point, 0 for none."""
         selected = self._situation().selected
         return 0 if selected is None or selected.zone_id is None else selected.zone_id
 
     def carry_out(self, order: Order) -> Reply:
-        """Carry out an order, or return why not."""
+        """Execute an order, or return the reason of its refusal."""
         executive, situation = self._executive, self._situation()
         match order:
             case Order(OrderKind.ABORT):

@@ -1,18 +1,18 @@
-"""How long what the vehicle flies by, scans and position, has been missing."""
+"""Outage timer: time during which scans or position have been missing."""
 
 from __future__ import annotations
 
 SECOND = 1_000_000_000
-CALL_NS = 10 * SECOND  # missing before the pilot is called
-BACK_NS = SECOND  # there without a gap before an outage is over
+CALL_NS = 10 * SECOND  # outage before the pilot is called
+BACK_NS = SECOND  # time without a gap that ends an outage
 
 
 class Outage:
-    """Lasts from the first thing that is missing to the moment when all has been there for a second.
+    """An outage, from the first missing input until all inputs have been present for a second.
 
-    What is missing may change on the way, and come back for an instant: to the pilot it is one outage. The
-    time to the call begins anew where something is missing that was not before, as late maps after a lost
-    link are, and not where the same things are missing in turn.
+    The missing input may change or return for an instant: to the pilot this is one outage. The time until the
+    call restarts when an input is missing that was not missing before, such as late maps after a lost link,
+    but not when the same inputs are missing in turn.
     """
 
     def __init__(self) -> None:
@@ -22,7 +22,7 @@ class Outage:
         self._called_for = ""
 
     def missing(self, what: str, now_ns: int) -> bool:
-        """Note that something is missing now; tell whether the pilot has not been told of it yet."""
+        """Record a missing input; return whether the pilot has not been warned of it yet."""
         self._there_ns = None
         if what in self._told or self._called_for:
             return False
@@ -31,14 +31,14 @@ class Outage:
         return True
 
     def calls_for(self, thing: str, now_ns: int) -> bool:
-        """Tell whether the pilot is to be called now: once in an outage, when it has lasted long."""
+        """Return whether to call the pilot now: once in a long outage."""
         if self._called_for or self._since_ns is None or now_ns - self._since_ns <= CALL_NS:
             return False
         self._called_for = thing
         return True
 
     def there(self, now_ns: int) -> str:
-        """Note that nothing is missing now; return what the pilot was called for when it is back, else ""."""
+        """Record that nothing is missing; return the input of a call that is back now, else ""."""
         if self._since_ns is None:
             return ""
         if self._there_ns is None:
@@ -50,7 +50,7 @@ class Outage:
         return called_for
 
     def over(self) -> None:
-        """Forget it: a new order counts anew."""
+        """End the outage: a new order starts from zero."""
         self._since_ns = self._there_ns = None
         self._told.clear()
         self._called_for = ""

@@ -1,4 +1,4 @@
-"""What each stage of a landing presumes of the vehicle, and the reaction when it does not hold.
+"""Preconditions of each stage of a landing, with the reaction to each violation.
 
 `TABLE` is the table of docs/reactions.md. `Presumptions` checks it at every step.
 """
@@ -14,7 +14,7 @@ from companion.flight.landing.situation import Situation
 
 
 class Stage(Enum):
-    """Columns of the table: the phases that command, and the landing below `commit_height_m`."""
+    """Columns of the table: the commanding phases, and the landing below `commit_height_m`."""
 
     SURVEY = "survey"
     APPROACH = "approach"
@@ -45,16 +45,16 @@ class Presumption(Enum):
 
 
 class Reaction(Enum):
-    """What the executive does."""
+    """Reactions of the executive."""
 
     ENDS = "ends"  # the flight is over
     HANDS_OFF = "hands off"  # the pilot flies: nothing more is commanded
     STAND_BACK = "stand back"  # the autopilot flies by its own failsafe, or blind: nothing more is commanded
     BREAK_OFF = "break off"  # guided mode, climb, next zone
-    HOLD = "hold"  # stand still until it holds again
+    HOLD = "hold"  # stand still until the presumption holds again
     RETURN = "return"  # stop sinking and fly back over the point
-    CALL = "call"  # "take over", and go on asking the vehicle
-    TELL = "tell"  # warn the pilot, and go on
+    CALL = "call"  # "take over", while still commanding the vehicle
+    TELL = "tell"  # warn the pilot and go on
     NONE = "-"  # not presumed
 
 
@@ -81,7 +81,7 @@ TABLE: dict[Presumption, dict[Stage, Reaction]] = {
 }
 
 SECOND = 1_000_000_000
-# A breach must last so long: longer than one wrong message, a gust, or the change from one speed to another.
+# A breach must last this long: longer than one wrong message, a gust, or a change of speed.
 PATIENCE_NS = {
     Presumption.ESTIMATE: SECOND,
     Presumption.GPS: SECOND // 2,
@@ -92,15 +92,15 @@ PATIENCE_NS = {
 }
 CALL_AGAIN_NS = 30 * SECOND
 STICK_US = 80  # beyond the dead zones of both autopilots
-HELD_US = 150  # from the middle of the pulse: no calibrated transmitter rests so far off, a stick is held
+HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
 MIDDLE_US = 1500
-CLIMBING_MS = 0.5  # upwards in a landing: not the moment of the change to LAND
-SINKING_MS = 0.5  # faster downwards than asked
+CLIMBING_MS = 0.5  # upwards in a landing, which the change to LAND does not reach
+SINKING_MS = 0.5  # excess over the commanded sink rate
 
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A presumption that does not hold, the reaction to it, and what to tell the pilot."""
+    """A violated presumption, the reaction, and the text for the pilot."""
 
     presumption: Presumption
     reaction: Reaction
@@ -108,12 +108,12 @@ class Breach:
 
 
 class Presumptions:
-    """Checks what the present stage presumes, step by step."""
+    """Checker of the presumptions of the present stage, step by step."""
 
     def __init__(self) -> None:
         self._since_ns: dict[Presumption, int] = {}
         self._told_ns: dict[Presumption, int] = {}
-        self._rest_us: tuple[int, int] | None = None  # the sticks before the autopilot's landing
+        self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
         self._landing_since_ns: int | None = None
         self._stage: Stage | None = None
 
@@ -127,14 +127,14 @@ class Presumptions:
         asked_up_ms: float | None,
         off_point_m: float,
     ) -> Breach | None:
-        """Return the first presumption that does not hold and must be reacted to, None while there is none.
+        """Return the first violated presumption that needs a reaction, None without one.
 
         Parameters
         ----------
         asked_up_ms
-            Vertical speed asked for by the last order, None without one.
+            Last commanded vertical speed, None without one.
         off_point_m
-            Farthest from the point in the autopilot's landing; below the commit height half of it.
+            Greatest distance from the point in the autopilot's landing; halved below the commit height.
         """
         self._follow(stage, s)
         broken = self._state(stage, s, custody)
@@ -153,7 +153,7 @@ class Presumptions:
         return None
 
     def _follow(self, stage: Stage, s: Situation) -> None:
-        """Note when the autopilot's landing begins, and where the sticks rested until then."""
+        """Record the beginning of the autopilot's landing, and the stick positions until then."""
         landing = stage in LANDING
         if not landing:
             self._landing_since_ns = None
@@ -162,11 +162,11 @@ class Presumptions:
         if not landing or self._rest_us is None:
             self._rest_us = s.sticks_us
         if stage is not self._stage and not (landing and self._stage in LANDING):
-            self._since_ns.clear()  # but for the commit height, about which a landing may waver
+            self._since_ns.clear()  # kept at the commit height, about which a landing may waver
         self._stage = stage
 
     def _state(self, stage: Stage, s: Situation, custody: Custody) -> dict[Presumption, str]:
-        """Return what of the vehicle's state does not hold at this moment, with the words for it."""
+        """Return the presumptions about the vehicle's state that fail now, with their texts."""
         landing = stage in LANDING
         broken: dict[Presumption, str] = {}
         if s.connected and (not s.armed or (s.on_ground is True and landing)):
@@ -195,7 +195,7 @@ class Presumptions:
         return moved or any(abs(now - MIDDLE_US) > HELD_US for now in s.sticks_us)
 
     def _lasts(self, presumption: Presumption, broken: dict[Presumption, str], now_ns: int) -> bool:
-        """Tell whether it has been broken for as long as it must."""
+        """Return whether a presumption has failed for its minimum time."""
         if presumption not in broken:
             self._since_ns.pop(presumption, None)
             if TABLE[presumption][Stage.SURVEY] is Reaction.TELL:
@@ -215,7 +215,7 @@ class Presumptions:
 def _motion(
     s: Situation, up_ms: float, asked_up_ms: float | None, away_m: float, limit_m: float
 ) -> dict[Presumption, str]:
-    """Return what of the vehicle's motion does not hold at this moment, with the words for it."""
+    """Return the presumptions about the vehicle's motion that fail now, with their texts."""
     broken: dict[Presumption, str] = {}
     if away_m > limit_m:
         broken[Presumption.OVER] = f"{away_m:.1f} m off the point"

@@ -1,4 +1,4 @@
-"""The way at flight level: how high, round which corners, and over what stands in it."""
+"""Route at flight level: height, corners of the search, and climbs over obstacles."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from params import Parameters
 from slz.points.mapping_reach import reach_m
 
 BLOCKED_NS = 2_000_000_000
-STEP_UP_M, MOST_UP_M = 5.0, 30.0  # climbed at a time, and in all, to pass over what is in the way
+STEP_UP_M, MOST_UP_M = 5.0, 30.0  # step and total of the climb over an obstacle
 AT_CORNER_M = 3.0
-TURN_M = 6.0  # nearer than this the heading stays
+TURN_M = 6.0  # within this distance the heading is kept
 
 
 class Way(Enum):
-    """What a route does about something in the way."""
+    """Responses of a route to an obstacle ahead."""
 
     FREE = "free"
     CLIMBING = "climbing"
@@ -29,14 +29,14 @@ class Way(Enum):
 
 
 class Route:
-    """Height to fly at, and the corners of an expanding square search.
+    """Flight height, and the corners of an expanding square search.
 
-    The search goes no farther than half of `zone_m` from where it began: it begins anew there.
+    Beyond half of `zone_m` from its start the search restarts there.
 
     Attributes
     ----------
     height_m
-        Up in the map frame; minus infinity before it begins.
+        Up in the map frame; minus infinity after `forget`.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -54,7 +54,7 @@ class Route:
         return self._corner is not None
 
     def begin(self, position_enu_m: Vector, height_above_home_m: float, least_m: float) -> None:
-        """Search about a position, at its height, at survey height, or at `least_m` if that is higher."""
+        """Start the search at a position, at the highest of its height, survey height and `least_m`."""
         east, north, up = (float(v) for v in position_enu_m)
         self.height_m = max(up + max(0.0, self._p.survey_height_m - height_above_home_m), least_m)
         self._middle = np.array([east, north])
@@ -62,12 +62,12 @@ class Route:
         self._risen_m = 0.0
 
     def forget(self) -> None:
-        """Drop what an earlier flight left."""
+        """Drop the route of an earlier flight."""
         self._corner = self._corners = None
         self.height_m = -math.inf
 
     def move(self, jump_enu_m: Vector) -> None:
-        """Follow a jump of the position estimate; the search begins anew about its next corner."""
+        """Shift the route by a jump of the position estimate; the search restarts at its next corner."""
         self.height_m += float(jump_enu_m[2])
         self._middle = self._middle + jump_enu_m[:2]
         if self._corner is not None:
@@ -78,7 +78,7 @@ class Route:
         self._corners = expanding_square(float(about_m[0]), float(about_m[1]), 1.6 * reach_m(self._p))
 
     def to_corner(self, position_enu_m: Vector, way: Way) -> Vector:
-        """Return the offset (2,) to the corner; at it, or where the way is too high, to the next one."""
+        """Return the offset (2,) to the corner, or to the next one if it is reached or the way too high."""
         if self._corner is None or self._corners is None:
             raise RuntimeError("the search has not begun")
         offset = self._corner - position_enu_m[:2]
@@ -98,7 +98,7 @@ class Route:
         return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
 
     def way(self, s: Situation) -> Way:
-        """Rise in steps over what has been in the way for a while; tell when it is too high for that."""
+        """Raise the route by a step if it has been blocked for a while; report when it is too high."""
         if not s.blocked:
             self._blocked_since_ns = None
             return Way.FREE
@@ -114,5 +114,5 @@ class Route:
         return Way.CLIMBING
 
     def unblocked(self) -> None:
-        """Count anew how long something is in the way."""
+        """Restart the timer of an obstacle ahead."""
         self._blocked_since_ns = None

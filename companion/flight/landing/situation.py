@@ -1,4 +1,4 @@
-"""What the landing executive is told, and what it answers."""
+"""Inputs and outputs of the landing executive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Vector = NDArray[np.float64]
 
 
 class Phase(Enum):
-    """Where a landing stands."""
+    """Phases of a landing."""
 
     IDLE = "idle"
     SURVEY = "survey"
@@ -25,14 +25,14 @@ class Phase(Enum):
     LANDED = "landed"
     CLIMB = "climb"
     HOLD = "hold"
-    FAILSAFE = "failsafe"  # the autopilot flies by itself, or its estimate is lost: nothing is commanded
+    FAILSAFE = "failsafe"  # the autopilot flies by itself, or its estimate is lost: no commands
 
 
 FLYING = frozenset({Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL, Phase.CLIMB, Phase.HOLD})
 
 
 class Severity(Enum):
-    """Severities of MAVLink's STATUSTEXT that the executive uses."""
+    """MAVLink STATUSTEXT severities in use."""
 
     CRITICAL = 2
     WARNING = 4
@@ -42,19 +42,19 @@ class Severity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What is known now. Positions and velocities are east, north, up of the map frame.
+    """Present inputs. Positions and velocities are east, north, up in the map frame.
 
-    guided, landing: the autopilot's mode is the one that obeys us, or its landing mode. on_ground: None when
-    the autopilot does not say. lidar_ok: scans arrive and are placed; blind: what is wrong if they are not.
-    report: the newest one, or None. battery_pct: charge left, None when the autopilot does not say. blocked:
-    something stands in the way that the last velocity led. heard: the mode is known to be this one, by a
-    heartbeat a moment ago. epoch: another one after each jump of the position estimate.
+    guided, landing: the autopilot is in the mode that obeys setpoints, or in its landing mode. on_ground:
+    None if not reported. lidar_ok: scans arrive and are georeferenced; blind: the fault otherwise. report:
+    the newest one, or None. battery_pct: charge left, None if not reported. blocked: an obstacle in the
+    direction of the last velocity. heard: a heartbeat a moment ago confirms the mode. epoch: changes with
+    each jump of the position estimate.
 
-    failsafe: the autopilot says that it is in one. breached: outside its fence. estimate_lost: what its
-    estimator had and has lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: what the
-    failsafe is about. target_lost_ns: when the autopilot last said that it lost the landing target.
-    sticks_us: the pilot's roll and pitch stick, None where none are seen. switched: the pilot's transmitter
-    moved a switch within the last seconds. fit: the autopilot is known to be set up for a landing.
+    failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
+    that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: reason of
+    the failsafe. target_lost_ns: last time at which the autopilot reported the landing target lost.
+    sticks_us: the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's
+    transmitter moved within the last seconds. fit: the autopilot is known to be set up for a landing.
     """
 
     now_ns: int
@@ -88,10 +88,10 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What to do now.
+    """Outputs of one step.
 
-    velocity_enu_ms: setpoint, or None to send none. yaw_rad: heading to turn to, or None to keep. mode:
-    the kind of mode to ask for. target_enu_m: the landing target to stream. select_enu_m: a point to watch.
+    velocity_enu_ms: setpoint, None for none. yaw_rad: heading to turn to, None to keep it. mode: kind of mode
+    to request. target_enu_m: landing target to stream. select_enu_m: point to select.
     """
 
     velocity_enu_ms: Vector | None = None
@@ -104,7 +104,7 @@ class Orders:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Answer to an operator: accepted or not, and why."""
+    """Answer to an operator: accepted or not, and the reason."""
 
     accepted: bool
     reason: str
@@ -112,9 +112,9 @@ class Reply:
 
 @dataclass(slots=True)
 class Tally:
-    """What happened so far, for the summary.
+    """Events so far, for the summary.
 
-    failsafes: why it stood back from each. off_point_m: distance to the point at touchdown, None before.
+    failsafes: cause of each. off_point_m: distance to the point at touchdown, None before.
     """
 
     aborts: int = 0
@@ -128,7 +128,7 @@ class Tally:
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What the operator asked for: a point, or None for the best zone; urgent: the one reached soonest."""
+    """The operator's request: a point, or None for the best zone; urgent: the one reached soonest."""
 
     enu_m: Vector | None = None
     zone_id: int | None = None

@@ -1,4 +1,4 @@
-"""Which zone to land in."""
+"""Choice of the landing zone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ REFUSE_WITHIN_M = 6.0
 
 
 def choose(zones: Sequence[Zone], refused_enu_m: Sequence[Vector], parameters: Parameters) -> Zone | None:
-    """Return the best ranked zone that will do, or None.
+    """Return the best ranked usable zone, or None.
 
     Its best point must be certain enough, and not near a point refused before.
     """
@@ -22,9 +22,9 @@ def choose(zones: Sequence[Zone], refused_enu_m: Sequence[Vector], parameters: P
 
 
 def look_at(report: Report, refused_enu_m: Sequence[Vector]) -> Zone | None:
-    """Return the best zone of ground surveyed before the flight, to be looked at; None without one.
+    """Return the best zone of the survey prior, None without one.
 
-    It is certain of nothing: over its point the vehicle waits until the live maps call that safe.
+    It is not certain: the vehicle waits above its point until the live maps judge that safe.
     """
     zones = () if report.prior is None else report.prior.zones
     return next((zone for zone in zones if _usable(zone, refused_enu_m, 0.0)), None)
@@ -33,7 +33,7 @@ def look_at(report: Report, refused_enu_m: Sequence[Vector]) -> Zone | None:
 def soonest(
     report: Report, refused_enu_m: Sequence[Vector], parameters: Parameters, position_enu_m: Vector
 ) -> Zone | None:
-    """Return the nearest zone that will do, of the near map, else of the far one, else of a survey."""
+    """Return the nearest usable zone of the near map, else of the far one, else of the survey prior."""
     prior = () if report.prior is None else report.prior.zones
     least = parameters.min_certainty
     for zones, certainty in ((report.zones, least), (report.far.zones, least), (prior, 0.0)):

@@ -1,4 +1,4 @@
-"""How high the vehicle is above what lies below it, and what around it is in its way."""
+"""Height above ground, and obstacles around the vehicle and the landing point."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LEAST_BAND_M = 0.3
 def height_m(
     position_enu_m: Floats, now_ns: int, memory: ObstacleMemory, around: Nearby | None, relief_m: float
 ) -> float:
-    """Return the height over the map, or over fresh returns where it is unknown; NaN where neither is known.
+    """Return the height over the map, or over fresh returns where the map is unknown; NaN without either.
 
-    Where they differ by more than the relief limit, the nearer one counts.
+    Where they differ by more than the relief limit, the lesser height is returned.
     """
     up = float(position_enu_m[2])
     mapped = math.nan if around is None else up - around.ground_below_m(position_enu_m)
@@ -30,7 +30,7 @@ def height_m(
 
 
 def band_m(height_over_ground_m: float, relief_m: float) -> tuple[float, float]:
-    """Return the heights, down positive, that are in the way: 2 m up and down, but not the ground."""
+    """Return the height band (down positive) in which a return is an obstacle: 2 m up and down, no ground."""
     if math.isnan(height_over_ground_m):
         return -BAND_M, BAND_M
     return -BAND_M, min(BAND_M, max(LEAST_BAND_M, height_over_ground_m - relief_m))
@@ -39,14 +39,14 @@ def band_m(height_over_ground_m: float, relief_m: float) -> tuple[float, float]:
 def obstacle_points_enu_m(
     position_enu_m: Floats, around: Nearby | None, selected: SelectedPoint | None, low_m: float
 ) -> Floats:
-    """Return (n, 3) the points nearest to the vehicle of all that stands around it and the selected point.
+    """Return the point nearest to the vehicle of each obstacle column, (n, 3) in the map frame, m.
 
     Parameters
     ----------
     around
-        Its cells that reach higher than `low_m` below the vehicle.
+        Map around the vehicle; its cells count from `low_m` below the vehicle upwards.
     selected
-        Its obstacles count at whatever height.
+        Selected point; its obstacles count at any height.
     """
     columns = [] if around is None else [around.columns_enu_m(float(position_enu_m[2]) - low_m)]
     if selected is not None and selected.surroundings is not None:

@@ -1,4 +1,4 @@
-"""Kernels that walk the ring of recent returns around the vehicle."""
+"""Kernels over the ring buffer of recent returns around the vehicle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Stamps = NDArray[np.int64]
 def levelled(
     points: Floats, stamps: Stamps, oldest_ns: int, origin: Floats, axes: Floats, out: Floats
 ) -> int:
-    """Write the points that are young enough relative to an origin, in axes given by columns."""
+    """Write points since `oldest_ns` relative to an origin, in axes given by columns; return the count."""
     n = 0
     for i in range(len(stamps)):
         if stamps[i] >= oldest_ns:
@@ -30,7 +30,7 @@ def levelled(
 def heights_below(
     points: Floats, stamps: Stamps, oldest_ns: int, east: float, north: float, radius: float, out: Floats
 ) -> int:
-    """Write the heights of the points that are young enough and within a radius."""
+    """Write the heights of the points since `oldest_ns` within a radius; return the count."""
     n = 0
     for i in range(len(stamps)):
         if stamps[i] >= oldest_ns:

@@ -1,4 +1,4 @@
-"""The pipeline's own thread: scans in, reports out."""
+"""Worker thread of the mapping pipeline: scans in, reports out."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ log = logging.getLogger(__name__)
 
 
 class PipelineWorker:
-    """Gathers scans into windows and runs them through the pipeline in one thread.
+    """Collects scans into windows and runs the pipeline on them in one thread.
 
-    A window that comes while another is computed waits; a third replaces the waiting one, and its points are
-    counted as dropped. An exception in the pipeline, or a report that breaks an invariant, makes `invalid`
-    true until a window succeeds again. What is too old to land by, because scans stopped in the middle of a
-    window or the computer is slow, is dropped and counted, and the last report stands until it is too old.
+    A window that arrives while another is computed waits; a third replaces the waiting one, whose points are
+    counted as dropped. An exception in the pipeline, or a report that breaks an invariant, sets `invalid`
+    until a window succeeds. Windows and reports too old to land by, because scans stopped in mid-window or
+    the computer is slow, are dropped and counted, and the last report stays in use until it is too old.
 
     Parameters
     ----------
     prior
-        Gives ground surveyed before the flight.
+        Source of ground surveyed before the flight.
     oldest_ns
-        A window or report that ended longer ago is too old to land by.
+        Age from which a window or report is too old to land by, from the window's end.
 
     Attributes
     ----------
     failed, late
         Windows whose report was withdrawn; windows and reports that were too old.
     on_invalid
-        Event of a report that failed after others succeeded, with the reason.
+        Event of the first failed report after a success, with the reason.
     on_window
-        Event of a window that the pipeline takes now.
+        Event of a window that the pipeline starts on.
     look
         Called with the pipeline, in its thread, after a report while no window waits; for displays.
     """
@@ -92,18 +92,18 @@ class PipelineWorker:
         self.latencies_ms = Recent(10_000)
 
     async def warm_up(self) -> None:
-        """Load or compile all kernels; call it before the heartbeat says ready."""
+        """Load or compile all kernels; call it before the heartbeat reports ready."""
         await asyncio.get_running_loop().run_in_executor(self._thread, warm_up, self._parameters)
 
     def offer(self, scan: Scan, number: int = 0) -> None:
-        """Take a scan, by its number among all; never blocks."""
+        """Add a scan with its sequence number; never blocks."""
         window = self._windower.add(scan)
         numbers, self._numbers = self._numbers, [number] if window is not None else [*self._numbers, number]
         if window is not None:
             self._put(window, numbers)
 
     def flush(self) -> None:
-        """Take what was gathered as a window: for a while nothing is mapped, and it must not wait so long."""
+        """Close the current window now, because nothing will be mapped for a while."""
         window = self._windower.flush()
         numbers, self._numbers = self._numbers, []
         if window is not None:
@@ -116,7 +116,7 @@ class PipelineWorker:
         self._wake.set()
 
     def restart(self) -> None:
-        """Forget the map and the selection: the position estimate was moved, and both lie elsewhere now."""
+        """Drop map and selection: the position estimate moved, and both are misplaced."""
         self._forget = True
         self._select = []
         self._waiting = None
@@ -125,7 +125,7 @@ class PipelineWorker:
 
     @property
     def window_s(self) -> float:
-        """Span of the window that is being gathered: the pipeline adapts it."""
+        """Span of the current window, as adapted by the pipeline."""
         return self._windower.window_s
 
     @property
@@ -134,12 +134,12 @@ class PipelineWorker:
         return self._busy_since_s is not None
 
     def hangs(self, limit_s: float) -> bool:
-        """Tell whether a window has been computed for longer than a limit."""
+        """Return whether a window has been computed for longer than a limit."""
         since_s = self._busy_since_s
         return since_s is not None and asyncio.get_running_loop().time() - since_s > limit_s
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
-        """Put a landing point under watch from the next window on."""
+        """Select a landing point from the next window on, None for none."""
         self._select = [enu_m]
 
     async def run(self) -> None:
@@ -172,7 +172,7 @@ class PipelineWorker:
                 continue
             finally:
                 self._busy_since_s = None
-            if self._forget:  # the estimate moved meanwhile: this tells of places that lie elsewhere now
+            if self._forget:  # the estimate moved meanwhile: the report's places are wrong
                 continue
             self.invalid = False
             self.reports += 1
@@ -185,7 +185,7 @@ class PipelineWorker:
                 await self._prepare(loop)
 
     async def _show(self, loop: asyncio.AbstractEventLoop, look: Callable[[Pipeline], None]) -> None:
-        """Let a display look; one that fails looks no more, and the landing goes on."""
+        """Call the display hook; one that fails is removed, so that the landing goes on."""
         try:
             await loop.run_in_executor(self._thread, look, self._pipeline)
         except Exception:
@@ -193,14 +193,14 @@ class PipelineWorker:
             log.exception("the display of the map failed; it is drawn no more")
 
     async def _prepare(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Let the pipeline make memory ready; a failure costs time only."""
+        """Let the pipeline prepare memory; a failure costs only time."""
         try:
             await loop.run_in_executor(self._thread, self._pipeline.prepare)
         except Exception:
             log.exception("no memory could be made ready for the next window")
 
     def _withdraw(self, error: Exception) -> None:
-        """Call the last answer invalid: this window has none."""
+        """Mark the last report as invalid: this window has none."""
         was_invalid, self.invalid = self.invalid, True
         self.failed += 1
         known = isinstance(error, BrokenInvariantError)
@@ -225,11 +225,11 @@ class PipelineWorker:
         return report
 
     def close(self) -> TerrainMaps | None:
-        """End the thread after the window under way; return the last maps."""
+        """End the thread after the current window; return the last maps."""
         self._thread.shutdown(wait=True, cancel_futures=True)
         return self._pipeline.maps()
 
 
 def new_pipeline(parameters: Parameters, prior: PriorSource | None = None) -> Pipeline:
-    """Return a pipeline that takes a second core where there is one."""
+    """Return a pipeline with a second thread if there is a second core."""
     return Pipeline(parameters, threads=min(2, os.cpu_count() or 1), prior=prior)

@@ -1,4 +1,4 @@
-"""What was seen around the vehicle a moment ago."""
+"""Buffer of recent returns around the vehicle."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Floats = NDArray[np.float64]
 BELOW_M = 1.0
 FEWEST = 5
 CAPACITY = 1 << 16
-THIN = 7  # one return of so many is kept: prime to the number of lasers, or some of them would never be
+THIN = 7  # keeps one return in 7: coprime to the number of lasers, so that every laser contributes
 
 
 class ObstacleMemory:
-    """Returns of the last seconds, thinned, in the map frame: what the map does not show yet.
+    """Thinned returns of the last seconds in the map frame, which the map does not show yet.
 
-    Windows become a map a second or two after they were seen. Memory and time are bounded: a ring of
-    `CAPACITY` returns, walked by kernels.
+    A window becomes a map a second or two after it was seen. Memory and time are bounded by a ring buffer of
+    `CAPACITY` returns, read by kernels.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class ObstacleMemory:
         self.newest_ns: int | None = None
 
     def add(self, scan: Scan) -> None:
-        """Remember a scan."""
+        """Add the returns of a scan."""
         if not len(scan):
             return
         some = slice(self._skip, None, self._thin)
@@ -56,12 +56,12 @@ class ObstacleMemory:
         self.newest_ns = int(scan.stamp_ns[-1])
 
     def forget(self) -> None:
-        """Forget everything: the position estimate was moved."""
+        """Drop all returns: the position estimate moved."""
         self._stamps[:] = np.iinfo(np.int64).min // 2
         self.newest_ns = None
 
     def level_frd_m(self, pose: PoseLike, now_ns: int) -> Floats:
-        """Return (n, 3) forward, right, down of the vehicle, level, of the returns still remembered.
+        """Return the recent returns (n, 3) in level forward-right-down relative to the vehicle, m.
 
         The array is overwritten by the next call.
         """
@@ -71,7 +71,7 @@ class ObstacleMemory:
         return self._out[:n]
 
     def ground_below_m(self, position_enu_m: Floats, now_ns: int) -> float:
-        """Return the median height of the returns below a position, NaN where too few fell there."""
+        """Return the median height of the returns below a position, NaN where there are too few."""
         oldest = now_ns - self._keep_ns
         heights = self._out.reshape(-1)
         n = heights_below(

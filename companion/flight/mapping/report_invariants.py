@@ -1,4 +1,4 @@
-"""What must hold of every report, whatever computed it: a report that breaks one is withdrawn."""
+"""Invariants of every report, from any method: a report that breaks one is withdrawn."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from slz.report import MapReport
 
 Which = Literal["near", "far"]
 OLDEST_NS = 3_000_000_000
-SOONEST_NS = 100_000_000  # clocks are known better than this
+SOONEST_NS = 100_000_000  # clocks are more accurate than this
 
 
 class BrokenInvariantError(RuntimeError):
-    """A report contradicts itself, the map it was drawn from, or time; says how."""
+    """Report that contradicts itself, its map, or time; the message says how."""
 
 
 class LateReportError(BrokenInvariantError):
-    """A report that is right, and too old to land by."""
+    """Report that is valid but too old to land by."""
 
 
 class Verdicts(Protocol):
-    """The maps that a report was drawn from."""
+    """Maps from which a report was derived."""
 
     @property
     def fills_contours(self) -> bool:
-        """Whether zones hold all inside their contour, unsafe cells too, as the sources have it."""
+        """Whether zones include all cells inside their contour, unsafe ones too, as in source mode."""
 
     def state(self, which: Which, box: Box) -> NDArray[np.uint8]:
-        """Return 0 unsafe, 1 safe, 255 unknown of a box."""
+        """Return the states of a box: 0 unsafe, 1 safe, 255 unknown."""
 
 
 class Invariants:
-    """Checks reports one after the other.
+    """Checker of successive reports.
 
     Parameters
     ----------
     oldest_ns
-        A report whose window ended longer ago is too late to land by.
+        Age from which a report is too late to land by, from its window's end.
     """
 
     def __init__(self, oldest_ns: int = OLDEST_NS) -> None:
@@ -50,12 +50,12 @@ class Invariants:
         self._last_ns: int | None = None
 
     def check(self, report: Report, verdicts: Verdicts, now_ns: int) -> None:
-        """Pass a report.
+        """Check a report.
 
         Raises
         ------
         BrokenInvariantError
-            It must not be published.
+            The report must not be published.
         """
         last_ns, self._last_ns = self._last_ns, report.stamp_ns
         if last_ns is not None and report.stamp_ns <= last_ns:

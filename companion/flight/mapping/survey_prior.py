@@ -1,4 +1,4 @@
-"""The survey that a flight begins with: `slz run --prior DIR`, a folder that `slz map` wrote."""
+"""Survey prior of a flight: `slz run --prior DIR`, a folder that `slz map` wrote."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from slz.prior import Surveyed
 
 log = logging.getLogger(__name__)
 
-CELLS = 512  # along a side
+CELLS = 512  # per side
 STRIP = 64  # rows resampled at a time
-KNOT = 32  # cells between places whose coordinates are worked out; those between lie on straight lines
-AROUND = ((0.0, 0.0), (-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4))  # of a cell: all must be safe
+KNOT = 32  # cells between nodes with exact coordinates; linear interpolation between them
+AROUND = ((0.0, 0.0), (-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4))  # in a cell: all must be safe
 FILES = ("safe", "dsm", "slope")
-NOWHERE = -1e9  # a row or column of no survey
+NOWHERE = -1e9  # row or column outside the survey
 Floats = NDArray[np.float64]
 
 
 class SurveyPrior:
-    """Gives the surveyed ground around a place, as `slz.prior.Source`.
+    """Surveyed ground around a place, as `slz.prior.Source`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ class SurveyPrior:
         self._cell_m = max(parameters.far_cell_m / 2, cell_m)
 
     def __call__(self, frame: LocalFrame, enu_m: Floats) -> Surveyed | None:
-        """Return the surveyed ground around a place of a frame; None where there is none."""
+        """Return the surveyed ground around a place of a frame, None where there is none."""
         side_m = CELLS * self._cell_m
         corner = np.round(enu_m[:2] / self._cell_m) * self._cell_m - side_m / 2
         grid = Grid(float(corner[0]), float(corner[1]), self._cell_m, CELLS, CELLS)
@@ -95,7 +95,7 @@ class SurveyPrior:
         return Surveyed(grid, state, height, slope)
 
     def _places(self, grid: Grid, frame: LocalFrame) -> tuple[Floats, Floats]:
-        """Return the coordinates in the survey's CRS (rows, cols) of the centres of all cells."""
+        """Return the coordinates (rows, cols) of all cell centres in the survey's CRS."""
         knots = np.arange(0, CELLS + KNOT, KNOT)
         across, up = np.meshgrid(
             grid.west_m + (knots + 0.5) * grid.cell_m, grid.south_m + (knots + 0.5) * grid.cell_m
@@ -120,8 +120,8 @@ def _resample(
     height: NDArray[np.float32],
     slope: NDArray[np.float32],
 ) -> None:
-    """Take the state of places in a strip, safe only where all around is, and their heights and slopes."""
-    known = np.isfinite(x) & np.isfinite(y)  # a projection does not reach all around the earth
+    """Resample state, height and slope in a strip; a cell is safe only if the survey is safe all over it."""
+    known = np.isfinite(x) & np.isfinite(y)  # a projection does not cover the whole Earth
     if not known.any():
         return
     x, y = np.where(known, x, np.nan), np.where(known, y, np.nan)
@@ -147,17 +147,17 @@ def _resample(
     state[:] = np.array([SAFE, UNKNOWN, UNSAFE], np.uint8)[worst]
     for source, out in ((dsm, height), (steep, slope)):
         out[:] = _at(source.read(1, window=window), row - first[0], col - first[1], math.nan)
-    state[(state == SAFE) & np.isnan(height)] = UNKNOWN  # nothing to compare a return with
+    state[(state == SAFE) & np.isnan(height)] = UNKNOWN  # no height to compare a return with
 
 
 def _step(at: Floats, axis: int) -> float:
-    """Return by how much a row or column of the survey changes from one place of a strip to the next."""
+    """Return the change of a survey row or column from one cell of a strip to the next."""
     steps = np.diff(at, axis=axis)
     return float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
 
 
 def _at(values: NDArray[Any], row: Floats, col: Floats, empty: float) -> NDArray[Any]:
-    """Return the cells of an array at places, `empty` outside."""
+    """Return the values of an array at rows and columns, `empty` outside."""
     r, c = np.floor(row).astype(np.int64), np.floor(col).astype(np.int64)
     inside = (r >= 0) & (r < values.shape[0]) & (c >= 0) & (c < values.shape[1])
     out = np.full(row.shape, empty, values.dtype)
@@ -170,7 +170,7 @@ def _no(folder: Path, name: str) -> UsageError:
 
 
 def _check_maps(folder: Path, paths: list[Path]) -> None:
-    """Refuse maps that are absent, cannot be opened or are not of one survey."""
+    """Refuse maps that are missing, unreadable or of different surveys."""
     places = set()
     for path in paths:
         if not path.is_file():
@@ -186,7 +186,7 @@ def _check_maps(folder: Path, paths: list[Path]) -> None:
 
 
 def _check(folder: Path, told: dict[str, Any], parameters: Parameters) -> None:
-    """Refuse a survey that calls safe what is not for this vehicle."""
+    """Refuse a survey whose safe ground may be unsafe for this vehicle."""
     theirs = told.get("parameters", {})
     for name, larger in (("footprint_m", True), ("relief_m", False), ("safe_slope_deg", False)):
         own, surveyed = float(getattr(parameters, name)), float(theirs.get(name, math.nan))

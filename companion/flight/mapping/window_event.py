@@ -1,4 +1,4 @@
-"""Which scans made up a window, and what the pipeline was told before it."""
+"""Record of a window for replay: its scans and the pipeline's inputs before it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class WindowEvent:
-    """A window that the pipeline took.
+    """A window that the pipeline processed.
 
-    number: windows before it. scans: the first and last number of each unbroken run of scans in it. selects:
-    points put under watch before it, None for none. anew: whether the map was begun anew before it.
+    number: count of windows before it. scans: first and last number of each unbroken run of scans in it.
+    selects: points selected before it, None for no point. anew: whether the map was begun anew before it.
     """
 
     number: int

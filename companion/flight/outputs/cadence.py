@@ -1,4 +1,4 @@
-"""How regularly a stream is sent, and how old its pose was."""
+"""Statistics of a periodic message: rate, jitter, and age of its pose."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 
 from companion.runtime.ring_buffer import Recent
 
-MOST = 20_000  # kept, a quarter of an hour at 20 Hz
+MOST = 20_000  # samples kept, a quarter of an hour at 20 Hz
 
 
 class Cadence:
-    """Intervals between the messages of a stream that ought to have a period.
+    """Intervals between the messages of a stream.
 
     Parameters
     ----------
     hz
-        The rate it ought to have; None for a stream that is sent when there is something to send.
+        Nominal rate; None for messages sent on demand.
     """
 
     def __init__(self, hz: float | None) -> None:
@@ -28,7 +28,7 @@ class Cadence:
         self.count = 0
 
     def note(self, now_ns: int, pose_age_ns: int | None = None) -> None:
-        """Take the instant of a message, and the age of the newest sample of the pose that it rests on."""
+        """Record the time of a message and the age of the newest pose sample behind it."""
         if self._last_ns is not None:
             self._intervals_ms.append((now_ns - self._last_ns) * 1e-6)
         if pose_age_ns is not None:
@@ -37,14 +37,14 @@ class Cadence:
         self.count += 1
 
     def pause(self) -> None:
-        """Note that it stops: what lies between this and the next message is no interval."""
+        """Record a pause: the time until the next message does not count as an interval."""
         self._last_ns = None
 
     def summary(self) -> dict[str, Any]:
-        """Return the count, the rate, and quantiles of jitter and pose age; nothing of what is unknown."""
+        """Return count, rate, and quantiles of jitter and pose age, as far as known."""
         out: dict[str, Any] = {"count": self.count}
         intervals = self._intervals_ms.array()
-        if intervals.any():  # all of them 0: it was sent at one instant only
+        if intervals.any():  # all are 0 if everything was sent at one instant
             out["hz"] = round(1e3 / float(intervals.mean()), 2)
             if self._period_ms is not None:
                 out["jitter_ms"] = _quantiles(np.abs(intervals - self._period_ms))

@@ -1,7 +1,7 @@
-"""DISTANCE_SENSOR: the height above the ground under the vehicle, from the returns below it.
+"""DISTANCE_SENSOR: height above the ground below the vehicle, from the returns there.
 
-ArduPilot (RNGFND1_TYPE = 10) slows its landing by it; without a rangefinder it trusts the height above home,
-and reaches a roof at full sink rate.
+ArduPilot (RNGFND1_TYPE = 10) slows its landing by this height; without a rangefinder it uses the height above
+home, and reaches a roof at full sink rate.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ LEAST_DOWN = 0.707
 
 
 def downward_distance(height_m: float, boot_ms: int, down: float = 1.0) -> Any | None:
-    """Return the message for a height above ground (m), None if that is unknown or out of range.
+    """Return the message for a height above ground (m), None if it is unknown or out of range.
 
     Parameters
     ----------
     down
         Cosine of the vehicle's tilt. A rangefinder measures along the vehicle's own axis, and both autopilots
-        multiply by this to have the height; ArduPilot by no less than `LEAST_DOWN`, and PX4 takes none then.
+        multiply by this cosine; ArduPilot by no less than `LEAST_DOWN`, below which PX4 rejects the message.
     """
     height_m = height_m / max(LEAST_DOWN, down)
     if not math.isfinite(height_m) or not 0.0 <= height_m <= LONGEST_M:

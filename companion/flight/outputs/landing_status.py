@@ -1,4 +1,4 @@
-"""The state of the landing as numbers for ground stations: NAMED_VALUE_FLOAT, once a second."""
+"""Landing status for ground stations: NAMED_VALUE_FLOAT, once a second."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ POINTS = ("none", "safe", "unsafe", "unknown")
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """What is told; NaN is not told.
+    """Values to send; NaN is not sent.
 
-    phase, point: one of `PHASES`, of `POINTS`. zones: how many there are. best_zone: ID of the best ranked.
+    phase, point: one of `PHASES`, of `POINTS`. zones: their number. best_zone: ID of the best ranked zone.
     certainty: probability that the selected point is safe, else that of the best zone. height_m: over the
-    selected point. latency_ms: of the last window from its last scan to the report. dropped: windows, and
-    messages that no channel took. sync_ms: residual of TIMESYNC.
+    selected point. latency_ms: from the last scan of a window to its report. dropped: windows, and messages
+    that no channel accepted. sync_ms: residual of TIMESYNC.
     """
 
     phase: str
@@ -34,7 +34,7 @@ class Status:
 
 
 def status_messages(status: Status, boot_ms: int) -> list[Any]:
-    """Return a message for each value that is known; what is no phase or state of a point is told as -1."""
+    """Return a message for each known value; -1 stands for a phase or point state that is not listed."""
     values = {
         "SLZ_PHASE": _number(status.phase, PHASES),
         "SLZ_ZONES": status.zones,

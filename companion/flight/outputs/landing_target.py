@@ -1,8 +1,8 @@
-"""LANDING_TARGET as each autopilot takes it.
+"""LANDING_TARGET in the frame that each autopilot accepts.
 
-ArduPilot takes body forward-right-down with a positive distance, PX4 its own local north-east-down; each
-refuses the other's frame. The stamp is always the companion's own time, which we answer TIMESYNC with: PX4
-adds the offset itself, and would take its own boot time for a future that never expires.
+ArduPilot accepts body forward-right-down with a positive distance, PX4 its own local north-east-down; each
+rejects the other's frame. The stamp is always the companion's time, as in the answers to TIMESYNC: PX4 adds
+the offset itself, and would take its own boot time for a future that never expires.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from slz.frame import LocalFrame
 
 # ArduPilot drops a target at distance zero silently.
 LEAST_DISTANCE_M = 0.01
-# Local and global position farther apart than this in time do not tell where the local origin is.
+# Local and global position farther apart in time do not determine the local origin.
 PAIR_MS = 200
 
 
@@ -33,20 +33,20 @@ def landing_target(
     pose_timeout_s: float,
     frame: LocalFrame | None = None,
 ) -> Any | None:
-    """Return the message that leads the vehicle to a point, None if none can be vouched for.
+    """Return the message that guides the vehicle to a point, None if no valid one can be computed.
 
     Parameters
     ----------
     vehicle
-        Its autopilot decides on the frame: PX4's is LOCAL_NED, all others get BODY_FRD.
+        Its autopilot determines the frame: LOCAL_NED for PX4, BODY_FRD for all others.
     point_enu_m
         Landing point (3,) in the map frame, m.
     pose
-        Newest pose; one older than `pose_timeout_s` leads nowhere: None.
+        Newest pose; None is returned if it is older than `pose_timeout_s`.
     now_ns
         Companion clock.
     frame
-        Map frame; without it, or while the place of PX4's local origin is unknown, PX4 gets None.
+        Map frame; without it, or while PX4's local origin is unknown, there is no message for PX4.
     """
     if now_ns - pose.stamp_ns > pose_timeout_s * 1e9:
         return None
@@ -67,7 +67,7 @@ def _message(frame: int, target_m: Floats, body_m: Floats, now_ns: int) -> Any:
     forward, right, down = (float(value) for value in body_m)
     x, y, z = (float(value) for value in target_m)
     if frame == mavlink.MAV_FRAME_BODY_FRD and math.hypot(x, y, z) < LEAST_DISTANCE_M:
-        x, y, z = 0.0, 0.0, LEAST_DISTANCE_M  # on the point: it is right below
+        x, y, z = 0.0, 0.0, LEAST_DISTANCE_M  # at the point: straight below
     return mavlink.MAVLink_landing_target_message(
         max(1, now_ns // 1000),
         0,
@@ -88,10 +88,10 @@ def _message(frame: int, target_m: Floats, body_m: Floats, now_ns: int) -> Any:
 
 
 def local_origin_enu_m(frame: LocalFrame, vehicle: VehicleState) -> Floats | None:
-    """Return where the autopilot's local origin lies in the map frame (3,), None while that is unknown.
+    """Return the autopilot's local origin in the map frame (3,), None while it is unknown.
 
-    The local position, moved with the velocity to the time of the global one, is subtracted from it, so the
-    result follows an origin that the estimator moves.
+    The local position is extrapolated to the time of the global one with the velocity and subtracted from it,
+    so the result follows an origin that the estimator moves.
     """
     if vehicle.position_lla is None or vehicle.local_ned_m is None or vehicle.velocity_ned_ms is None:
         return None

@@ -26,31 +26,30 @@ def obstacle_distance(
     columns_frd_m: ArrayLike = (),
     cell_m: float = 0.0,
 ) -> Any:
-    """Return the message for returns and cells of the map around the vehicle.
+    """Return the message for returns and map cells around the vehicle.
 
     A sector holds the horizontal distance of its nearest return or cell within the height band; else "free"
-    (one more than the maximum) if a return shows that a ray stayed in the band out to the maximum; else
-    "unknown".
+    (one more than the maximum) if a ray stayed in the band out to the maximum; else "unknown".
 
     Parameters
     ----------
     points_frd_m
-        Returns (n, 3) forward, right, down of the vehicle, level (`outputs.axes.level_frd_m`), m; rows with
-        NaN are left out.
+        Returns (n, 3) in level forward-right-down (`geometry.axes.level_frd_m`), m; rows with NaN are
+        ignored.
     now_ns
         Companion clock.
     min_m, max_m
-        Nearer returns are the vehicle itself; farther ones are no obstacle yet.
+        Range: nearer returns are the vehicle itself, farther ones are not obstacles yet.
     band_m
-        Heights, down positive, between which a return is in the way; the vehicle's own, 0, lies inside.
+        Height band, down positive, in which a return is an obstacle; it must include the vehicle's height, 0.
     columns_frd_m, cell_m
-        Cells of the map (m, 3): forward and right of their centres, down of their tops, in the same axes;
-        and their side. A cell is solid from the ground to its top.
+        Map cells (m, 3) in the same axes: forward and right of their centres, down of their tops; and their
+        side. A cell is solid from the ground to its top.
 
     Raises
     ------
     ValueError
-        If the band does not hold the vehicle's height.
+        The band does not include the vehicle's height.
     """
     distances_cm = sector_distances_cm(
         points_frd_m, min_m=min_m, max_m=max_m, band_m=band_m, columns_frd_m=columns_frd_m, cell_m=cell_m
@@ -87,7 +86,7 @@ def sector_distances_cm(
 
     cm = np.where(seen_free, _cm(max_m) + 1, UNKNOWN)
     found = np.isfinite(nearest)
-    # Rounded towards the vehicle, but never below the minimum, where it would read as nothing there.
+    # Rounded down, but not below the minimum, where it would mean no obstacle.
     cm[found] = np.clip(np.floor(nearest[found] * 100), _cm(min_m), _cm(max_m))
     return cm.astype(np.uint16)
 

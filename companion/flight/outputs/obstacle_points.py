@@ -1,8 +1,8 @@
-"""OBSTACLE_DISTANCE_3D: what stands around the landing point and the vehicle, as points in three dimensions.
+"""OBSTACLE_DISTANCE_3D: obstacles around the landing point and the vehicle as 3-D points.
 
-ArduPilot takes body forward-right-down only: another frame is dropped, and yet the sensor counts as alive.
-Points of one stamp are one picture of the surroundings; a new stamp begins the next. It drops silently what
-is nearer or farther than the range told, and keeps one point in each of 8 directions by 5 elevations.
+ArduPilot accepts body forward-right-down only: another frame is dropped, although the sensor counts as alive.
+Points with one stamp form one batch; a new stamp begins the next. Points outside the message's range are
+dropped silently, and one point is kept in each of 8 directions by 5 elevations.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ UNNAMED = 65535
 def obstacle_points(
     points_enu_m: ArrayLike, pose: PoseLike, stamp_ms: int, *, min_m: float, max_m: float
 ) -> list[Any]:
-    """Return one batch of messages, the nearest point first: at most one for each face of the autopilot's.
+    """Return one batch of messages, nearest first: at most one for each face of ArduPilot's boundary.
 
     Parameters
     ----------
     points_enu_m
         Points of obstacles (n, 3) in the map frame, m.
     stamp_ms
-        Stamp of the batch, another one than the last batch's.
+        Stamp of the batch, different from the last batch's.
     min_m, max_m
-        Points outside these distances are left out.
+        Range; points outside are ignored.
     """
     body = nearest_by_face(body_frd_m(np.reshape(points_enu_m, (-1, 3)), pose), min_m, max_m)
     return [
@@ -50,9 +50,9 @@ def obstacle_points(
 
 
 def nearest_by_face(points_frd_m: Floats, min_m: float, max_m: float) -> Floats:
-    """Return the nearest point of each face (m, 3), the nearest first; NaN and what is out of range go."""
+    """Return the nearest point of each face (m, 3), nearest first, without NaN and points out of range."""
     distance = np.sqrt(np.einsum("ij,ij->i", points_frd_m, points_frd_m))
-    kept = (distance > min_m) & (distance < max_m)  # NaN is not; at the edge, rounding decides there
+    kept = (distance > min_m) & (distance < max_m)  # excludes NaN; strict, as rounding may drop the edge
     points, distance = points_frd_m[kept], distance[kept]
     order = np.argsort(distance, kind="stable")
     _, first = np.unique(faces(points[order]), return_index=True)
@@ -60,7 +60,7 @@ def nearest_by_face(points_frd_m: Floats, min_m: float, max_m: float) -> Floats:
 
 
 def faces(points_frd_m: Floats) -> NDArray[np.intp]:
-    """Return the number of the face that each point lies in, 0 to 39."""
+    """Return the number of the face that contains each point, 0 to 39."""
     forward, right, down = points_frd_m.T
     sector = np.rint(np.degrees(np.arctan2(right, forward)) / (360 / DIRECTIONS)).astype(np.intp) % DIRECTIONS
     pitch_deg = np.degrees(np.arctan2(-down, np.hypot(forward, right)))

@@ -1,4 +1,4 @@
-"""What autopilot and ground stations are told at steady rates, whatever else goes on."""
+"""Scheduler of messages sent to autopilot and ground stations at fixed rates."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ STATUS_HZ = 1.0
 POINTS_EVERY = 3
 CELL_POINTS = 3
 FARTHEST_M = 50.0
-# A map older than this no longer says what stands around the vehicle.
+# A map older than this does not show the present obstacles.
 REPORT_NS = 5_000_000_000
 
 
 class Streams:
-    """Sends each message at its own rate, with the newest pose, from what the others left here.
+    """Sender of each message at its own rate, with the newest pose and the newest report.
 
     Parameters
     ----------
     ranges
-        Whether to tell ranges and obstacles: not where the LiDAR's own data come from the autopilot, which
-        hands on what it is sent, so that the map would confirm itself.
+        Whether to send ranges and obstacles: False if the LiDAR's data come through the autopilot, which
+        forwards what it receives, so that the map would confirm itself.
 
     Attributes
     ----------
     target_enu_m
-        Landing point to lead the vehicle to (3,), or None for none.
+        Landing point (3,) for LANDING_TARGET, None for none.
     report
-        The newest one, or None while there is none.
+        Newest report, None without one.
     height_m
-        Height over the ground below as last told, None while unknown.
+        Height above ground as last sent, None while unknown.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Streams:
         self.report, self._report_ns = report, now_ns()
 
     def forget(self) -> None:
-        """Use no report and nothing seen before: the position estimate was moved."""
+        """Drop report and recent returns: the position estimate moved."""
         self.report = None
         self._memory.forget()
 
@@ -102,14 +102,14 @@ class Streams:
                 group.create_task(_every(hz, send), name=name)
 
     def statistics(self) -> dict[str, Any]:
-        """Return the cadence of each stream by the name of its message."""
+        """Return the cadence of each stream by message name."""
         return {name: cadence.summary() for name, cadence in self._cadences.items()}
 
     def around_level_m(self, pose: Pose, at_ns: int, low_m: float) -> Floats:
-        """Return (n, 3) forward, right, down of what is known around: fresh returns, and the map's cells.
+        """Return obstacles (n, 3) in level forward-right-down: fresh returns, and the map's cells.
 
         Cells reach from the ground to their tops; those lower than `low_m` below the vehicle are left out. A
-        cell counts as so many points that nobody takes it for dust.
+        cell counts as `CELL_POINTS` points, so that it is not taken for dust.
         """
         fresh, around = self._memory.level_frd_m(pose, at_ns), self._around()
         if around is None:
@@ -121,7 +121,7 @@ class Streams:
     # ---- the streams ----------------------------------------------------------------------------
 
     def send_target(self) -> None:
-        """Lead the vehicle to the landing point, if there is one."""
+        """Send the landing target, if there is one."""
         at_ns = now_ns()
         pose = None if self.target_enu_m is None else self._history.latest(at_ns)
         message = None
@@ -137,7 +137,7 @@ class Streams:
         self._send("LANDING_TARGET", message)
 
     def send_obstacles(self) -> None:
-        """Tell what stands around the vehicle; nothing while the LiDAR is silent, which it must not hide."""
+        """Send the obstacles around the vehicle; nothing while the LiDAR is silent, which must be noticed."""
         pose = self._pose_of_fresh_scans()
         if pose is None:
             self._send("OBSTACLE_DISTANCE", None)
@@ -145,7 +145,7 @@ class Streams:
         p, around = self._parameters, self._around()
         at_ns = now_ns()
         reach_m = min(p.lidar_max_m, FARTHEST_M)
-        if self._link.vehicle.landed == "on_ground":  # the ground itself would count, and forbid arming
+        if self._link.vehicle.landed == "on_ground":  # the ground would count as obstacle and forbid arming
             nothing = np.empty((0, 3))
             band = -BAND_M, BAND_M
             message = obstacle_distance(nothing, at_ns, min_m=p.lidar_min_m, max_m=reach_m, band_m=band)
@@ -170,7 +170,7 @@ class Streams:
         self._send("OBSTACLE_DISTANCE", message)
 
     def _send_points(self, pose: Pose, around: Nearby | None, low_m: float, reach_m: float) -> None:
-        """Send a batch of points to ArduPilot; the distances must follow, for some versions forget them."""
+        """Send a batch of points to ArduPilot; distances must follow, because some versions forget them."""
         if self._link.vehicle.autopilot != "ardupilot":
             return
         selected = None if self.report is None else self.report.selected
@@ -181,7 +181,7 @@ class Streams:
             self._send("OBSTACLE_DISTANCE_3D", message)
 
     def send_height(self) -> None:
-        """Tell the height over the ground below, while it is known."""
+        """Send the height above ground while it is known."""
         pose = self._pose_of_fresh_scans()
         height = self.height_m = None if pose is None else self._height_m(pose, now_ns())
         message = None
@@ -190,7 +190,7 @@ class Streams:
         self._send("DISTANCE_SENSOR", message)
 
     def send_status(self) -> None:
-        """Tell ground stations how the landing stands."""
+        """Send the landing status to ground stations."""
         for message in status_messages(self._status(), self._boot_ms()):
             self._link.send(message)
 
@@ -225,7 +225,7 @@ class Streams:
 
 
 async def _every(hz: Callable[[], float], act: Callable[[], None]) -> None:
-    """Act at the multiples of a period from now, asked for each time; those that passed are left out."""
+    """Call `act` at multiples of the period from now, re-read each time; missed ones are skipped."""
     loop = asyncio.get_running_loop()
     due_s = loop.time()
     while True:

@@ -1,4 +1,4 @@
-"""Kernels that find the nearest obstacle in each direction around the vehicle."""
+"""Kernels for the nearest obstacle in each sector around the vehicle."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ def mark_returns(
     nearest: Floats,
     free: NDArray[np.bool_],
 ) -> None:
-    """Lower the distances of the sectors that returns lie in, and mark those that a ray passed through.
+    """Lower the distances of the sectors that contain returns, and mark those that a ray passed through.
 
     Parameters
     ----------
     points
-        (n, 3) forward, right, down; NaN is passed over.
+        (n, 3) forward, right, down; NaN is ignored.
     min_m, max_m, low, high
-        What counts: horizontal distances, and heights (down positive) that hold the vehicle's own, 0.
+        Range of horizontal distances, and height band (down positive), which includes the vehicle's height 0.
     nearest, free
-        (sectors,) m and bool; changed. Sector 0 is centred on forward, the next lie clockwise.
+        (sectors,) m and bool; changed. Sector 0 is centred on forward, the next ones follow clockwise.
     """
     width = 2 * math.pi / len(nearest)
     for i in range(len(points)):
@@ -52,16 +52,16 @@ def mark_returns(
 def mark_columns(
     columns: Floats, half_m: float, min_m: float, max_m: float, high: float, nearest: Floats
 ) -> None:
-    """Lower the distances of all sectors that cells of the map stand in, solid from the ground to their tops.
+    """Lower the distances of all sectors that contain map cells, solid from the ground to their tops.
 
     Parameters
     ----------
     columns
         (n, 3) forward and right of the cells' centres, and down of their tops.
     half_m
-        Half a cell's side. A cell that the vehicle is in does not count: it would stand in every direction.
+        Half a cell's side. The vehicle's own cell does not count: it would fill every direction.
     min_m, max_m, high, nearest
-        As of `mark_returns`; nearer edges count as `min_m`.
+        See `mark_returns`; nearer edges count as `min_m`.
     """
     width = 2 * math.pi / len(nearest)
     for i in range(len(columns)):

@@ -1,4 +1,4 @@
-"""Setpoints for the mode that follows them (GUIDED, OFFBOARD)."""
+"""Setpoints for guided modes (ArduPilot GUIDED, PX4 OFFBOARD)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.geometry.axes import Floats
 from companion.flight.link.vehicle_state import VehicleState, boot_step_ms
 
-# A place told longer ago is not where the vehicle is.
+# A position older than this is not where the vehicle is.
 SIGNAL_MS = 500
 _POSITION = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
@@ -40,16 +40,16 @@ def velocity_setpoint(
     Parameters
     ----------
     vehicle
-        Whom it is for.
+        Receiver.
     velocity_enu_ms
         East, north, up, m/s.
     yaw_rad
-        Heading to turn to, clockwise from north; None turns nowhere (yaw rate zero).
+        Heading to turn to, clockwise from north; None keeps it (yaw rate zero).
 
     Raises
     ------
     ValueError
-        If a velocity or the heading is not finite: the vehicle must never get one.
+        A velocity or the heading is not finite: the vehicle must never receive that.
     """
     east, north, up = (float(value) for value in velocity_enu_ms)
     if not all(map(math.isfinite, (east, north, up, yaw_rad or 0.0))):
@@ -70,12 +70,12 @@ def velocity_setpoint(
 
 
 def offboard_signal(vehicle: VehicleState) -> Any | None:
-    """Return what lets PX4 enter its offboard mode, or None while it has told no fresh local position.
+    """Return the setpoint that lets PX4 enter OFFBOARD, None without a fresh local position.
 
     PX4 refuses OFFBOARD unless setpoints arrive, at more than 1 Hz, with a position, velocity or acceleration
     that is not ignored (all ignored is an error, an attitude would take its height control away). In OFFBOARD
-    it is told to stop. In every other mode the signal is the place where it is, velocities and accelerations
-    ignored: a version that mixes a companion's velocities into the pilot's modes has none to mix in.
+    the setpoint is zero velocity. In every other mode it is the present position with velocities and
+    accelerations ignored: a version that mixes a companion's velocities into the pilot's modes finds none.
     """
     if vehicle.guided:
         return hold_setpoint(vehicle)
@@ -97,12 +97,12 @@ def offboard_signal(vehicle: VehicleState) -> Any | None:
 
 
 def hold_setpoint(vehicle: VehicleState) -> Any:
-    """Return a setpoint that stops the vehicle where it is."""
+    """Return a setpoint of zero velocity."""
     return velocity_setpoint(vehicle, (0.0, 0.0, 0.0))
 
 
 def climb_setpoint(vehicle: VehicleState, climb_ms: float) -> Any:
-    """Return a setpoint straight up (or down, negative)."""
+    """Return a vertical velocity setpoint, up positive."""
     return velocity_setpoint(vehicle, (0.0, 0.0, climb_ms))
 
 

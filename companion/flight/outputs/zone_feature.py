@@ -1,4 +1,4 @@
-"""A zone as a GeoJSON feature (RFC 7946)."""
+"""GeoJSON feature (RFC 7946) of a zone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slz import Grid, LocalFrame, Zone
 
 
 def zone_feature(zone: Zone, grid: Grid, frame: LocalFrame) -> dict[str, Any]:
-    """Return a zone's polygons with holes in longitude and latitude; its summary are the properties."""
+    """Return a zone's polygons with holes in longitude and latitude, with its summary as properties."""
     up_m = float(np.nan_to_num(zone.best.enu_m[2]))
 
     def degrees(local_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Outline of a zone as polygons with holes, in metres of the map."""
+"""Outline of a zone as polygons with holes, in metres of the map frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DEGREE_DECIMALS = 9  # a tenth of a millimetre
 
 
 def zone_polygon(zone: Zone, grid: Grid) -> MultiPolygon:
-    """Return the outline of a zone's cells, holes included, in metres of the map, see `polygonise`."""
+    """Return the outline of a zone's cells with holes, in metres of the map frame; see `polygonise`."""
     corner = np.array([grid.west_m + zone.box.col0 * grid.cell_m, grid.south_m + zone.box.row0 * grid.cell_m])
 
     def metres(ring: NDArray[np.float64]) -> NDArray[np.float64]:

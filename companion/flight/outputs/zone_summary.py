@@ -1,4 +1,4 @@
-"""Zones, landing point and choice of a report, for JSON."""
+"""Summaries of a report's zones, landing point and choice, for JSON."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_OBSTACLES = 20
 
 
 def zone_summary(zone: Zone, frame: LocalFrame) -> dict[str, Any]:
-    """Return a zone with its landing point; why: what places it behind the zone before it."""
+    """Return a zone with its landing point; `why`: the reason it ranks behind the zone before it."""
     lat, lon, alt = (float(v) for v in frame.lla(zone.best.enu_m))
     return {
         "id": zone.id,
@@ -33,7 +33,7 @@ def zone_summary(zone: Zone, frame: LocalFrame) -> dict[str, Any]:
 
 
 def choice_summary(report: Report) -> dict[str, Any]:
-    """Return mode, cells and window of the last report, and what they were chosen from."""
+    """Return mode, cell sizes and window of the last report, and the inputs of their choice."""
     choice = report.choice
     return {
         "mode": "far" if choice.far else "near",
@@ -48,7 +48,7 @@ def choice_summary(report: Report) -> dict[str, Any]:
 
 
 def point_summary(point: SelectedPoint, frame: LocalFrame) -> dict[str, Any]:
-    """Return the state of the selected point and the obstacles around it, the nearest first."""
+    """Return the state of the selected point and the obstacles around it, nearest first."""
     lat, lon, alt = (float(v) for v in frame.lla(np.nan_to_num(point.enu_m)))
     found: dict[str, Any] = {
         "state": point.state.value,

@@ -1,1 +1,1 @@
-"""Recordings of flights (MCAP): everything a replay needs, and the same for the eye."""
+"""Flight recordings (MCAP): all inputs for a replay, and topics for display."""

@@ -1,4 +1,4 @@
-"""Messages in Foxglove's schemas: what an engineer sees of a flight in Foxglove or Lichtblick."""
+"""Converters of a flight's data to Foxglove's message schemas, for Foxglove and Lichtblick."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ POINTS, ZONES, GEOJSON, TRANSFORM, FIX, LOG, PARAMETERS = (
     "/parameters",
 )
 MOST_POINTS = 20_000
-LIFT_M = 0.3  # lines are drawn so far over the ground
+LIFT_M = 0.3  # height of lines above the ground
 # The sources draw the largest zone dark green, the others light green.
 BEST, OTHER = Color(r=0.0, g=0.4, b=0.1, a=1.0), Color(r=0.45, g=0.85, b=0.45, a=1.0)
 POINT_COLOURS = {
@@ -93,7 +93,7 @@ def channels(context: foxglove.Context) -> Mapping[str, Any]:
 
 
 def cloud(window: Window, at_ns: int) -> PointCloud:
-    """Return some of a window's points in the map frame."""
+    """Return a subset of a window's points in the map frame."""
     points = window.points_enu_m[:: max(1, len(window) // MOST_POINTS)].astype(np.float32)
     return PointCloud(
         timestamp=_stamp(at_ns), frame_id=MAP, point_stride=12, fields=FIELDS, data=points.tobytes()
@@ -101,7 +101,7 @@ def cloud(window: Window, at_ns: int) -> PointCloud:
 
 
 def scene(report: Report, at_ns: int) -> SceneUpdate:
-    """Return the zones as outlines with their numbers, and the landing point as a ball."""
+    """Return the zones as outlines with labels, and the landing point as a sphere."""
     forget = Duration(sec=5)
     entities = [_zone(zone, rank, at_ns, forget) for rank, zone in enumerate(report.zones)]
     selected = report.selected
@@ -147,13 +147,13 @@ def _zone(zone: Zone, rank: int, at_ns: int, lifetime: Duration) -> SceneEntity:
 
 
 def geojson(report: Report) -> GeoJson:
-    """Return the zones as polygons on the Earth, and their best points."""
+    """Return the zones as GeoJSON polygons."""
     features = [zone_feature(zone, report.grid, report.frame) for zone in report.zones]
     return GeoJson(geojson=json.dumps({"type": "FeatureCollection", "features": features}))
 
 
 def transform(pose: VehiclePose, at_ns: int) -> FrameTransform:
-    """Return where the vehicle's body (forward, right, down) is in the map (east, north, up)."""
+    """Return the transform of the vehicle's body (forward, right, down) into the map (east, north, up)."""
     e, n, u = (float(v) for v in pose.position_enu_m)
     w, x, y, z = _quaternion(pose.rotation_enu_from_frd)
     return FrameTransform(
@@ -166,7 +166,7 @@ def transform(pose: VehiclePose, at_ns: int) -> FrameTransform:
 
 
 def fix(pose: VehiclePose, frame: LocalFrame, at_ns: int) -> LocationFix:
-    """Return the vehicle's place on the Earth."""
+    """Return the vehicle's geodetic position (WGS-84)."""
     lat, lon, alt = (float(v) for v in frame.lla(pose.position_enu_m))
     return LocationFix(timestamp=_stamp(at_ns), frame_id=BODY, latitude=lat, longitude=lon, altitude=alt)
 

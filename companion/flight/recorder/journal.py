@@ -1,16 +1,16 @@
-"""What a recording holds for the replay: topics, and how their messages are written and read.
+"""Replay format of a recording: topics and message encoding.
 
-The order of these messages in the file is the order in which the program took them. Their log time is when,
-on the companion's clock, moved to the time of day by `clock_offset_ns` of the file's metadata `slz`.
+Messages are in the order in which the program processed them. Their log time is the time of day: the
+companion's clock plus `clock_offset_ns` of the file's metadata `slz`.
 
 | topic | message |
 |---|---|
-| /raw/mavlink/in | one MAVLink frame that was believed |
-| /raw/mavlink/out | one MAVLink frame that was sent |
-| /raw/lidar | a batch of the sensor's packets with their arrivals |
+| /raw/mavlink/in | one accepted MAVLink frame |
+| /raw/mavlink/out | one sent MAVLink frame |
+| /raw/lidar | a batch of the sensor's packets with their arrival times |
 | /raw/event | JSON: a request for the autopilot's time; a map frame that began; a window that was processed |
-| /raw/report | JSON: the zones and the landing point that came of a window |
-| /raw/gap | JSON: so many of the messages above were lost here |
+| /raw/report | JSON: zones and landing point of a window's report |
+| /raw/gap | JSON: number of the above messages that were lost here |
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ Batch = list[tuple[int, bytes]]
 
 
 class BadRecordError(ValueError):
-    """A message of a recording cannot be read; says why."""
+    """Unreadable message of a recording; the message says why."""
 
 
 def pack_batch(batch: Batch) -> bytes:
-    """Return packets with their arrivals as one message."""
+    """Encode packets with their arrival times as one message."""
     return b"".join(part for at_ns, packet in batch for part in (_PACKET.pack(at_ns, len(packet)), packet))
 
 
 def unpack_batch(data: bytes) -> Batch:
-    """Return the packets of a message with their arrivals.
+    """Decode the packets of a message with their arrival times.
 
     Raises
     ------
     BadRecordError
-        It ends within a packet.
+        The message ends within a packet.
     """
     batch: Batch = []
     at = 0
@@ -69,22 +69,22 @@ def unpack_batch(data: bytes) -> Batch:
 
 
 def pack_window(event: WindowEvent) -> bytes:
-    """Return the event of a window as one message."""
+    """Encode the event of a window as one message."""
     return json.dumps({"window": asdict(event)}).encode()
 
 
 def pack_frame(frame: LocalFrame) -> bytes:
-    """Return the beginning of a map frame as one message."""
+    """Encode the beginning of a map frame as one message."""
     return json.dumps({"frame": [frame.lat_deg, frame.lon_deg, frame.alt_m]}).encode()
 
 
 def unpack_event(data: bytes) -> WindowEvent | LocalFrame | int:
-    """Return a window's event, a map frame that began, or when the autopilot was asked for its time (ns).
+    """Decode an event: a window, a map frame that began, or the time of a request for the clock (ns).
 
     Raises
     ------
     BadRecordError
-        It is none of these, or a field is missing or of another type.
+        The event is none of these, or a field is missing or of another type.
     """
     try:
         value = json.loads(data)
@@ -105,7 +105,7 @@ def unpack_event(data: bytes) -> WindowEvent | LocalFrame | int:
 
 
 def report_document(report: Report) -> bytes:
-    """Return everything that a report says of zones and landing point, bit for bit, as JSON."""
+    """Return all zones and the landing point of a report, without rounding, as JSON."""
     return json.dumps(
         {
             "stamp_ns": report.stamp_ns,

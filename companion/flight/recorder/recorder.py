@@ -1,4 +1,4 @@
-"""Listens to the program's parts and records what they take and what comes of it."""
+"""Flight recorder: records the inputs and results of the program's parts."""
 
 from __future__ import annotations
 
@@ -25,33 +25,32 @@ FIX_NS = 200_000_000
 
 
 class Recorder:
-    """Records one flight.
+    """Recorder of one flight.
 
-    What a replay needs is lost only when the queue to the disk is full; then a gap is noted, and the replay
-    says so.
+    Replay data are lost only when the queue to the disk is full; a gap is then recorded, and the replay
+    reports it.
 
     Parameters
     ----------
     path
-        File to make.
+        File to create.
     lidar
         Kind of the sensor, as in the LiDAR's URL.
     parameters
-        In force now; `record_mb` bounds the file.
+        Parameters in force; `record_mb` bounds the file.
     wall_offset_ns
-        What the time of day is ahead of the companion's clock; one number, for the file's stamps must not
-        jump.
+        Offset of the time of day from the companion's clock; constant, so that the file's stamps do not jump.
     setup
-        What beside the sensor's packets decodes them.
+        Sensor configuration that decoding needs beside the packets.
     identity
-        Which system is the vehicle, as far as it is known.
+        Identity of the vehicle, as far as it is known.
     gated
-        Positions are held back until one comes with a fix.
+        Whether positions are withheld until the first one with a fix.
 
     Raises
     ------
     UsageError
-        The file is there or cannot be made.
+        The file exists or cannot be created.
     """
 
     def __init__(
@@ -85,26 +84,26 @@ class Recorder:
         logging.getLogger("companion").addHandler(self._handler)
         self._put(foxglove_scene.PARAMETERS, json.dumps(values).encode(), now_ns())
 
-    # ---- what the replay needs ------------------------------------------------------------------
+    # ---- replay data ----------------------------------------------------------------------------
 
     def frame_in(self, message: Any, at_ns: int) -> None:
-        """Record a frame that was believed."""
+        """Record an accepted frame."""
         self._raw(journal.MAVLINK_IN, bytes(message.get_msgbuf()), at_ns)
 
     def frame_out(self, frame: bytes) -> None:
-        """Record a frame that was sent."""
+        """Record a sent frame."""
         self._put(journal.MAVLINK_OUT, frame, now_ns())
 
     def time_asked(self, at_ns: int) -> None:
-        """Record that the autopilot was asked for its time."""
+        """Record a request for the autopilot's time."""
         self._raw(journal.EVENT, json.dumps({"time_asked_ns": at_ns}).encode(), at_ns)
 
     def packets(self, batch: journal.Batch) -> None:
-        """Record a batch of the sensor's packets, before they are decoded."""
+        """Record a batch of the sensor's packets, before decoding."""
         self._raw(journal.LIDAR, journal.pack_batch(batch), now_ns())
 
     def window(self, event: WindowEvent, window: Window) -> None:
-        """Record that the pipeline takes a window now."""
+        """Record the window that the pipeline starts on."""
         at_ns = now_ns()
         self._raw(journal.EVENT, journal.pack_window(event), at_ns)
         self._put(
@@ -115,22 +114,22 @@ class Recorder:
         )
 
     def frame_begun(self, frame: LocalFrame) -> None:
-        """Record that another map frame begins."""
+        """Record the beginning of a map frame."""
         at_ns = now_ns()
         self._raw(journal.EVENT, journal.pack_frame(frame), at_ns)
 
     def use_report(self, report: Report) -> None:
-        """Record what came of a window."""
+        """Record a report."""
         at_ns = now_ns()
         wall_ns = self._wall_ns(at_ns)
         self._raw(journal.REPORT, lambda: journal.report_document(report), at_ns)
         self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), at_ns)
         self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), at_ns)
 
-    # ---- what is for the eye only ---------------------------------------------------------------
+    # ---- display data ---------------------------------------------------------------------------
 
     def pose(self, pose: Pose, frame: LocalFrame) -> None:
-        """Record where the vehicle is, ten times a second at most."""
+        """Record the vehicle's pose, at most ten times a second."""
         at_ns = now_ns()
         wall_ns = self._wall_ns(at_ns)
         if at_ns - self._last_pose_ns >= POSE_NS:
@@ -141,18 +140,18 @@ class Recorder:
             self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), at_ns)
 
     def changed(self, name: str, value: Any) -> None:
-        """Record a parameter that was set."""
+        """Record a changed parameter."""
         self._put(foxglove_scene.PARAMETERS, json.dumps({name: value}).encode(), now_ns())
 
     # ---- end ------------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Write what waits and end the file."""
+        """Write queued messages and close the file."""
         logging.getLogger("companion").removeHandler(self._handler)
         self._writer.close()
 
     def statistics(self) -> dict[str, Any]:
-        """Return messages written and dropped by topic, and why the recording ended early, if it did."""
+        """Return messages written and dropped by topic, and the reason of an early end, if any."""
         writer = self._writer
         return {
             "size_mb": round(writer.size_bytes / MIB, 1),
@@ -164,7 +163,7 @@ class Recorder:
     # ---- parts ----------------------------------------------------------------------------------
 
     def _raw(self, topic: str, data: bytes | Callable[[], Any], at_ns: int) -> None:
-        """Record what a replay needs; say where something of it was lost."""
+        """Record replay data, and the gap after a loss."""
         if self._lost and self._put(journal.GAP, json.dumps({"lost": self._lost}).encode(), at_ns):
             self._lost = 0
         if self._lost or not self._put(topic, data, at_ns):

@@ -1,4 +1,4 @@
-"""Writes a recording in a thread of its own, and never makes anybody wait for the disk."""
+"""MCAP writer in a separate thread, so that nothing waits for the disk."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ log = logging.getLogger(__name__)
 CHUNK_BYTES = 1 << 20
 MOST_WAITING_BYTES = 64 << 20
 LEAST_FREE_BYTES = 512 << 20
-BEGIN_BYTES = 16 << 20  # a library that cannot write the first bytes of a file takes the program with it
+BEGIN_BYTES = 16 << 20  # the library crashes the program if it cannot write the first bytes of a file
 FLUSH_S = 1.0
-TOGETHER_S = 0.05  # a thread that woke for every entry would hold up those that hand them over
+TOGETHER_S = 0.05  # batching interval, because waking for every entry would delay the producers
 CLOSE_S = 10.0
 MIB = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One message: its topic's channel, its data or what makes it, and when."""
+    """A message: topic, log time, data or a function that makes them, and size."""
 
     topic: str
     log_time_ns: int
@@ -41,23 +41,23 @@ class Entry:
 
 
 class McapWriter:
-    """An MCAP file in chunks, readable up to the last second whatever ends the program.
+    """An MCAP file in chunks, readable up to the last second however the program ends.
 
-    Entries wait in a queue of bounded size; one that finds it full is dropped and counted.
+    Entries wait in a queue of bounded size; when it is full, new ones are dropped and counted.
 
     Parameters
     ----------
     path
-        File to make; one that is there is never written over.
+        File to create; an existing file is never overwritten.
     channels
-        Makes the channels in a Foxglove context: topic to an object with `log(message, log_time=)`.
+        Creates the channels in a Foxglove context: topic to an object with `log(message, log_time=)`.
     most_bytes
-        The file grows no longer; nor while less than half a gibibyte is free on its disk.
+        Greatest file size; writing also ends when less than `least_free_bytes` are free on the disk.
 
     Raises
     ------
     UsageError
-        The file is there or cannot be made.
+        The file exists or cannot be created.
     """
 
     def __init__(
@@ -96,12 +96,12 @@ class McapWriter:
         self.written: Counter[str] = Counter()
         self.flushes = 0
         self.ended = ""
-        """Why nothing more is written; empty while it is."""
+        """Reason why writing ended; empty until then."""
         self._thread = threading.Thread(target=self._run, name="slz-recorder", daemon=True)
         self._thread.start()
 
     def put(self, entry: Entry) -> bool:
-        """Queue an entry; return whether it will be written. Never blocks."""
+        """Queue an entry; return whether it was accepted. Never blocks."""
         if self.ended or self._waiting + entry.size > MOST_WAITING_BYTES:
             self.dropped[entry.topic] += 1
             return False
@@ -111,7 +111,7 @@ class McapWriter:
         return True
 
     def close(self) -> None:
-        """Write what waits and end the file; a disk that hangs is left behind, the file whole up to it."""
+        """Write queued entries and close the file; abandon a hanging disk, which leaves the file readable."""
         self._closing.set()
         self._thread.join(CLOSE_S)
         if self._thread.is_alive():
@@ -119,7 +119,7 @@ class McapWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Length of the file now, whatever became of its name."""
+        """Length of the file now, even if it was renamed or deleted."""
         return self._size_bytes if self._closed else os.fstat(self._file).st_size
 
     # ---- the thread -----------------------------------------------------------------------------
@@ -143,7 +143,7 @@ class McapWriter:
             os.close(self._file)
 
     def _write_some(self) -> bool:
-        """Write for a second; return whether there is more to come."""
+        """Write for a second; return whether to go on."""
         until_s = time.monotonic() + FLUSH_S
         while (left_s := until_s - time.monotonic()) > 0:
             closing = self._closing.wait(min(left_s, TOGETHER_S))
@@ -161,7 +161,7 @@ class McapWriter:
             return
         try:
             message = entry.data() if callable(entry.data) else entry.data
-        except Exception:  # one picture less is no reason to end a recording
+        except Exception:  # one lost display message does not end a recording
             if not self.dropped[entry.topic]:
                 log.exception("a message on %s cannot be made", entry.topic)
             self.dropped[entry.topic] += 1

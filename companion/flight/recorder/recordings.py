@@ -1,4 +1,4 @@
-"""Recordings of a flight: one asked for at the start, others begun and ended in flight."""
+"""Manager of a flight's recordings: one from the start, others begun and ended in flight."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ log = logging.getLogger(__name__)
 
 
 class Recordings:
-    """Makes one recording at a time of what link, sensor, pipeline and settings tell.
+    """Makes one recording at a time from link, sensor, pipeline and settings.
 
     Parameters
     ----------
     stream
-        Of the first sensor; a second one's data are not recorded.
+        Packet stream of the first sensor; a second one is not recorded.
     state
-        Where those begun in flight are kept; None for nowhere.
+        State directory for recordings begun in flight; None allows none.
     scans
-        How many scans there were before now: windows name theirs by this count.
+        Returns the number of scans so far, by which windows number theirs.
 
     Attributes
     ----------
     recorder
-        Of the recording under way, None while there is none.
+        Recorder of the current recording, None without one.
     """
 
     def __init__(
@@ -59,12 +59,12 @@ class Recordings:
         self.recorder: Recorder | None = None
 
     def begin(self, path: Path) -> None:
-        """Record into a file.
+        """Begin recording into a file.
 
         Raises
         ------
         UsageError
-            It cannot be made.
+            The file cannot be created.
         """
         stream, settings = self._stream, self._settings
         link = self._link.identity, not self._link.believes_position
@@ -81,14 +81,14 @@ class Recordings:
         self.recorder = recorder
 
     def begin_flight(self, path: Path) -> None:
-        """Record into a file, or beside it where there is one; without a recording it flies all the same."""
+        """Record into a file, or a numbered one if it exists; a failure is only logged."""
         try:
             self.begin(fresh(path))
         except (OSError, UsageError) as error:
             log.warning("this flight is not recorded: %s", error)
 
     async def ask(self, on: bool) -> Reply:
-        """Begin a recording in the state directory, or end the one that is made."""
+        """Begin a recording in the state directory, or end the current one."""
         recorder = self.recorder
         if on == (recorder is not None):
             return Reply(False, "recording already" if on else "nothing is recorded")
@@ -109,16 +109,16 @@ class Recordings:
         return Reply(True, f"recording {path.name}")
 
     def close(self) -> None:
-        """End the recording; its counts stay."""
+        """Close the recording; its statistics stay available."""
         if self.recorder is not None:
             self.recorder.close()
 
     def statistics(self) -> dict[str, Any] | None:
-        """Return the counts of the recording, None of none."""
+        """Return the statistics of the recording, None without one."""
         return None if self.recorder is None else self.recorder.statistics()
 
 
 def fresh(path: Path) -> Path:
-    """Return a path at which there is nothing: this one, or the same with the next free number."""
+    """Return this path if nothing exists there, else the same with the next free number."""
     names = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(2))
     return next(name for name in itertools.chain([path], names) if not name.exists())

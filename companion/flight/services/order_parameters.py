@@ -1,4 +1,4 @@
-"""The operator's orders as parameters, for ground stations that can set these but send no MAV_CMD_USER_1."""
+"""Orders as MAVLink parameters, for ground stations that set parameters but send no MAV_CMD_USER_1."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ ORDERS = {
     3: OrderKind.LAND_NOW,
     4: OrderKind.ABORT,
 }
-# A station that missed the answer sets the parameter again: no second order, as long as the first stands.
+# A station that missed the answer sets the parameter again: a repeat, while the first order is valid.
 REPEAT_NS = 3_000_000_000
 
 
 class OrderParameters:
-    """Keeps SLZ_SELECT and SLZ_DO; nothing of them is stored, and a file of saved parameters orders nothing.
+    """SLZ_SELECT and SLZ_DO; neither is stored, so that a file of saved parameters orders nothing.
 
     Attributes
     ----------
@@ -56,23 +56,23 @@ class OrderParameters:
 
     def __init__(self, operator: Operator) -> None:
         self._operator = operator
-        self._last: tuple[str, int, int] | None = None  # an order taken: name, value, turn
+        self._last: tuple[str, int, int] | None = None  # last accepted order: name, value, order count
         self._last_ns = 0
         self.rows = (SELECT_ROW, DO_ROW)
         self.do = 0
 
     @property
     def stored(self) -> OrderParameters:
-        """What to read the values from."""
+        """Holder of the values, as `Keeper` requires."""
         return self
 
     @property
     def select(self) -> int:
-        """Zone under watch, 0 for none."""
+        """Selected zone, 0 for none."""
         return self._operator.selected_zone()
 
     def change(self, name: str, value: int) -> Change:
-        """Carry out an order, or say why not."""
+        """Execute an order, or return the reason of its refusal."""
         if value == 0:
             return Change(True, "")
         row = SELECT_ROW if name == "select" else DO_ROW
@@ -82,7 +82,7 @@ class OrderParameters:
             return Change(True, "")
         order = Order(OrderKind.SELECT_ZONE, value) if name == "select" else Order(ORDERS[value])
         reply = self._operator.carry_out(order)
-        repeatable = reply.accepted and order.kind is not OrderKind.ABORT  # an abort is carried out each time
+        repeatable = reply.accepted and order.kind is not OrderKind.ABORT  # an abort is executed each time
         self._last = (name, value, self._operator.order_count) if repeatable else None
         self._last_ns = now_ns()
         return Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")

@@ -1,9 +1,8 @@
-"""MAVLink's parameter protocol from the side that owns the parameters, without I/O.
+"""Server of the MAVLink parameter protocol, without I/O.
 
-Each is one of ours under its MAVLink name: numbers as REAL32, whole numbers as INT32,
-choices as INT32 counted from 0 in the order of the table. Whole numbers travel in the float field as the
-vehicle's autopilot sends its own, for ground stations read all components of a vehicle alike: ArduPilot by
-value, PX4 by bytes.
+Each parameter of slz has a MAVLink name: floats are REAL32, integers INT32, choices INT32 counted from 0 in
+the order of the table. Integers are encoded in the float field as by the vehicle's autopilot, because ground
+stations decode all components of a vehicle alike: ArduPilot by value, PX4 bytewise.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from companion.flight.services.settings import Change
 from companion.runtime.event import Event
 from params import Row, allowed
 
-# A list goes out so fast: four seconds for all, and a tenth of a radio of 57600 baud.
+# Interval of a list: four seconds for all parameters, a tenth of the rate of a 57600 baud radio.
 LIST_INTERVAL_NS = 50_000_000
 
 
 class Keeper(Protocol):
-    """Who keeps the values of some parameters; `stored` has an attribute for the name of each row."""
+    """Holder of some parameters; `stored` has an attribute for the name of each row."""
 
     @property
     def rows(self) -> tuple[Row, ...]: ...
@@ -42,16 +41,16 @@ class ParameterServer:
     Parameters
     ----------
     keepers
-        Keep the values, refuse wrong ones.
+        Holders of the values; they refuse invalid ones.
 
     Attributes
     ----------
     bytewise
-        Whether whole numbers travel as bytes (PX4) or by value (ArduPilot).
+        Whether integers are encoded bytewise (PX4) or by value (ArduPilot).
     changed, refused
-        Changes made; changes refused.
+        Counts of changes and of refusals.
     told
-        Event (text, accepted): what became of a change, for the pilot's screen.
+        Event (text, accepted) of a change, for the pilot's screen.
     """
 
     def __init__(self, *keepers: Keeper) -> None:
@@ -66,9 +65,9 @@ class ParameterServer:
         self.refused = 0
 
     def take(self, message: Any, system: int, component: int) -> list[Any]:
-        """Return the answers to a message: those of PARAM_SET and PARAM_REQUEST_READ, at once.
+        """Return the answers to a PARAM_SET or PARAM_REQUEST_READ; queue those to a PARAM_REQUEST_LIST.
 
-        What concerns only others gets none; what is addressed to us and wrong gets PARAM_ERROR.
+        A message for other components gets none; a wrong one for this component alone gets PARAM_ERROR.
         """
         kind = message.get_type()
         if kind not in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
@@ -77,12 +76,12 @@ class ParameterServer:
             return []
         for_us_alone = message.target_component == component
         if kind == "PARAM_REQUEST_LIST":
-            # Go on where the list is, and round: two stations that ask in turn must not starve the end of it.
+            # Continue a list in progress, then wrap: two stations that ask in turn must not starve its end.
             self._waiting.extend(i for i in range(len(self._rows)) if i not in self._waiting)
             return []
         by_index = kind == "PARAM_REQUEST_READ" and message.param_index >= 0
         if by_index and not for_us_alone:
-            return []  # it means somebody else's table
+            return []  # the index refers to another component's table
         index = message.param_index if by_index else self._index.get(message.param_id, -1)
         if not 0 <= index < len(self._rows):
             fault = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
@@ -90,7 +89,7 @@ class ParameterServer:
         return [self._value(index)] if kind == "PARAM_REQUEST_READ" else self._set(index, message)
 
     def poll(self, now_ns: int) -> list[Any]:
-        """Return the next message of a list that was asked for, if it is due."""
+        """Return the next message of a requested list, if it is due."""
         if not self._waiting or now_ns < self._next_ns:
             return []
         self._next_ns = now_ns + LIST_INTERVAL_NS
@@ -107,7 +106,7 @@ class ParameterServer:
         if change.accepted:
             self.changed += bool(change.reason)
             if value != getattr(self._keepers[index].stored, row.name) and index not in self._waiting:
-                self._waiting.append(index)  # an order: first what was set is read back, then what is
+                self._waiting.append(index)  # an order: the answer echoes it, the list sends the real value
             return [self._value(index, value)]
         self.refused += 1
         return [self._error(message, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE), self._value(index)]
@@ -125,7 +124,7 @@ class ParameterServer:
         )
 
     def _decode(self, row: Row, message: Any) -> Any:
-        """Return the value that a PARAM_SET means, None if it means none."""
+        """Return the value of a PARAM_SET, None if it is invalid."""
         number = float(message.param_value)
         if self.bytewise and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
             number = float(struct.unpack("<i", struct.pack("<f", number))[0])

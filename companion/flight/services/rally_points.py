@@ -1,8 +1,9 @@
-"""The best zones as the autopilot's rally points: its own RTL then lands on surveyed ground.
+"""Rally points of the autopilot at the best zones, so that its own RTL lands on mapped ground.
 
-RTL flies to the nearest of rally points and home, also when this program is dead. So only ground of the near
-map that is certain enough is given, and it is taken back when the vehicle is disarmed, lest the next flight
-return to where cars stand by then. The pilot's own points are kept.
+RTL flies to the nearest of rally points and home, also when this program is dead. Therefore only zones of the
+near map that are certain enough are uploaded, or of the survey prior while there is none. They are removed
+when the vehicle is disarmed, lest the next flight return to where cars stand by then. The pilot's own points
+are kept.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ from slz import Report, Zone
 log = logging.getLogger(__name__)
 
 MOST = 5
-LIMIT_M = 300.0  # RALLY_LIMIT_KM: ArduPilot ignores what is farther
+LIMIT_M = 300.0  # RALLY_LIMIT_KM: ArduPilot ignores points farther away
 CHANGED_M = 2.0
-# Between two transfers of ours; after one of somebody else; between looks at what others may have changed.
+# Pause between two of our transfers; after one of another station; between checks for changes by others.
 PAUSE_NS = 10_000_000_000
 QUIET_NS = 5_000_000_000
 LOOK_NS = 60_000_000_000
 LONGEST_PAUSE_NS = 80_000_000_000
 METRES_PER_E7 = 0.0111319
 HALF_ROUND_E7 = 1_800_000_000
-# The autopilot may give back a coordinate rounded otherwise.
+# The autopilot may return a coordinate with different rounding.
 SAME_E7 = 2
 TRANSFERS = frozenset(
     {
@@ -42,9 +43,9 @@ TRANSFERS = frozenset(
 
 
 def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -> tuple[RallyPoint, ...]:
-    """Return the rally points of a report: its best near zones, safe and certain, in reach of the vehicle.
+    """Return the rally points of a report: its best near zones, certain and within reach of the vehicle.
 
-    As long as no near zone is, those surveyed before the flight stand in.
+    Without such a zone, the zones of the survey prior are used.
     """
     if vehicle.position_lla is None or vehicle.relative_alt_m is None:
         return ()
@@ -81,15 +82,15 @@ def _points(
 
 
 def apart_m(point: RallyPoint, lat_e7: int, lon_e7: int) -> float:
-    """Return the distance over ground, good to a percent over kilometres."""
-    # The shorter way round, across the date line too.
+    """Return the horizontal distance in m, accurate to a percent over kilometres."""
+    # The shorter way round, also across the date line.
     turn_e7 = (point.lon_e7 - lon_e7 + HALF_ROUND_E7) % (2 * HALF_ROUND_E7) - HALF_ROUND_E7
     east = turn_e7 * METRES_PER_E7 * math.cos(math.radians(lat_e7 * 1e-7))
     return math.hypot((point.lat_e7 - lat_e7) * METRES_PER_E7, east)
 
 
 def moved(old: tuple[RallyPoint, ...], new: tuple[RallyPoint, ...]) -> bool:
-    """Tell whether points differ by more than what is worth a transfer."""
+    """Return whether points differ enough to be worth a transfer."""
 
     def near(a: RallyPoint, b: RallyPoint) -> bool:
         return apart_m(a, b.lat_e7, b.lon_e7) <= CHANGED_M and abs(a.alt_m - b.alt_m) <= CHANGED_M
@@ -98,21 +99,21 @@ def moved(old: tuple[RallyPoint, ...], new: tuple[RallyPoint, ...]) -> bool:
 
 
 class Rally:
-    """Keeps our points on the vehicle beside those of others.
+    """Keeps our rally points on the vehicle beside those of others.
 
     Parameters
     ----------
     ours
-        Points of ours that an earlier run may have left on the vehicle.
+        Our points that an earlier run may have left on the vehicle.
 
     Attributes
     ----------
     ours
-        Points that may be on the vehicle and are ours: remember them for the next start.
+        Our points that may be on the vehicle, to be stored for the next start.
     foreign
-        Points of others on the vehicle, as of the last look.
+        Points of others on the vehicle at the last download.
     uploads, failures
-        Transfers that changed the vehicle's points; transfers that did not end well.
+        Counts of uploads and of failed transfers.
     """
 
     def __init__(self, ours: Iterable[RallyPoint] = ()) -> None:
@@ -120,9 +121,9 @@ class Rally:
         self.foreign: tuple[RallyPoint, ...] = ()
         self.uploads = 0
         self.failures = 0
-        self._there: tuple[RallyPoint, ...] | None = None  # ours on the vehicle for certain
+        self._there: tuple[RallyPoint, ...] | None = None  # our points that are on the vehicle for certain
         self._goal: tuple[RallyPoint, ...] = ()
-        self._owed: tuple[RallyPoint, ...] = ()  # of others, that a broken upload may have cut off
+        self._owed: tuple[RallyPoint, ...] = ()  # points of others that a failed upload may have removed
         self._transfer: Transfer | None = None
         self._next_ns = 0
         self._look_ns = 0
@@ -131,18 +132,18 @@ class Rally:
 
     @property
     def busy(self) -> bool:
-        """Whether a transfer is under way."""
+        """Whether a transfer is in progress."""
         return self._transfer is not None
 
     def poll(
         self, now_ns: int, wanted: tuple[RallyPoint, ...] | None, vehicle: int, us: tuple[int, int]
     ) -> list[Any]:
-        """Return what to send now.
+        """Return the messages to send now.
 
         Parameters
         ----------
         wanted
-            Points that should be on the vehicle; None leaves them as they are.
+            Points that should be on the vehicle; None leaves them unchanged.
         vehicle, us
             The vehicle's system; our system and component.
         """
@@ -155,12 +156,12 @@ class Rally:
         return out + self._go_on(now_ns, vehicle, us)
 
     def hear(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
-        """Take a message of the mission protocol, whoever sent it, and return the answers."""
+        """Process a message of the mission protocol from any sender, and return the answers."""
         if message.get_type() not in TRANSFERS:
             return []
         sender = (message.get_srcSystem(), message.get_srcComponent())
         if (message.target_system, message.target_component) != us:
-            if vehicle in (sender[0], message.target_system):  # not of another vehicle's points
+            if vehicle in (sender[0], message.target_system):  # ignores the points of other vehicles
                 self._others_ns = now_ns
             return []
         if self._transfer is None or sender != (vehicle, mavlink.MAV_COMP_ID_AUTOPILOT1):
@@ -178,7 +179,7 @@ class Rally:
         return self._others_ns is not None and now_ns - self._others_ns < QUIET_NS
 
     def _go_on(self, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
-        """Start what follows a transfer that has ended."""
+        """Start the step that follows a finished transfer."""
         transfer = self._transfer
         if transfer is None or transfer.outcome is None:
             return []
@@ -203,7 +204,7 @@ class Rally:
             return []
         if self._others_are_at_it(now_ns):
             return []
-        self.ours = (*self.ours, *self._goal)  # before it is so: we may die in between
+        self.ours = (*self.ours, *self._goal)  # stored before the upload, as the program may die meanwhile
         self._transfer = Upload(vehicle, *us, (*self.foreign, *self._goal))
         return self._transfer.poll(now_ns)
 

@@ -1,4 +1,4 @@
-"""What the link serves beside the landing: parameters, rally points, and the memory of signing."""
+"""Services on the link: parameters, rally points, and the stored timestamp of signing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RALLY_FILE = "rally"
 
 
 def start_signing(key_file: Path, state: StateDir) -> Signing:
-    """Read the key and go on from the timestamp of the last flight, from the date if there is none.
+    """Read the key and resume the timestamp of the last flight, or begin with the date without one.
 
     Raises
     ------
@@ -48,23 +48,23 @@ def start_signing(key_file: Path, state: StateDir) -> Signing:
 
 
 def _tick(text: str) -> int | None:
-    """Return the timestamp that a text is, None if it is none."""
+    """Return the timestamp in a text, None if it is invalid."""
     if not (text.isascii() and text.isdigit() and len(text) <= len(str(HIGHEST_TICK))):
         return None
     return int(text) if int(text) <= HIGHEST_TICK else None
 
 
 class Services:
-    """Serves the parameters to ground stations, and the best zones to the autopilot as rally points.
+    """Serves parameters to ground stations, and the best zones to the autopilot as rally points.
 
     Parameters
     ----------
     link, settings
-        Where they come from, and who keeps the values.
+        Source of the requests, and holder of the values.
     signing, state
-        The signed link's timestamp and our rally points are remembered there.
+        Signing of the link; state directory for its timestamp and our rally points.
     report
-        Gives the newest report, None while there is none that is fresh.
+        Returns the newest report, None without a fresh one.
     orders
         Parameters that are orders.
     """
@@ -96,7 +96,7 @@ class Services:
             link.subscribe(name, self._mission, anyone=True)
 
     async def run(self) -> None:
-        """Send what is due until cancelled."""
+        """Send due messages until cancelled."""
         try:
             while True:
                 for message in self.parameters.poll(now_ns()):
@@ -128,19 +128,19 @@ class Services:
         self._send_mission(self.rally.poll(now_ns(), self._wanted_points(), link.vehicle.sysid, us))
 
     def _wanted_points(self) -> tuple[RallyPoint, ...] | None:
-        """Return the rally points that should be there now, None to leave them as they are."""
+        """Return the rally points for the vehicle, None to leave them unchanged."""
         parameters, vehicle = self._settings.running, self._link.vehicle
         if parameters.rally == "off" or not vehicle.armed:
             return ()
         report = self.report()
         if report is None:
             return None
-        if report is not self._seen:  # once a report: the tick is twenty times as quick
+        if report is not self._seen:  # once per report, because the tick is twenty times as fast
             self._seen, self._points = report, best_points(report, vehicle, parameters)
         return self._points
 
     def _send_mission(self, messages: list[Any]) -> None:
-        """Send; first remember which points are ours, for we may die before they are taken back."""
+        """Store our points, because the program may die before they are removed; then send."""
         if self._state is not None and self.rally.ours != self._remembered:
             self._remembered = self.rally.ours
             lines = "".join(f"{p.lat_e7} {p.lon_e7} {p.alt_m}\n" for p in self._remembered)
@@ -155,7 +155,7 @@ class Services:
         self._link.statustext(text, mavlink.MAV_SEVERITY_INFO if accepted else mavlink.MAV_SEVERITY_WARNING)
 
     async def _sync_points(self) -> None:
-        """Let our points survive a power cut; in a thread, for nothing here may wait for a card."""
+        """Sync our points to disk against a power cut; in a thread, because nothing here may wait for it."""
         if self._unsynced and self._state is not None:
             self._unsynced = False
             if fault := await asyncio.to_thread(self._state.sync, RALLY_FILE):
@@ -172,7 +172,7 @@ class Services:
 
 
 def _read_points(state: StateDir) -> tuple[RallyPoint, ...]:
-    """Return the points that an earlier run may have left on the vehicle; a line that is none is left out."""
+    """Return the points that an earlier run may have left on the vehicle, without invalid lines."""
     points = []
     for line in (state.read(RALLY_FILE, damaged=True) or "").splitlines():
         try:

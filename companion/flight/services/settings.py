@@ -1,4 +1,4 @@
-"""Parameters that can be changed while the program runs, and are remembered for the next start."""
+"""Runtime parameters: changed in flight and stored for the next start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FILE = "parameters.toml"
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What became of a new value: whether it is kept, and what to tell the pilot."""
+    """Result of a change: whether the value is kept, and the text for the pilot."""
 
     accepted: bool
     reason: str
@@ -28,17 +28,17 @@ class Change:
 class Settings:
     """Holder of the parameters in force and of those for the next start.
 
-    A value whose row is `live` takes effect at once, any other at the next start. Either is refused, and the
-    old one kept, when it is out of range or does not go with the others, now or at the next start.
+    A value whose row is `live` takes effect at once, any other at the next start. A value that is out of
+    range or conflicts with others, now or at the next start, is refused.
 
     Attributes
     ----------
     running, stored
         Parameters in force; those of the next start.
     rows
-        The table.
+        Parameter table.
     on_change
-        Told the Python name and the value of what was set.
+        Event (Python name, value) of a changed parameter.
     """
 
     def __init__(self, parameters: Parameters, state: StateDir | None = None) -> None:
@@ -51,11 +51,11 @@ class Settings:
 
     @property
     def live(self) -> Parameters:
-        """Parameters that always read as the ones in force: hand these to whatever runs on."""
+        """View of the parameters in force that follows changes; for readers that keep it."""
         return cast(Parameters, _Live(self))
 
     def change(self, name: str, value: Any) -> Change:
-        """Set a parameter by its Python name; out of range, the old value stays."""
+        """Set a parameter by its Python name; an invalid value is refused."""
         row = self._rows[name]
         try:
             stored = params.build(self.stored.model_dump() | {name: value})
@@ -77,7 +77,7 @@ class Settings:
 
 
 class _Live:
-    """Reads as the parameters in force; made for readers that keep it while values change."""
+    """View of the parameters in force."""
 
     __slots__ = ("_settings",)
 
@@ -89,17 +89,17 @@ class _Live:
 
 
 def load(profile: str, settings: Iterable[str], state: StateDir) -> Parameters:
-    """Return the parameters to start with: profile, then what was set in flight, then the command line.
+    """Return the parameters to start with: profile, then values set in flight, then the command line.
 
     Raises
     ------
     ParameterError
         The profile or a setting is wrong.
     UsageError
-        What was stored is: start without it only knowingly.
+        A stored value is wrong: the user decides whether to start without it.
     """
     settings = list(settings)
-    params.load(profile, settings)  # their own faults first
+    params.load(profile, settings)  # reports their own faults first
     try:
         return params.load(profile, settings, read_stored(state))
     except ParameterError as error:
@@ -107,7 +107,7 @@ def load(profile: str, settings: Iterable[str], state: StateDir) -> Parameters:
 
 
 def read_stored(state: StateDir) -> dict[str, Any]:
-    """Return the values of the state directory's file; raise `UsageError` if it is no TOML."""
+    """Return the values of the state directory's file; raise `UsageError` if it is not TOML."""
     try:
         return tomllib.loads(state.read(FILE) or "")
     except (ValueError, RecursionError) as error:
@@ -120,7 +120,7 @@ def _toml(values: dict[str, Any]) -> str:
 
 
 def _short(error: str, row: Row) -> str:
-    """Return a refusal without the name, which stands before it, as the pilot's screen is narrow."""
+    """Return a refusal without the name, which precedes it, because the pilot's screen is narrow."""
     return f"must be {params.allowed(row)}" if "is refused: it must be" in error else error
 
 

@@ -1,4 +1,4 @@
-"""The vehicle's MAVLink system, remembered from one run to the next."""
+"""Persistent MAVLink system ID of the vehicle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SYSTEMS = range(1, 256)
 
 
 def identity_from(state: StateDir | None, named: int | None) -> VehicleIdentity:
-    """Return the identity to start with: the named system, or that of the run before."""
+    """Return the initial identity: the named system, or that of the previous run."""
     text = "" if state is None else (state.read(FILE, damaged=True) or "").strip()
     known = text.isascii() and text.isdigit() and len(text) <= 3 and int(text) in SYSTEMS
     if state is not None and text and not known:
@@ -24,7 +24,7 @@ def identity_from(state: StateDir | None, named: int | None) -> VehicleIdentity:
 
 
 def remember_vehicle(link: Link, state: StateDir) -> None:
-    """Write the vehicle's system into the state directory each time another one is connected."""
+    """Write the vehicle's system to the state directory each time it changes."""
     written = link.identity.remembered
 
     def write(connected: bool) -> None:

@@ -1,4 +1,4 @@
-"""Who may look, and who may give orders."""
+"""Access control: roles, tokens and origin checks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LINE = re.compile(r"(operator|viewer)\s+([A-Za-z0-9_-]+)")
 
 
 class Role(Enum):
-    """What a browser may do."""
+    """Permission of a browser."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
@@ -30,7 +30,7 @@ def read_tokens(path: Path) -> dict[str, Role]:
     Raises
     ------
     UsageError
-        It cannot be read, others than its owner may read it, or a line is none of these.
+        The file cannot be read, others than its owner may read it, or a line is neither.
     """
     what = f"--dashboard-token {path}"
     try:
@@ -56,16 +56,16 @@ def read_tokens(path: Path) -> dict[str, Role]:
 
 
 class Access:
-    """Decides by a request's headers and token, without I/O.
+    """Decides from a request's headers and token, without I/O.
 
-    Without tokens, which only an address of this computer allows, whoever reaches the page is the
-    operator; then the name by which it is asked must be this computer's own, or a web page elsewhere could
-    lead a browser here under a name of its own (DNS rebinding).
+    Without tokens, which only a loopback address allows, everybody who reaches the page is the operator. The
+    Host header must then be this computer's own, or a foreign web page could direct a browser here under its
+    own name (DNS rebinding).
 
     Raises
     ------
     UsageError
-        Others reach the address and there is no token.
+        Others can reach the address and there is no token.
     """
 
     def __init__(self, address: Address, tokens: Mapping[str, Role] | None) -> None:
@@ -79,11 +79,11 @@ class Access:
 
     @property
     def needs_token(self) -> bool:
-        """Whether one is asked for."""
+        """Whether a token is needed."""
         return bool(self._tokens)
 
     def role(self, token: str | None) -> Role | None:
-        """Return what a token allows, None if nothing; compared in constant time."""
+        """Return the role of a token, None if it is unknown; compared in constant time."""
         if not self._tokens:
             return Role.OPERATOR
         given = (token or "").encode()
@@ -94,16 +94,17 @@ class Access:
         return found
 
     def refuses(self, headers: Mapping[str, str], *, acts: bool) -> str:
-        """Return why a request is refused whatever its token, empty where it is not.
+        """Return the reason to refuse a request whatever its token, empty if there is none.
 
-        acts: it opens a channel for orders, so it must say that it comes from this page itself.
+        acts: the request changes something or opens a channel for orders, so it must prove that it comes from
+        this page.
         """
         host = headers.get("host", "")
         if not self._tokens and host not in self._own:
             return f"ask for this page as one of {', '.join(sorted(self._own))}"
         if headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
             if headers.get("sec-fetch-mode") == "navigate" and not acts:
-                return ""  # a link to this page somewhere
+                return ""  # a link to this page
             return "asked by another site's page"
         origin = headers.get("origin")
         if origin is None:
@@ -112,7 +113,7 @@ class Access:
 
 
 def _named(origin: str) -> str | None:
-    """Return host and port of an origin, None where it is none."""
+    """Return host and port of an origin, None if it is invalid."""
     try:
         return urlsplit(origin).netloc or None
     except ValueError:

@@ -1,4 +1,4 @@
-"""Where the page is served: HOST:PORT."""
+"""Network address of the page: HOST:PORT."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from companion.runtime.errors import UsageError
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Host and port; port 0 is any free one."""
+    """Host and port; port 0 means any free one."""
 
     host: str
     port: int
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only programs on this computer reach it."""
+        """Whether only programs on this computer can reach the address."""
         if self.host == "localhost":
             return True
         try:
@@ -31,7 +31,7 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """Return the address; raise `UsageError` if the text is none."""
+    """Return the address in a text; raise `UsageError` if it is invalid."""
     host, colon, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not (colon and host and port.isascii() and port.isdigit() and len(port) <= 5 and int(port) < 65536):
@@ -40,12 +40,12 @@ def parse_address(text: str) -> Address:
 
 
 def listen(address: Address) -> socket.socket:
-    """Return a socket that listens there.
+    """Return a socket that listens at an address.
 
     Raises
     ------
     UsageError
-        The port is in use, or the address is none of this computer's.
+        The port is in use, or the address is not one of this computer.
     """
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
     sock = socket.socket(family, socket.SOCK_STREAM)
@@ -61,6 +61,6 @@ def listen(address: Address) -> socket.socket:
 
 
 def bound(sock: socket.socket) -> Address:
-    """Return where a socket listens."""
+    """Return the address of a listening socket."""
     host, port = sock.getsockname()[:2]
     return Address(str(host), int(port))

@@ -1,4 +1,4 @@
-"""Makes room for a new connection among those that ask for nothing."""
+"""Connection limit: closes idle or untrusted connections to make room for a new one."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 
 from companion.flight.dashboard.security.request_guard import ROLE
 
-MOST_CONNECTIONS = 256  # the landing needs files and sockets of the same process, too
+MOST_CONNECTIONS = 256  # the landing needs files and sockets of the same process
 MOST_OF_ONE_HOST = 128
 
 
 def make_room(newcomer: Any, connections: Iterable[Any]) -> str | None:
-    """Return the address whose connection was ended for a newcomer; None if there is room.
+    """Return the address whose connection was closed for a newcomer; None if there is room.
 
-    Ended is one without an answer under way for a known token: of the newcomer's address if that has too
-    many, else of the address that has most; rather one that never brought a token, and the oldest of these.
-    So strangers who hold connections replace each other and not the pilot, whose open page is never ended.
-    Where all the others are in use the newcomer itself is ended.
+    A connection without an answer in progress for a known token is closed: of the newcomer's address if that
+    has too many, else of the address that has most; preferably one that never sent a valid token, and the
+    oldest of these. So strangers who hold connections replace each other and not the pilot, whose open page
+    is never closed. If all others are in use, the newcomer is closed.
 
-    newcomer, connections: protocols of a server, with `client`, `transport` and, once they brought a
-    request, `scope`.
+    newcomer, connections: protocols of a server, with `client`, `transport` and, after the first request,
+    `scope`.
     """
     held = [one for one in connections if not one.transport.is_closing()]
     counts = Counter(host_of(one) for one in held)
@@ -39,7 +39,7 @@ def make_room(newcomer: Any, connections: Iterable[Any]) -> str | None:
 
 
 def host_of(connection: Any) -> str:
-    """Return the address of the other end, empty where it is unknown."""
+    """Return the address of the other end, empty if it is unknown."""
     client = connection.client
     return client[0] if client else ""
 
@@ -50,7 +50,7 @@ def _has_role(connection: Any) -> bool:
 
 
 def _in_use(connection: Any) -> bool:
-    """Tell whether a known token's request is being answered; a browser's channel always is."""
+    """Return whether a known token's request is being answered; a WebSocket always is."""
     return _has_role(connection) and not getattr(connection, "is_idle", False)
 
 

@@ -1,4 +1,4 @@
-"""Rate-limited log of what strangers try at the page."""
+"""Rate-limited log of unauthorised access to the page."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ log = logging.getLogger(__name__)
 WRONG_TOKEN = "wrong tokens"
 UNJUDGED = "tokens refused unread, for others of the address wait"
 CROWDED_OUT = "connections ended to make room for others"
-LINE_S = 10.0  # between two lines of one kind
-MOST_ADDRESSES = 64  # counted by name; more are counted together
-MOST_NAMED = 3  # in a line
+LINE_S = 10.0  # interval between two lines of one kind
+MOST_ADDRESSES = 64  # counted individually; others are counted together
+MOST_NAMED = 3  # addresses per line
 OTHERS = "others"
 
 
 class Incidents:
-    """Counts by kind and address, logged as one line of a kind in ten seconds.
+    """Counts by kind and address, logged as one line per kind every ten seconds.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Incidents:
         counts[address if address in counts or len(counts) < MOST_ADDRESSES else OTHERS] += 1
 
     def report(self) -> None:
-        """Log what was counted and is due."""
+        """Log the counts that are due."""
         now_s = self._now()
         due = [kind for kind in self._counts if now_s - self._line_s.get(kind, -LINE_S) >= LINE_S]
         for kind in due:

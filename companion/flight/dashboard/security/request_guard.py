@@ -1,4 +1,4 @@
-"""Guard before every route: refuses what does not come from this page, or without a token."""
+"""ASGI guard before every route: refuses requests from other sites or without a token."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.flight.dashboard.security.token_check import Door
 log = logging.getLogger(__name__)
 
 ROLE = "slz_role"
-OPEN = frozenset({"/login", "/static/login.js", "/static/style.css"})  # what needs no token
+OPEN = frozenset({"/login", "/static/login.js", "/static/style.css"})  # paths without a token
 MOST_BODY_BYTES = 1024
 WAIT = "too many wrong tokens came from this address: wait some seconds and try again"
 SAFE_METHODS = frozenset({"GET", "HEAD"})
@@ -31,7 +31,7 @@ HEADERS = {
 
 
 class Guard:
-    """ASGI layer that lets a request through with its role in the scope."""
+    """ASGI middleware that passes a request with its role in the scope."""
 
     def __init__(self, app: ASGIApp, door: Door) -> None:
         self._app, self._door = app, door
@@ -49,7 +49,7 @@ class Guard:
             await self._app(scope, receive, send if channel else _with_headers(send))
 
     async def _judge(self, scope: Scope, headers: Headers) -> Role | Response | None:
-        """Return the role of a request, or why it is refused."""
+        """Return the role of a request, or the response that refuses it."""
         is_open, role = scope["path"] in OPEN, None
         if not is_open:
             try:
@@ -72,13 +72,13 @@ class Guard:
 
 
 def address_of(scope: Scope) -> str:
-    """Return the address of a request's sender, empty where it is unknown."""
+    """Return the address of a request's sender, empty if it is unknown."""
     client = scope.get("client")
     return str(client[0]) if client else ""
 
 
 def token_of(headers: Headers) -> str | None:
-    """Return the token that a request brings, in its cookie or as `Authorization: Bearer`."""
+    """Return the token in a request's cookie or `Authorization: Bearer` header."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token
@@ -90,7 +90,7 @@ def token_of(headers: Headers) -> str | None:
 
 
 def _is_short(length: str) -> bool:
-    """Tell whether a body's length is a number, and small."""
+    """Return whether a body's length is a small number."""
     return length.isascii() and length.isdigit() and int(length[:9]) <= MOST_BODY_BYTES
 
 

@@ -1,4 +1,4 @@
-"""Growing delay for wrong tokens, by address of the sender."""
+"""Throttle of token guessing: growing delay for wrong tokens, by address of the sender."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-FREE = 3  # wrong tokens without a delay: a person mistypes
+FREE = 3  # wrong tokens without a delay, for typing errors
 FIRST_S, LONGEST_S = 0.5, 8.0
 FORGET_S = 300.0
-MOST_WAITING = 4  # tokens of one address that wait at a time
+MOST_WAITING = 4  # tokens of one address that wait at the same time
 MOST_ADDRESSES = 1024
-MOST_REPEATED = 4  # wrong tokens of one address that are recognised when they come again
+MOST_REPEATED = 4  # wrong tokens of one address that are recognised when repeated
 
 
 class TooManyGuessesError(Exception):
-    """Another token of the same address has to be judged first."""
+    """Other tokens of the same address must be checked first."""
 
 
 @dataclass(slots=True)
@@ -30,11 +30,11 @@ class _Record:
 
 
 class Throttle:
-    """Delays of tokens that are not known yet to be right.
+    """Delays for tokens that are not known to be right.
 
-    An address pays for its own wrong tokens only. A token that comes again and again, as from a page left
-    open with the token of another day, delays itself and no other token of its address: the pilot at the
-    same computer types the right one without a wait.
+    An address is delayed only for its own wrong tokens. A token sent repeatedly, as by a page left open with
+    an old token, delays itself and no other token of its address: the pilot at the same computer enters the
+    right one without a wait.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Throttle:
         self._records: OrderedDict[str, _Record] = OrderedDict()
 
     def delay_s(self, address: str, token: bytes) -> float:
-        """Return the seconds that a token waits before it is judged."""
+        """Return the delay in seconds before a token is checked."""
         record = self._records.get(address)
         if record is None:
             return 0.0
@@ -59,7 +59,7 @@ class Throttle:
 
     @contextmanager
     def waiting(self, address: str, token: bytes) -> Iterator[None]:
-        """Count a token as waiting; raise `TooManyGuessesError` if too many do, or the same one does."""
+        """Count a token as waiting; raise `TooManyGuessesError` if it waits already or too many do."""
         record = self._record(address)
         if token in record.waiting or len(record.waiting) >= MOST_WAITING:
             raise TooManyGuessesError
@@ -70,7 +70,7 @@ class Throttle:
             record.waiting.discard(token)
 
     def count_wrong(self, address: str, token: bytes) -> None:
-        """Count a token that was judged wrong."""
+        """Count a wrong token."""
         record = self._record(address)
         record.last_s = self._now()
         if token not in record.repeated:
@@ -81,11 +81,11 @@ class Throttle:
             record.repeated.popitem(last=False)
 
     def forget(self, address: str) -> None:
-        """Delay an address no more."""
+        """Remove the delay of an address."""
         self._records.pop(address, None)
 
     def _record(self, address: str) -> _Record:
-        """Return the record of an address; the one unused for longest gives way to one too many."""
+        """Return the record of an address; beyond `MOST_ADDRESSES` the least recently used one is dropped."""
         record = self._records.setdefault(address, _Record(self._now()))
         self._records.move_to_end(address)
         while len(self._records) > MOST_ADDRESSES:

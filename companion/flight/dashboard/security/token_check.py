@@ -1,4 +1,4 @@
-"""Judges the tokens of requests: known ones at once, others after a delay that wrong ones make longer."""
+"""Token check: known tokens pass at once, others after a delay that grows with wrong ones."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ MOST_KNOWN = 256
 
 
 class Door:
-    """The page's access with its memory of addresses, which outlasts a restart of the page.
+    """Access control with a memory of addresses that outlasts a restart of the page.
 
-    A token once judged right is known for its address: an open page, its reconnections and its orders never
-    wait, whatever others of the same address try. Wrong tokens of one address delay no other address.
-    The operator's token ends the delay of its address; a viewer's does not, or whoever may look could try
-    operators' tokens without one.
+    A token once accepted is known for its address: an open page, its reconnections and its orders never wait,
+    whatever others at the same address try. Wrong tokens of one address delay no other address. The
+    operator's token ends the delay of its address; a viewer's does not, or a viewer could guess operators'
+    tokens without one.
 
     Parameters
     ----------
     access
-        Who may do what.
+        Rules of access.
     now, sleep
-        Monotonic clock in seconds, and its wait.
+        Monotonic clock in seconds, and its sleep.
     """
 
     def __init__(
@@ -45,12 +45,12 @@ class Door:
         self._salt = secrets.token_bytes(16)
 
     async def role(self, address: str, token: str | None) -> Role | None:
-        """Return what a token allows, None if nothing.
+        """Return the role of a token, None if it is unknown.
 
         Raises
         ------
         TooManyGuessesError
-            Too many tokens of this address wait to be judged; this one is not.
+            Too many tokens of this address wait for their check; this one is not checked.
         """
         if not self.access.needs_token or not token:
             return self.access.role(token)
