@@ -99,38 +99,3 @@ def offboard_signal(vehicle: VehicleState) -> Any | None:
 def hold_setpoint(vehicle: VehicleState) -> Any:
     """Return a setpoint of zero velocity."""
     return velocity_setpoint(vehicle, (0.0, 0.0, 0.0))
-
-
-def climb_setpoint(vehicle: VehicleState, climb_ms: float) -> Any:
-    """Return a vertical velocity setpoint, up positive."""
-    return velocity_setpoint(vehicle, (0.0, 0.0, climb_ms))
-
-
-def position_setpoint(
-    vehicle: VehicleState,
-    lat_deg: float,
-    lon_deg: float,
-    alt_msl_m: float,
-    yaw_rad: float | None = None,
-) -> Any:
-    """Return a position setpoint (SET_POSITION_TARGET_GLOBAL_INT, altitude above mean sea level).
-
-    ArduPilot's default avoidance stops velocity setpoints before a wall, but not position setpoints.
-    """
-    if not all(map(math.isfinite, (lat_deg, lon_deg, alt_msl_m, yaw_rad or 0.0))):
-        raise ValueError(f"position setpoint {lat_deg}, {lon_deg}, {alt_msl_m} m is not finite")
-    mask = _VELOCITY | _ACCELERATION | _YAW_RATE | (_YAW if yaw_rad is None else 0)
-    return mavlink.MAVLink_set_position_target_global_int_message(
-        vehicle.boot_ms or 0,
-        vehicle.sysid or 0,
-        mavlink.MAV_COMP_ID_AUTOPILOT1,
-        mavlink.MAV_FRAME_GLOBAL_INT,
-        mask,
-        round(lat_deg * 1e7),
-        round(lon_deg * 1e7),
-        alt_msl_m,
-        *(0.0, 0.0, 0.0),
-        *(0.0, 0.0, 0.0),
-        0.0 if yaw_rad is None else math.remainder(yaw_rad, 2 * math.pi),
-        0.0,
-    )

@@ -11,12 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.statustext import named_value, statustext
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.outputs.setpoint import (
-    climb_setpoint,
-    hold_setpoint,
-    position_setpoint,
-    velocity_setpoint,
-)
+from companion.flight.outputs.setpoint import hold_setpoint, velocity_setpoint
 
 VEHICLE = VehicleState(sysid=3, boot_ms=1234)
 
@@ -65,23 +60,15 @@ def test_a_heading_is_turned_to_and_wrapped() -> None:
     assert message.yaw == pytest.approx(-0.5 * math.pi)
 
 
-def test_hold_and_climb() -> None:
-    assert hold_setpoint(VEHICLE).vz == 0
-    assert climb_setpoint(VEHICLE, 2.0).vz == -2.0
-
-
-def test_a_position_is_amsl_and_ignores_velocities() -> None:
-    message = position_setpoint(VEHICLE, 47.1234567, 8.7654321, 412.0)
-    assert (message.lat_int, message.lon_int, message.alt) == (471234567, 87654321, 412.0)
-    assert (message.coordinate_frame, message.type_mask) == (5, 0b0000_1101_1111_1000)
+def test_hold_has_no_velocity() -> None:
+    message = hold_setpoint(VEHICLE)
+    assert (message.vx, message.vy, message.vz) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_what_is_not_finite_is_never_sent(bad: float) -> None:
     with pytest.raises(ValueError, match="not finite"):
         velocity_setpoint(VEHICLE, (0, bad, 0))
-    with pytest.raises(ValueError, match="not finite"):
-        position_setpoint(VEHICLE, bad, 0, 0)
 
 
 def test_named_values_are_cut_at_ten_bytes() -> None:
