@@ -46,9 +46,7 @@ class _UsageError(ValueError):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run until SIGTERM, SIGINT, disconnection of the lock-step client, or the duration; return the exit
-    code.
-    """
+    """Run until SIGTERM, SIGINT, the lock-step client's end, or the duration; return the exit code."""
     with Signals() as signals:
         try:
             return _run(sys.argv[1:] if arguments is None else arguments, signals)

@@ -18,8 +18,7 @@ HIGHEST_M = 200.0  # above this height, the start of the car is of no use
 
 
 class Intruder:
-    """Car that drives from 25 m away onto the latest LANDING_TARGET, once the vehicle is low enough over it.
-    """
+    """Car that drives from 25 m away onto the latest LANDING_TARGET once the vehicle is low enough."""
 
     def __init__(self, below_m: float) -> None:
         self.below_m = below_m

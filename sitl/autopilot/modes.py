@@ -116,8 +116,7 @@ class Navigator:
                 setattr(self.search, name, place + jump_enu_m)
 
     def velocity(self, mode: Mode, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
-        """Return the velocity setpoint (3,) east, north, up; `rangefinder_m` is None without a healthy one.
-        """
+        """Return the velocity setpoint (3,) east, north, up; `rangefinder_m` is None if unhealthy."""
         if self.takeoff_up_m is not None:
             return self._take_off(state)
         if mode is Mode.GUIDED:

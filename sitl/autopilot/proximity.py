@@ -54,8 +54,7 @@ class Proximity:
         self._around = now_ns, seen
 
     def receive_3d(self, message: Any, now_ns: int) -> None:
-        """Process an OBSTACLE_DISTANCE_3D; a batch of one stamp is used from the next stamp on, or after 50
-        ms.
+        """Process an OBSTACLE_DISTANCE_3D; a batch of one stamp is used at the next stamp or after 50 ms.
 
         Points at distance zero or out of the message's own range are dropped silently.
         """
@@ -87,9 +86,7 @@ class Proximity:
         return np.array([east, north, up])
 
     def _rays(self, now_ns: int) -> list[Ray]:
-        """Return the current obstacles, nearest first, so that the remaining velocity slides along a wall's
-        face.
-        """
+        """Return the current obstacles, nearest first, so that a limited velocity slides along a wall."""
         if not self.fresh(now_ns):
             return []
         done = self._batch if now_ns - self._batch[0] > BATCH_NS else self._points

@@ -48,8 +48,7 @@ class Receipt:
 
 
 class Rally:
-    """Rally point server; it requests uploads with MISSION_REQUEST, item by item, and stores each on arrival.
-    """
+    """Rally point server; requests uploads with MISSION_REQUEST, item by item, and stores each on arrival."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._ap = autopilot

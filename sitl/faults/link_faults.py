@@ -96,8 +96,7 @@ class Reordering:
 
 
 class Corruption:
-    """Corruption of 20 % of the datagrams: one to eight bits are flipped, and half of them are truncated too.
-    """
+    """Corruption of 20 % of the datagrams: one to eight flipped bits, and half of them also truncated."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
         if rng.random() >= CORRUPTED:

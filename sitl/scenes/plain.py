@@ -1,4 +1,4 @@
-"""Open plain, mostly landable, with a stream, stones, a fence, a few trees and a far rise (scene 3)."""
+"""Open plain, mostly landable, with a lake, stones, a fence, a few trees and a far rise (scene 3)."""
 
 from __future__ import annotations
 

@@ -69,9 +69,7 @@ class Command:
     z: float = 0.0
 
     def message(self, system: int, component: int, tries: int) -> Any:
-        """Return the message of the n-th try (0 first); its `confirmation` marks a repetition to the
-        receiver.
-        """
+        """Return the message of the n-th try (0 first); `confirmation` marks a repetition."""
         p = (*self.params, *(0.0,) * (7 - len(self.params)))
         if self.frame is None:
             return mavlink.MAVLink_command_long_message(system, component, self.command, min(tries, 255), *p)

@@ -118,8 +118,7 @@ class VehicleState:
 
 
 def is_autopilot(message: Any) -> bool:
-    """Return whether a message is an autopilot's heartbeat, not one of a companion, camera or ground station.
-    """
+    """Return whether a message is an autopilot's heartbeat, not a companion's, camera's or ground station's."""
     return bool(
         message.get_type() == "HEARTBEAT"
         and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1

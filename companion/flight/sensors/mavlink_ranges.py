@@ -132,8 +132,7 @@ def _direction(message: Any) -> Floats | None:
 
 
 def _ring(message: Any) -> Floats | None:
-    """Return the points (n, 3) in the axes of the message's frame, the third down; None for an unknown frame.
-    """
+    """Return the points (n, 3) in the message's frame, third axis down; None for an unknown frame."""
     step_deg = message.increment_f or float(message.increment)
     known = message.frame in (mavlink.MAV_FRAME_BODY_FRD, *LEVEL_FRAMES)
     if not known or not np.isfinite(step_deg) or step_deg == 0:

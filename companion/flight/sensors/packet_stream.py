@@ -178,8 +178,7 @@ class PacketStream:
         }
 
     def _fail(self, lost: Batch) -> None:
-        """Count packets at which the decoder fails, as if never received; log the first with its traceback.
-        """
+        """Count packets at which the decoder fails as not received; log the first with its traceback."""
         if not self._failed:
             log.exception("the decoder of %s fails; the packet began %s", self.kind, lost[0][1][:64].hex())
         self._failed += len(lost)

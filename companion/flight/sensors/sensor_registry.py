@@ -1,6 +1,4 @@
-"""Registry of third-party sensors: decoders added by a user's program
-(`docs/driver.md`).
-"""
+"""Registry of third-party sensors, whose decoders a user's program adds first (`docs/driver.md`)."""
 
 from __future__ import annotations
 
@@ -27,8 +25,7 @@ _SENSORS: dict[str, OtherSensor] = {}
 
 
 def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None = None) -> None:
-    """Register `KIND:HOST:PORT` as the URL of a UDP LiDAR, for `--lidar`, replay and the rest of this
-    process.
+    """Register `KIND:HOST:PORT` as the URL of a UDP LiDAR, in all of this process (`--lidar`, replay).
 
     Parameters
     ----------

@@ -85,8 +85,7 @@ class Signing:
         return self._tick
 
     def to_save(self) -> int | None:
-        """Return the timestamp to store for the next start, None until it has advanced enough since the last.
-        """
+        """Return the timestamp to store for the next start, None if it has advanced too little."""
         if self._tick - self._saved_tick < SAVE_TICKS:
             return None
         self._saved_tick = self._tick

@@ -25,8 +25,7 @@ FULL_SCALE = 4095.0
 
 @dataclass(slots=True)
 class FlashCounters:
-    """Counters of received and dropped data; a frame without some rows is used, its missing pixels unknown.
-    """
+    """Counters of received and dropped data; frames that lack a row are used, its pixels being unknown."""
 
     packets: int = 0
     malformed: int = 0
@@ -38,8 +37,7 @@ class FlashCounters:
 
 
 class FlashDecoder:
-    """Assembler of rows to frames and of frames to points, once a frame is complete or the next one begins.
-    """
+    """Decoder that assembles rows to frames, and converts a frame when it is complete or the next begins."""
 
     kind: ClassVar[str] = "flash"
     setup: ClassVar[str] = ""
@@ -60,9 +58,7 @@ class FlashDecoder:
         return self._packets
 
     def check(self, packet: bytes) -> int | None:
-        """Return the time of the flash (ns), or None, counted as malformed, if the packet is no row of a
-        frame.
-        """
+        """Return the time of the flash (ns), or None, counted as malformed, if it is no row of a frame."""
         head = _header(packet)
         if head is None:
             self.counters.malformed += 1

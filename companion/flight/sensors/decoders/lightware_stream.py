@@ -92,8 +92,7 @@ class LightwareStream:
         }
 
     def _dated(self, count: int, newest_ns: int) -> NDArray[np.int64]:
-        """Return the stamps of `count` readings, the last one at `newest_ns`, none before the previous read.
-        """
+        """Return the stamps of `count` readings, the last at `newest_ns`, none before the previous read."""
         since_ns = LONGEST_NS * count if self._last_ns is None else max(0, newest_ns - self._last_ns)
         step_ns = min(self._period_ns, since_ns // count)
         self._last_ns = newest_ns

@@ -33,9 +33,7 @@ LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # of a sample: values outside overflow or van
 MOST_SIGMA_M = 0.10
 """Less certain points are dropped, because the map weights all points of a sensor equally."""
 MOST_TURN = 0.25
-"""Limit on the change of ground distance caused by pitch, as a share of the height of one phase turn; a share
-of one half makes every point wrong.
-"""
+"""Greatest change of ground distance caused by pitch, in heights of one phase turn; 0.5 makes all wrong."""
 
 
 @dataclass(slots=True)
