@@ -435,7 +435,7 @@ def map_(
         sys.exit(2)
 
 
-@app.command(context_settings={"ignore_unknown_options": True})  # longitudes may be negative
+@app.command(context_settings={"ignore_unknown_options": True})  # because longitudes may be negative
 def nearest(
     lat: Annotated[float, typer.Argument(help="Latitude, degrees north.")],
     lon: Annotated[float, typer.Argument(help="Longitude, degrees east.")],

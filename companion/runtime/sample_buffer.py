@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class Track:
-    """The newest `capacity` samples of `width` numbers each.
+    """Buffer of the newest `capacity` samples of `width` numbers each.
 
     Samples are appended; when the buffer of twice the capacity is full, its newer half moves to the front.
     """

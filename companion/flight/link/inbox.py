@@ -57,8 +57,8 @@ class Inbox:
         self._followed = VehicleState()
         self._bound = False
         self.foreign = 0
-        self.outgoing: Event[[Any]] = Event()  # message to send in answer
-        self.reason: Event[[str, bool]] = Event()  # why an operator's command was (not) accepted
+        self.outgoing: Event[[Any]] = Event()  # message to send as an answer
+        self.reason: Event[[str, bool]] = Event()  # reason, and whether the command was accepted
         self.acknowledged: Event[[Any, int]] = Event()
         self.heartbeat: Event[[]] = Event()
         self.rebooted: Event[[]] = Event()

@@ -118,7 +118,7 @@ class VehicleState:
 
 
 def is_autopilot(message: Any) -> bool:
-    """Return whether a message is an autopilot's heartbeat, not a companion's, camera's or ground station's."""
+    """Return whether a message is the heartbeat of an autopilot, not of a companion, camera or station."""
     return bool(
         message.get_type() == "HEARTBEAT"
         and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1

@@ -35,9 +35,9 @@ SLOW_LINK_NS = 500_000_000
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One answered request: its middle in our time, our time minus the autopilot's, how long it took.
+    """Answered request: its middle in our time, our time minus the autopilot's, and its round trip.
 
-    quick: it took as long as the quickest of late, give or take `JUMP_NS`.
+    quick: the round trip is within `JUMP_NS` of the shortest recent one.
     """
 
     local_ns: int

@@ -29,7 +29,7 @@ BLOCK = 8
 MOST_NS = 2**62
 CLIPPED = 32767  # full scale of the converter: the value of all stronger samples
 MOST_BLOCK_NS = 3_000_000_000
-LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # of a sample: values outside overflow or vanish when squared
+LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # limits of a sample's unit, so that squares do not overflow
 MOST_SIGMA_M = 0.10
 """Less certain points are dropped, because the map weights all points of a sensor equally."""
 MOST_TURN = 0.25
