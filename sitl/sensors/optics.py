@@ -81,7 +81,7 @@ def range_error(range_m: F64, normal: F64, noise: Noise) -> F64:
 def false_returns(measured: F64, seen: Flags, uniform: F64, noise: Noise) -> Echoes:
     """Add multi-path ghosts (too far) and dust or rain (a few metres ahead, too near).
 
-    `uniform` are random numbers (n, 4), of which the last three are used.
+    `uniform` are random numbers (n, 4); the last three columns are used.
     """
     marked = uniform[:, 2] < noise.tagged
     ghost = seen & (uniform[:, 1] < noise.ghost)

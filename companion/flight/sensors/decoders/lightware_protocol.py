@@ -64,7 +64,7 @@ class LightwareDecoder:
     def feed(self, data: bytes) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Return the points (n, 3) that these bytes complete, m, forward, left, up of the sensor.
 
-        With each point comes its index (n,) among the completed readings, some of which have no return.
+        With each point comes its index (n,) among the completed readings, because some have no return.
         """
         self._bytes += data
         before = self.counters.packets
