@@ -1,4 +1,4 @@
-"""From a profile, a TOML file and `name=value` settings to validated `Parameters`."""
+"""Loader of validated `Parameters` from a profile, a TOML file and `name=value` settings."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ PROFILES = ("quadcopter", "helicopter", "radar")
 
 
 class ParameterError(ValueError):
-    """A parameter is unknown, unreadable or out of range; the message is one line for the user."""
+    """Unknown, unreadable or out-of-range parameter; the message is one line for the user."""
 
 
 def load(
     profile: str = "quadcopter", settings: Iterable[str] = (), stored: Mapping[str, Any] | None = None
 ) -> Parameters:
-    """Build parameters from a profile, stored values and settings, later ones winning.
+    """Build parameters from a profile, stored values and settings; later ones take precedence.
 
     Parameters
     ----------
     profile
-        `quadcopter`, `helicopter`, `radar` or the path of a TOML file. A file may name the profile it starts
-        from with `profile = "helicopter"`; otherwise it starts from `quadcopter`.
+        `quadcopter`, `helicopter`, `radar` or the path of a TOML file. A file may select the profile that it
+        starts from with `profile = "helicopter"`; the default is `quadcopter`.
     settings
         `name=value` strings; name is the Python or the MAVLink name.
     stored
@@ -104,7 +104,7 @@ def _sentence(detail: Any) -> str:
 
 
 def allowed(row: Row) -> str:
-    """Say in words what a parameter accepts."""
+    """Return the accepted values of a parameter in words."""
     if row.choices:
         return " or ".join(row.choices)
     unit = f" {row.unit}" if row.unit else ""

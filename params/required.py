@@ -1,10 +1,10 @@
-"""What an autopilot must be set to, read from the very files that a ground station loads.
+"""Required autopilot parameters, read from the same files that a ground station loads.
 
 `autopilot/arducopter.parm` holds lines ``NAME VALUE``, `autopilot/px4.params` lines ``vehicle component NAME
-VALUE type`` between tabs. The comment lines before one say why; ``#: accept A B`` or ``#: accept LOW..HIGH``
-names other values that do, ``#: wanted`` marks what is better but not needed, ``#: critical`` what a landing
-without a pilot's order is refused for, ``#: optional`` what some versions do not have. A line that begins
-with ``#?`` is optional, too, and no ground station loads it.
+VALUE type`` separated by tabs. The comment lines before a parameter give the reason. ``#: accept A B`` or
+``#: accept LOW..HIGH`` lists other valid values, ``#: wanted`` marks a recommendation, ``#: critical`` a
+parameter without which an automatic landing is refused, ``#: optional`` a parameter that some versions do not
+have. A line that begins with ``#?`` is optional, too, and ignored by ground stations.
 """
 
 from __future__ import annotations
@@ -16,20 +16,23 @@ from importlib import resources
 from typing import Literal
 
 FILES: dict[str, str] = {"ardupilot": "arducopter.parm", "px4": "px4.params"}
-# Values pass through 32-bit floats on their way.
+# Values pass through 32-bit floats on the link.
 TOLERANCE = 1e-5
 RULES = ("accept", "wanted", "critical", "optional")
 
 
 @dataclass(frozen=True, slots=True)
 class Required:
-    """A parameter of the autopilot: the value to set, what else does, and why.
+    """Parameter of the autopilot: the value to set, other accepted values, and the reason.
 
-    accepted: single values, or (low, high) both inclusive, beside the value itself. level: whether the system
-    does not work without it, or only less well. integer: PX4's type, None where the autopilot has none.
-    critical: whether nothing lands the vehicle without a pilot's order unless this is known to be right, as
-    it would land beside the point, or be in danger if the companion failed. optional: whether some versions
-    do not have it. loaded: whether a ground station that loads the file sets it.
+    accepted: single values, or (low, high) both inclusive, besides the value itself.
+    level: needed if the system does not work without it, wanted if it only works less well.
+    why: the reason.
+    integer: PX4's type, None where the autopilot has none.
+    critical: whether an automatic landing needs it confirmed, because with a wrong value the vehicle would
+        land beside the point, or be in danger if the companion failed.
+    optional: whether some versions do not have it.
+    loaded: whether a ground station that loads the file sets it.
     """
 
     name: str
@@ -43,7 +46,7 @@ class Required:
     loaded: bool = True
 
     def accepts(self, value: float) -> bool:
-        """Tell whether a vehicle's value does."""
+        """Return whether a vehicle's value is accepted."""
         if _same(value, self.value):
             return True
         return any(
@@ -52,7 +55,7 @@ class Required:
         )
 
     def accepted_text(self) -> str:
-        """Say which values do."""
+        """Return the accepted values in words."""
         if self.accepted and isinstance(self.accepted[0], tuple):
             low, high = self.accepted[0]
             return f"{low:g} to {high:g}"
@@ -63,7 +66,7 @@ class Required:
 
 
 def required(autopilot: str) -> tuple[Required, ...]:
-    """Return what an autopilot ('ardupilot' or 'px4') must be set to; nothing for one that is not known."""
+    """Return the required parameters of an autopilot ('ardupilot' or 'px4'); empty for an unknown one."""
     if autopilot not in FILES:
         return ()
     text = resources.files("params").joinpath(f"autopilot/{FILES[autopilot]}").read_text("utf-8")
@@ -76,8 +79,7 @@ def parse(text: str) -> tuple[Required, ...]:
     Raises
     ------
     ValueError
-        If a line is neither comment nor parameter, a name stands twice, or a value does not satisfy its own
-        rule.
+        If a line is neither comment nor parameter, a name occurs twice, or a value violates its own rule.
     """
     found: dict[str, Required] = {}
     notes: list[str] = []

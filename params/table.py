@@ -1,8 +1,8 @@
-"""Every parameter, once.
+"""Table of all parameters.
 
-A parameter is a field of `Parameters`: its Python name carries the unit; the `Spec` beside its type
-holds the MAVLink name, unit, source and one sentence. Validation, profiles, command line, parameter
-server and documentation all read this table. A value outside its range is refused, never clamped.
+A parameter is a field of `Parameters`: its Python name contains the unit; the `Spec` beside its type holds
+the MAVLink name, unit, source and one sentence. Validation, profiles, command line, parameter server and
+documentation all read this table. A value outside its range is refused, never clamped.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ OURS = "this project"
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """Row of the table: what is known of a parameter beside its type, range and default.
+    """Metadata of a parameter besides its type, range and default.
 
     live: a change takes effect at once; otherwise at the next start.
     """
@@ -439,7 +439,7 @@ class Parameters(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One parameter as the command line, the parameter server and the documentation show it."""
+    """Row of the parameter table for the command line, the parameter server and the documentation."""
 
     name: str
     mavlink: str

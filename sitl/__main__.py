@@ -1,4 +1,4 @@
-"""`python -m sitl`: the simulated vehicle as a program."""
+"""Entry point `python -m sitl`: the simulated vehicle as a program."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class _UsageError(ValueError):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run until SIGTERM, SIGINT, the clock's client hanging up, or the duration; return the exit code."""
+    """Run until SIGTERM, SIGINT, the lock-step client's end, or the duration; return the exit code."""
     with Signals() as signals:
         try:
             return _run(sys.argv[1:] if arguments is None else arguments, signals)
@@ -87,7 +87,7 @@ def _simulate(
     def ended() -> bool:
         return signals.came or simulation.now_ns >= limit_ns
 
-    # A lock-step client sets the pace itself, unless a speed is asked for.
+    # A lock-step client sets the pace itself, unless a speed is requested.
     speedup = options.speedup if options.speedup is not None else (1.0 if server is None else 0.0)
     pace = Pace(speedup, _say, ended)
     simulation.late_s = pace.late_s
@@ -182,7 +182,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Refuse numbers that mean nothing, before anything is opened."""
+    """Refuse meaningless numbers before anything is opened."""
     if options.scene not in scenes.NAMES:
         raise _UsageError(f"--scene {options.scene!r}: there are {', '.join(scenes.NAMES)}")
     if options.seed < 0:
@@ -201,7 +201,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _check_rate(rate: float, lidar: str) -> None:
-    """Refuse a rate that the LiDAR cannot fire at, and name the nearest ones that it can."""
+    """Refuse a rate at which the LiDAR cannot fire, and name the nearest possible ones."""
     if not rate.is_integer():
         raise _UsageError(f"--point-rate {rate:.10g}: must be a whole number")
     if lidar in lidars.PERIODIC and 10**9 % int(rate):
@@ -277,7 +277,7 @@ def _intruder(text: str) -> Intruder | None:
 
 
 def _try_folder(folder: Path | None) -> None:
-    """Refuse a folder for the truth that cannot be made or written, before anything is flown."""
+    """Refuse a folder for the truth that cannot be created or written, before the flight begins."""
     if folder is None:
         return
     try:
@@ -289,7 +289,7 @@ def _try_folder(folder: Path | None) -> None:
 
 
 def _write_metadata(path: Path | None) -> None:
-    """Write what an Ouster tells of itself, which its driver needs."""
+    """Write the Ouster's metadata, which its driver needs."""
     if path is None:
         return
     try:

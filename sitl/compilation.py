@@ -1,4 +1,4 @@
-"""The decorator that compiles the simulator's kernels with Numba."""
+"""Decorator that compiles the simulator's kernels with Numba."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ROOT = Path(__file__).parent
 def kernel(signature: object = None) -> Callable[[F], F]:
     """Compile a function with Numba, without the GIL and cached on disk.
 
-    Numba keeps compiled code until the source of the kernel itself changes, but that code holds kernels and
-    constants of other modules too. The cache is therefore marked with all sources of the simulator.
+    Numba reuses compiled code until the source of the kernel itself changes, but that code contains kernels
+    and constants of other modules too. The cache is therefore marked with all sources of the simulator.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def kernel(signature: object = None) -> Callable[[F], F]:
     def decorate(function: F) -> F:
         compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
         index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-        if index is not None:  # none where the compiler is off
+        if index is not None:  # None if the compiler is disabled
             index._source_stamp = index._source_stamp, _stamp()
         if signature is not None and index is not None:
             compiled.compile(signature)

@@ -1,7 +1,7 @@
 """A flown survey as a cloud: what the LiDAR would measure along parallel lines, placed with the true pose.
 
-For evaluating the mapping alone, without the errors of a navigation filter. The vehicle keeps its height over
-the highest thing within its swath, as a terrain follower does.
+It evaluates the mapping alone, without the errors of a navigation filter. The vehicle keeps its height
+above the highest object within its swath, like a terrain follower.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ CHUNK_NS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Parallel lines, flown one after the other from west to east and back.
+    """Parallel survey lines, flown one after the other from west to east and back.
 
-    height_m: above the highest thing below. spacing_m: between lines. extent_m: x_min, y_min, x_max, y_max.
-    climb_m: gained steadily from the first line's start to the last one's end.
+    height_m: above the highest object below. spacing_m: between lines. extent_m: x_min, y_min, x_max, y_max.
+    climb_m: gained steadily from the start of the first line to the end of the last.
     """
 
     extent_m: tuple[float, float, float, float]
@@ -45,7 +45,7 @@ class Lines:
 
 
 class Track:
-    """Where the vehicle is along the lines, level, its nose along the line."""
+    """Trajectory along the lines, level, the nose along the line."""
 
     def __init__(self, scene: Scene, lines: Lines) -> None:
         x0, y0, x1, y1 = lines.extent_m
@@ -62,7 +62,7 @@ class Track:
         self._places, self._heights = places, self._clear(scene, places) + lines.height_m + climb
 
     def _clear(self, scene: Scene, places: F64) -> F64:
-        """Return the highest surface within the swath, smoothed so that the vehicle can follow."""
+        """Return the highest surface within the swath, smoothed so that the vehicle can follow it."""
         x, y = self._position(places)
         offset = np.arange(-SWATH_M, SWATH_M + 1.0, 1.0)
         dx, dy = np.meshgrid(offset, offset)
@@ -96,9 +96,9 @@ class Track:
 def fly(
     scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000
 ) -> Iterator[tuple[F64, I64, F64]]:
-    """Yield, a tenth of a second at a time, returns ENU (n, 3), their stamps and where the sensor was (3,).
+    """Yield, per tenth of a second, returns ENU (n, 3), their stamps and the sensor's position (3,).
 
-    What the sensor marks as rain, dust or echo is left out, as a driver does.
+    Returns that the sensor marks as rain, dust or echo are dropped, as in a driver.
     """
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
     track = Track(scene, lines)

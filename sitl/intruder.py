@@ -1,4 +1,4 @@
-"""A car that drives onto the landing target in the descent."""
+"""Intruder: a car that drives onto the landing target during the descent."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 SPEED_MS = 6.0
 FROM_M = 25.0
-HIGHEST_M = 200.0  # a car that starts below a vehicle higher than this is of no use to anyone
+HIGHEST_M = 200.0  # above this height, the start of the car is of no use
 
 
 class Intruder:
-    """Drives a car from 25 m away onto the latest LANDING_TARGET, once the vehicle is low enough over it."""
+    """Car that drives from 25 m away onto the latest LANDING_TARGET once the vehicle is low enough."""
 
     def __init__(self, below_m: float) -> None:
         self.below_m = below_m
@@ -29,7 +29,7 @@ class Intruder:
         self._next_ns = 0
 
     def step(self, simulation: Simulation) -> None:
-        """Move the car, or see whether it is time."""
+        """Move the car, or check the condition for its start."""
         s = simulation
         if self.started_ns is None:
             self._watch(s)

@@ -1,7 +1,7 @@
-"""The simulator's clock as a service: a client that is idle lets time pass.
+"""Lock-step server: a client that is idle advances the simulator's clock.
 
-One byte 0x01 asks for one step; eight bytes answer, the simulated time in nanoseconds, little endian. What
-was sent during the step lies in the sockets before the answer does.
+A byte 0x01 requests one step; the answer is eight bytes, the simulated time in nanoseconds, little endian.
+Data sent during the step is in the sockets before the answer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sitl.wire.wire import WireError
 
 
 class LockstepServer:
-    """Serves one client on the loopback."""
+    """Server for one client on the loopback interface."""
 
     def __init__(self, port: int = 0) -> None:
         self._server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -29,7 +29,7 @@ class LockstepServer:
         self.port = int(self._server.getsockname()[1])
 
     def serve(self, step: Callable[[], int], ended: Callable[[], bool]) -> None:
-        """Step on request until the client hangs up or `ended`."""
+        """Step on request until the client disconnects or `ended` is true."""
         client = self._wait(ended)
         if client is None:
             return

@@ -1,4 +1,4 @@
-"""Real time, or a multiple of it, for a simulation that runs by itself."""
+"""Pacing of a free-running simulation to real time or a multiple of it."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ import time
 from collections.abc import Callable
 
 LONGEST_SLEEP_S = 0.1
-SLIP_S = 2.0  # simulated, behind the pace, beyond which the time is given up
+SLIP_S = 2.0  # simulated lag behind the pace beyond which the lost time is not caught up
 
 
 class Pace:
     """Ratio of simulated to real time.
 
-    A simulation that a busy computer held up catches up, so that the clocks of its autopilot and sensors keep
-    to real time as those of a vehicle do.
+    A delayed simulation catches up, so that the clocks of its autopilot and sensors keep to real time, as
+    those of a vehicle do.
 
     Parameters
     ----------
     pace
         Times real time; 0 is as fast as possible.
     say
-        Takes lines for the user.
+        Called with lines for the user.
     ended
-        Whether the simulation is over: a pause in slow motion must not hold it up.
+        Returns whether the simulation is over: a pause in slow motion must not delay its end.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Pace:
         self._slipped = False
 
     def late_s(self, now_ns: int) -> float:
-        """Return how far a simulated time is behind its pace (simulated s); negative where it is ahead."""
+        """Return the lag of a simulated time behind its pace (simulated s); negative if it is ahead."""
         if self._pace == 0 or self._start_s is None:
             return 0.0
         return (time.monotonic() - self._start_s) * self._pace - now_ns * 1e-9

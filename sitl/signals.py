@@ -1,4 +1,4 @@
-"""SIGTERM and SIGINT: the first one ends a flight, one that comes at any other time the program."""
+"""Handling of SIGTERM and SIGINT: the first one ends a flight; outside a flight, any one ends the program."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 
 class Ended(BaseException):
-    """Raised by a signal while no flight waits for it.
+    """Request of a signal to end the program, raised while no flight waits for signals.
 
     Attributes
     ----------
     code
-        Exit code of a program that ended so: 128 and the signal's number.
+        Exit code of the program: 128 plus the signal's number.
     """
 
     def __init__(self, number: int) -> None:
@@ -29,7 +29,7 @@ class Signals:
     Attributes
     ----------
     came
-        Whether a signal came within `awaited`.
+        Whether a signal arrived within `awaited`.
     """
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Signals:
 
     @contextmanager
     def awaited(self) -> Iterator[None]:
-        """Note signals in `came` instead of raising `Ended`, for a loop that looks there at each turn."""
+        """Record signals in `came` instead of raising `Ended`, for a loop that polls it."""
         self._awaited = True
         try:
             yield

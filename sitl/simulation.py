@@ -1,4 +1,4 @@
-"""Everything together, one tick at a time."""
+"""Simulation of world, vehicle, autopilot, sensors and wires, advanced in ticks."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from sitl.vehicle.pose_track import PoseTrack
 from sitl.wire.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
-LATE_S = 0.02  # behind the pace, beyond which scanning gives way: one scan of so many is left
+LATE_S = 0.02  # lag behind the pace above which only every LATE_SCANS-th scan is made
 LATE_SCANS = 5
 IN_DUST = Reach(0.1, 0.9, 0.5, 0.9), Noise(dust=0.3)
-"""How far and how well a LiDAR sees in rotor dust: less than a metre, with echoes of the dust itself."""
+"""Range and noise of a LiDAR in rotor dust: less than a metre, with echoes of the dust itself."""
 DEFAULT_ORIGIN = (47.3977419, 8.5455938, 488.0)
 
 
 class Simulation:
     """World, vehicle, autopilot, LiDAR and wires under one clock.
 
-    `advance` first answers everything that has arrived, then steps one tick. `every_tick` holds functions
-    called after each. The LiDAR's packets are sent together every `lidar_ms`.
+    `advance` first answers all arrived messages, then steps one tick. `every_tick` holds functions called
+    after each tick. The LiDAR's packets are sent together every `lidar_ms`.
 
     Attributes
     ----------
     late_s
-        Tells the seconds that a simulated time is behind the pace. While it is late it scans little.
+        Returns the lag of a simulated time behind the pace, s. While it is high, most scans are skipped.
     skipped_ns
-        Simulated time not scanned for that.
+        Simulated time of the skipped scans.
     held_up
-        Whether pilot, autopilot and vehicle stand still while time and the sensors go on.
+        Whether pilot, autopilot and vehicle pause while time and the sensors continue.
     """
 
     def __init__(
@@ -102,12 +102,12 @@ class Simulation:
     def build(
         cls, scene: str = "stadium", *, mavlink: list[str] | None = None, seed: int = 1, **more: Any
     ) -> Self:
-        """Open the wires and build a scene; see the constructor for the rest."""
+        """Open the wires and build a scene; see the constructor for the other arguments."""
         built = scenes.build(scene, seed)
         wires: list[Wire] = []
         try:
             for url in mavlink or []:
-                wires.append(open_wire(url))  # noqa: PERF401 - what is open must be known if the next is refused
+                wires.append(open_wire(url))  # noqa: PERF401 - open wires must be known if the next fails
             return cls(built, wires, seed=seed, **more)
         except ValueError:
             for wire in wires:
@@ -116,11 +116,11 @@ class Simulation:
 
     @property
     def touchdown(self) -> dict[str, Any] | None:
-        """Where the vehicle last came down, by the truth; None in flight and after a collision."""
+        """True place of the last touchdown; None in flight and after a collision."""
         return self.vehicle.contact
 
     def advance(self) -> int:
-        """Answer what has arrived, step one tick, send what is due; return the simulated time."""
+        """Answer arrived messages, step one tick, send due messages; return the simulated time."""
         if not self.held_up:
             self._fly()
         else:
@@ -140,7 +140,7 @@ class Simulation:
         return self.now_ns
 
     def _fly(self) -> None:
-        """Let pilot, autopilot and vehicle step one tick."""
+        """Step pilot, autopilot and vehicle by one tick."""
         self.router.read(self.now_ns)
         if self.pilot is not None:
             self.pilot.step(self.now_ns)
@@ -166,7 +166,7 @@ class Simulation:
             self.router.send(link, message)
 
     def run(self, seconds: float) -> Self:
-        """Advance for so many simulated seconds."""
+        """Advance by a number of simulated seconds."""
         end = self.now_ns + round(seconds * 1e9)
         while self.now_ns < end:
             self.advance()
@@ -190,12 +190,12 @@ class Simulation:
         self._track.keep_last()
 
     def _sight(self) -> tuple[Reach, Noise] | None:
-        """Return how far and how well a pulsed LiDAR sees in clear air; None for any other sensor."""
+        """Return range limits and noise of a pulsed LiDAR in clear air; None for any other sensor."""
         sensor = None if self.lidar is None else self.lidar.sensor
         return (sensor.reach, sensor.noise) if isinstance(sensor, PulseLidar) else None
 
     def _raise_dust(self) -> None:
-        """Blind a LiDAR while the rotors are near the ground and turn: its pulses end in the dust."""
+        """Blind a LiDAR while the rotors turn near the ground: its pulses end in the dust."""
         sensor = None if self.lidar is None else self.lidar.sensor
         if self._clear is None or not isinstance(sensor, PulseLidar):
             return
@@ -204,7 +204,7 @@ class Simulation:
         sensor.reach, sensor.noise = IN_DUST if dusty else self._clear
 
     def close(self) -> None:
-        """Close all sockets and lines."""
+        """Close all sockets and serial lines."""
         self.router.close()
         for port in (self.lidar, self.radar):
             if port is not None:

@@ -1,4 +1,4 @@
-"""`python -m companion.cli`: the command line without its installed script."""
+"""Entry point `python -m companion.cli`: the command line without its installed script."""
 
 from companion.cli.program import main
 

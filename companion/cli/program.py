@@ -1,4 +1,4 @@
-"""The command line: `slz demo`, `sim`, `run`, `doctor`, `map`, `bench`, `params`."""
+"""Command line: `slz demo`, `sim`, `run`, `doctor`, `map`, `bench`, `params`."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ app = typer.Typer(
 )
 PLAIN = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 DEMO_PAGE = "127.0.0.1:0"  # any free port
-WIDE = 1000  # columns of a table that a program reads
+WIDE = 1000  # columns of a table written to a pipe or file
 err = Console(stderr=True)
-_BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, whichever click typer carries
+_BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, of typer's version
 
 LIDAR = "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, or mavlink: (docs/sensors.md)."
 Key = Annotated[
@@ -66,7 +66,7 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to std
 def main() -> None:
     """Run the command line; every expected error ends in one line and exit code 1 or 2.
 
-    SIGINT and SIGTERM end every command in one line and exit code 130 or 143, but for a flight of `slz run`.
+    SIGINT and SIGTERM end every command with one line and exit code 130 or 143, except a flight of `slz run`.
     """
     interrupts = Interrupts()
     with interrupts.installed():
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def _in_words(error: Exception) -> str:
-    """Return what typer says of bad arguments as one line, with the command whose help says more."""
+    """Return typer's message on bad arguments as one line, with the command whose help explains more."""
     said = " ".join(str(getattr(error, "format_message", error.__str__)()).split()).rstrip(".")
     command = getattr(getattr(error, "ctx", None), "command_path", "slz")
     return f"{said[:1].lower()}{said[1:]} ('{command} --help' shows what there is)"
@@ -94,7 +94,7 @@ def _in_words(error: Exception) -> str:
 
 @contextlib.contextmanager
 def _front(address: str | None, tokens: Path | None) -> Iterator[Front | None]:
-    """Open the port of the pilot's page, so that what is wrong with it is said before the flight."""
+    """Open the port of the pilot's page, so that its errors are reported before the flight."""
     if address is None:
         if tokens is not None:
             raise UsageError("--dashboard-token goes with --dashboard HOST:PORT")
@@ -113,12 +113,12 @@ def _fail(error: Exception | str, code: int) -> NoReturn:
 
 
 def _out() -> Console:
-    """Return the console of stdout; to a pipe or a file it is so wide that nothing is cut off."""
+    """Return the console of stdout; for a pipe or a file it is wide enough that nothing is cut off."""
     return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
 def _compile_at_first(mode: str = "default") -> None:
-    """Compile the kernels where none are yet, and say why that takes a minute."""
+    """Compile missing kernels and explain why that takes a minute."""
     also = kernel_compilation.of_mode(mode)
     if not kernel_compilation.is_first(also):
         return
@@ -140,7 +140,7 @@ def _log(verbose: bool) -> None:
     else:
         logging.basicConfig(level=level, format=PLAIN, stream=sys.stderr)
     logging.getLogger("asyncio").setLevel(logging.WARNING)
-    logging.getLogger("laspy").setLevel(logging.CRITICAL)  # what it cannot read is our one line
+    logging.getLogger("laspy").setLevel(logging.CRITICAL)  # our one line reports a bad file
     for noisy in ("numba", "matplotlib", "rasterio", "PIL", "pyogrio", "distributed"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
@@ -435,7 +435,7 @@ def map_(
         sys.exit(2)
 
 
-@app.command(context_settings={"ignore_unknown_options": True})  # longitudes may be negative
+@app.command(context_settings={"ignore_unknown_options": True})  # because longitudes may be negative
 def nearest(
     lat: Annotated[float, typer.Argument(help="Latitude, degrees north.")],
     lon: Annotated[float, typer.Argument(help="Longitude, degrees east.")],
@@ -548,7 +548,7 @@ def params_(
 
 
 class _progress:  # noqa: N801 - a context manager used as a function
-    """Progress bar on a terminal, gone at the end; none with --json."""
+    """Progress bar on a terminal, removed at the end; none with --json."""
 
     def __init__(self, quiet: bool) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -1,4 +1,4 @@
-"""`slz run`: the companion on the vehicle, in real time."""
+"""Command `slz run`: the companion on the vehicle, in real time."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ def run(
     prior: Path | None = None,
     system: int | None = None,
 ) -> dict[str, Any]:
-    """Run until SIGTERM or SIGINT and return the summary; raise what ended it otherwise.
+    """Run until SIGTERM or SIGINT and return the summary; raise the error that ended the run otherwise.
 
-    With `out`, the maps, the flown path and the chosen point are drawn there at the end; what cannot be drawn
-    is one warning, for the flight's summary is worth more than its pictures.
+    With `out`, draw the maps, the flown path and the chosen point at the end. A failure to draw is logged as
+    one warning, because the flight's summary is worth more than its pictures.
 
     Raises
     ------
     UsageError
-        A URL is wrong, its port is in use, the key is refused, the folder cannot be made or written, or two
-        systems may be the vehicle.
+        A URL is wrong, its port is in use, the key is refused, the folder cannot be created or written, or
+        two systems may be the vehicle.
     """
     if out is not None:
         output_folder.prepare(out)
@@ -89,7 +89,7 @@ async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
         watchdog.stopping()
         signs.cancel()
     if out is not None:
-        _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it all
+        _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it
     return companion.summary
 
 
@@ -98,5 +98,5 @@ def _try_to_draw(companion: Companion, out: Path) -> None:
 
     try:
         draw_flight(companion, out)
-    except Exception as error:  # a full disk, or anything in the drawing library
+    except Exception as error:  # a full disk, or any error of the drawing library
         log.warning("the maps could not be drawn into %s: %s", out, " ".join(str(error).split()))

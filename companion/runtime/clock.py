@@ -1,4 +1,4 @@
-"""The companion's clock: the event loop's time, so that a simulated loop makes simulated time."""
+"""Monotonic clock of the companion: the event loop's time, hence simulated time in a simulated loop."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ def now_ns() -> int:
 
 
 class WallOffset:
-    """What the time of day is ahead of the companion's clock: measured once, for later it may be set."""
+    """Offset of UTC from the companion's clock, measured once, because the time of day may be set later."""
 
     def __init__(self) -> None:
         self._ns: int | None = None
 
     def __call__(self) -> int:
-        """Return it in nanoseconds; first called within the running loop."""
+        """Return the offset in nanoseconds; call it first within the running loop."""
         if self._ns is None:
             self._ns = time.time_ns() - now_ns()
         return self._ns

@@ -1,4 +1,4 @@
-"""Something that happens, and who wants to know."""
+"""Observer pattern: callbacks subscribed to an event."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ Unsubscribe = Callable[[], None]
 
 
 class Event(Generic[P]):
-    """List of callbacks, called in the order they came in.
+    """List of callbacks, called in the order of subscription.
 
-    Call the event itself, or `subscribe`, with a callback; whoever owns the event calls `emit`.
+    Call the event itself, or `subscribe`, with a callback; the owner of the event calls `emit`.
     """
 
     def __init__(self) -> None:
         self._callbacks: list[Callable[P, None]] = []
 
     def subscribe(self, callback: Callable[P, None]) -> Unsubscribe:
-        """Call `callback` from now on; the returned function ends that, and may be called twice."""
+        """Add a callback; return a function that removes it, which may be called twice."""
         self._callbacks.append(callback)
 
         def unsubscribe() -> None:
@@ -32,6 +32,6 @@ class Event(Generic[P]):
         return self.subscribe(callback)
 
     def emit(self, *args: P.args, **kwargs: P.kwargs) -> None:
-        """Call all of them."""
+        """Call all callbacks with the arguments."""
         for callback in tuple(self._callbacks):
             callback(*args, **kwargs)

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM: whatever is under way ends, leaves nothing behind, and says so in one line."""
+"""Handling of SIGINT and SIGTERM: the current work ends, leaves no partial files and reports in one line."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-GRACE_S = 1.5  # a thread that compiles or draws cannot be broken off; it is left behind after this
+GRACE_S = 1.5  # a thread that compiles or draws cannot be interrupted; it is abandoned after this
 _NAMES = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
 
 class Interrupted(BaseException):
-    """A signal asked the program to end; no error, so no `except Exception` holds it up."""
+    """Request of a signal to end the program; no `Exception`, so that no `except Exception` delays it."""
 
     def __init__(self, number: int) -> None:
         super().__init__(_NAMES[signal.Signals(number)])
@@ -23,9 +23,9 @@ class Interrupted(BaseException):
 
 
 class Interrupts:
-    """What the first signal does: raise `Interrupted` in the main thread, or what `handled_by` names.
+    """Signal handlers; the first signal raises `Interrupted` in the main thread or calls a given action.
 
-    Further signals change nothing. `leftovers` are removed when the program does not end in `GRACE_S`.
+    Further signals change nothing. `leftovers` are removed if the program does not end within `GRACE_S`.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class Interrupts:
 
     @contextlib.contextmanager
     def installed(self) -> Iterator[None]:
-        """Take the signals over, in the main thread; give them back at the end."""
+        """Install the handlers, in the main thread only; restore the previous ones at the end."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -49,7 +49,7 @@ class Interrupts:
 
     @contextlib.contextmanager
     def handled_by(self, action: Callable[[], None]) -> Iterator[None]:
-        """Call `action` in place of raising; `Interrupted` is raised at the end of the block."""
+        """Call `action` instead of raising; `Interrupted` is raised at the end of the block."""
         self._action = action
         try:
             yield
@@ -58,16 +58,16 @@ class Interrupts:
             self.check()
 
     def held(self) -> contextlib.AbstractContextManager[None]:
-        """Put `Interrupted` off to the end of the block."""
+        """Defer `Interrupted` to the end of the block."""
         return self.handled_by(lambda: None)
 
     def check(self) -> None:
-        """Raise `Interrupted` where a signal has come."""
+        """Raise `Interrupted` if a signal has arrived."""
         if self.number is not None:
             raise Interrupted(self.number)
 
     def say(self) -> None:
-        """Say once, on stderr, what ended the program."""
+        """Report once, on stderr, which signal ended the program."""
         if self.number is not None and self._said.acquire(blocking=False):
             print(f"slz: {_NAMES[signal.Signals(self.number)]}", file=sys.stderr, flush=True)
 

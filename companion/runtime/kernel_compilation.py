@@ -1,4 +1,4 @@
-"""The first start on a computer, or after an update: kernels are compiled, by all cores, and kept."""
+"""Parallel just-in-time compilation of the kernels at the first start on a computer or after an update."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ FLOWN = ("slz/kernels", "companion/flight")  # folders with kernels of a flight
 _OF_KERNELS = runpy.run_path(str(ROOT / "slz" / "kernels" / "source_stamp.py"))  # its package would load all
 sources_of: Callable[[Path, Path], dict[Path, bytes]] = _OF_KERNELS["sources_of"]
 stamp: Callable[[Path, Path], bytes] = _OF_KERNELS["stamp"]
-COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's, of this Python
+COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's index files
 EAGER = re.compile(
     rb'@kernel\(\s*f?"'
-)  # compiled when it is imported; others with the kernels that call them
+)  # a kernel with a signature compiles at import, others with their callers
 # Folders of `slz/kernels` that not every flight needs.
 OF_SOURCE_MODE = frozenset({"paper"})
-SELDOM = frozenset({"instruments", "survey"})  # seconds, when they are used
+SELDOM = frozenset({"instruments", "survey"})  # take seconds to compile, at their first use
 NO_MORE = frozenset[str]()
-MOST_CORES = 4  # half a gigabyte of memory
+MOST_CORES = 4  # half a gigabyte of memory each
 
 
 def of_mode(mode: str) -> frozenset[str]:
-    """Return the folders of kernels that a mode needs beside those of every flight."""
+    """Return the folders of kernels that a mode needs besides those of every flight."""
     return OF_SOURCE_MODE if mode == "source" else NO_MORE
 
 
 def is_first(also: frozenset[str] = NO_MORE) -> bool:
-    """Tell whether some source of a flight's kernels has nothing compiled, or only what it was before.
+    """Return whether the compiled kernels of a flight are missing or out of date.
 
-    also: folders of kernels looked at beside those of every flight.
+    also: folders of kernels checked besides those of every flight.
     """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False  # nothing is ever compiled
@@ -58,7 +58,7 @@ def is_first(also: frozenset[str] = NO_MORE) -> bool:
 
 
 def _is_compiled(source: Path, compiled: list[Path]) -> bool:
-    """Tell whether something compiled is newer than its sources, or of the same text: Numba goes by that."""
+    """Return whether a cached kernel is newer than its sources or has the same stamp, as Numba checks it."""
     written = max(path.stat().st_mtime for path in sources_of(source, ROOT))
     if any(path.stat().st_mtime >= written for path in compiled):
         return True
@@ -67,18 +67,18 @@ def _is_compiled(source: Path, compiled: list[Path]) -> bool:
 
 
 def compile_kernels(progress: Callable[[int, int], None], also: frozenset[str] = NO_MORE) -> None:
-    """Compile what is not compiled yet, as many modules at a time as there are cores.
+    """Compile the missing kernels, one module per core at a time.
 
-    Whatever goes wrong here is left to whoever imports the kernels next: that compiles what is missing.
+    Errors are ignored here: whoever imports the kernels next compiles what is missing.
 
     Parameters
     ----------
     progress
-        Called with the number of modules done and of all, by several threads.
+        Called by several threads with the number of modules done and the total.
     also
-        Folders of kernels compiled beside those of every flight.
+        Folders of kernels compiled besides those of every flight.
     """
-    sources = sorted(_sources(also), key=lambda path: -path.stat().st_size)  # the longest begin first
+    sources = sorted(_sources(also), key=lambda path: -path.stat().st_size)  # longest first
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources]
     waiting, count = queue.SimpleQueue[str](), itertools.count(1)
     for name in names:
@@ -96,7 +96,7 @@ def compile_kernels(progress: Callable[[int, int], None], also: frozenset[str] =
 
 
 def everything() -> None:
-    """Compile all there is, for whoever installs the program."""
+    """Compile all kernels, at installation."""
     compile_kernels(lambda *_: None, OF_SOURCE_MODE | SELDOM)
     importlib.import_module("companion.flight.app")
     importlib.import_module("slz.warm_up").warm_up(Parameters())
@@ -105,7 +105,7 @@ def everything() -> None:
 def _have_compiled(
     waiting: queue.SimpleQueue[str], done: Callable[[], None], children: list[subprocess.Popen[str]]
 ) -> None:
-    """Give the modules that wait to a process, one after the other."""
+    """Feed waiting module names, one at a time, to a child process that imports them."""
     command = [sys.executable, "-m", "companion.runtime.kernel_compilation"]
     try:
         with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, stderr=DEVNULL, text=True, cwd=ROOT) as child:
@@ -122,14 +122,14 @@ def _have_compiled(
 
 
 def _kernels_alone() -> None:
-    """Put an empty package in the place of `slz`, which would import all kernels before the first one."""
+    """Replace the package `slz` with an empty one, because importing it would import all kernels first."""
     package = ModuleType("slz")
     package.__path__ = [str(ROOT / "slz")]
     sys.modules["slz"] = package
 
 
 def _sources(also: frozenset[str] = NO_MORE) -> Iterator[Path]:
-    """Return the modules with kernels that are compiled when they are imported."""
+    """Return the modules with kernels that are compiled at import."""
     left_out = (OF_SOURCE_MODE | SELDOM) - also
     for path in itertools.chain.from_iterable((ROOT / folder).rglob("*.py") for folder in FLOWN):
         if path.parent.name not in left_out and EAGER.search(path.read_bytes()):
@@ -137,14 +137,14 @@ def _sources(also: frozenset[str] = NO_MORE) -> Iterator[Path]:
 
 
 def _caches() -> list[Path]:
-    """Return where Numba may keep what it compiled: beside the sources, or where those cannot be written."""
+    """Return Numba's cache folders: beside the sources, or in the user's cache where those are read-only."""
     if own := os.environ.get("NUMBA_CACHE_DIR"):
         return [Path(own)]
     at_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
     return [ROOT / "slz", ROOT / "companion", at_home]
 
 
-if __name__ == "__main__":  # of `compile_kernels`: modules come by name, a line each, and are imported
+if __name__ == "__main__":  # child of `compile_kernels`: imports the modules named on stdin, one per line
     _kernels_alone()
     for line in sys.stdin:
         importlib.import_module(line.strip())

@@ -1,7 +1,7 @@
-"""An event loop on simulated time: whenever it is idle, it asks the simulator to advance.
+"""Event loop on simulated time: whenever it is idle, it asks the simulator to advance.
 
-The program under it is unchanged: sockets are real, `asyncio.sleep` and time-outs follow the simulated clock,
-and nothing waits for a wall clock. A worker thread's computation takes no simulated time.
+The program running in it is unchanged: sockets are real, `asyncio.sleep` and time-outs follow the simulated
+clock, and nothing waits for a wall clock. Computation in a worker thread takes no simulated time.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ from companion.runtime.errors import CompanionError
 Args = TypeVarTuple("Args")
 Result = TypeVar("Result")
 
-# Half an hour of a companion's clock before the simulator's zero: clocks of two machines never agree.
+# Offset of half an hour between the companion's clock and the simulator's, since the clocks of two machines
+# never agree.
 CLOCK_OFFSET_NS = 1_800_000_000_000
 ALONE_STEP_NS = 2_500_000
 
 
 class LockstepLoop(asyncio.SelectorEventLoop):
-    """Selector loop whose `time()` is that of a simulator stepped by `advance`.
+    """Selector event loop whose `time()` is that of a simulator stepped by `advance`.
 
     Parameters
     ----------
     advance
-        Called when every ready callback has run and no computation is under way; returns the new simulated
-        time in nanoseconds. What it sends to sockets must be there when it returns.
+        Called when every ready callback has run and no computation is in progress; returns the new simulated
+        time in nanoseconds. Data that it sends to sockets must have arrived when it returns.
     """
 
     def __init__(self, advance: Callable[[], int]) -> None:
@@ -42,9 +43,9 @@ class LockstepLoop(asyncio.SelectorEventLoop):
         super().__init__(_IdleSelector(self._on_idle))
 
     def let_go(self) -> None:
-        """Ask the simulator no more: from now on time passes by itself, so that everything comes to its end.
+        """Stop asking the simulator: from now on time advances by itself, so that all tasks can end.
 
-        Safe in a signal handler, also while the simulator is being asked.
+        Safe in a signal handler, also during a call of `advance`.
         """
         self._alone = True
 
@@ -63,7 +64,7 @@ class LockstepLoop(asyncio.SelectorEventLoop):
         self._computing -= 1
 
     def _on_idle(self) -> bool:
-        """Advance the simulator; tell whether time moved, which it does not during a computation."""
+        """Advance the simulator; return whether time advanced, which it does not during a computation."""
         if self._computing and not self._alone:
             return False
         self._simulated_ns = self._next_ns()
@@ -80,7 +81,7 @@ class LockstepLoop(asyncio.SelectorEventLoop):
 
 
 class _IdleSelector(selectors.DefaultSelector):
-    """Selector that, instead of sleeping, lets the simulated time pass."""
+    """Selector that advances the simulated time instead of sleeping."""
 
     def __init__(self, on_idle: Callable[[], bool]) -> None:
         super().__init__()
@@ -96,7 +97,7 @@ class _IdleSelector(selectors.DefaultSelector):
 
 
 class LockstepClient:
-    """Client of a simulator in another process: one byte asks, eight bytes of nanoseconds answer."""
+    """Client of a simulator in another process: requests of one byte, replies of int64 nanoseconds."""
 
     def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = 60.0) -> None:
         try:
@@ -106,7 +107,7 @@ class LockstepClient:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def advance(self) -> int:
-        """Let the simulator take one step and return its time in nanoseconds."""
+        """Advance the simulator by one step and return its time in nanoseconds."""
         try:
             self._socket.sendall(b"\x01")
             answer = b""

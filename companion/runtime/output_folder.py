@@ -1,4 +1,4 @@
-"""Folders that the user names for results."""
+"""Output folders named by the user."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from companion.runtime.errors import UsageError
 
 
 def prepare(out: Path) -> None:
-    """Make the folder of `--out` and see that a file can be written there.
+    """Create the folder of `--out` and check that a file can be written there.
 
     Raises
     ------
     UsageError
-        It is a file, or it cannot be made or written.
+        The path is a file, or the folder cannot be created or written.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)

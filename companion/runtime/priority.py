@@ -1,4 +1,4 @@
-"""The event loop's thread before all others, so that the streams stay steady on a busy computer."""
+"""Real-time scheduling of the event loop's thread, so that the streams stay steady on a busy computer."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ SWITCH_S = 5e-4
 
 @contextmanager
 def real_time() -> Iterator[bool]:
-    """Run this thread in the real-time class; tell whether the system allowed it.
+    """Run this thread in the real-time class; yield whether the system allowed it.
 
-    Threads and processes started within are ordinary ones. They give Python's lock up after 0.5 ms instead
-    of 5, for a thread in the real-time class still has to wait for it.
+    Threads and processes started within get the ordinary class. Python's switch interval becomes 0.5 ms
+    instead of 5 ms, because a thread in the real-time class still waits for the interpreter lock.
     """
     policy, parameter, switch_s = os.sched_getscheduler(0), os.sched_getparam(0), sys.getswitchinterval()
     try:

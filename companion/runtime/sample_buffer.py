@@ -1,4 +1,4 @@
-"""Stamped samples in a preallocated buffer whose live part is always contiguous and in order."""
+"""Buffer of stamped samples, preallocated, whose valid part is always contiguous and ordered."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class Track:
-    """The newest `capacity` samples of `width` numbers each.
+    """Buffer of the newest `capacity` samples of `width` numbers each.
 
     Samples are appended; when the buffer of twice the capacity is full, its newer half moves to the front.
     """
@@ -41,7 +41,7 @@ class Track:
         return int(self._stamp_ns[self._end - 1]) if self._end else None
 
     def append(self, stamp_ns: int, values: ArrayLike) -> None:
-        """Add a sample newer than all others."""
+        """Append a sample newer than all others."""
         if self._end == len(self._stamp_ns):
             self._stamp_ns[: self._capacity] = self._stamp_ns[self._capacity :]
             self._values[: self._capacity] = self._values[self._capacity :]
@@ -51,12 +51,12 @@ class Track:
         self._end += 1
 
     def drop_after(self, stamp_ns: int) -> int:
-        """Forget the samples newer than a stamp; return how many."""
+        """Remove the samples newer than a stamp; return their number."""
         kept = int(np.searchsorted(self.stamp_ns, stamp_ns, side="right"))
         dropped = len(self) - kept
         self._end -= dropped
         return dropped
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Remove all samples."""
         self._end = 0

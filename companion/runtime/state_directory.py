@@ -1,4 +1,4 @@
-"""The state directory: what the program remembers from one start to the next."""
+"""State directory: files that persist from one start of the program to the next."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ log = logging.getLogger(__name__)
 
 
 def default_state_dir() -> Path:
-    """Return `$XDG_STATE_HOME/slz`, without that variable `~/.local/state/slz`."""
+    """Return `$XDG_STATE_HOME/slz`, or `~/.local/state/slz` without that variable."""
     home = os.environ.get("XDG_STATE_HOME", "")
     base = Path(home) if Path(home).is_absolute() else Path.home() / ".local" / "state"
     return base / "slz"
 
 
 class StateDir:
-    """Small text files that are always whole: each is written beside its place and then put there.
+    """Small text files with atomic replacement: a new version is written beside the file and then renamed.
 
-    May be used in any thread.
+    Safe to use in any thread.
 
     Raises
     ------
     UsageError
-        The folder cannot be made or written.
+        The folder cannot be created or written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -49,12 +49,12 @@ class StateDir:
     def read(self, name: str, *, damaged: bool = False) -> str | None:
         """Return a file's text, None if there is none.
 
-        damaged: bytes that are no text become U+FFFD, for readers who can do without.
+        damaged: replace bytes that are not UTF-8 with U+FFFD, for readers that tolerate it.
 
         Raises
         ------
         UsageError
-            It is there and cannot be read.
+            The file exists and cannot be read.
         """
         path = self.folder / name
         if self._last is not None:
@@ -67,9 +67,10 @@ class StateDir:
             raise UsageError(f"{path} cannot be read: {error}") from None
 
     def write(self, name: str, text: str, *, durable: bool = True) -> str:
-        """Replace a file; return why that failed, empty if it did not.
+        """Replace a file; return the reason for a failure, or an empty string.
 
-        durable: wait until it would survive a power cut, which takes tens of milliseconds on some cards.
+        durable: wait until the file would survive a power cut, which takes tens of milliseconds on some
+        cards.
         """
         beside = self.folder / f".{name}.{next(self._numbers)}.new"
         try:
@@ -84,7 +85,7 @@ class StateDir:
         return ""
 
     def sync(self, name: str) -> str:
-        """Wait until what was written without `durable` is; return why that failed, empty if it did not."""
+        """Make a file durable that was written without `durable`; return the reason for a failure, or ""."""
         try:
             with (self.folder / name).open("rb") as file:
                 os.fsync(file.fileno())
@@ -95,7 +96,8 @@ class StateDir:
     def write_behind(self, name: str, text: str) -> str:
         """Replace a file durably without waiting for the disk, which may take seconds on a busy card.
 
-        Return why it cannot be written, as on a full disk; what fails later is logged. Order is kept.
+        Return the reason if the new version cannot be written, as on a full disk; a later failure is logged.
+        Writes take effect in the order of the calls.
         """
         beside = self.folder / f".{name}.{next(self._numbers)}.new"
         try:
@@ -117,7 +119,7 @@ class StateDir:
 
 
 def _told(error: OSError, beside: Path) -> str:
-    """Return why a file could not be written, and leave nothing of it."""
+    """Remove a partly written file and return the reason for the failure."""
     with contextlib.suppress(OSError):
         beside.unlink()
     return str(error.strerror or error)

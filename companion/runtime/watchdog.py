@@ -1,4 +1,4 @@
-"""Tells systemd that the program is ready, alive, and ending (sd_notify(3)); silent without systemd."""
+"""Service notifications to systemd (sd_notify(3)): ready, alive, stopping; no-op without systemd."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ log = logging.getLogger(__name__)
 
 
 class Watchdog:
-    """Speaks to the service manager that started the program.
+    """Client of the service manager's notification socket.
 
     Parameters
     ----------
     healthy
-        Asked before every sign of life; without one the manager starts the program anew.
+        Called before every sign of life; without one, the manager restarts the program.
     environment
-        Holds NOTIFY_SOCKET, and WATCHDOG_USEC where signs of life are expected.
+        Holds NOTIFY_SOCKET, and WATCHDOG_USEC if signs of life are expected.
     """
 
     def __init__(self, healthy: Callable[[], bool], environment: Mapping[str, str] = os.environ) -> None:
         self._healthy = healthy
         self._address = environment.get("NOTIFY_SOCKET", "")
         within = environment.get("WATCHDOG_USEC", "")
-        # Twice within the time, as sd_watchdog_enabled(3) advises.
+        # Twice per time-out, as sd_watchdog_enabled(3) advises.
         self.period_s = int(within) / 2e6 if within.isascii() and within.isdigit() else None
 
     def ready(self) -> None:
-        """Say that the start is over."""
+        """Report that startup is complete."""
         self._say("READY=1")
 
     def stopping(self) -> None:
-        """Say that the end has begun."""
+        """Report that the program is stopping."""
         self._say("STOPPING=1")
 
     async def run(self) -> None:
-        """Give signs of life until cancelled, as long as the program is healthy."""
+        """Send signs of life until cancelled, while the program is healthy."""
         was_healthy = True
         while self.period_s is not None:
             healthy = self._healthy()

@@ -1,4 +1,4 @@
-"""`python -m sitl --autopilot URL`: the LiDAR alone, on a vehicle that a running autopilot flies."""
+"""Command `python -m sitl --autopilot URL`: the LiDAR alone, on the vehicle of a running autopilot."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from sitl.signals import Signals
 from sitl.truth import truth
 
 IDLE_S = 0.002
-# Options of the whole vehicle; the autopilot that is followed has its own.
+# Options of the whole vehicle; the followed autopilot has its own.
 FOREIGN = ("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "wind", "takeoff_alt", "intruder")
 FLAT_ENOUGH = 0.98
 
 
 def refuse_foreign(options: argparse.Namespace, defaults: Callable[[str], object]) -> None:
-    """Raise ValueError if an option is given that means nothing beside --autopilot."""
+    """Raise ValueError if an option is given that is meaningless with --autopilot."""
     for name in FOREIGN:
         if getattr(options, name) != defaults(name):
             raise ValueError(
@@ -52,7 +52,7 @@ def build(options: argparse.Namespace, origin: Place | None, lidar_to: Address |
 
 
 def follow(attached: AttachedLidar, options: argparse.Namespace, signals: Signals) -> int:
-    """Follow until a signal comes or the duration is over; return the exit code."""
+    """Run until a signal arrives or the duration is over; return the exit code."""
     _say(f"waiting for an autopilot at {attached.wire.name}")
     begun_s = time.monotonic()
     announced = False

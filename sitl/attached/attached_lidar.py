@@ -1,8 +1,7 @@
-"""A LiDAR on a vehicle that another simulator flies: the scene and the packets are ours, the pose is theirs.
+"""Simulated LiDAR on a vehicle of another simulator: scene and packets are ours, the pose is theirs.
 
-What the sensor saw between two poses is sent when the second has arrived, so every point has the pose of its
-own moment. Its stamps are those of a clock of its own (`sensor_time`), which a simulator that stands still
-stops.
+The scan between two poses is sent when the second pose has arrived, so that every point has the pose of its
+own time. Its stamps are those of a clock of its own (`sensor_time`), which pauses with the simulator.
 """
 
 from __future__ import annotations
@@ -28,30 +27,30 @@ HEARTBEAT_S = 1.0
 ASK_S = 1.0
 LOST_S = 3.0
 HOME_PATIENCE_S = 2.0
-# Poses farther apart than this are not interpolated between; more scan than this is not caught up with.
+# No interpolation between poses farther apart than this, and no catching up on more scan time.
 GAP_NS = 300_000_000
 FLAT_M = 0.3
-BEHIND_S = 0.1  # a program that has not read for so long finds messages that waited
+BEHIND_S = 0.1  # after this long without reading, the messages read are delayed ones
 
 
 class AttachedLidar:
-    """Follows an autopilot and sends what a LiDAR on its vehicle sees of a scene.
+    """LiDAR that follows an autopilot's vehicle and sends its view of a scene.
 
     Parameters
     ----------
     scene, wire
-        What is seen; where the autopilot speaks.
+        The scene; the wire to the autopilot.
     lidar, lidar_to
-        One of `lidars.DEFAULTS`; where its data go, None for nowhere.
+        One of `lidars.DEFAULTS`; destination of its data, None to send none.
     origin_lla
-        Of the scene; None lays the scene's home under the vehicle, or under its autopilot's home.
+        Origin of the scene; None places the scene's home under the vehicle, or under its autopilot's home.
     say
-        Takes lines for the user.
+        Called with lines for the user.
 
     Attributes
     ----------
     origin_lla
-        Known once the first pose is.
+        Known after the first pose.
     skipped_ns
         Time not scanned because the machine was too slow or poses were missing.
     """
@@ -93,11 +92,11 @@ class AttachedLidar:
 
     @property
     def ready(self) -> bool:
-        """Whether the scene has its place and scans are sent."""
+        """Whether the scene has an origin and scans are sent."""
         return bool(self._track.stamps)
 
     def advance(self, now_s: float) -> bool:
-        """Read what has arrived, scan up to the newest pose, ask for what is missing.
+        """Read arrived messages, scan up to the newest pose, and request missing streams.
 
         `now_s` is any clock of real seconds. Return whether anything arrived.
         """
@@ -115,7 +114,7 @@ class AttachedLidar:
                 if pose is not None:
                     self._heard_s = now_s
                     self._add(pose, now_s)
-        self._behind = self._behind and arrived  # until nothing waits any more
+        self._behind = self._behind and arrived  # until no message waits any more
         self._scan()
         self._watch(now_s)
         self._ask(now_s)
@@ -152,21 +151,22 @@ class AttachedLidar:
         self.log.note(at_ns, (east, north, up), self.source)
 
     def _origin(self, pose: Pose, waited: bool) -> Place | None:
-        """Return the scene's origin that lays its home on the autopilot's; None while that is unknown."""
+        """Return the scene's origin that aligns its home with the autopilot's; None while that is unknown."""
         home = self.source.home_lla
         if home is None and not waited:
             return None
         lat, lon, alt = home or pose.lla
-        if not self.source.armed or home is None:  # it stands on the ground, which is flat
+        if not self.source.armed or home is None:  # it is on the ground, which is flat
             alt = pose.lla[2] - self.source.standing_m
         x, y, _ = self.scene.home_enu
         z = self.scene.world.height_m(x, y)
         return tuple(float(v) for v in pymap3d.enu2geodetic(-x, -y, -z, lat, lon, alt))  # type: ignore[return-value]
 
     def flat_share(self) -> float:
-        """Return the share of the scene whose surface lies within `FLAT_M` of its home's height.
+        """Return the share of the scene whose surface is within `FLAT_M` of its home's height.
 
-        The other simulator's ground is flat: only there does the vehicle stand where it seems to.
+        The other simulator's ground is flat: only there is the vehicle's apparent height above ground
+        correct.
         """
         x, y, _ = self.scene.home_enu
         x0, y0, x1, y1 = self.scene.extent_m
@@ -206,7 +206,7 @@ class AttachedLidar:
         self._lost = lost
 
     def _ask(self, now_s: float) -> None:
-        """Keep our heartbeat up, and ask for the streams while no pose comes."""
+        """Send our heartbeat, and request the streams while they are incomplete."""
         peers = self.wire.peers
         if not peers:
             return
@@ -243,7 +243,7 @@ class AttachedLidar:
         codec.seq = (codec.seq + 1) % 256
 
     def close(self) -> None:
-        """Close all sockets and lines."""
+        """Close all sockets and serial lines."""
         self.wire.close()
         if self.lidar is not None:
             self.lidar.close()

@@ -1,4 +1,4 @@
-"""The other end of a MAVLink wire: the simulator as a client of a running autopilot."""
+"""Client side of a MAVLink wire: the simulator as a client of a running autopilot."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ CONNECT_S = 0.3
 
 
 class TcpClientWire(Wire):
-    """`tcp`: connects, and connects again when the other end goes away.
+    """TCP client that reconnects after a disconnection.
 
     Parameters
     ----------
     host, port
-        Where the autopilot listens.
+        Address at which the autopilot listens.
     clock
         Seconds, for the pause between attempts.
     """
@@ -57,7 +57,7 @@ class TcpClientWire(Wire):
         try:
             self._socket = socket.create_connection(self._address, CONNECT_S)
         except OSError:
-            return  # nobody there yet
+            return  # no server there yet
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.peers.append(Peer(Outlet(self._socket.send)))
@@ -72,7 +72,7 @@ class TcpClientWire(Wire):
 
 
 def open_client(url: str) -> Wire:
-    """Open a wire to an autopilot by URL: tcp:HOST:PORT, udpin:HOST:PORT, udpout:HOST:PORT or a device path.
+    """Open a wire to an autopilot: tcp:HOST:PORT, udpin:HOST:PORT, udpout:HOST:PORT or a device path.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The pose of a vehicle that another simulator flies, read off its autopilot's messages, without I/O."""
+"""Pose of another simulator's vehicle, decoded from its autopilot's messages, without I/O."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ Kind = Literal["ardupilot", "px4", "other"]
 Place = tuple[float, float, float]
 
 POSE_HZ = 100.0
-# An autopilot that sends no true pose for so long after its estimate has none to send.
+# An autopilot without a true pose for this long after its estimate does not send any.
 PATIENCE_NS = 3_000_000_000
 TRUE_POSE: dict[Kind, str] = {"ardupilot": "SIM_STATE", "px4": "HIL_STATE_QUATERNION"}
 STANDING_M: dict[Kind, float] = {"ardupilot": 0.1}
-"""Height of the true pose over the ground when the vehicle stands; 0 for others (SITL's frame_height)."""
+"""Height of the true pose above ground when landed; 0 for other autopilots (SITL's frame_height).
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A pose at a time since boot; lla is latitude, longitude (degrees), altitude above mean sea level (m).
+    """Pose at a time since boot; lla is latitude, longitude (degrees), altitude above mean sea level (m).
 
     quat_wxyz: (4,) unit, body forward-right-down to north-east-down.
     """
@@ -39,18 +40,18 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A message that is needed, and how often."""
+    """Message and its requested rate."""
 
     message_id: int
     rate_hz: float
 
 
 def streams(kind: Kind) -> tuple[Stream, ...]:
-    """Return what an autopilot is asked for, the most needed first.
+    """Return the streams to request from an autopilot, the most needed first.
 
     ArduPilot sends messages of one rate together, so that SIM_STATE, which has no stamp, follows an
     ATTITUDE_QUATERNION of the same time. PX4 sends them one after the other: HIL_STATE_QUATERNION, which has
-    none either, follows 4 ms later.
+    no stamp either, follows 4 ms later.
     """
     own: tuple[Stream, ...] = ()
     if kind == "ardupilot":
@@ -71,18 +72,18 @@ NO_AIRCRAFT = frozenset({5, 6, 10, 11, 12})
 
 
 class PoseSource:
-    """Takes messages, returns poses: the true ones where there are any, else the autopilot's estimate.
+    """Decoder of poses from messages: true poses if available, else the autopilot's estimate.
 
     Attributes
     ----------
     kind, sysid
-        The autopilot and its number; None before its first heartbeat. The first aircraft heard counts.
+        The autopilot and its system ID; None before its first heartbeat. The first aircraft heard is used.
     source
         Name of the message that poses come from, "" before the first.
     armed, on_ground
-        What it says of itself; on_ground is None while it does not.
+        Reported state; on_ground is None without a report.
     home_lla
-        Its home, None while unknown.
+        Reported home, None while unknown.
     mode
         Custom mode number of its heartbeat.
     """
@@ -93,7 +94,7 @@ class PoseSource:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all but which autopilot it is: it rebooted, or the wire is a new one."""
+        """Discard everything except the autopilot's identity: it rebooted, or the wire is a new one."""
         self.source = ""
         self.armed = False
         self.on_ground: bool | None = None
@@ -103,7 +104,7 @@ class PoseSource:
         self._first_ns: int | None = None
 
     def take(self, message: Any) -> Pose | None:
-        """Return the pose that a message completes, None if it completes none."""
+        """Return the pose that a message completes, None without one."""
         name = message.get_type()
         if name == "HEARTBEAT":
             self._heartbeat(message)
@@ -114,7 +115,7 @@ class PoseSource:
 
     @property
     def standing_m(self) -> float:
-        """Height of the poses over the ground when the vehicle stands on it."""
+        """Height of the poses above the ground when the vehicle stands on it."""
         true = self.kind is not None and self.source == TRUE_POSE.get(self.kind)
         return STANDING_M.get(self.kind or "other", 0.0) if true else 0.0
 
@@ -151,7 +152,7 @@ class PoseSource:
 
     def _hil_state(self, m: Any) -> Pose | None:
         boot_ns = m.time_usec * 1000
-        if boot_ns == 0:  # PX4 leaves it out
+        if boot_ns == 0:  # PX4 omits it
             if self._attitude is None:
                 return None
             boot_ns = self._attitude[0]
@@ -200,7 +201,7 @@ def _place(lat_e7: int, lon_e7: int, alt_m: float) -> Place | None:
 
 
 def _turned(stamp_ns: int, quat: F64, rates_rad_s: F64, at_ns: int) -> F64:
-    """Return an attitude carried on, with the rates it had, to another time (at most 50 ms on)."""
+    """Return an attitude extrapolated with its rates to another time (by at most 50 ms)."""
     half = rates_rad_s * 0.5e-9 * max(-50_000_000, min(50_000_000, at_ns - stamp_ns))
     angle = float(np.linalg.norm(half))
     if angle < 1e-9:

@@ -1,53 +1,54 @@
-"""The sensor's own clock: it runs with real time, whatever the simulator's does."""
+"""Clock of the simulated sensor, which runs with real time whatever the simulator's does."""
 
 from __future__ import annotations
 
 from collections import deque
 
 SECOND_NS = 1_000_000_000
-# The loop that follows the simulator's rate settles within a second or two.
+# The control loop on the simulator's rate settles within a second or two.
 PULL_PER_S = 2.0
 RATE_PULL_PER_S2 = 1.0
-# A message held up on its way pulls no more than this.
+# A delayed message changes the estimate by no more than this.
 MOST_NS = 20_000_000
-# So many messages in a row came later by more than this, or one came earlier: time was lost or made up.
+# If this many consecutive messages are late by more than this, or one is early by more, the simulator lost or
+# made up time.
 SLIP_NS = 15_000_000
 SLIP_COUNT = 20
-# Farther off than this the simulator stood still meanwhile, and the sensor with it.
+# Beyond this error, the simulator was paused, and the sensor with it.
 PAUSE_NS = 1_000_000_000
 
 
 class SensorTime:
-    """Turns an autopilot's time since boot into the time of a clock of real seconds.
+    """Conversion of an autopilot's time since boot to a clock of real seconds.
 
-    A simulator that is to run in real time may be some percent slow, which no quartz in a sensor is; a
-    receiver that allows for quartzes would place such stamps a tenth of a second off. So the rate between the
-    two is followed, smoothly: what holds up a message on its way must not move the stamps. On a busy computer
-    it loses time at a stroke: that the sensor's clock does not do, and its stamps go on with real time.
+    A simulator in real time may run some percent slow, unlike the quartz of a real sensor, and a receiver
+    designed for quartz clocks would misplace such stamps by a tenth of a second. So a control loop follows
+    the rate between the two clocks smoothly: a delayed message must not move the stamps. On a busy computer
+    the simulator loses time in steps. The sensor's clock does not, and its stamps continue with real time.
     """
 
     def __init__(self) -> None:
         self._boot_ns: int | None = None
-        self._arrival_ns = 0  # the arrival, on the sensor's clock, less the real time
-        self._offset_ns = 0.0  # the sensor's clock less the time since boot
+        self._arrival_ns = 0  # the arrival, on the sensor's clock, minus the real time
+        self._offset_ns = 0.0  # the sensor's clock minus the time since boot
         self._rate = 0.0
         self._errors_ns: deque[float] = deque(maxlen=SLIP_COUNT)
 
     @property
     def running(self) -> bool:
-        """Whether it has begun."""
+        """Whether `begin` was called."""
         return self._boot_ns is not None
 
     def begin(self, boot_ns: int, arrival_ns: int, at_ns: int) -> None:
-        """Begin, or begin anew: the time since boot told at a real time is this one of the sensor."""
+        """Start or restart: this boot time, received at this real time, is the sensor's time `at_ns`."""
         self._boot_ns, self._arrival_ns = boot_ns, at_ns - arrival_ns
         self._offset_ns, self._rate = float(at_ns - boot_ns), 0.0
         self._errors_ns.clear()
 
     def at(self, boot_ns: int, arrival_ns: int | None) -> int:
-        """Return the sensor's time of a time since boot that was told at a real time.
+        """Return the sensor's time of a boot time received at a real time.
 
-        None stands for a message that waited to be read, nobody knows how long: it tells nothing of the rate.
+        None marks a message that waited unread for an unknown time and so carries no information on the rate.
         """
         step_s = max(0, boot_ns - (self._boot_ns or 0)) / SECOND_NS
         self._boot_ns = max(boot_ns, self._boot_ns or 0)
@@ -67,7 +68,7 @@ class SensorTime:
         return boot_ns + round(self._offset_ns)
 
     def _slipped_ns(self, error_ns: float) -> float:
-        """Follow a slip of the simulator's time at once; return it, 0 where there is none."""
+        """Correct a step of the simulator's time at once; return it, 0 without one."""
         self._errors_ns.append(error_ns)
         lost_ns = min(self._errors_ns) if len(self._errors_ns) == SLIP_COUNT else 0.0
         slip_ns = error_ns if error_ns < -SLIP_NS else lost_ns if lost_ns > SLIP_NS else 0.0

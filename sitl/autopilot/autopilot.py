@@ -1,4 +1,4 @@
-"""The simulated autopilot: ArduCopter's behaviour where a companion or a ground station can tell."""
+"""Simulated autopilot: ArduCopter's behaviour as far as a companion or a ground station can observe it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RANGEFINDER_NS = 500_000_000
 
 
 class Autopilot:
-    """Modes, arming, guidance, precision landing, failsafes, parameters and messages.
+    """Autopilot with modes, arming, guidance, precision landing, failsafes, parameters and messages.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Autopilot:
     boot_offset_ns
         Time since boot at the simulation's zero.
     ready_after_s
-        Simulated seconds until the position estimate lets it arm.
+        Simulated seconds until the position estimate permits arming.
     """
 
     sysid = 1
@@ -87,7 +87,7 @@ class Autopilot:
         self.commands = Commands(self)
         self.telemetry = Telemetry(self)
         self.faults = 0
-        """Messages that broke a handler and were dropped."""
+        """Number of messages that raised an exception in a handler and were dropped."""
         self.mode_changes: list[tuple[int, str]] = []
         self.estimate: State | None = None
         self.rangefinder: tuple[int, float] | None = None
@@ -103,7 +103,7 @@ class Autopilot:
         self._settled_since_ns: int | None = None
         self._silent_until_ns = 0
 
-    # ---- what others ask --------------------------------------------------------------------------
+    # ---- state and messages -----------------------------------------------------------------------
 
     @property
     def mode_name(self) -> str:
@@ -125,12 +125,12 @@ class Autopilot:
 
     @property
     def clock_ns(self) -> int:
-        """Time since boot that its clock shows; it goes on while a busy computer holds up the simulation."""
+        """Time since boot on its clock, which advances while a busy computer delays the simulation."""
         return self.boot_ns + self.late_ns()
 
     @property
     def estimate_boot_ns(self) -> int:
-        """Time since boot of the present estimate, which is a tick older than what is sent of it."""
+        """Time since boot of the current estimate, one tick older than the messages with it."""
         return self._estimate_ns + self.boot_offset_ns
 
     @property
@@ -140,7 +140,7 @@ class Autopilot:
 
     @property
     def position_ok(self) -> bool:
-        """Whether there is a position good enough to arm and to navigate on."""
+        """Whether the position estimate permits arming and navigation."""
         return self.settled and self.aiding.absolute and not self.failsafes.ekf
 
     @property
@@ -150,7 +150,7 @@ class Autopilot:
 
     @property
     def battery_used_mah(self) -> float:
-        """Charge taken from the battery."""
+        """Charge drawn from the battery."""
         return (100.0 - self.battery_pct) / 100 * self.parameters["BATT_CAPACITY"]
 
     def add_link(self, link: int) -> None:
@@ -158,27 +158,27 @@ class Autopilot:
         self.telemetry.add_link(link, self._now_ns)
 
     def receive(self, message: Any, link: int, now_ns: int) -> None:
-        """Take a message for this autopilot or for everybody."""
+        """Process a message for this autopilot or a broadcast."""
         self._now_ns = max(self._now_ns, now_ns)
         if self._now_ns < self._silent_until_ns:
             return
         self.add_link(link)
         try:
             self.commands.receive(message, link)
-        except Exception:  # a peer must not be able to stop the simulation, whatever it sends
+        except Exception:  # no message of a peer may stop the simulation
             self.faults += 1
             log.exception("a %s was dropped", message.get_type())
 
     def send(self, message: Any, link: int | None = None) -> None:
-        """Queue a message for a link, or for all."""
+        """Queue a message for one link, or for all."""
         self._outgoing.append((link, message))
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
-        """Send a STATUSTEXT to everybody."""
+        """Send a STATUSTEXT to all links."""
         self.send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50], 0, 0))
 
     def take_outgoing(self, now_ns: int) -> list[tuple[int | None, Any]]:
-        """Return what is to be sent now: link or None for all, and the message."""
+        """Return the messages to send now: link or None for all, and the message."""
         self._now_ns = max(self._now_ns, now_ns)
         if self._now_ns < self._silent_until_ns:
             return []
@@ -189,7 +189,7 @@ class Autopilot:
         return out
 
     def lla(self, enu_m: F64) -> tuple[float, float, float]:
-        """Return latitude, longitude, altitude of a point of the estimate's frame."""
+        """Return latitude, longitude, altitude of a point in the estimate's frame."""
         lat, lon, alt = pymap3d.enu2geodetic(*(float(v) for v in enu_m), *self.origin_lla)
         return float(lat), float(lon), float(alt)
 
@@ -203,7 +203,7 @@ class Autopilot:
             0.0 if self.estimate is None else float(self.estimate.pos_enu_m[2] - self.navigator.home_enu_m[2])
         )
 
-    # ---- what happens to it ------------------------------------------------------------------------
+    # ---- actions and control -----------------------------------------------------------------------
 
     def set_mode(self, mode: Mode) -> bool:
         """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
@@ -222,7 +222,7 @@ class Autopilot:
         return True
 
     def arm(self) -> str | None:
-        """Arm; return the reason when that is refused."""
+        """Arm; return the reason for a refusal."""
         if self.armed:
             return None
         if not self.position_ok:
@@ -243,7 +243,7 @@ class Autopilot:
         return None
 
     def disarm(self, *, force: bool = False) -> str | None:
-        """Disarm; return the reason when that is refused."""
+        """Disarm; return the reason for a refusal."""
         if self.airborne and not force:
             return "Disarm: vehicle is flying"
         if self.armed:
@@ -254,19 +254,19 @@ class Autopilot:
         return None
 
     def crash(self) -> None:
-        """Stop the motors, as the crash check does."""
+        """Stop the motors, like the crash check."""
         if self.armed:
             self.disarm(force=True)
             self.say("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
 
     def lose(self, elapsed_ns: int) -> None:
-        """Stand still for so long: the time since boot does not go on."""
+        """Pause for a time: the time since boot does not advance."""
         self.boot_offset_ns -= elapsed_ns
 
     def reboot(self, silent_s: float) -> None:
-        """Begin anew in flight, as after a watchdog's reset: armed and in the same mode, all else forgotten.
+        """Restart in flight, as after a watchdog reset: armed and in the same mode, all other state is lost.
 
-        It is deaf and mute for so long; the time since boot begins at zero now.
+        It neither receives nor sends for `silent_s`; the time since boot restarts at zero now.
         """
         self._silent_until_ns = self._now_ns + round(silent_s * 1e9)
         self.boot_offset_ns = -self._now_ns
@@ -280,12 +280,12 @@ class Autopilot:
             self.navigator.enter(self.mode, self.estimate)
 
     def follow_reset(self, jump_enu_m: F64) -> None:
-        """Move every target with a reset of the position estimate, so that the vehicle stays where it is."""
+        """Move every target with a reset of the position estimate, so that the vehicle keeps its place."""
         self.navigator.move(jump_enu_m)
         self.precland.move(jump_enu_m)
 
     def take_off(self, height_m: float) -> str | None:
-        """Climb to a height above home; return the reason when that is refused."""
+        """Climb to a height above home; return the reason for a refusal."""
         if self.mode is not Mode.GUIDED:
             return "Takeoff: GUIDED needed"
         if not self.armed or self.estimate is None:
@@ -297,7 +297,7 @@ class Autopilot:
         return None
 
     def step(self, dt_s: float, now_ns: int, estimate: State, on_ground: bool) -> Demand:
-        """Return the body rates (rad/s) and thrust (m/s2) wanted of the motors."""
+        """Return the commanded body rates (rad/s) and thrust (m/s2)."""
         self._now_ns = now_ns
         first = self.estimate is None
         self.estimate, self._estimate_ns = estimate, now_ns
@@ -318,7 +318,7 @@ class Autopilot:
         return rate_command(estimate.quat_wxyz, quat), thrust
 
     def _check(self) -> None:
-        """Do what is done ten times a second, armed or not."""
+        """Run the checks of 10 Hz, armed or not."""
         jump_enu_m = self.aiding.take_reset()
         if jump_enu_m is not None:
             self.follow_reset(jump_enu_m)
@@ -351,13 +351,13 @@ class Autopilot:
         self._wanted = attitude_for(acceleration, self._slew_yaw(estimate, dt_s))
 
     def _without_position(self) -> bool:
-        """Return whether the mode flies level, or as the sticks lean it, for want of a position."""
+        """Return whether the mode flies level, or leans with the sticks, for lack of a position."""
         if self.mode is Mode.LAND:
             return self.navigator.blind
         return self.mode not in NEEDS_POSITION and self.settled and not self.aiding.absolute
 
     def _lean(self, estimate: State) -> F64:
-        """Return the level acceleration (2,) east, north of the roll and pitch sticks."""
+        """Return the horizontal acceleration (2,) east, north for the roll and pitch sticks."""
         sticks, yaw = self.navigator.sticks, to_euler(estimate.quat_wxyz)[2]
         most = GRAVITY_MS2 * math.tan(MAX_LEAN_RAD)
         right, ahead = most * sticks.right, most * sticks.forward
@@ -377,7 +377,7 @@ class Autopilot:
             self.disarm()
 
     def _avoid(self, velocity: F64, estimate: State) -> F64:
-        """Hold a GUIDED velocity back from obstacles; a GUIDED position is flown through them."""
+        """Limit a GUIDED velocity before obstacles; a GUIDED position target flies through them."""
         p, guided = self.parameters, self.navigator.guided
         if (
             self.mode is not Mode.GUIDED
@@ -391,7 +391,7 @@ class Autopilot:
         return self.proximity.limited(velocity, yaw_rad, p["AVOID_MARGIN"], self._now_ns)
 
     def _range_down_m(self) -> float | None:
-        """Return the rangefinder's distance, None when it is off, late or out of its range."""
+        """Return the rangefinder's distance, None if it is off, late or out of range."""
         p = self.parameters
         if p["RNGFND1_TYPE"] == 10 and self.rangefinder is not None:
             stamp, distance = self.rangefinder
@@ -401,7 +401,7 @@ class Autopilot:
         return None
 
     def _slew_yaw(self, estimate: State, dt_s: float) -> float:
-        """Turn the wanted heading towards what GUIDED asked for, at 60 degrees per second at most."""
+        """Slew the commanded heading towards GUIDED's target, at most 60 degrees per second."""
         if self._yaw_rad is None:
             self._yaw_rad = to_euler(estimate.quat_wxyz)[2]
         guided = self.navigator.guided

@@ -1,4 +1,4 @@
-"""From wanted velocity and heading to body rates and thrust, as a multirotor autopilot cascades it."""
+"""Cascaded multirotor control: from velocity and heading setpoints to body rates and thrust."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ INTEGRAL_GAIN_PER_S2 = 0.6
 
 @kernel()
 def rate_command(quat: F64, wanted: F64) -> F64:
-    """Return body rates that turn the estimated attitude to the wanted one."""
+    """Return body rates that rotate the estimated attitude to the commanded one."""
     error = multiply(np.array([quat[0], -quat[1], -quat[2], -quat[3]]), wanted)
     sign = 1.0 if error[0] >= 0 else -1.0
     out = np.empty(3)
@@ -36,15 +36,15 @@ def rate_command(quat: F64, wanted: F64) -> F64:
 
 
 def attitude_for(acc_enu_ms2: F64, yaw_rad: float) -> tuple[F64, float]:
-    """Return the attitude and thrust (m/s2) that accelerate so, within the tilt limit."""
+    """Return the attitude and thrust (m/s2) for an acceleration, within the tilt limit."""
     up = max(2.0, GRAVITY_MS2 + float(acc_enu_ms2[2]))
     north, east = float(acc_enu_ms2[1]), float(acc_enu_ms2[0])
     length = math.hypot(north, east)
     longest = up * math.tan(MAX_TILT_RAD)
     if length > longest:
         north, east = north * longest / length, east * longest / length
-    # The body's z axis (down) in north, east, down is minus the thrust. Plain floats: this runs 100 times a
-    # second, and NumPy's functions on three numbers cost more than the rest of the autopilot.
+    # The body's z axis (down) in north, east, down is minus the thrust. Plain floats are used because this
+    # runs at 100 Hz, and NumPy's functions on three numbers cost more than the rest of the autopilot.
     thrust = math.sqrt(north * north + east * east + up * up)
     z = (-north / thrust, -east / thrust, up / thrust)
     ahead, right = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -56,7 +56,7 @@ def attitude_for(acc_enu_ms2: F64, yaw_rad: float) -> tuple[F64, float]:
 
 
 def _quaternion(x: Axis, y: Axis, z: Axis) -> F64:
-    """Return the quaternion whose rotation has these columns; tilts are small, so w is never near zero."""
+    """Return the quaternion of a rotation with these columns, for small tilts."""
     trace = x[0] + y[1] + z[2]
     if trace > -0.9:
         w = math.sqrt(1 + trace) / 2
@@ -67,7 +67,7 @@ def _quaternion(x: Axis, y: Axis, z: Axis) -> F64:
 
 
 def approach(error_m: F64 | float, speed_ms: float, acc_ms2: float, gain_per_s: float = 1.0) -> F64 | float:
-    """Return the velocity towards an offset, slowing down in time (ArduPilot's square-root controller)."""
+    """Return the velocity towards an offset with timely braking (ArduPilot's square-root controller)."""
     distance = float(np.sqrt(np.sum(np.square(error_m))))
     if distance < 1e-9:
         return error_m * 0.0
@@ -84,12 +84,12 @@ class VelocityLoop:
         self._wanted = np.zeros(3)
 
     def reset(self, velocity_enu_ms: F64) -> None:
-        """Start from the present velocity."""
+        """Restart from the current velocity."""
         self._integral[:] = 0
         self._wanted = velocity_enu_ms.copy()
 
     def acceleration(self, wanted_enu_ms: F64, state: State, dt_s: float, acc_ms2: float) -> F64:
-        """Return the acceleration (3,) east, north, up for a velocity wanted, itself shaped by `acc_ms2`."""
+        """Return the acceleration (3,) east, north, up for a velocity setpoint, rate-limited by `acc_ms2`."""
         gains = np.array([VELOCITY_GAIN_PER_S, VELOCITY_GAIN_PER_S, VERTICAL_GAIN_PER_S])
         return _accelerate(
             self._wanted, self._integral, wanted_enu_ms, state.vel_enu_ms, gains, acc_ms2 * dt_s, dt_s
@@ -100,7 +100,7 @@ class VelocityLoop:
 def _accelerate(
     wanted: F64, integral: F64, goal: F64, velocity: F64, gains: F64, longest: float, dt: float
 ) -> F64:
-    """Move the shaped velocity towards its goal, integrate the error, return the acceleration."""
+    """Move the shaped velocity towards its goal, integrate the error, and return the acceleration."""
     change = goal - wanted
     length = np.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
     share = 1.0 if length <= longest else longest / length

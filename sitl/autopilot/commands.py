@@ -1,4 +1,4 @@
-"""What the simulated autopilot does with the messages it receives."""
+"""Handlers of the MAVLink messages that the simulated autopilot receives."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FROM_VEHICLE = (
 _IGNORE_POSITION, _IGNORE_VELOCITY, _IGNORE_YAW, _IGNORE_YAW_RATE = 0b111, 0b111000, 1 << 10, 1 << 11
 
 
-# Parameters that must be numbers, counted from 1; elsewhere NaN means "as it is", as many stations send it.
+# Parameters that must be numbers, counted from 1; elsewhere NaN means "unchanged", and many stations send it.
 _NEEDED: dict[int, tuple[int, ...]] = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: (1,),
     mavlink.MAV_CMD_DO_SET_MODE: (1, 2),
@@ -68,7 +68,7 @@ class Params:
             self.x, self.y, self.z = message.param5, message.param6, message.param7
 
     def numbers(self, needed: tuple[int, ...]) -> bool:
-        """Tell whether these parameters, counted from 1, are finite."""
+        """Return whether these parameters, counted from 1, are finite."""
         values = (*self.p, self.x, self.y, self.z)
         return all(math.isfinite(values[i - 1]) for i in needed)
 
@@ -83,7 +83,7 @@ def _is_place(lat_deg: float, lon_deg: float, alt_m: float) -> bool:
 
 
 class Commands:
-    """Dispatches messages to the autopilot."""
+    """Dispatcher of messages to the autopilot."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._ap = autopilot
@@ -123,7 +123,7 @@ class Commands:
         }
 
     def receive(self, message: Any, link: int) -> None:
-        """Act on a message; what is unknown is ignored, as an autopilot does."""
+        """Process a message; unknown ones are ignored, as an autopilot does."""
         handler = self._messages.get(message.get_type())
         if handler is not None:
             handler(message, link)
@@ -184,7 +184,7 @@ class Commands:
         return self._refuse(self._ap.take_off(float(p.z)))
 
     def _reposition(self, p: Params, _link: int) -> int:
-        """Go to a point, into GUIDED if param2 says so."""
+        """Fly to a point; enter GUIDED if param2 allows it."""
         if not p.is_place:
             return DENIED
         if self._ap.mode is not Mode.GUIDED and not (int(p.p[1]) & 1 and self._ap.set_mode(Mode.GUIDED)):
@@ -200,7 +200,7 @@ class Commands:
 
     def _interval(self, p: Params, link: int) -> int:
         interval_us = float(p.p[1])
-        if 0 < interval_us < 4999:  # faster than 200 Hz is refused
+        if 0 < interval_us < 4999:  # above 200 Hz is denied
             return DENIED
         return ACCEPTED if self._ap.telemetry.set_interval(link, int(p.p[0]), interval_us) else DENIED
 
@@ -256,7 +256,7 @@ class Commands:
         self._set_guided(message, position, velocity)
 
     def _turned(self, enu: F64) -> F64:
-        """Turn a vector given ahead and right of the vehicle into the map, keeping it level."""
+        """Rotate a vector ahead and right of the vehicle into the map, keeping it level."""
         if self._ap.estimate is None:
             return enu
         yaw = to_euler(self._ap.estimate.quat_wxyz)[2]
@@ -325,7 +325,7 @@ class Commands:
             self._ap.failsafes.station_heard_ns = self._ap.now_ns
 
     def _override(self, message: Any, _link: int) -> None:
-        """Take channels from the ground station, whose system SYSID_MYGCS names, and from nobody else."""
+        """Override channels, from the ground station with the system ID SYSID_MYGCS only."""
         if message.get_srcSystem() == self._ap.parameters["SYSID_MYGCS"]:
             channels = [getattr(message, f"chan{number}_raw") for number in range(1, 9)]
             self._ap.receiver.override(channels, self._ap.now_ns)

@@ -1,4 +1,4 @@
-"""What the autopilot believes: the truth with errors like those of an EKF on GPS, compass and barometer."""
+"""Simulated state estimator: the truth with errors like those of an EKF on GPS, compass and barometer."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SMOOTHING_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class EstimateErrors:
-    """Standard deviations and correlation times of slow errors, and of white noise on top.
+    """Error model: standard deviations and correlation times of slow errors, plus white noise.
 
-    The defaults stand for a GPS receiver with good sky after the filter has settled; drift over a minute is
-    some decimetres, attitude a tenth of a degree.
+    The defaults represent a GPS receiver with a clear sky after the filter has settled; drift over a minute
+    is some decimetres, attitude a tenth of a degree.
     """
 
     horizontal_m: float = 0.15
@@ -38,14 +38,14 @@ class EstimateErrors:
 
     @classmethod
     def none(cls) -> EstimateErrors:
-        """Return an estimate that is the truth."""
+        """Return the model of an error-free estimate."""
         return cls(**dict.fromkeys(("horizontal_m", "vertical_m", "velocity_ms", "tilt_deg", "yaw_deg"), 0.0),
                    white_position_m=0.0, white_velocity_ms=0.0, white_attitude_deg=0.0)  # fmt: skip
 
 
 @kernel()
 def _drift(error: F64, smooth: F64, sigma: F64, tau: F64, dt: float, draw: F64) -> None:
-    """Advance Gauss-Markov errors, and the low-passed ones that are used."""
+    """Advance Gauss-Markov errors and their low-passed values, which are the ones used."""
     for i in range(len(error)):
         share = dt / tau[i]
         error[i] += -error[i] * share + sigma[i] * np.sqrt(2 * share) * draw[i]
@@ -53,7 +53,7 @@ def _drift(error: F64, smooth: F64, sigma: F64, tau: F64, dt: float, draw: F64) 
 
 
 class Estimator:
-    """Turns true states into estimated ones, tick by tick.
+    """Estimator that converts true states to estimated ones, tick by tick.
 
     `aiding` is shared with the autopilot, which reports it; by default GPS is never lost.
     """
@@ -82,10 +82,10 @@ class Estimator:
         self._draws = np.zeros((0, 18))
         self._next = 0
         self.jump_enu_m = np.zeros(3)
-        """Added to every position: a reset of the filter."""
+        """Offset added to every position: a reset of the filter."""
 
     def update(self, dt_s: float, state: State) -> State:
-        """Return the estimate of a true state, dt after the last."""
+        """Return the estimate of a true state, `dt_s` after the last."""
         if self._next == len(self._draws):
             self._draws, self._next = self._rng.standard_normal((2048, 18)), 0
         draw = self._draws[self._next]

@@ -1,4 +1,4 @@
-"""Failsafes of the autopilot: what each watches, what it says, and the mode it takes."""
+"""Failsafes of the autopilot: triggers, texts and resulting modes."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ WARNING, CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
 PERIOD_NS = 100_000_000
 EKF_CHECKS = 10
 WITHOUT, LAND, RTL = 0, 1, 2
-"""Actions by BATT_FS_LOW_ACT's numbers."""
+"""Actions by the numbers of BATT_FS_LOW_ACT."""
 
 
 class Failsafes:
-    """Radio, ground station, battery, estimate and fence, looked at ten times a second.
+    """Failsafes for radio, ground station, battery, estimate and fence, checked at 10 Hz.
 
     Attributes
     ----------
     radio, ground_station, battery, ekf
-        Triggered; the battery's stays so until a reboot.
+        Whether each is triggered; the battery's stays triggered until a reboot.
     in_charge
-        Whether the vehicle flies what a failsafe chose: until somebody's change of mode.
+        Whether the vehicle flies a failsafe's mode; false after any later change of mode.
     """
 
     def __init__(self, autopilot: Autopilot) -> None:
@@ -42,18 +42,18 @@ class Failsafes:
 
     @property
     def any_triggered(self) -> bool:
-        """Whether HEARTBEAT says critical; the fence does not count."""
+        """Whether HEARTBEAT reports a critical state; the fence does not count."""
         return self.radio or self.ground_station or self.battery or self.ekf
 
     def check(self) -> None:
-        """Look at everything once."""
+        """Run all checks once."""
         self._check_radio()
         self._check_ground_station()
         self._check_battery()
         self._check_ekf()
         self._check_fence()
 
-    # ---- what is watched ---------------------------------------------------------------------------
+    # ---- triggers ----------------------------------------------------------------------------------
 
     def _check_radio(self) -> None:
         lost = self._ap.parameters["FS_THR_ENABLE"] > 0 and self._ap.receiver.lost(self._ap.now_ns)
@@ -122,7 +122,7 @@ class Failsafes:
         elif action == 2:
             self._take(Mode.LAND)
 
-    # ---- what is done ------------------------------------------------------------------------------
+    # ---- actions -----------------------------------------------------------------------------------
 
     def _act(self, cause: str, action: int) -> None:
         ap = self._ap
@@ -137,7 +137,7 @@ class Failsafes:
             self._take(Mode.LAND if action == LAND else Mode.RTL)
 
     def _without_position(self) -> None:
-        """Land without a position, at once if it lands already, after a pause elsewhere."""
+        """Land without a position: at once if already landing, after a pause from other modes."""
         ap = self._ap
         if ap.mode is Mode.LAND or ap.mode not in NEEDS_POSITION:
             if ap.mode is Mode.LAND:
@@ -148,7 +148,7 @@ class Failsafes:
         ap.say(f"EKF Failsafe: changed to {ap.mode.name} Mode", CRITICAL)
 
     def _take(self, mode: Mode) -> None:
-        """Change to RTL, or to LAND with a pause where that is refused."""
+        """Change to RTL, or to LAND with a pause if RTL is refused."""
         ap = self._ap
         taken = mode is not Mode.LAND and ap.set_mode(mode)
         if not taken and ap.mode is not Mode.LAND:

@@ -1,4 +1,4 @@
-"""Geofence: a circle around home and a ceiling, as ArduCopter's AC_Fence."""
+"""Geofence: a circle around home and a ceiling, like ArduCopter's AC_Fence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RECOVERY_NS = 10_000_000_000
 
 @dataclass(slots=True)
 class Fence:
-    """Fences by FENCE_TYPE's bits, and which of them are breached."""
+    """Fences selected by FENCE_TYPE's bits, and their breaches."""
 
     parameters: dict[str, float]
     breached: int = 0
@@ -28,13 +28,13 @@ class Fence:
 
     @property
     def enabled(self) -> bool:
-        """Whether there is a fence."""
+        """Whether any fence is active."""
         return bool(
             self.parameters["FENCE_ENABLE"] and int(self.parameters["FENCE_TYPE"]) & (CEILING | CIRCLE)
         )
 
     def check(self, from_home_enu_m: F64, now_ns: int, boot_ms: int) -> int:
-        """Note where the vehicle is; return the bits of the fences that it has left since the last call."""
+        """Check the position; return the bits of the fences left since the last call."""
         if not self.enabled:
             self.breached = 0
             return 0
@@ -49,7 +49,7 @@ class Fence:
         return new
 
     def recover(self, now_ns: int) -> None:
-        """Leave the pilot ten seconds after a change of mode outside the fence."""
+        """Suspend the checks for ten seconds after a change of mode outside the fence."""
         if self.breached:
             self.recovery_until_ns = now_ns + RECOVERY_NS
 
@@ -70,5 +70,5 @@ class Fence:
 
 
 def names(bits: int) -> str:
-    """Return fences as ArduCopter's texts name them."""
+    """Return the names of fences as in ArduCopter's texts."""
     return " and ".join(name for bit, name in NAMES.items() if bits & bit)

@@ -1,4 +1,4 @@
-"""Flight modes, and what each makes the vehicle do."""
+"""Flight modes and the velocity setpoint that each commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 
 
 class Mode(IntEnum):
-    """ArduCopter's custom_mode numbers."""
+    """Flight modes with ArduCopter's custom_mode numbers."""
 
     STABILIZE = 0
     ALT_HOLD = 2
@@ -30,7 +30,7 @@ class Mode(IntEnum):
 
 NEEDS_POSITION = (Mode.GUIDED, Mode.LOITER, Mode.RTL, Mode.BRAKE)
 PILOTED = (Mode.LOITER, Mode.ALT_HOLD, Mode.LAND)
-"""Modes in which the sticks do something."""
+"""Modes in which the sticks have an effect."""
 REPOSITION_MS = 1.35
 """Speed of land repositioning at full stick: 1 m/s at 1800 us."""
 PAUSE_NS = 4_000_000_000
@@ -39,7 +39,7 @@ REPOSITION_AND_RESUME = 2
 
 @dataclass(slots=True)
 class GuidedTarget:
-    """What GUIDED was last told: a position, a velocity, or both, and a heading or turn rate."""
+    """Last GUIDED target: a position, a velocity, or both, and a heading or turn rate."""
 
     position_enu_m: F64 | None = None
     velocity_enu_ms: F64 | None = None
@@ -50,7 +50,7 @@ class GuidedTarget:
 
 @dataclass(slots=True)
 class Search:
-    """What a landing knows of its target: where it was last seen from, and the tries to see it again."""
+    """State of a landing target's search: the vehicle's place at the last sighting, and the retries."""
 
     seen_enu_m: F64 | None = None
     lost_ns: int | None = None
@@ -59,7 +59,7 @@ class Search:
     hover_enu_m: F64 | None = None
 
     def found(self, target_enu_m: F64, state: State) -> None:
-        """Remember where the target is in sight."""
+        """Record the place at which the target is in sight."""
         self.seen_enu_m = np.array([target_enu_m[0], target_enu_m[1], state.pos_enu_m[2]])
         self.lost_ns = self.hover_enu_m = None
         self.returning = False
@@ -67,7 +67,7 @@ class Search:
 
 @dataclass(slots=True)
 class Navigator:
-    """Works out the velocity wanted, by mode."""
+    """Guidance: velocity setpoint by mode."""
 
     parameters: dict[str, float]
     precland: PrecisionLanding
@@ -82,13 +82,13 @@ class Navigator:
     search: Search = field(default_factory=Search)
     sticks: Sticks = RESTING
     repositioned: bool = False
-    """The pilot moved this landing by roll or pitch: its target is given up."""
+    """Whether the pilot moved this landing with roll or pitch: its target is abandoned."""
     blind: bool = False
-    """This landing has no position: level, or as roll and pitch lean it."""
+    """Whether this landing has no position: it flies level, or leans with roll and pitch."""
     _paused_until_ns: int = 0
 
     def enter(self, mode: Mode, state: State) -> None:
-        """Start a mode from where the vehicle is."""
+        """Start a mode from the vehicle's current state."""
         stop = state.vel_enu_ms * np.array([0.6, 0.6, 0.3])
         self.hold_enu_m = state.pos_enu_m + stop
         self.guided = GuidedTarget(position_enu_m=self.hold_enu_m.copy())
@@ -102,11 +102,11 @@ class Navigator:
             self.return_enu_m = self._return_point(state)
 
     def pause(self, now_ns: int) -> None:
-        """Let a landing wait for four seconds before it sinks, as one that a failsafe began."""
+        """Delay the descent of a landing by four seconds, as after a failsafe."""
         self._paused_until_ns = now_ns + PAUSE_NS
 
     def move(self, jump_enu_m: F64) -> None:
-        """Follow a reset of the position estimate; home and rally points are places on Earth and stay."""
+        """Apply a reset of the position estimate; home and rally points are places on Earth and stay."""
         self.hold_enu_m = self.hold_enu_m + jump_enu_m
         if self.guided.position_enu_m is not None:
             self.guided.position_enu_m = self.guided.position_enu_m + jump_enu_m
@@ -116,7 +116,7 @@ class Navigator:
                 setattr(self.search, name, place + jump_enu_m)
 
     def velocity(self, mode: Mode, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
-        """Return the velocity wanted (3,) east, north, up; `rangefinder_m` is None without a healthy one."""
+        """Return the velocity setpoint (3,) east, north, up; `rangefinder_m` is None if unhealthy."""
         if self.takeoff_up_m is not None:
             return self._take_off(state)
         if mode is Mode.GUIDED:
@@ -130,13 +130,13 @@ class Navigator:
         return self._hold(self.hold_enu_m, state)
 
     def _steer(self, state: State) -> F64:
-        """Fly as the sticks say; what is centred holds where that brought the vehicle."""
+        """Fly with the sticks; a centred axis holds its position."""
         p = self.parameters
         climb = p["PILOT_SPEED_UP"] / 100 * self.sticks.up
         return self._moved(state, p["LOIT_SPEED"] / 100, climb)
 
     def _moved(self, state: State, speed_ms: float, climb_ms: float) -> F64:
-        """Return the velocity of deflected sticks, and hold from where the vehicle will stop."""
+        """Return the velocity of deflected sticks, and move the hold point to where the vehicle will stop."""
         out = self._hold(self.hold_enu_m, state)
         level_ms, most_ms2 = float(np.hypot(*state.vel_enu_ms[:2])), self.parameters["WPNAV_ACCEL"] / 100
         braking_s = max(0.6, level_ms / (2 * most_ms2))
@@ -179,9 +179,9 @@ class Navigator:
         return wanted
 
     def _land(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
-        """Sink over the precision-landing target while it is believed, else over where it is.
+        """Descend over the precision-landing target while it is valid, else over the hold point.
 
-        Roll or pitch moves the place, and for the rest of this landing the target is not followed.
+        Roll or pitch moves that point, and for the rest of this landing the target is not followed.
         """
         p = self.parameters
         steered = bool(p["LAND_REPOSITION"]) and self.sticks.steering
@@ -204,14 +204,15 @@ class Navigator:
         out[2] = -speed / 100
         if target is not None and height < 2.0:
             error = float(np.hypot(*(target[:2] - state.pos_enu_m[:2])))
-            out[2] *= max(0.2, 1.0 - error)  # slower while off the target, near the ground
+            out[2] *= max(0.2, 1.0 - error)  # slower near the ground while off the target
         return out
 
     def _lost(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64 | None:
-        """Return where PLND_STRICT sends it without a target, or None to sink.
+        """Return the position that PLND_STRICT commands without a target, or None to descend.
 
-        ArduPilot acts only while a healthy rangefinder reads between PLND_ALT_MIN and PLND_ALT_MAX; else it
-        sinks. A target once seen is waited for, then sought again where it was last in sight.
+        ArduPilot acts only while a healthy rangefinder reads between PLND_ALT_MIN and PLND_ALT_MAX; otherwise
+        it descends. It waits for a target that was seen before, then searches again where it was last in
+        sight.
         """
         p, search = self.parameters, self.search
         if search.returning and search.seen_enu_m is not None:
@@ -237,7 +238,7 @@ class Navigator:
         return search.hover_enu_m
 
     def _return(self, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
-        if self.descending:  # for good: a landing target may lead away from home
+        if self.descending:  # permanently: a landing target may lead away from home
             return self._land(state, now_ns, rangefinder_m)
         lowest = self.home_enu_m[2] + self.parameters["RTL_ALT"] / 100
         top = max(self.hold_enu_m[2], lowest, self.return_enu_m[2])
@@ -253,7 +254,7 @@ class Navigator:
         return self._land(state, now_ns, rangefinder_m)
 
     def _return_point(self, state: State) -> F64:
-        """Return the nearest of rally points and home; rally points beyond RALLY_LIMIT_KM do not count."""
+        """Return the nearest of rally points and home; rally points beyond RALLY_LIMIT_KM are ignored."""
         p = self.parameters
         if not self.rally_enu_m:
             return self.home_enu_m.copy()

@@ -106,6 +106,6 @@ _ANY = (0.0, 65_535.0)
 
 
 def in_range(name: str, value: float) -> bool:
-    """Tell whether a parameter may be set to a value; what is no number never may."""
+    """Return whether a parameter may be set to a value; never to a non-finite one."""
     low, high = _LIMITS.get(name, _ANY)
     return math.isfinite(value) and low <= value <= high

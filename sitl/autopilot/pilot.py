@@ -1,4 +1,4 @@
-"""A scripted ground station: waits for a position, sets GUIDED, arms, takes off, and then only watches."""
+"""Scripted ground station: waits for a position, sets GUIDED, arms, takes off, and then only monitors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CALLS = 64
 
 
 class Pilot:
-    """System 255 on a wire of its own; everything it does is a MAVLink message."""
+    """System 255 on a wire of its own; all its actions are MAVLink messages."""
 
     def __init__(self, wire: MemoryWire, takeoff_height_m: float, key: bytes | None = None) -> None:
         self._wire = wire
@@ -33,13 +33,13 @@ class Pilot:
         self.done = False
         self.heard: list[str] = []
         self.calls: deque[tuple[int, str]] = deque(maxlen=CALLS)
-        """Component and text of what was last said at CRITICAL or worse."""
+        """Component and text of the newest texts of severity CRITICAL or worse."""
         self.acks: list[tuple[int, int]] = []
         self.told: dict[str, float] = {}
         """Newest NAMED_VALUE_FLOAT of each name."""
 
     def step(self, now_ns: int) -> None:
-        """Read what came, and take the next step of the script."""
+        """Read received messages, and advance the script."""
         for data in self._wire.received:
             for message in self._codec.parse_buffer(bytearray(data)) or []:
                 self._read(message)
@@ -68,7 +68,7 @@ class Pilot:
         self.send(mavlink.MAVLink_command_long_message(1, component, number, 0, *p))
 
     def set_mode(self, mode: Mode) -> None:
-        """Ask for a flight mode."""
+        """Request a flight mode."""
         self.command(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, int(mode))
 
     def _script(self) -> None:
@@ -99,7 +99,7 @@ class Pilot:
             self.acks.append((message.command, message.result))
 
     def _call(self, message: Any) -> None:
-        """Keep a text, or add a chunk of a long one to what came before it from the same component."""
+        """Store a text, or append a chunk of a long one to the previous text of the same component."""
         component, text = message.get_srcComponent(), str(message.text)
         if message.chunk_seq and self.calls and self.calls[-1][0] == component:
             text = self.calls.pop()[1] + text

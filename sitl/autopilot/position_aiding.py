@@ -1,4 +1,4 @@
-"""GPS aiding of the position estimate: the receiver, dead reckoning without it, the filter's own verdict."""
+"""GPS aiding of the position estimate: the receiver, dead reckoning without it, and the filter's status."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 F64 = NDArray[np.float64]
 
 TIMEOUT_S, STOPPED_S = 7.3, 15.2
-"""Without GPS for so long the filter gives its horizontal position up, and holds it constant."""
+"""Time without GPS after which the filter abandons its horizontal position, and then holds it constant."""
 DRIFT_S, DRIFT_MS2 = 10.0, 0.034
 """Dead reckoning integrates an acceleration error: 1.7 m after ten seconds, and no further."""
 PULL_IN_S = 1.0
@@ -33,14 +33,14 @@ UNAIDED: int = TIMED_OUT | mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_CONST_POS_MO
 
 
 class PositionAiding:
-    """Horizontal error of the estimate while GPS is gone, and what EKF and receiver report meanwhile.
+    """Horizontal error of the estimate without GPS, and the matching reports of EKF and receiver.
 
     Attributes
     ----------
     gps
         Whether the receiver has a fix.
     absolute
-        Whether the filter vouches for its absolute horizontal position.
+        Whether the filter reports a valid absolute horizontal position.
     offset_enu_m, velocity_error_enu_ms
         (3,) added to the estimate.
     """
@@ -56,19 +56,19 @@ class PositionAiding:
         self._reset_enu_m: F64 | None = None
 
     def lose_gps(self, bearing_rad: float) -> None:
-        """Take the fix away; the estimate wanders towards a bearing, clockwise from north."""
+        """Remove the fix; the estimate drifts towards a bearing, clockwise from north."""
         self.gps = self._steady = False
         self._since_s = 0.0
         self._direction = np.array([math.sin(bearing_rad), math.cos(bearing_rad), 0.0])
 
     def regain_gps(self) -> None:
-        """Give the fix back: the estimate is pulled in, or reset where the filter had given it up."""
+        """Restore the fix: the estimate converges, or is reset if the filter had abandoned its position."""
         self.gps = True
         self._since_s = 0.0
         self.velocity_error_enu_ms = np.zeros(3)
 
     def update(self, dt_s: float) -> None:
-        """Advance by dt."""
+        """Advance by `dt_s`."""
         if self._steady:
             return
         self._since_s += dt_s
@@ -106,17 +106,17 @@ class PositionAiding:
 
     @property
     def flags(self) -> int:
-        """EKF_STATUS_REPORT's flags."""
+        """Flags of EKF_STATUS_REPORT."""
         if self.absolute:
             return AIDED
         return UNAIDED if self.stopped else TIMED_OUT
 
     @property
     def test_ratio(self) -> float:
-        """Horizontal test ratio, which EKF_STATUS_REPORT calls a variance: without GPS nothing is tested."""
+        """Horizontal test ratio, called a variance in EKF_STATUS_REPORT: without GPS nothing is tested."""
         return 0.0 if self.stopped else TEST_RATIO
 
     @property
     def fix_type(self) -> int:
-        """GPS_FIX_TYPE."""
+        """GPS_FIX_TYPE of the receiver."""
         return int(mavlink.GPS_FIX_TYPE_RTK_FLOAT if self.gps else mavlink.GPS_FIX_TYPE_NO_FIX)

@@ -1,8 +1,9 @@
-"""Precision landing from LANDING_TARGET, with the behaviour measured on ArduCopter.
+"""Precision landing on LANDING_TARGET, with the behaviour measured on ArduCopter.
 
-Only MAV_FRAME_BODY_FRD with position_valid and a distance leads to the target; MAV_FRAME_LOCAL_FRD is taken
-too, and leads elsewhere: the vector is not turned by the heading. The target is believed after two seconds of
-updates without a gap of half a second, predicted for two seconds when they stop, and then lost.
+Only MAV_FRAME_BODY_FRD with position_valid and a distance leads to the target. MAV_FRAME_LOCAL_FRD is
+accepted too, but leads elsewhere, because the vector is not rotated by the heading. The target is valid after
+two seconds of updates without a gap of half a second. When the updates stop, it is predicted for two seconds,
+and then lost.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ class PrecisionLanding:
         self._stage = NONE
 
     def remember(self, now_ns: int, estimate: State) -> None:
-        """Keep the pose, so that a target can be placed with the pose of its own time."""
+        """Store the pose, so that a target can be located with the pose of its own time."""
         self._poses.append((now_ns, estimate.pos_enu_m, estimate.quat_wxyz))
 
     def receive(self, message: Any, now_ns: int, lag_s: float) -> str | None:
-        """Take a LANDING_TARGET; return a text for the operator when its frame is refused the first time."""
+        """Process a LANDING_TARGET; return a text for the operator when its frame is first refused."""
         if not message.position_valid or message.frame not in (BODY_FRD, LOCAL_FRD):
             if self.frame_refused or not message.position_valid:
                 return None
@@ -70,20 +71,20 @@ class PrecisionLanding:
         return None
 
     def move(self, jump_enu_m: F64) -> None:
-        """Follow a reset of the position estimate."""
+        """Apply a reset of the position estimate."""
         moved = [(stamp, position + jump_enu_m, attitude) for stamp, position, attitude in self._poses]
         self._poses = deque(moved, maxlen=self._poses.maxlen)
         self._target = None if self._target is None else self._target + jump_enu_m
 
     def acquired(self, now_ns: int) -> bool:
-        """Tell whether the target is believed now."""
+        """Return whether the target is valid now."""
         if self._first_ns is None or self._last_ns is None:
             return False
         long_enough = self._last_ns - self._first_ns >= NEEDED_NS
         return long_enough and now_ns - self._last_ns <= PREDICTED_NS
 
     def news(self, now_ns: int) -> list[tuple[int, str]]:
-        """Return severity and text of what became of the target since the last call, as ArduPilot says it."""
+        """Return severity and ArduPilot's text of each change of the target since the last call."""
         before, self._stage = self._stage, self._stage_now(now_ns)
         if self._stage < before:
             lost = [(CRITICAL, FALLING[before])]
@@ -96,10 +97,10 @@ class PrecisionLanding:
         return SEEN if self._last_ns is not None and now_ns - self._last_ns <= GAP_NS else NONE
 
     def target(self, now_ns: int) -> F64 | None:
-        """Return the target (3,) east, north, up, or None while it is not believed."""
+        """Return the target (3,) east, north, up, or None while it is not valid."""
         return self._target if self.acquired(now_ns) else None
 
     @property
     def latest_enu_m(self) -> F64 | None:
-        """The latest accepted target, believed or not."""
+        """Latest accepted target, valid or not."""
         return self._target

@@ -1,8 +1,8 @@
-"""Obstacles around the vehicle as it is told of them, and how far a velocity may lead towards them.
+"""Proximity sensing from MAVLink obstacle messages, and the velocity limit before obstacles.
 
-As measured on ArduPilot: it takes the angles of OBSTACLE_DISTANCE relative to the body whatever the frame
-field says; of OBSTACLE_DISTANCE_3D it takes BODY_FRD only, yet one in another frame counts as a sign of life.
-Half a second without either is no data. AVOID_ENABLE's second bit limits GUIDED velocities, never positions.
+As measured on ArduPilot: angles of OBSTACLE_DISTANCE are relative to the body whatever its frame field says.
+OBSTACLE_DISTANCE_3D is accepted in BODY_FRD only, yet one in another frame counts as a sign of life. Half a
+second without either means no data. AVOID_ENABLE's second bit limits GUIDED velocities, never positions.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ BRAKE_MS2 = 1.0
 
 
 class Proximity:
-    """The latest OBSTACLE_DISTANCE, and the latest whole batch of OBSTACLE_DISTANCE_3D.
+    """Latest OBSTACLE_DISTANCE, and latest complete batch of OBSTACLE_DISTANCE_3D.
 
-    Obstacles are kept as distances and unit vectors forward, right, down, level but turned with the heading.
-    What is not told again is forgotten after a second, all of it after half a second of silence.
+    Obstacles are stored as distances and unit vectors forward, right, down, level but rotated with the
+    heading. An obstacle without an update is dropped after a second, all of them after half a second of
+    silence.
     """
 
     def __init__(self) -> None:
@@ -38,7 +39,7 @@ class Proximity:
         self._batch_stamp: int | None = None
 
     def receive(self, message: Any, now_ns: int) -> None:
-        """Take an OBSTACLE_DISTANCE; 0, 65535 and what is out of its own range mean nothing there."""
+        """Process an OBSTACLE_DISTANCE; 0, 65535 and values out of its own range mean no obstacle."""
         step_deg = message.increment_f if message.increment_f > 0 else float(message.increment)
         first_deg = message.angle_offset
         if not (math.isfinite(step_deg) and math.isfinite(first_deg)):
@@ -53,9 +54,9 @@ class Proximity:
         self._around = now_ns, seen
 
     def receive_3d(self, message: Any, now_ns: int) -> None:
-        """Take an OBSTACLE_DISTANCE_3D; points of one stamp are used from the next stamp on, or after 50 ms.
+        """Process an OBSTACLE_DISTANCE_3D; a batch of one stamp is used at the next stamp or after 50 ms.
 
-        What is at no distance or out of its own range is dropped in silence.
+        Points at distance zero or out of the message's own range are dropped silently.
         """
         self._heard_ns = now_ns
         if message.frame != BODY_FRD:
@@ -70,7 +71,7 @@ class Proximity:
         self._batch = now_ns, points
 
     def fresh(self, now_ns: int) -> bool:
-        """Tell whether a message came in the last half second."""
+        """Return whether a message came in the last half second."""
         return self._heard_ns is not None and now_ns - self._heard_ns <= FRESH_NS
 
     def limited(self, velocity_enu_ms: F64, yaw_rad: float, margin_m: float, now_ns: int) -> F64:
@@ -85,7 +86,7 @@ class Proximity:
         return np.array([east, north, up])
 
     def _rays(self, now_ns: int) -> list[Ray]:
-        """Return what counts now, nearest first: what is left of a velocity slides along a wall's face."""
+        """Return the current obstacles, nearest first, so that a limited velocity slides along a wall."""
         if not self.fresh(now_ns):
             return []
         done = self._batch if now_ns - self._batch[0] > BATCH_NS else self._points
@@ -98,7 +99,7 @@ def _level(angle_rad: float) -> tuple[float, float, float]:
 
 
 def _fastest(room_m: float) -> float:
-    """Return the speed from which it stops within this room, with a second to react."""
+    """Return the speed that allows a stop within a distance, with a second to react."""
     if room_m <= 0:
         return 0.0
     return math.sqrt(BRAKE_MS2**2 + 2 * BRAKE_MS2 * room_m) - BRAKE_MS2

@@ -1,4 +1,4 @@
-"""Radio control: the transmitter's channels, overrides of them over MAVLink, and sticks as fractions."""
+"""Radio control: the transmitter's channels, MAVLink overrides of them, and sticks as fractions."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ RESTING = Sticks()
 
 
 class RadioReceiver:
-    """Receiver of a transmitter, whose channels may be overridden one by one.
+    """Receiver of a transmitter, whose channels may be overridden individually.
 
     Attributes
     ----------
     transmitter
-        Channels 1 to 8 as the transmitter sends them, us.
+        Channels 1 to 8 as sent by the transmitter, us.
     transmitting
         Whether the receiver hears the transmitter.
     """
@@ -52,7 +52,7 @@ class RadioReceiver:
         self._overrides: dict[int, tuple[int, int]] = {}
 
     def override(self, channels: Sequence[int], now_ns: int) -> None:
-        """Replace channels, us, for three seconds: 0 gives one back, 65535 leaves it alone."""
+        """Override channels, us, for three seconds: 0 releases one, 65535 leaves it unchanged."""
         for number, value in enumerate(channels):
             if value == RELEASED:
                 self._overrides.pop(number, None)
@@ -60,7 +60,7 @@ class RadioReceiver:
                 self._overrides[number] = value, now_ns
 
     def channels(self, now_ns: int) -> list[int]:
-        """Return channels 1 to 8, us; without a transmitter the last ones heard."""
+        """Return channels 1 to 8, us; without a transmitter the last ones received."""
         if self.transmitting:
             self._last[:] = self.transmitter
             self._heard_ns = now_ns
@@ -75,7 +75,7 @@ class RadioReceiver:
         return out
 
     def lost(self, now_ns: int) -> bool:
-        """Return whether neither transmitter nor override has been heard for a second."""
+        """Return whether neither transmitter nor override has been received for a second."""
         self.channels(now_ns)
         return not self._overrides and now_ns - self._heard_ns > LOST_NS
 

@@ -1,4 +1,4 @@
-"""ArduCopter's side of the mission protocol for rally points."""
+"""Vehicle side of the mission protocol for rally points, like ArduCopter's."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ABSOLUTE = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A stored rally point; altitudes are whole metres."""
+    """Stored rally point; altitudes are whole metres."""
 
     lat_e7: int
     lon_e7: int
@@ -37,7 +37,7 @@ class Point:
 
 @dataclass(slots=True)
 class Receipt:
-    """An upload under way: from whom, how many, and when the next item was asked for."""
+    """Upload in progress: its sender, number of items, and time of the last request."""
 
     link: int
     sender: tuple[int, int]
@@ -48,7 +48,7 @@ class Receipt:
 
 
 class Rally:
-    """Uploads are asked for with MISSION_REQUEST, one item at a time, and written as they come."""
+    """Rally point server; requests uploads with MISSION_REQUEST, item by item, and stores each on arrival."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._ap = autopilot
@@ -64,7 +64,7 @@ class Rally:
         }
 
     def points_enu_m(self) -> list[F64]:
-        """Return the points in the estimate's frame; what is relative is so to the present home."""
+        """Return the points in the estimate's frame; relative altitudes are above the current home."""
         home_up = float(self._ap.navigator.home_enu_m[2])
         found = []
         for point in self.points:
@@ -74,7 +74,7 @@ class Rally:
         return found
 
     def step(self, now_ns: int) -> None:
-        """Ask again for an item that does not come, and give up in the end."""
+        """Repeat the request for a missing item, and give up in the end."""
         receipt = self._receipt
         if receipt is None or now_ns - receipt.asked_ns < REPEAT_NS:
             return
@@ -166,7 +166,7 @@ def _sender(message: Any) -> tuple[int, int]:
 
 
 def _fault(message: Any) -> int:
-    """Return the MAV_MISSION_RESULT that an item deserves, 0 for a good one."""
+    """Return the MAV_MISSION_RESULT for an item, 0 for a valid one."""
     if message.command != RALLY_POINT:
         return int(mavlink.MAV_MISSION_UNSUPPORTED)
     if message.frame not in (*_RELATIVE, *_ABSOLUTE):

@@ -27,7 +27,7 @@ UNKNOWN_RSSI, SATELLITES, SATELLITES_WITHOUT_FIX = 255, 17, 3
 
 
 class StatusMessages:
-    """What each message says now; None where ArduCopter sends none."""
+    """Factories of the current status messages; None if ArduCopter sends none."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._ap = autopilot
@@ -59,16 +59,16 @@ class StatusMessages:
         )
 
     def _state(self) -> int:
-        """Return MAV_STATE: any failsafe but the fence is critical, the ground is standby."""
+        """Return MAV_STATE: critical for any failsafe except the fence, standby on the ground."""
         if self._ap.failsafes.any_triggered:
             return int(mavlink.MAV_STATE_CRITICAL)
         return int(mavlink.MAV_STATE_ACTIVE if self._ap.airborne else mavlink.MAV_STATE_STANDBY)
 
     def _sys_status(self) -> Any:
-        """Return SYS_STATUS: bits of what is present, enabled and healthy.
+        """Return SYS_STATUS with the bits of present, enabled and healthy sensors.
 
-        ArduCopter's GPS bit stays healthy without a fix; a landing without position has its position
-        control off. A fence that is off is present and healthy, not enabled.
+        ArduCopter's GPS bit stays healthy without a fix; in a landing without position the position control
+        is off. A disabled fence is present and healthy, not enabled.
         """
         ap, safe = self._ap, self._ap.failsafes
         # bit, enabled, healthy
@@ -101,7 +101,7 @@ class StatusMessages:
         )  # fmt: skip
 
     def _gps_raw(self) -> Any:
-        """Return GPS_RAW_INT; without a fix the last place."""
+        """Return GPS_RAW_INT; without a fix it repeats the last position."""
         ap, estimate = self._ap, self._ap.estimate
         fix = ap.aiding.fix_type
         if estimate is None or fix < mavlink.GPS_FIX_TYPE_3D_FIX:

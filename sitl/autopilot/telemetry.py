@@ -1,4 +1,4 @@
-"""What the simulated autopilot tells, to whom and how often."""
+"""Telemetry scheduler of the simulated autopilot: message intervals per link, and message factories."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ UTC_AT_ZERO_US = 1_750_000_000_000_000
 
 
 class Telemetry:
-    """Message intervals per link, and how each message is made."""
+    """Message intervals per link, and a factory for each message."""
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._ap = autopilot
@@ -84,19 +84,19 @@ class Telemetry:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """Messages it can send."""
+        """IDs of the messages it can send."""
         return tuple(self._makers)
 
     # ---- intervals ----------------------------------------------------------------------------------
 
     def add_link(self, link: int, now_ns: int) -> None:
-        """Start the default streams on a link that is new."""
+        """Start the default streams on a new link."""
         if link not in self._due:
             self._due[link] = {number: [ms * 1_000_000, now_ns] for number, ms in DEFAULT_MS.items()}
             self._next_ns = 0
 
     def restart(self) -> None:
-        """Forget every link and what it asked for."""
+        """Discard every link and its requested intervals."""
         self._due.clear()
 
     def set_interval(self, link: int, number: int, interval_us: float) -> bool:
@@ -114,7 +114,7 @@ class Telemetry:
         return True
 
     def data_stream(self, link: int, stream: int, rate_hz: int, start: int) -> None:
-        """Honour the old REQUEST_DATA_STREAM."""
+        """Serve the deprecated REQUEST_DATA_STREAM."""
         groups = _STREAMS.values() if stream == mavlink.MAV_DATA_STREAM_ALL else [_STREAMS.get(stream, ())]
         for number in (number for group in groups for number in group):
             self.set_interval(link, number, 1e6 / rate_hz if start and rate_hz else -1)
@@ -127,7 +127,7 @@ class Telemetry:
         self._next_ns = 0
 
     def send_once(self, number: int, link: int) -> bool:
-        """Send a message to one link; tell whether it is known and there is one now."""
+        """Send a message to one link; return whether it is known and available now."""
         maker = self._makers.get(number)
         message = None if maker is None or self._ap.estimate is None else maker()
         if message is not None:
@@ -135,7 +135,7 @@ class Telemetry:
         return message is not None
 
     def emit(self, now_ns: int) -> None:
-        """Queue everything that is due."""
+        """Queue all due messages."""
         if now_ns < self._next_ns or self._ap.estimate is None:
             return
         soonest = now_ns + 1_000_000_000
@@ -156,7 +156,7 @@ class Telemetry:
 
     @property
     def _boot_ms(self) -> int:
-        """Time since boot of the estimate that is sent."""
+        """Time since boot of the estimate being sent."""
         return self._ap.estimate_boot_ns // 1_000_000
 
     def _estimate(self) -> Any:
@@ -249,10 +249,10 @@ class Telemetry:
         )
 
     def _sim_state(self) -> Any:
-        """Ground truth, which only a simulator knows.
+        """Return SIM_STATE, the ground truth, which only a simulator has.
 
-        As ArduPilot fills it: accelerations are the specific force in the body frame, and the floats lat and
-        lon are degrees times 1e7 although the message's definition says degrees.
+        As in ArduPilot, accelerations are the specific force in the body frame, and the floats lat and lon
+        are degrees times 1e7, although the message's definition says degrees.
         """
         truth = self._ap.truth_source() if self._ap.truth_source else self._estimate()
         lat, lon, alt = self._ap.lla(truth.pos_enu_m)

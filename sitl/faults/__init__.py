@@ -1,7 +1,8 @@
-"""What goes wrong between vehicle, sensors and companion: by name, begun and ended in flight.
+"""Fault injection between vehicle, sensors and companion: faults by name, started and ended in flight.
 
-One family a file: `link` (the companion's line), `autopilot`, `stick` (the pilot's hand), `losses` (what its
-failsafes answer), `neighbours` (others on the line), `lidar`.
+One family per file: `link_faults` (the companion's link), `autopilot_faults`, `stick_fault` (the pilot's
+stick), `failsafe_faults` (triggers of the autopilot's failsafes), `neighbour_faults` (other systems on the
+link), `lidar_faults`.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ NAMES: tuple[str, ...] = tuple(_BUILDERS)
 
 
 def build(name: str, rng: np.random.Generator) -> Fault:
-    """Return a fault by its name; what it leaves open (a direction, an axis) is drawn.
+    """Return a fault by its name; its free choices (a direction, an axis) are drawn at random.
 
     Raises
     ------

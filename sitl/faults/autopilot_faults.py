@@ -1,4 +1,4 @@
-"""Faults of the autopilot: a reboot in flight, an estimate that moves, lost time, a pilot who takes over."""
+"""Autopilot faults: a reboot in flight, an estimate that moves, lost time, a pilot who takes over."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ RETRY_NS = 1_000_000_000
 
 
 class Reboot(Fault):
-    """The autopilot's watchdog restarts it: it is deaf and mute, then its clock begins at zero.
+    """Watchdog restart of the autopilot: it neither receives nor sends, then its clock restarts at zero.
 
-    It comes back armed and in its mode, without guided target, landing target, ranges and message intervals.
+    Afterwards it is armed and in its mode, without guided target, landing target, ranges and message
+    intervals.
     """
 
     def begin(self, simulation: Simulation) -> None:
@@ -36,7 +37,7 @@ class Reboot(Fault):
 
 
 class EstimateJump(Fault):
-    """The position estimate is reset by 5 m; the autopilot's own targets move with it."""
+    """Reset of the position estimate by 5 m; the autopilot's own targets move with it."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._jump_enu_m = _level(rng, JUMP_M)
@@ -47,7 +48,7 @@ class EstimateJump(Fault):
 
 
 class EstimateDrift(Fault):
-    """The position estimate wanders off at 0.3 m/s, up to 5 m, and stays there: GPS between reflections."""
+    """Drift of the position estimate at 0.3 m/s, up to 5 m and permanent, like GPS multipath."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._velocity_enu_ms = _level(rng, DRIFT_MS)
@@ -68,9 +69,10 @@ class EstimateDrift(Fault):
 
 
 class HeldUp(Fault):
-    """A busy computer holds up a simulated autopilot again and again, so that its clock loses time.
+    """Repeated pauses of a simulated autopilot on a busy computer, so that its clock loses time.
 
-    It and its vehicle stand still for up to 0.3 s, a third of the time; sensors and the companion go on.
+    The autopilot and its vehicle pause for up to 0.3 s, a third of the time; sensors and the companion
+    continue.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -91,12 +93,12 @@ class HeldUp(Fault):
 
 
 class PilotMode(Fault):
-    """The pilot takes over by a mode that holds, and asks for it until it shows.
+    """Takeover by the pilot: a mode that holds position or height, requested until it is active.
 
     Raises
     ------
     ValueError
-        On `begin`, if nobody flies the simulation.
+        On `begin`, if the simulation has no pilot.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -117,6 +119,6 @@ class PilotMode(Fault):
 
 
 def _level(rng: np.random.Generator, length: float) -> F64:
-    """Return a horizontal vector of a length, its direction drawn."""
+    """Return a horizontal vector of a given length in a random direction."""
     bearing = float(rng.uniform(0.0, 2 * math.pi))
     return np.array([length * math.cos(bearing), length * math.sin(bearing), 0.0])

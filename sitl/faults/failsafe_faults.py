@@ -1,4 +1,4 @@
-"""What makes the autopilot's own failsafes act: lost GPS, low battery, lost radio, a fence left behind."""
+"""Triggers of the autopilot's own failsafes: lost GPS, low battery, lost radio, a breached fence."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RETURN = 2.0
 
 
 class GpsLoss(Fault):
-    """The GPS receiver loses its fix; the estimate wanders in a direction that is drawn."""
+    """Loss of the GPS fix; the estimate drifts in a random direction."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._bearing_rad = float(rng.uniform(0.0, 2 * math.pi))
@@ -32,7 +32,7 @@ class GpsLoss(Fault):
 
 
 class BatteryFailsafe(Fault):
-    """The battery's voltage falls below its limit, and the autopilot is set to return a second later."""
+    """Battery voltage below its limit, with the autopilot configured to return a second later."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._volts = float(rng.uniform(*LOW_V))
@@ -47,7 +47,7 @@ class BatteryFailsafe(Fault):
 
 
 class RadioFailsafe(Fault):
-    """The receiver hears the pilot's transmitter no more: the autopilot returns after a second."""
+    """Loss of the pilot's transmitter: the autopilot returns after a second."""
 
     def begin(self, simulation: Simulation) -> None:
         simulation.autopilot.receiver.transmitting = False
@@ -57,7 +57,7 @@ class RadioFailsafe(Fault):
 
 
 class FenceBreach(Fault):
-    """The vehicle is outside a ceiling or a circle around home, drawn in to where it has already left it."""
+    """Breach of a fence: a ceiling or a circle around home is tightened so that the vehicle is outside it."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._fence = FENCES[int(rng.integers(len(FENCES)))]

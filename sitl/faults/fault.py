@@ -1,4 +1,4 @@
-"""What every fault is."""
+"""Base class of faults."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ if TYPE_CHECKING:
 
 
 class Fault:
-    """Begins and ends once in a flight; `step` is called after each tick between the two."""
+    """Fault that begins and ends once in a flight; `step` is called after each tick between the two."""
 
     def begin(self, simulation: Simulation) -> None:
-        """Let it go wrong from now on."""
+        """Start the fault."""
 
     def step(self, simulation: Simulation) -> None:
-        """Go on."""
+        """Continue the fault for one tick."""
 
     def end(self, simulation: Simulation) -> None:
-        """Heal what can heal; a moved estimate stays moved."""
+        """Undo what can be undone; a moved estimate stays moved."""

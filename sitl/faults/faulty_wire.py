@@ -1,4 +1,4 @@
-"""A wire whose datagrams are spoilt on their way, in both directions."""
+"""Wire with a fault treatment of its datagrams in both directions."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ Write = Callable[[bytes], None]
 
 
 class Treatment(Protocol):
-    """What becomes of a datagram."""
+    """Fault treatment of a datagram."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> list[tuple[float, bytes]]:
-        """Return what arrives of it, and after how many seconds; nothing where it is lost."""
+        """Return the resulting datagrams with their delays in seconds; an empty list if it is lost."""
 
 
 class SpoiltWire(Wire):
-    """Another wire, with a treatment of all that passes while there is one.
+    """Wrapper of another wire that treats all datagrams while a treatment is set.
 
     Parameters
     ----------
     inner
-        The wire that is spoilt. Its peers become this one's.
+        The wrapped wire. Its peers become this one's.
     rng
-        Source of all chance.
+        Source of all randomness.
     now_ns
-        Tells the simulated time.
+        Returns the simulated time.
 
     Attributes
     ----------
     treatment
-        Applied to each datagram; None lets everything pass.
+        Applied to each datagram; None passes everything unchanged.
     """
 
     def __init__(self, inner: Wire, rng: np.random.Generator, now_ns: Callable[[], int]) -> None:
@@ -54,7 +54,7 @@ class SpoiltWire(Wire):
             peer.write = partial(self._write, peer.write)
 
     def poll(self) -> list[tuple[Peer, bytes]]:
-        """Return what arrives now, and let go what was held back on its way out."""
+        """Return what arrives now, and send the delayed outgoing datagrams that are due."""
         now = self._now_ns()
         for peer, data in self._inner.poll():
             for due_ns, order, rest in self._treated(data):

@@ -1,4 +1,4 @@
-"""Faults of the LiDAR: it stops, repeats itself, lies, moves in its mount, or sees weather."""
+"""LiDAR faults: silence, repeated or false data, a clock step, a moved mount, weather."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Packets = list[bytes]
 
 DUST = Reach(0.1, 3.0, 1.5, 2.5), Noise(dust=0.3)
-"""A cloud around the vehicle: nothing is seen beyond three metres, and echoes of the dust itself."""
+"""Cloud around the vehicle: no view beyond three metres, and echoes of the dust itself."""
 RAIN = Reach(0.1, 60.0, 20.0, 45.0), Noise(range_sigma_m=0.03, dropout=0.3, dust=0.02)
 """Heavy rain: three of ten pulses are lost, one of fifty ends in a drop a few metres ahead."""
 TILT_DEG = 5.0
@@ -37,7 +37,7 @@ _CRC_AT, _CHECKED_FROM = HEADER.size - 4, HEADER.size
 
 
 class Stop(Fault):
-    """The sensor sends nothing, as without power."""
+    """Silent sensor, as without power."""
 
     def begin(self, simulation: Simulation) -> None:
         simulation.lidar_on = False
@@ -47,7 +47,7 @@ class Stop(Fault):
 
 
 class _Spoilt:
-    """A sensor whose packets are changed before they are sent."""
+    """Sensor whose packets are modified before they are sent."""
 
     def __init__(self, sensor: Sensor, treat: Callable[[Packets], Packets]) -> None:
         self.sensor = sensor
@@ -59,7 +59,7 @@ class _Spoilt:
 
 
 class PacketFault(Fault):
-    """Changes the packets of a LiDAR on UDP.
+    """Modification of the packets of a LiDAR on UDP.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class PacketFault(Fault):
 
 
 class Halved:
-    """Every second packet is missing."""
+    """Loss of every second packet."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -93,7 +93,7 @@ class Halved:
 
 
 class Stuck:
-    """The same picture again and again, under stamps, counters and checksums that go on."""
+    """Frozen picture: repeated points with advancing stamps, counters and valid checksums."""
 
     def __init__(self) -> None:
         self._picture: Packets = []
@@ -112,7 +112,7 @@ class Stuck:
 
 
 class Garbage:
-    """By thirds: bytes of chance, packets cut short, and whole packets of points of chance."""
+    """Invalid data, by thirds: random bytes, truncated packets, and valid packets of random points."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -133,7 +133,7 @@ class Garbage:
 
 
 class ClockStep(Fault):
-    """The sensor's own clock is set forward or back by five seconds, and stays there."""
+    """Permanent step of the sensor's own clock, forward or back by five seconds."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._step_ns = STEP_NS if rng.random() < 0.5 else -STEP_NS
@@ -145,7 +145,7 @@ class ClockStep(Fault):
 
 
 class Misalignment(Fault):
-    """The sensor turns by 5 degrees in its mount, about one of its axes."""
+    """Rotation of the sensor in its mount by 5 degrees, about one of its axes."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._axis = ("roll_deg", "pitch_deg", "yaw_deg")[int(rng.integers(3))]
@@ -164,7 +164,7 @@ class Misalignment(Fault):
 
 
 class Weather(Fault):
-    """The sensor sees as far and as well as the weather lets it."""
+    """Weather that limits the sensor's range and adds noise."""
 
     def __init__(self, reach: Reach, noise: Noise) -> None:
         self._weather = reach, noise
@@ -196,7 +196,7 @@ def _pulsed(simulation: Simulation) -> PulseLidar:
 
 
 def _sealed(packet: bytes, points: bytes) -> bytes:
-    """Return a packet with other points and the checksum that goes with them."""
+    """Return a packet with other points and the matching checksum."""
     sealed = bytearray(packet[:HEADER_BYTES] + points)
     _CRC.pack_into(sealed, _CRC_AT, zlib.crc32(memoryview(sealed)[_CHECKED_FROM:]))
     return bytes(sealed)

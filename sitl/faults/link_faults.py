@@ -1,4 +1,4 @@
-"""Faults of the companion's line: what a bad plug, a full radio or a busy network does to datagrams."""
+"""Link faults: the effects of a bad plug, a full radio or a busy network on datagrams."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CORRUPTED, MOST_BITS = 0.2, 8
 
 
 class LinkFault(Fault):
-    """Treats all that passes the spoilt wires of a simulation.
+    """Fault treatment of all `SpoiltWire`s of a simulation.
 
     Raises
     ------
@@ -51,14 +51,14 @@ def _spoilt(simulation: Simulation) -> list[SpoiltWire]:
 
 
 class Loss:
-    """Nothing passes."""
+    """Complete loss."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
         return []
 
 
 class Bursts:
-    """Nothing passes for bursts that last 0.6 s on the average, 30 % of the time (Gilbert's model)."""
+    """Loss in bursts of 0.6 s on average, 30 % of the time (Gilbert's model)."""
 
     def __init__(self) -> None:
         self._lost = False
@@ -74,14 +74,14 @@ class Bursts:
 
 
 class Delay:
-    """Everything comes half a second late."""
+    """Delay of every datagram by half a second."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
         return [(DELAY_S, data)]
 
 
 class Duplicates:
-    """Of 30 % a copy comes up to 0.3 s later."""
+    """Duplication of 30 % of the datagrams; the copy arrives up to 0.3 s later."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
         copies = [(float(rng.uniform(0.0, COPY_S)), data)] if rng.random() < DUPLICATED else []
@@ -89,14 +89,14 @@ class Duplicates:
 
 
 class Reordering:
-    """Everything is late by up to 0.25 s, each datagram by another time."""
+    """Delay of every datagram by a random time of up to 0.25 s, which reorders them."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
         return [(float(rng.uniform(0.0, SHUFFLE_S)), data)]
 
 
 class Corruption:
-    """Of 20 % one to eight bits are turned over; half of these are cut short, too."""
+    """Corruption of 20 % of the datagrams: one to eight flipped bits, and half of them also truncated."""
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
         if rng.random() >= CORRUPTED:

@@ -1,4 +1,4 @@
-"""Others on the companion's line: a second vehicle, a second ground station, a gimbal."""
+"""Other systems on the companion's link: a second vehicle, a second ground station, a gimbal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FAST_NS, SLOW_NS = 100_000_000, 1_000_000_000
 
 
 class _Neighbour(Fault, ABC):
-    """Somebody whose words everybody on the line hears, the autopilot by its own routing."""
+    """System whose messages all receivers on the link get, and the autopilot through its own routing."""
 
     def __init__(self, system: int, component: int) -> None:
         self._codec: Any = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
@@ -44,7 +44,7 @@ class _Neighbour(Fault, ABC):
             data = bytes(message.pack(self._codec))
             self._codec.seq = (self._codec.seq + 1) % 256
             self._wire.send(data)
-            for peer in self._peers:  # a shared line: also what is not addressed to them
+            for peer in self._peers:  # a shared link: also messages not addressed to them
                 peer.write(data)
 
     def end(self, simulation: Simulation) -> None:
@@ -52,11 +52,11 @@ class _Neighbour(Fault, ABC):
 
     @abstractmethod
     def words(self, now_ns: int) -> list[Any]:
-        """Return what is said now."""
+        """Return the messages to send now."""
 
 
 class SecondVehicle(_Neighbour):
-    """Another autopilot, system 2, disarmed on the ground some way off, in a mode of its own pilot's."""
+    """Another autopilot, system 2, disarmed on the ground some way off, in a mode chosen by its own pilot."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         super().__init__(VEHICLE, 1)
@@ -79,9 +79,9 @@ class SecondVehicle(_Neighbour):
 
 
 class SecondStation(_Neighbour):
-    """Another ground station, system 254: orders for another vehicle, and answers meant for itself.
+    """Another ground station, system 254: commands for another vehicle, and answers addressed to itself.
 
-    Its land and abort orders name system 2; the acknowledgements of refused modes are addressed to it.
+    Its land and abort commands are addressed to system 2; the acknowledgements of refused modes to itself.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -118,10 +118,10 @@ class SecondStation(_Neighbour):
 
 
 class Gimbal(_Neighbour):
-    """A gimbal of the vehicle's own system, component 154, with an attitude and a state of its own.
+    """Gimbal of the vehicle's own system, component 154, with an attitude and a state of its own.
 
-    It looks ahead and down, turns all the time, knows only the position it was made at, and refuses what
-    nobody asked of it.
+    It looks ahead and down, rotates continuously, reports a constant false position, and refuses commands
+    that nobody sent.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:

@@ -1,4 +1,4 @@
-"""The pilot's hand on a stick."""
+"""Stick input of the pilot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEFLECTION_US = (150.0, 400.0)
 
 
 class PilotStick(Fault):
-    """The roll or the pitch stick of the transmitter is moved and held, and let go at the end."""
+    """Deflection of the transmitter's roll or pitch stick, held and released at the end."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._channel = (ROLL, PITCH)[int(rng.integers(2))]

@@ -1,4 +1,4 @@
-"""Named scenes to fly in."""
+"""Scenes by name."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NAMES: tuple[str, ...] = tuple(_BUILDERS)
 
 
 def build(name: str, seed: int = 0) -> Scene:
-    """Build a scene; the same name and seed give the same world, number for number.
+    """Build a scene; the same name and seed give an identical world.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A borrow pit with rocks, craters and two boxes, after the flash LiDAR's test site (Flash 3)."""
+"""Borrow pit with rocks, craters and two boxes, after the flash LiDAR's test site (Flash 3)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BOXES = ((-4.0, 0.0, 1.0), (4.0, 0.0, 2.0))
 """East, north and height of the two boxes; each is 3 m square."""
 BOX_SIDE_M = 3.0
 PLOT_M = 24.0
-"""Half side of the floor on which hazards lie."""
+"""Half side of the floor with hazards."""
 SPACING_M = 4.0
 
 
@@ -46,7 +46,7 @@ def build(seed: int) -> Scene:
 
 
 def _scatter(terrain: Terrain, solids: list[Solid], rng: np.random.Generator) -> None:
-    """Put rocks, hemispheres and craters on a jittered lattice, clear of the boxes and of each other."""
+    """Place rocks, hemispheres and craters on a jittered lattice, clear of the boxes and of each other."""
     for k, (x, y) in enumerate(_places(rng)):
         kind = rng.random()
         size = float(0.3 * (2.5 / 0.3) ** (rng.random() ** 1.6))
@@ -74,7 +74,7 @@ def _places(rng: np.random.Generator) -> list[tuple[float, float]]:
 
 
 def _crater(terrain: Terrain, x: float, y: float, depth_m: float) -> None:
-    """Dig a bowl three times as wide as deep to its rim, with no wall around it."""
+    """Dig a bowl three times as wide as deep, without a wall around its rim."""
     radius = 1.5 * depth_m
     way = np.hypot(terrain.x - x, terrain.y - y) / radius
     inside = way < 1.0

@@ -15,7 +15,7 @@ SQUARE = (-42.0, -42.0, 42.0, 42.0)
 
 
 def build(seed: int) -> Scene:
-    """Return the dense quarter; the seed sets heights, roof plant and which roofs are bare."""
+    """Return the dense quarter; the seed sets heights, rooftop equipment and the choice of bare roofs."""
     terrain_rng, rng = np.random.default_rng(seed).spawn(2)
     terrain = Terrain(128.0, 0.5, terrain_rng)
     terrain.cover(np.ones_like(terrain.z, dtype=bool), Kind.ASPHALT)

@@ -1,4 +1,4 @@
-"""The plain, so dry that the rotors raise dust from 30 m down: no LiDAR sees the ground then."""
+"""Plain that is so dry that the rotors raise dust below 30 m, which hides the ground from any LiDAR."""
 
 from __future__ import annotations
 

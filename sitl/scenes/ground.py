@@ -1,4 +1,4 @@
-"""Ground of a scene: hills, random relief and materials on a grid of posts."""
+"""Terrain of a scene: hills, random relief and materials on a grid of posts."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MICRO_RELIEF_M: dict[Kind, float] = {
     Kind.SAND: 0.010,
     Kind.SNOW: 0.010,
 }
-"""Standard deviation of single posts; peaks reach about three times as far."""
+"""Standard deviation of single posts; peaks are about three times as high."""
 LAWN_RELIEF_M = 0.004
 
 
 class Terrain:
-    """A square grid of posts that hills, levels and materials are worked into.
+    """Square grid of posts with operations that add hills, levels and materials.
 
     Parameters
     ----------
@@ -47,28 +47,28 @@ class Terrain:
         self.kind = np.full((count, count), Kind.GRASS, dtype=np.uint8)
 
     def rectangle(self, x0: float, y0: float, x1: float, y1: float) -> Mask:
-        """Return which posts lie in a rectangle."""
+        """Return the mask of posts in a rectangle."""
         mask: Mask = (self.x >= x0) & (self.x <= x1) & (self.y >= y0) & (self.y <= y1)
         return mask
 
     def ellipse(self, x: float, y: float, radius_x: float, radius_y: float) -> Mask:
-        """Return which posts lie in an ellipse."""
+        """Return the mask of posts in an ellipse."""
         mask: Mask = ((self.x - x) / radius_x) ** 2 + ((self.y - y) / radius_y) ** 2 <= 1.0
         return mask
 
     def hill(self, x: float, y: float, height_m: float, sigma_m: float) -> None:
-        """Raise a bell-shaped hill; it is steepest at sigma_m from its top, 0.61 height / sigma."""
+        """Raise a bell-shaped hill; its steepest slope, 0.61 height / sigma, is at sigma_m from its top."""
         distance2 = (self.x - x) ** 2 + (self.y - y) ** 2
         self.z += height_m * np.exp(-distance2 / (2.0 * sigma_m**2))
 
     def swell(self, std_m: float, length_m: float) -> None:
-        """Add random relief of a standard deviation and a length of its waves."""
+        """Add random relief of a standard deviation and a wavelength."""
         noise = self._rng.standard_normal(self.z.shape)
         smooth = ndimage.gaussian_filter(noise, length_m / self.post_m / 4.0, mode="reflect")
         self.z += std_m * smooth / smooth.std()
 
     def cover(self, where: Mask, kind: Kind, relief_m: float | None = None) -> None:
-        """Give a part of the ground a material and the micro relief that goes with it."""
+        """Set the material of a part of the ground, with its micro relief."""
         self.kind[where] = kind
         self.relief_m[where] = MICRO_RELIEF_M[kind] if relief_m is None else relief_m
 
@@ -80,7 +80,7 @@ class Terrain:
         self.z += share * (height_m - self.z)
 
     def flood(self, where: Mask, height_m: float, bank_m: float) -> None:
-        """Lay still water at a height."""
+        """Add still water at a height."""
         self.level(where, height_m, bank_m)
         self.cover(where, Kind.WATER, 0.0)
 
@@ -94,7 +94,7 @@ class Terrain:
         """Return the finished ground, with its micro relief."""
         z = self.z + self.relief_m * self._rng.standard_normal(self.z.shape)
         water = self.kind == Kind.WATER
-        # A square is water only with water at all its corners, so that its surface is level.
+        # A square is water only if all its corners are, so that its surface is level.
         wet = water[:-1, :-1] & water[1:, :-1] & water[:-1, 1:] & water[1:, 1:]
         square = np.where(self.kind[:-1, :-1] == Kind.WATER, np.uint8(Kind.SOIL), self.kind[:-1, :-1])
         square[wet] = Kind.WATER

@@ -1,4 +1,4 @@
-"""A steep hill with landable ground around it and none on it (scene 5)."""
+"""Steep hill with landable ground around it and none on it (scene 5)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""A landing site of five surfaces with things on it and a slope, after the radar letter's example (Radar
-3.2)."""
+"""Landing site of five surfaces with objects and a slope, after the radar letter's example (Radar 3.2)."""
 
 from __future__ import annotations
 
@@ -11,14 +10,14 @@ from sitl.world.primitives import Box, Ellipsoid, Kind, Solid
 from sitl.world.world import World
 
 HALF_M = 50.0
-"""Half side of the area surveyed."""
+"""Half side of the surveyed area."""
 POND = (-30.0, -32.0, 10.0, 7.0)
 RIDGE = (30.0, 22.0, 9.0)
 """East, north and half width of a ridge with flanks of 22 degrees."""
 
 
 def build(seed: int) -> Scene:
-    """Return 100 m x 100 m of water, sand, soil, grass and snow; the seed moves what stands on it."""
+    """Return 100 m x 100 m of water, sand, soil, grass and snow; the seed moves its objects."""
     terrain_rng, rng = np.random.default_rng(seed).spawn(2)
     terrain = Terrain(100.0, 0.5, terrain_rng)
     terrain.swell(0.25, 60.0)

@@ -1,4 +1,4 @@
-"""A valley floor between mountains (scene 3, far mode)."""
+"""Valley floor between mountains (scene 3, far mode)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ VALLEY = (-380.0, -45.0, 380.0, 45.0)
 
 
 def build(seed: int) -> Scene:
-    """Return the valley; mountains rise to some 150 m on both sides, a river runs along one."""
+    """Return the valley; mountains rise to about 150 m on both sides, and a river runs along one."""
     terrain_rng, rng = np.random.default_rng(seed).spawn(2)
     terrain = Terrain(HALF_M, 1.0, terrain_rng)
     away = np.maximum(np.abs(terrain.y) - 50.0, 0.0)

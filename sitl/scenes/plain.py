@@ -1,4 +1,4 @@
-"""An open plain: mostly landable, with a stream, stones, a fence, a few trees and a far rise (scene 3)."""
+"""Open plain, mostly landable, with a lake, stones, a fence, a few trees and a far rise (scene 3)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LAKE = (70.0, -60.0, 30.0, 20.0)
 
 
 def build(seed: int) -> Scene:
-    """Return the plain; the seed moves everything but the flat middle and the lake."""
+    """Return the plain; the seed moves everything except the flat middle and the lake."""
     terrain_rng, rng = np.random.default_rng(seed).spawn(2)
     terrain = Terrain(150.0, 0.5, terrain_rng)
     terrain.swell(0.5, 60.0)

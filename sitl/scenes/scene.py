@@ -1,4 +1,4 @@
-"""What a scene is: a world, where the vehicle starts, and named regions for evaluation."""
+"""Scene: a world, the vehicle's start, and named regions for evaluation."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Polygon = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A world with a name, a start and named regions.
+    """World with a name, a start and named regions.
 
-    ``home_enu`` is (x, y, heading): heading in radians clockwise from north, as autopilots count it
-    (the yaw of objects in the world is counter-clockwise from east). ``extent_m`` is (x_min, y_min,
-    x_max, y_max). ``dust_below_m``: so low over ground the rotors raise dust that no LiDAR sees through.
+    ``home_enu`` is (x, y, heading): heading in radians clockwise from north, as in autopilots (the yaw of
+    objects in the world is counter-clockwise from east). ``extent_m`` is (x_min, y_min, x_max, y_max).
+    ``dust_below_m``: height above ground below which the rotors raise dust that no LiDAR can see through.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Things that stand in scenes: trees, lamps, cars, fences, stands, buildings."""
+"""Objects of scenes: trees, lamps, cars, fences, stands, buildings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sitl.world.primitives import Box, Cylinder, Ellipsoid, Kind, Solid, Wire
 from sitl.world.world import CAR, Mover
 
 FOOT_M = 0.5
-"""How far things reach into the ground, so that none hangs above a dip."""
+"""Depth of objects in the ground, so that none floats above a dip."""
 ROW_M = 0.9
 """Depth of a row of a stand."""
 
@@ -43,7 +43,7 @@ def lamp(name: str, x: float, y: float, z: float, height_m: float = 6.0, arm_yaw
 
 
 def parked_car(name: str, x: float, y: float, z: float, yaw: float) -> list[Solid]:
-    """Return a car that never moves."""
+    """Return a stationary car."""
     return list(Mover(name, CAR, x, y, z, yaw).placed())
 
 
@@ -99,7 +99,7 @@ def stand(
 ) -> list[Solid]:
     """Return a stepped stand: rows rising from a front wall of 1.2 m to height_m.
 
-    ``front`` is the middle of its front edge on the ground at z = 0; the rows climb along outward_yaw.
+    ``front`` is the middle of its front edge on the ground at z = 0; the rows rise along outward_yaw.
     """
     depth, first = ROW_M, 1.2
     c, s = math.cos(outward_yaw), math.sin(outward_yaw)

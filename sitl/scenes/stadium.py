@@ -1,4 +1,4 @@
-"""The main scene: a stadium at a street, with two flat roofs, a pond, a hill and rough ground.
+"""Main scene: a stadium at a street, with two flat roofs, a pond, a hill and rough ground.
 
 Sizes of the court (106 x 73 m) and of the entrance (55 x 62 m) are those of the SLZ paper's scene 1.
 """
@@ -29,7 +29,7 @@ POND = (-120.0, -125.0, 24.0, 16.0)
 HILL = (125.0, -140.0, 14.0, 28.0)
 RUBBLE = (-25.0, -150.0, 20.0, -115.0)
 CAR_PARK = (32.0, 14.0, 112.0, 94.0)
-# Trees fill what is left between street and stadium: only court and entrance hold a square of 24 m there.
+# Trees fill the rest between street and stadium: only court and entrance contain a free square of 24 m there.
 GROVES = (
     (-125.0, -50.0, 34.0, -10.0),
     (-125.0, -8.0, -106.0, 98.0),
@@ -141,7 +141,7 @@ def _street(rng: np.random.Generator) -> list[Solid]:
 
 
 def _plaza() -> list[Solid]:
-    """Return the paved entrance, hedged on three sides, with bollards towards the street."""
+    """Return the paved entrance with hedges on three sides and bollards towards the street."""
     x0, y0, x1, y1 = PLAZA
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     solids: list[Solid] = [
@@ -196,7 +196,7 @@ def _park(terrain: Terrain, rng: np.random.Generator) -> list[Solid]:
 
 
 def _power_line(terrain: Terrain) -> list[Solid]:
-    """Return two wires over the meadow on wooden poles, sagging in straight pieces."""
+    """Return two wires over the meadow on wooden poles, with the sag in straight pieces."""
     xs = (-185.0, -140.0, -95.0, -50.0)
     tops = [terrain.at(x, 150.0) + 8.5 for x in xs]
     solids: list[Solid] = [

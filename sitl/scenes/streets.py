@@ -1,4 +1,4 @@
-"""A road with houses and small yards on both sides (scene 2)."""
+"""Road with houses and small yards on both sides (scene 2)."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _plot(name: str, x: float, side: float, rng: np.random.Generator) -> list[So
     """Return a house, a fenced yard behind it, a shed and a tree."""
     length, width, height = rng.uniform(9.0, 13.0), rng.uniform(8.0, 10.0), rng.uniform(4.0, 8.0)
     solids = scene_objects.flat_roof(f"{name}-house", x, side * 16.0, 0.0, (length, width, height), 0.25)
-    # A block on the roof stands for the ridge: nothing here is a place to land.
+    # A block on the roof represents the ridge, so that no roof here is landable.
     solids.append(Box(x, side * 16.0, height, length - 2, 2.0, 1.6, kind=Kind.ROOF, name=f"{name}-ridge"))
     near, far = side * (YARD_Y[0] - 4.0), side * (YARD_Y[1] + 1.0)
     for edge in (-PLOT_M / 2, PLOT_M / 2):

@@ -1,4 +1,4 @@
-"""Programs that record one instrument over its scene: `--seed N --out FILE.npz`."""
+"""Command line of the instrument recorders: `--seed N --out FILE.npz`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def run(record: Callable[[int, Path], None]) -> None:
-    """Record by the options of the command line."""
+    """Record with the options of the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)

@@ -1,9 +1,9 @@
-"""How the LiDAR is bolted to the vehicle.
+"""Mount of the LiDAR on the vehicle: lever arm and boresight.
 
-Sensor frame of the Mid-360, as its point cloud and its user manual have it: right-handed, origin at
-the optical centre, x forward (away from the connector), y left, z up along the axis of rotation;
-azimuth counts from x towards y, elevation from the xy plane towards z, and the field of view is
--7 deg to +52 deg of elevation all around.
+Sensor frame of the Mid-360, as in its point cloud and its user manual: right-handed, origin at the optical
+centre, x forward (away from the connector), y left, z up along the axis of rotation; azimuth counts from x
+towards y, elevation from the xy plane towards z, and the field of view is -7 deg to +52 deg of elevation all
+around.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ LANDING_PITCH_DEG = 112.5
 class Mount:
     """Lever arm and boresight of the sensor: ``p_body_frd = lever + T_body_from_lidar p_sensor``.
 
-    The angles turn sensor axes into body forward-left-up axes by R = Rz(yaw) Ry(pitch) Rx(roll), all
-    right-handed about x forward, y left, z up (a positive pitch puts the nose down); body FLU becomes
-    FRD by changing the signs of y and z. With all angles zero the sensor stands upright, looking ahead.
+    The angles rotate sensor axes into body forward-left-up axes by R = Rz(yaw) Ry(pitch) Rx(roll), all
+    right-handed about x forward, y left, z up (a positive pitch turns the nose down); body FLU becomes FRD by
+    changing the signs of y and z. With all angles zero the sensor is upright and faces forward.
 
-    The default looks down. The middle of the field of view, elevation +22.5 deg at azimuth 0, must
-    become the nadir. A pitch of p lowers a direction of elevation e in the xz plane to e - p, so
-    22.5 - p = -90 and **pitch = 112.5 deg**. The sensor's z axis then points forward and 22.5 deg
-    below the horizon, its x axis down and 22.5 deg backward. Along track the ground is seen from
-    29.5 deg behind the nadir (elevation -7) to 29.5 deg ahead of it (elevation +52).
-    No pitch lets z point forward and *up*: the nadir would be at elevation -22.5 deg or lower, outside
-    the field of view.
+    The default looks down. The middle of the field of view, elevation +22.5 deg at azimuth 0, must become the
+    nadir. A pitch of p lowers a direction of elevation e in the xz plane to e - p, so 22.5 - p = -90 and
+    **pitch = 112.5 deg**. The sensor's z axis then points forward and 22.5 deg below the horizon, its x axis
+    down and 22.5 deg backward. Along track the sensor sees the ground from 29.5 deg behind the nadir
+    (elevation -7) to 29.5 deg ahead of it (elevation +52).
+
+    No pitch lets z point forward and *up*: the nadir would be at elevation -22.5 deg or lower, outside the
+    field of view.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ class Mount:
     yaw_deg: float = 0.0
 
     def rotation_frd_from_sensor(self) -> F64:
-        """Return the (3, 3) rotation that turns sensor vectors into body FRD vectors."""
+        """Return the (3, 3) rotation from sensor vectors to body FRD vectors."""
         (cr, sr), (cp, sp), (cy, sy) = (
             (np.cos(a), np.sin(a)) for a in np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
         )
@@ -60,7 +61,7 @@ class Mount:
         return rotation
 
     def to_enu(self, vectors_sensor: F64, quat_wxyz: F64) -> F64:
-        """Turn sensor vectors (n, 3) into ENU by one attitude each, (n, 4) body FRD -> NED."""
+        """Rotate sensor vectors (n, 3) into ENU with one attitude each, (n, 4) body FRD -> NED."""
         body = vectors_sensor @ self.rotation_frd_from_sensor().T
         return _ned_to_enu(_rotate(quat_wxyz, body))
 
@@ -77,7 +78,7 @@ def _ned_to_enu(vectors: F64) -> F64:
 
 
 def _rotate(quat_wxyz: F64, vectors: F64) -> F64:
-    """Rotate vectors by unit quaternions: v + 2w (q x v) + 2 q x (q x v)."""
+    """Rotate vectors with unit quaternions: v + 2w (q x v) + 2 q x (q x v)."""
     w, x, y, z = quat_wxyz.T
     vx, vy, vz = vectors.T
     tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)

@@ -1,4 +1,4 @@
-"""Where a simulated LiDAR's data leave it: a UDP socket for packets, a serial line for frames."""
+"""Data output of a simulated LiDAR: a UDP socket for packets, a serial line for frames."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from sitl.wire.wire import WireError
 from sitl.world.world import World
 
 PTY = "pty"
-"""Instead of a device: one end of a new pseudo-terminal, whose other end's name is `name`."""
+"""Instead of a device: one end of a new pseudo-terminal; `name` is the name of its other end."""
 
 Address = tuple[str, int] | str
 """Host and port of a UDP socket, or the device of a serial line."""
 
 
 class Sensor(Protocol):
-    """What is carried by a vehicle and sends datagrams."""
+    """Interface of a sensor on a vehicle that sends datagrams."""
 
     clock: Clock
 
     def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
-        """Measure in [t0_ns, t1_ns) and return what is to be sent."""
+        """Measure in [t0_ns, t1_ns) and return the datagrams to send."""
 
 
 class LidarPort(Protocol):
-    """A sensor and its way out."""
+    """Interface of a sensor with its output."""
 
     name: str
 
     @property
     def sensor(self) -> Sensor | Sf45:
-        """What measures."""
+        """The sensor."""
 
     def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> None:
-        """Fire what is due in [t0_ns, t1_ns) and send it."""
+        """Fire the pulses due in [t0_ns, t1_ns) and send the results."""
 
     def close(self) -> None:
-        """Let go of the socket or line."""
+        """Close the socket or line."""
 
 
 class UdpPort:
-    """Sends packets, whether anybody listens or not."""
+    """Sender of UDP packets, with or without a receiver."""
 
     def __init__(self, sensor: Sensor, address: tuple[str, int]) -> None:
         self.sensor = sensor
@@ -59,19 +59,19 @@ class UdpPort:
             try:
                 self._socket.sendto(packet, self._address)
             except OSError:
-                break  # nobody listens
+                break  # no receiver
 
     def close(self) -> None:
         self._socket.close()
 
 
 class SerialPort:
-    """Answers requests on a line and sends frames; what the line does not take at once is lost.
+    """Serial line that answers requests and sends frames; data that the line does not accept is lost.
 
     Raises
     ------
     WireError
-        The device cannot be opened, or is none.
+        The device cannot be opened, or is not a serial line.
     """
 
     def __init__(self, sensor: Sf45, device: str) -> None:

@@ -1,4 +1,4 @@
-"""The sensors of ground that can be simulated, by name."""
+"""Registry of the simulated sensors of the ground, by name."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ DEFAULTS = {
     "radar": "127.0.0.1:7611",
     "sf45": PTY,
 }
-"""Name of each, and where its data go: to the port that the real one takes, or to a pseudo-terminal."""
+"""Name and data destination of each: the port that the real one uses, or a pseudo-terminal."""
 PERIODIC = frozenset({"mid360", "opal"})
-"""LiDARs with one pulse every so many whole nanoseconds; the others take any rate, or have their own."""
+"""LiDARs whose pulse period is a whole number of ns; the others take any rate, or have their own."""
 
 
 def rates_beside(rate_hz: int) -> tuple[int, int]:
@@ -35,21 +35,21 @@ def rates_beside(rate_hz: int) -> tuple[int, int]:
 
 
 def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Address) -> LidarPort:
-    """Return a LiDAR by its name that looks down and sends its data somewhere.
+    """Return a downward-looking LiDAR by its name, with its output opened.
 
     Parameters
     ----------
     name
         One of `DEFAULTS`.
     point_rate_hz
-        Pulses a second that are simulated; an SF45 sends what it is asked for.
+        Simulated pulses per second; an SF45 uses the rate requested from it.
     to
-        Of a kind that goes with the sensor.
+        Destination of the kind that the sensor needs.
 
     Raises
     ------
     ValueError
-        There is none of this name, it cannot fire so many, or its data do not go there.
+        The name is unknown, the rate impossible, or the destination of the wrong kind.
     """
     if isinstance(to, str) != (name == "sf45"):
         raise ValueError(f"LiDAR {name} sends to {'a serial device' if name == 'sf45' else 'HOST:PORT'}")

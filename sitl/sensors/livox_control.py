@@ -1,6 +1,6 @@
-"""The Mid-360's side of the control protocol: takes parameters, and answers.
+"""Sensor side of the Mid-360 control protocol: accepts parameters and answers.
 
-Written from "Livox LiDAR Communication Protocol - Mid360" (v1.4.11), Control Command Protocol.
+Implements "Livox LiDAR Communication Protocol - Mid360" (v1.4.11), Control Command Protocol.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def crc16(data: bytes) -> int:
 class ControlUnit:
     """State that commands change.
 
-    sampling: whether points are sent. point_host: whereto, None until told. data_type: 1, 2 or 3.
+    sampling: whether points are sent. point_host: their destination, None until set. data_type: 1, 2 or 3.
     """
 
     sampling: bool = False
@@ -42,7 +42,7 @@ class ControlUnit:
     malformed: int = field(default=0)
 
     def receive(self, frame: bytes) -> bytes | None:
-        """Take a datagram; return the answer, None for what deserves none."""
+        """Process a datagram; return the answer, None without one."""
         if len(frame) < _HEADER.size:
             self.malformed += 1
             return None

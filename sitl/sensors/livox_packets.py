@@ -1,6 +1,6 @@
-"""Livox Mid-360 data packets, byte for byte.
+"""Encoder of Livox Mid-360 data packets.
 
-Written from "Livox LiDAR Communication Protocol - Mid360" (v1.4.11), Point Cloud & IMU Data Protocol.
+Implements "Livox LiDAR Communication Protocol - Mid360" (v1.4.11), Point Cloud & IMU Data Protocol.
 Everything is little-endian. A packet is a header of 36 bytes and its data:
 
 =============  ======  ====  ==========================================================
@@ -64,7 +64,7 @@ class TimeType(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """The fields of a header that change from packet to packet."""
+    """Header fields that change from packet to packet."""
 
     stamp_ns: int
     interval_ns: int
@@ -92,7 +92,7 @@ def encode_points(
     Raises
     ------
     ValueError
-        If the packet would not fit its own fields.
+        If a value does not fit its header field.
     """
     if data_type is DataType.CARTESIAN_32:
         data = np.zeros(len(points_m), CARTESIAN_32)

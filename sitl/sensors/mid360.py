@@ -1,11 +1,11 @@
-"""Livox Mid-360: pulses fired one by one at the moving world, returned as the sensor's own packets.
+"""Livox Mid-360: single pulses into a moving world, returned as the sensor's own packets.
 
-Numbers from the data sheet: 200 000 pulses/s, field of view 360 x (-7..52) deg, range 40 m at 10 % and
-70 m at 80 % reflectivity, blind below 0.1 m, range precision 2 cm (3 cm very near) and angular
-precision 0.15 deg, both 1 sigma, false alarms below 0.01 %.
+Data sheet: 200 000 pulses/s, field of view 360 x (-7..52) deg, range 40 m at 10 % and 70 m at 80 %
+reflectivity, blind below 0.1 m, range precision 2 cm (3 cm very near) and angular precision 0.15 deg, both 1
+sigma, false alarms below 0.01 %.
 
-Counters: the protocol document lets ``udp_cnt`` restart with each frame; recordings of real sensors
-show a free-running ``udp_cnt`` and a ``frame_cnt`` that stays 0. Real behaviour is the default,
+Counters: in the protocol document ``udp_cnt`` restarts with each frame; recordings of real sensors show a
+free-running ``udp_cnt`` and a ``frame_cnt`` that stays 0. Real behaviour is the default,
 ``frame_restart=True`` gives the documented one.
 """
 
@@ -32,21 +32,21 @@ _TAG_DUST, _TAG_GHOST = np.uint8(1 << 2), np.uint8(1 << 4)
 
 
 class Mid360(PulseLidar):
-    """A Mid-360 on a moving vehicle.
+    """Mid-360 on a moving vehicle.
 
     Parameters
     ----------
     rng, mount, clock, noise
         See ``PulseLidar``; the clock is sent as free-running (``time_type`` 0).
     point_rate_hz
-        Pulses per second; must divide 10^9. Packets hold 96 points, or fewer at a rate so low that
-        the time within a packet would not fit its field (below about 14 500 / s).
+        Pulses per second; must divide 10^9. Packets hold 96 points, or fewer at a rate so low that the time
+        within a packet would not fit its field (below about 14 500 / s).
     data_type
         Point format on the wire.
     frame_restart
         True: counters as in the protocol document. False: as in real recordings.
     reach
-        How far it sees.
+        Range limits.
 
     Raises
     ------
@@ -87,7 +87,7 @@ class Mid360(PulseLidar):
         return directions(index, self.fired_ns(index))
 
     def tags(self, shots: Shots) -> U8:
-        """Return the tag of each point, (n,): what the sensor takes for false."""
+        """Return the tag of each point, (n,): nonzero if the sensor considers it false."""
         e = shots.echoes
         tag = np.zeros(len(shots), np.uint8)
         tag[e.ghost & e.marked] = _TAG_GHOST

@@ -1,12 +1,14 @@
-"""Where a Mid-360 points with its n-th pulse.
+"""Scan pattern of a Mid-360: the direction of its n-th pulse.
 
-The maker publishes no formula. What is known: four laser lines fire in turn; a turning mirror sweeps
-them around the z axis some 180 times a second while the elevation swings through the field of view ten
-times a second, and the two never come back into step, so the gaps of one frame are filled by the next.
+The maker publishes no formula. Known facts: four laser lines fire in turn; a rotating mirror sweeps them
+around the z axis at about 180 Hz while the elevation oscillates over the field of view at 10 Hz, and the two
+never come back into step, so the next frame fills the gaps of the last.
 
-The approximation: azimuth falls at 182.4 revolutions a second; elevation is 22.5 + 24.5 cos(2 pi 10 t) deg,
-slowed at the turning points less than a pure cosine; the four lines sit on a fan 10 deg long that turns with
-the mirror, so each line adds up to 5 deg of elevation. The extremes are exactly -7 and +52 deg.
+Approximation: the azimuth decreases at 182.4 revolutions a second; the elevation is 22.5 + 24.5
+cos(2 pi 10 t) deg, dwelling less at the turning points than a pure cosine; the four lines are on a fan 10 deg
+long that turns with the mirror, so each line adds up to 5 deg of elevation. The extremes are exactly -7 and
++52 deg.
+
 The elevation phase advances by an irrational share of a turn in each frame, so no two frames repeat.
 """
 
@@ -26,7 +28,7 @@ LINES = 4
 
 _MIDDLE_DEG = (ELEVATION_MIN_DEG + ELEVATION_MAX_DEG) / 2
 _SWING_DEG = (ELEVATION_MAX_DEG - ELEVATION_MIN_DEG) / 2 - FAN_DEG[-1]
-# A third harmonic bends the cosine towards a triangle: fewer pulses wasted at the two edges.
+# A third harmonic shapes the cosine towards a triangle, so that fewer pulses are wasted at the two edges.
 _THIRD = 0.07
 
 
@@ -36,7 +38,7 @@ def angles_rad(index: I64, elapsed_ns: I64) -> tuple[F64, F64]:
     Parameters
     ----------
     index
-        Number of the pulse; its remainder by four is the laser line.
+        Number of the pulse; its remainder modulo four is the laser line.
     elapsed_ns
         Sensor time since power-up.
     """

@@ -1,9 +1,9 @@
-"""A scanner after Neptec's OPAL, as the SLZ paper flies it: a rosette within a cone, up to a kilometre.
+"""Prism scanner after Neptec's OPAL of the SLZ paper: a rosette within a cone, up to a kilometre.
 
-From the paper's Table 3: range up to 1000 m, precision 2 cm. Two prisms turn against each other and fill a
-cone; its width and the prisms' rates are ours, for the paper does not give them. Nor does the maker publish
-its packets: the points go out in those of a Livox sensor, which hold the same, so `slz run --lidar livox:`
-takes them.
+The paper's Table 3 gives a range of up to 1000 m and a precision of 2 cm. Two counter-rotating prisms fill a
+cone. Its width and the prisms' rates are our choice, because the paper does not give them. The maker does not
+publish its packets either: the points are sent in Livox packets, which hold the same data, so that `slz run
+--lidar livox:` accepts them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DOWN = Mount(pitch_deg=90.0)
 
 
 class Opal(Mid360):
-    """The scanner, its axis x in the middle of the cone; by default it looks down.
+    """OPAL scanner with its x axis in the middle of the cone; by default it looks down.
 
     Parameters
     ----------

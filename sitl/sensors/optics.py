@@ -1,4 +1,4 @@
-"""What keeps a LiDAR's measurement from being exact: range and reflectivity limits, noise, false returns."""
+"""Error model of a LiDAR's optics: range and reflectivity limits, noise, false returns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What keeps a real sensor from being exact; probabilities are per pulse."""
+    """Noise of a real sensor; probabilities are per pulse."""
 
     range_sigma_m: float = 0.02
     angle_sigma_deg: float = 0.15
@@ -25,13 +25,13 @@ class Noise:
 
     @classmethod
     def none(cls) -> Noise:
-        """Return a perfect sensor (limits of range and of reflectivity stay)."""
+        """Return a sensor without noise (limits of range and of reflectivity stay)."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far a sensor sees: blind below `blind_m`, nothing beyond `most_m`, two ranges by reflectivity."""
+    """Range limits of a sensor: blind below `blind_m`, none beyond `most_m`, two ranges by reflectivity."""
 
     blind_m: float
     most_m: float
@@ -39,7 +39,7 @@ class Reach:
     at_80_percent_m: float
 
     def detected(self, range_m: F64, bright: F64, normal: F64, uniform: F64, noise: Noise) -> Flags:
-        """Say which pulses come back bright enough, with a soft edge.
+        """Return the mask of pulses whose return is bright enough, with a soft edge.
 
         Parameters
         ----------
@@ -58,11 +58,11 @@ class Reach:
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
-    """What pulses measured.
+    """Measurements of pulses.
 
-    range_m : (n,) of what is reported. behind_m : (n,) of what a second return would tell. Zero is no return;
-    `behind_m` is `range_m` unless dust lies before something. ghost, dust : (n,) which are
-    false; marked : (n,) whether the sensor would know.
+    range_m: (n,) of the reported return. behind_m: (n,) of a second return. Zero is no return; `behind_m`
+    equals `range_m` unless dust is in front of an object. ghost, dust: (n,) false returns; marked: (n,)
+    whether the sensor would recognise them.
     """
 
     range_m: F64
@@ -73,7 +73,7 @@ class Echoes:
 
 
 def range_error(range_m: F64, normal: F64, noise: Noise) -> F64:
-    """Range noise: sigma from 10 m on, half as much again at 0.2 m."""
+    """Return the range error: `range_sigma_m` from 10 m on, 1.5 times that at 0.2 m."""
     sigma = noise.range_sigma_m * (1.0 + 0.5 * np.exp(-np.nan_to_num(range_m) / 2.0))
     return sigma * normal
 
@@ -81,7 +81,7 @@ def range_error(range_m: F64, normal: F64, noise: Noise) -> F64:
 def false_returns(measured: F64, seen: Flags, uniform: F64, noise: Noise) -> Echoes:
     """Add multi-path ghosts (too far) and dust or rain (a few metres ahead, too near).
 
-    `uniform` are random numbers (n, 4), of which the last three are used.
+    `uniform` are random numbers (n, 4); the last three columns are used.
     """
     marked = uniform[:, 2] < noise.tagged
     ghost = seen & (uniform[:, 1] < noise.ghost)
@@ -98,7 +98,7 @@ def tilt(unit: F64, normal: F64, sigma_deg: float) -> F64:
         return unit
     x, y, z = unit.T
     flat = np.sqrt(x * x + y * y)
-    across_x, across_y = -y / flat, x / flat  # upright x unit
+    across_x, across_y = -y / flat, x / flat  # up x unit
     scale = np.radians(sigma_deg) / np.sqrt(2.0)
     aside, up = scale * normal.T
     tilted = np.empty_like(unit)

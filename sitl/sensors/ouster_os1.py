@@ -1,7 +1,7 @@
 """Ouster OS1 with 32 rows: all beams of a column fire at once, returned as the sensor's own packets.
 
-Numbers from the data sheet (OS1, second generation): 32 rows from +22.5 to -22.5 degrees, 512 columns ten
-times a second; 45 m at 10 % and 100 m at 80 % reflectivity, precision 1.5 cm.
+Data sheet (OS1, second generation): 32 rows from +22.5 to -22.5 degrees, 512 columns at 10 Hz; 45 m at 10 %
+and 100 m at 80 % reflectivity, precision 1.5 cm.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ SIDEWAYS = Mount(pitch_deg=90.0)
 
 
 class Ouster(PulseLidar):
-    """An OS1-32 on a moving vehicle.
+    """OS1-32 on a moving vehicle.
 
     Parameters
     ----------
     rng, mount, clock, noise
         See ``PulseLidar``; by default mounted with its axis forward, so that it looks down and to both sides.
     point_rate_hz
-        Pulses a second that are followed into the world, in whole columns; the sensor fires 163 840, and the
-        others find nothing. None follows all.
+        Pulses per second that are traced into the world, in whole columns; the sensor fires 163 840, and the
+        others find nothing. None traces all.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Ouster(PulseLidar):
 
     @property
     def metadata(self) -> str:
-        """What the sensor's HTTP API tells of it, JSON."""
+        """Metadata as from the sensor's HTTP API, JSON."""
         return metadata(ELEVATION_DEG, COLUMNS)
 
     @property
@@ -69,7 +69,7 @@ class Ouster(PulseLidar):
         return (column - 1) * ROWS, (column + 2) * ROWS
 
     def directions(self, index: I64) -> F64:
-        """Column 0 is measured backwards, over the connector; the head turns clockwise seen from above."""
+        """Return unit vectors: column 0 points back over the connector, and the head turns clockwise."""
         azimuth = np.pi - (2.0 * np.pi / COLUMNS) * (index // ROWS % COLUMNS)
         elevation = np.radians(ELEVATION_DEG[index % ROWS])
         flat = np.cos(elevation)

@@ -1,4 +1,4 @@
-"""Ouster lidar data packets, byte for byte, and the metadata that describes them (firmware manual, v2.5).
+"""Encoder of Ouster lidar data packets, and of the metadata that describes them (firmware manual, v2.5).
 
 Profile RNG19_RFL8_SIG16_NIR16. Everything is little-endian. A packet is a header of 32 bytes, 16 columns of
 one header of 12 bytes and `rows` pixels of 12 bytes, and a footer of 32 bytes, zero:
@@ -7,10 +7,10 @@ one header of 12 bytes and `rows` pixels of 12 bytes, and a footer of 32 bytes, 
 field           offset  size  meaning
 ==============  ======  ====  ===========================================================
 packet_type          0     2  1, lidar
-frame_id             2     2  goes round after 65535
-init_id              4     3  changes whenever the sensor is set up anew
+frame_id             2     2  wraps around after 65535
+init_id              4     3  changes at every setup of the sensor
 serial_number        7     5
-timestamp            0     8  of a column: when it was measured, ns
+timestamp            0     8  of a column: time of its measurement, ns
 measurement_id       8     2  of a column: its number in the frame
 status              10     2  of a column: bit 0, valid
 range                0     4  of a pixel: 19 bits, mm
@@ -47,7 +47,7 @@ PIXEL = np.dtype(
 
 
 def packet_type(rows: int) -> np.dtype[np.void]:
-    """Return the layout of a packet of a sensor with so many rows."""
+    """Return the layout of a packet of a sensor with `rows` rows."""
     column = [("timestamp", "<u8"), ("measurement_id", "<u2"), ("status", "<u2"), ("pixels", PIXEL, rows)]
     return np.dtype(
         [
@@ -94,7 +94,7 @@ def encode_packet(
 
 
 def metadata(elevation_deg: F64, columns: int) -> str:
-    """Return what the sensor's HTTP API tells of it, JSON.
+    """Return the metadata as from the sensor's HTTP API, JSON.
 
     Its beams start on the axis of rotation (a real OS1's 12 to 16 mm from it), `UP_MM` above the base.
     """

@@ -1,4 +1,4 @@
-"""A LiDAR that fires pulses one by one at the moving world; what every simulated sensor has in common.
+"""Base class of LiDARs that fire single pulses into a moving world.
 
 Not modelled: the size of the beam (mixed pixels at edges), the vehicle's own legs in the view.
 """
@@ -27,10 +27,10 @@ PoseAt = Callable[[I64], tuple[F64, F64]]
 
 @dataclass(frozen=True, slots=True)
 class Shots:
-    """Pulses and what they measured; arrays of one length.
+    """Pulses and their measurements; arrays of one length.
 
-    index : number of the pulse. unit : (n, 3) nominal direction in the sensor frame. echoes : see `Echoes`.
-    bright : reflectance times the cosine of incidence, of what is hit.
+    index: number of the pulse. unit: (n, 3) nominal direction in the sensor frame. echoes: see `Echoes`.
+    bright: reflectance times the cosine of incidence at the hit.
     """
 
     index: I64
@@ -46,7 +46,7 @@ class Shots:
         return Shots(self.index[cut], self.unit[cut], echoes, self.bright[cut])
 
     def followed_by(self, later: Shots) -> Shots:
-        """Return these and later ones."""
+        """Return these shots followed by later ones."""
         pairs = ((getattr(self.echoes, f.name), getattr(later.echoes, f.name)) for f in fields(Echoes))
         return Shots(
             np.concatenate([self.index, later.index]),
@@ -57,24 +57,24 @@ class Shots:
 
 
 class PulseLidar(ABC):
-    """A sensor on a moving vehicle.
+    """LiDAR on a moving vehicle.
 
-    A kind of sensor says when and whereto it fires its n-th pulse, and how a packet of them is written.
+    A subclass defines the time and direction of the n-th pulse, and the encoding of a packet.
 
     Parameters
     ----------
     rng
-        Source of all noise. The output does not depend on how time is cut into steps.
+        Source of all noise. The output does not depend on how time is divided into steps.
     mount
-        Where and how the sensor is fixed; see ``Mount`` for the sensor frame.
+        Position and orientation of the sensor; see ``Mount`` for the sensor frame.
     clock
         The sensor's free-running clock.
     noise
         Error model.
     reach
-        How far it sees.
+        Range limits.
     pulses_per_packet
-        A packet is sent when so many pulses are fired.
+        Number of pulses in a packet.
     """
 
     def __init__(
@@ -91,21 +91,21 @@ class PulseLidar(ABC):
         self.noise = noise
         self.reach = reach
         self.pulses_per_packet = pulses_per_packet
-        # One stream a distribution: a stream is then read in the same order however time is cut.
+        # One stream per distribution, so that it is read in the same order however time is divided.
         self._normal, self._uniform = rng.spawn(2)
         self._next = 0
         self._pending: Shots | None = None
         self._until_ns: int | None = None
 
-    # ---- what a kind of sensor says -------------------------------------------------------------
+    # ---- interface of a kind of sensor ----------------------------------------------------------
 
     @abstractmethod
     def fired_ns(self, index: I64) -> I64:
-        """Return when pulses are fired, by the sensor's clock since power-up; rises with the index."""
+        """Return firing times of pulses, sensor clock since power-up; they rise with the index."""
 
     @abstractmethod
     def pulses_about(self, elapsed_ns: int) -> tuple[int, int]:
-        """Return two numbers of pulses, surely fired and surely not yet fired, when so much has elapsed."""
+        """Return two pulse numbers, certainly fired and certainly not yet fired, at an elapsed time."""
 
     @abstractmethod
     def directions(self, index: I64) -> F64:
@@ -117,24 +117,24 @@ class PulseLidar(ABC):
 
     @property
     def group(self) -> int:
-        """Pulses that a packet never parts; a packet begins with the first of a group."""
+        """Number of pulses that a packet never separates; a packet begins with the first of a group."""
         return 1
 
     def origins_m(self, index: I64) -> F64 | None:
-        """Return where pulses start, (n, 3) in the sensor frame; None for all at its origin."""
+        """Return the origins of pulses, (n, 3) in the sensor frame; None if all start at its origin."""
         return None
 
     def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
-        """Return which pulses are followed into the world, the others see nothing; None for all."""
+        """Return the mask of pulses traced into the world, the others get no return; None for all."""
         return None
 
     # ---- use ------------------------------------------------------------------------------------
 
     def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
-        """Fire every pulse due in [t0_ns, t1_ns) and return the packets that became full.
+        """Fire every pulse due in [t0_ns, t1_ns) and return the full packets.
 
-        Points that do not fill a packet wait for the next step. A gap between steps is a sensor
-        switched off and on: what waited is lost.
+        Points that do not fill a packet wait for the next step. A gap between steps means that the sensor was
+        switched off and on: waiting points are lost.
 
         Parameters
         ----------
@@ -143,10 +143,10 @@ class PulseLidar(ABC):
         pose_at
             Pose of the vehicle at given times, each within [t0_ns, t1_ns).
         world
-            What the pulses meet.
+            World that the pulses meet.
         """
         if self._until_ns != t0_ns:
-            # A packet holds whole groups of pulses only, wherever the sensor was switched on.
+            # A packet holds only whole groups of pulses, wherever the sensor was switched on.
             group = self.group
             self._next = -(-self._pulses_before(t0_ns) // group) * group
             self._pending = None
@@ -160,12 +160,12 @@ class PulseLidar(ABC):
         return self._full_packets()
 
     def look(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Shots:
-        """Fire every pulse due in [t0_ns, t1_ns): what `step` sends, before it is put into packets."""
+        """Fire every pulse due in [t0_ns, t1_ns) and return the shots without packets."""
         index = np.arange(self._pulses_before(t0_ns), self._pulses_before(t1_ns), dtype=np.int64)
         return self.fire(index, pose_at, world)
 
     def points_m(self, shots: Shots) -> F64:
-        """Return where pulses seem to have hit, (n, 3) in the sensor frame; meaningless without a return."""
+        """Return the measured points, (n, 3) in the sensor frame; meaningless without a return."""
         points: F64 = shots.unit * shots.echoes.range_m[:, np.newaxis]
         origins = self.origins_m(shots.index)
         return points if origins is None else points + origins
@@ -175,7 +175,7 @@ class PulseLidar(ABC):
         return self.clock.simulated_ns(self.fired_ns(shots.index))
 
     def fire(self, index: I64, pose_at: PoseAt, world: World) -> Shots:
-        """Fire pulses at the world."""
+        """Fire pulses into the world."""
         nominal = self.directions(index)
         position, attitude = pose_at(self.clock.simulated_ns(self.fired_ns(index)))
         normal = self._normal.standard_normal((index.size, 4))
@@ -188,7 +188,7 @@ class PulseLidar(ABC):
     def _trace(
         self, index: I64, nominal: F64, normal: F64, position: F64, attitude: F64, world: World
     ) -> tuple[F64, F64]:
-        """Return true range (NaN without a hit) and brightness of what is hit."""
+        """Return true range (NaN without a hit) and brightness of the hits."""
         traced = self.is_traced(index)
         if traced is not None:
             true_range, bright = np.full(index.size, np.nan), np.zeros(index.size)
@@ -207,7 +207,7 @@ class PulseLidar(ABC):
         return true_range, bright
 
     def _pulses_before(self, time_ns: int) -> int:
-        """Return how many pulses are fired before a simulated time."""
+        """Return the number of pulses fired before a simulated time."""
         low, high = self.pulses_about(self.clock.elapsed_ns(time_ns))
         low = max(0, low)
         index = np.arange(low, max(low, high), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""A sensor's own clock."""
+"""Free-running clock of a sensor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The sensor's own clock: ``offset_ns`` at simulated time 0, fast by ``drift_ppb``."""
+    """Sensor clock: ``offset_ns`` at simulated time 0, fast by ``drift_ppb``."""
 
     offset_ns: int = 7_300_000_000
     drift_ppb: int = 12_000
@@ -21,7 +21,7 @@ class Clock:
         return self.offset_ns + self.elapsed_ns(time_ns)
 
     def elapsed_ns(self, time_ns: int) -> int:
-        """Return how far this clock has advanced at a simulated time."""
+        """Return the advance of this clock at a simulated time."""
         return time_ns + time_ns * self.drift_ppb // 1_000_000_000
 
     def simulated_ns(self, elapsed_ns: I64) -> I64:

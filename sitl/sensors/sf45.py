@@ -1,6 +1,6 @@
-"""A LightWare SF45/B: one beam that swings to and fro, and its serial protocol.
+"""LightWare SF45/B: one beam that swings to and fro, and its serial protocol.
 
-Written from the SF45/B product guide and LightWare's description of its binary protocol.
+Implements the SF45/B product guide and LightWare's description of its binary protocol.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def frame(command: int, data: bytes, write: bool = False) -> bytes:
 
 @dataclass(slots=True)
 class Sf45:
-    """The sensor: configured over its line, it sends what its beam meets.
+    """SF45/B sensor, configured over its serial line, which sends the ranges of its beam.
 
-    mount: where it sits; x along the beam at angle 0, z along the axis of the swing. half_angle_deg: of the
-    swing. sweep_hz: swings to and fro a second.
+    mount: x along the beam at angle 0, z along the axis of the swing. half_angle_deg: half the angle of the
+    swing. sweep_hz: complete swings per second.
     """
 
     rng: np.random.Generator
@@ -59,7 +59,7 @@ class Sf45:
     _waiting: bytearray = field(default_factory=bytearray)
 
     def receive(self, data: bytes) -> bytes:
-        """Take bytes from the line and return the answers."""
+        """Process bytes from the line and return the answers."""
         self._waiting += data
         answers = b""
         while len(self._waiting) >= 3:
@@ -103,7 +103,7 @@ class Sf45:
         return swing
 
     def step(self, t0_ns: int, t1_ns: int, pose_at: object, world: World) -> bytes:
-        """Fire what is due in [t0_ns, t1_ns) and return the frames, none while not streaming."""
+        """Fire the pulses due in [t0_ns, t1_ns) and return their frames, none while not streaming."""
         period = 1_000_000_000 // RATES_HZ[self.rate]
         first, last = -(-t0_ns // period), -(-t1_ns // period)
         times: I64 = np.arange(first, last, dtype=np.int64) * period

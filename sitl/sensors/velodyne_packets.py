@@ -1,4 +1,4 @@
-"""Velodyne VLP-16 data packets, byte for byte (user manual 63-9243, section 9).
+"""Encoder of Velodyne VLP-16 data packets (user manual 63-9243, section 9).
 
 Everything is little-endian. A packet of 1206 bytes is 12 blocks of 100 bytes, a stamp and two factory bytes:
 
@@ -14,7 +14,7 @@ model         1205     1  0x22 VLP-16
 ==========  ======  ====  ===============================================================
 
 In single mode a block holds two firing sequences of 16 lasers. In dual mode two blocks of one azimuth follow
-each other, first the last returns, then the strongest; where those are the same, the second strongest.
+each other, first the last returns, then the strongest, or the second strongest where both are the same.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ PACKET = np.dtype(
 
 
 class ReturnMode(IntEnum):
-    """Which returns of a ray are sent."""
+    """Selection of the returns of a ray that are sent."""
 
     STRONGEST = 0x37
     LAST = 0x38
@@ -67,7 +67,7 @@ def encode_packet(
     Parameters
     ----------
     stamp_ns
-        Of the first firing, any clock; what is past the hour is sent.
+        Time of the first firing on any clock; only the time past the hour is sent.
     azimuth_deg
         (12,) of each block's first laser.
     range_m, reflectivity

@@ -1,8 +1,8 @@
-"""Velodyne VLP-16: sixteen lasers on a turning head, returned as the sensor's own packets.
+"""Velodyne VLP-16: sixteen lasers on a rotating head, returned as the sensor's own packets.
 
-Numbers from the user manual (63-9243): 16 lasers from -15 to +15 degrees, a firing sequence every 55.296 us
-with 2.304 us from laser to laser, 600 turns a minute, so 0.2 degrees from sequence to sequence. Range 100 m
-for good reflectors, accuracy 3 cm, which is taken for two sigma; beams diverge by 3 mrad.
+User manual (63-9243): 16 lasers from -15 to +15 degrees, a firing sequence every 55.296 us with 2.304 us from
+laser to laser, 600 turns a minute, so 0.2 degrees from sequence to sequence. Range 100 m for good reflectors;
+accuracy 3 cm, interpreted as two sigma; beams diverge by 3 mrad.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ I64 = NDArray[np.int64]
 
 LASER_NS, SEQUENCE_NS, TURN_NS = 2_304, 55_296, 100_000_000
 RATE_HZ = LASERS * 1e9 / SEQUENCE_NS
-# By laser, in the order in which they fire: the manual's elevations and vertical corrections.
+# By laser, in firing order: the manual's elevations and vertical corrections.
 ELEVATION_DEG: F64 = np.array(
     [-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0]
 )
@@ -35,17 +35,17 @@ SIDEWAYS = Mount(pitch_deg=90.0)
 
 
 class Vlp16(PulseLidar):
-    """A VLP-16 on a moving vehicle.
+    """VLP-16 on a moving vehicle.
 
     Parameters
     ----------
     rng, mount, clock, noise
         See ``PulseLidar``; by default mounted with its axis forward, so that it looks down and to both sides.
     point_rate_hz
-        Pulses a second that are followed into the world, in whole firing sequences; the sensor fires 289 352,
-        and the others find nothing. None follows all.
+        Pulses per second that are traced into the world, in whole firing sequences; the sensor fires 289 352,
+        and the others find nothing. None traces all.
     mode
-        Strongest return, or both: dust and what lies behind it.
+        Strongest return, or both: dust and the surface behind it.
     """
 
     def __init__(
@@ -99,7 +99,8 @@ class Vlp16(PulseLidar):
         reflectivity = np.clip(np.rint(100.0 * shots.bright), 1, 100).astype(np.uint8).reshape(shape)
         azimuth = self.azimuth_deg(shots.index[::CHANNELS])
         if self.mode is ReturnMode.DUAL:
-            # What lies behind dust is last and strongest: the dust, second strongest, takes the other place.
+            # A surface behind dust is both last and strongest, so the dust as second strongest takes the
+            # other place.
             last = np.where(behind > 0, behind, ranges)
             ranges = np.stack([last, ranges], axis=1).reshape(BLOCKS, CHANNELS)
             reflectivity = np.repeat(reflectivity, 2, axis=0)

@@ -1,4 +1,4 @@
-"""The true course of a flight that another simulator flew, for evaluation."""
+"""True trajectory of a flight in another simulator, for evaluation."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from sitl.attached.pose_source import Place, PoseSource
 from sitl.scenes import Scene
 
 STEP_NS = 200_000_000
-# It has flown when it was so far above where it stood.
+# Height above its place on the ground from which the vehicle counts as flying.
 FLOWN_M = 1.0
 
 
 class AttachedLog:
-    """Trajectory at 5 Hz, take-off and touchdowns, in the world's axes; times are the sensor's, s."""
+    """Log of trajectory at 5 Hz, take-off and touchdowns, in the world's axes; times are the sensor's, s."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -29,7 +29,7 @@ class AttachedLog:
         self.touchdowns: list[dict[str, float]] = []
 
     def note(self, at_ns: int, enu_m: Place, source: PoseSource) -> None:
-        """Take a true pose and what the autopilot says of itself."""
+        """Record a true pose and the autopilot's reported state."""
         place = {"t": at_ns * 1e-9, "e": enu_m[0], "n": enu_m[1], "u": enu_m[2]}
         down = not source.armed or source.on_ground is True
         if down and self._flying:
@@ -41,14 +41,14 @@ class AttachedLog:
             self._flying = True
             self.takeoff = self.takeoff or place
         elif self._stood_m is None and source.on_ground is False:
-            self._flying = True  # it was up before it was followed
+            self._flying = True  # already in flight when first followed
         if at_ns >= self._next_ns:
             self._next_ns = at_ns + STEP_NS
             rounded = {name: round(value, 3) for name, value in place.items()}
             self.trajectory.append({**rounded, "mode": source.mode, "armed": source.armed})
 
     def document(self, origin_lla: Place) -> dict[str, Any]:
-        """Return everything as it is written."""
+        """Return the content of flight.json."""
         touchdowns = [_placed(touchdown, origin_lla) for touchdown in self.touchdowns]
         return {
             "seed": self._scene.seed,

@@ -1,4 +1,4 @@
-"""The true course of a flight, for evaluation."""
+"""True trajectory of a flight, for evaluation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STEP_NS = 200_000_000
 
 
 class FlightLog:
-    """Trajectory at 5 Hz, take-off, touchdown, modes and events."""
+    """Log of trajectory at 5 Hz, take-off, touchdown, modes and events."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -25,7 +25,7 @@ class FlightLog:
         self.events: list[dict[str, Any]] = []
 
     def note(self) -> None:
-        """Look at the simulation after a tick."""
+        """Record the simulation's state after a tick."""
         s = self._simulation
         if self.takeoff is None and s.autopilot.airborne:
             e, n, u = (float(v) for v in s.vehicle.truth.pos_enu_m)
@@ -46,7 +46,7 @@ class FlightLog:
         )
 
     def document(self) -> dict[str, Any]:
-        """Return everything as it is written."""
+        """Return the content of flight.json."""
         s = self._simulation
         return {
             "seed": s.scene.seed,

@@ -1,7 +1,7 @@
-"""Where it is truly safe to land, worked out from the exact world and written down for evaluation.
+"""Ground truth of safe landing places, computed from the exact world and written for evaluation.
 
-Plain NumPy and SciPy on exact heights, with no ray, no sensor and none of the companion's code, so
-that an error there cannot hide here.
+It uses NumPy and SciPy on exact heights, without rays, sensors or the companion's code, so that an error
+there cannot be repeated here.
 """
 
 from __future__ import annotations
@@ -51,18 +51,18 @@ def safe_map(
     slope_limit_deg: float = 10.0,
     relief_limit_m: float = 0.3,
 ) -> TruthMap:
-    """Judge every cell of an extent.
+    """Classify every cell of an extent as safe or unsafe.
 
-    A cell is safe when, over the square footprint about its centre, the best-fit plane is not steeper
-    than the limit, the exact surface spans no more than the limit, peak to peak, about that plane (so
-    that a step counts with its height wherever it crosses the footprint), and there is no water and no
-    edge of the world. The surface is sampled at 0.1 m or less; objects thinner than the sampling count
-    with their full height wherever they touch a sample's square.
+    A cell is safe if, over the square footprint about its centre, the best-fit plane is not steeper than the
+    limit, the exact surface spans no more than the limit, peak to peak, about that plane (so that a step
+    counts with its full height wherever it crosses the footprint), and there is no water and no edge of the
+    world. The surface is sampled at 0.1 m or less; objects thinner than the sampling count with their full
+    height wherever they touch a sample's square.
 
     Parameters
     ----------
     world
-        Movers count where they stand now.
+        Movers count at their current places.
     extent
         (x_min, y_min, x_max, y_max), metres; cells fill it from its south-west corner.
     cell_m, footprint_m
@@ -101,7 +101,7 @@ def safe_map(
 def _sample_offsets(per_cell: int, pitch_m: float, footprint_m: float) -> F64:
     """Return the offsets, about a cell centre, of all samples whose square meets the footprint.
 
-    Samples sit at odd half pitches from the centre when per_cell is even, else at whole pitches.
+    Samples are at odd half pitches from the centre if per_cell is even, else at whole pitches.
     """
     first = 0.0 if per_cell % 2 else 0.5
     count = int(np.ceil(footprint_m / 2 / pitch_m + 0.5 - first - 1e-9))
@@ -113,7 +113,7 @@ def _sample_offsets(per_cell: int, pitch_m: float, footprint_m: float) -> F64:
 def _footprints(
     z: F64, bad: NDArray[np.bool_], offsets: F64, per_cell: int, shape: tuple[int, int]
 ) -> tuple[F32, F32, NDArray[np.bool_]]:
-    """Return slope, relief and whether anything is bad, for each cell, worked out tile by tile."""
+    """Return slope, relief and the mask of bad cells, computed tile by tile."""
     slope, relief = np.empty(shape, np.float32), np.empty(shape, np.float32)
     spoilt = np.empty(shape, bool)
     for row in range(0, shape[0], _TILE):
@@ -180,16 +180,16 @@ def write(
 ) -> TruthMap:
     """Write ``truth.tif``, ``dsm_truth.tif`` and ``scene.json`` and return the map.
 
-    ``truth.tif`` is uint8, 1 safe and 0 not; ``dsm_truth.tif`` float32, metres above the origin's
-    altitude. Both are north-up in a transverse Mercator projection about the origin, so that their
-    coordinates are the world's x and y.
+    ``truth.tif`` is uint8, 1 safe and 0 not; ``dsm_truth.tif`` float32, metres above the origin's altitude.
+    Both are north-up in a transverse Mercator projection about the origin, so that their coordinates are the
+    world's x and y.
 
     Parameters
     ----------
     directory
-        Made if missing.
+        Created if missing.
     scene
-        What to judge, movers where they stand now.
+        Scene to evaluate, with movers at their current places.
     origin_lla
         Latitude and longitude (deg), altitude (m) of the ENU origin.
     cell_m, footprint_m, slope_limit_deg, relief_limit_m
@@ -208,7 +208,7 @@ def write(
         "origin_altitude_m": str(origin_lla[2]),
     }
     document = _document(scene, origin_lla, area) | dict(zip(names, limits, strict=True))
-    with tempfile.TemporaryDirectory(dir=directory, prefix=".unfinished-") as name:  # whole files, or none
+    with tempfile.TemporaryDirectory(dir=directory, prefix=".unfinished-") as name:  # complete files, or none
         folder = Path(name)
         _write_tif(folder / "truth.tif", truth.safe, area, cell_m, origin_lla, tags, None)
         _write_tif(folder / "dsm_truth.tif", truth.height_m, area, cell_m, origin_lla, heights, np.nan)
@@ -248,7 +248,7 @@ def _write_tif(
 
 
 def _document(scene: Scene, origin_lla: tuple[float, float, float], extent: Extent) -> dict[str, object]:
-    """Describe a scene: where it lies, what stands in it, which regions have names."""
+    """Return the description of a scene: its place, objects and named regions."""
     fixed = [
         {"name": solid.name, "kind": solid.kind.name.lower(), **solid.describe()}
         for solid in scene.world.solids

@@ -1,4 +1,4 @@
-"""The exact surface on a fine grid, where nothing thin slips between two samples."""
+"""Exact surface on a fine grid, without missing thin objects between two samples."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _BAND_ROWS = 256
 def sample_top(world: World, xs: F64, ys: F64, pitch_m: float) -> tuple[F64, U8]:
     """Return height and material on a regular grid, (ny, nx), NaN outside the world.
 
-    Each sample stands for a square of side pitch_m. Solids narrower than two squares (posts, wires,
-    thin walls) raise every square they touch to their full height, even between sample centres.
+    Each sample represents a square of side pitch_m. Solids narrower than two squares (posts, wires, thin
+    walls) raise every square they touch to their full height, even between sample centres.
     """
     z, kind = np.empty((ys.size, xs.size)), np.empty((ys.size, xs.size), np.uint8)
     for row in range(0, ys.size, _BAND_ROWS):

@@ -1,4 +1,4 @@
-"""The true multirotor: rigid body, rate loop, thrust lag, drag, wind, and the ground under its skids."""
+"""True dynamics of the multirotor: rigid body, rate loop, thrust lag, drag, wind, and ground contact."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DRAG_PER_S = 0.25
 MAX_THRUST_MS2 = 22.0
 GUST_TAU_S = 4.0
 
-COLLISION_M = 0.5  # deeper in a surface, or lifted by more of it, than skids can be
+COLLISION_M = 0.5  # deeper in a surface, or lifted farther by it, than a contact of the skids allows
 HARDEST_TOUCH_MS = 4.0
 HOP_M = 0.3  # a take-off skips over the ground below this
 NEW_FLIGHT_M = 2.0  # higher than any bounce
@@ -30,7 +30,7 @@ NEW_FLIGHT_M = 2.0  # higher than any bounce
 
 @kernel()
 def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64) -> tuple[bool, float]:
-    """Advance the body by dt; return whether it stands on the ground, and how far that had to lift it."""
+    """Advance the body by dt; return whether it is on the ground, and how far the ground lifted it."""
     for i in range(3):
         x[10 + i] += (rates[i] - x[10 + i]) * min(1.0, dt / RATE_LAG_S)
     x[13] += (min(max(thrust, 0.0), MAX_THRUST_MS2) - x[13]) * min(1.0, dt / THRUST_LAG_S)
@@ -81,18 +81,18 @@ def _blow(gust: F64, mean: F64, sigma: float, draw: F64, dt: float) -> F64:
 
 
 class Vehicle:
-    """The true vehicle.
+    """True state of the vehicle, with touchdown and collision detection.
 
     Parameters
     ----------
     rng
         Source of the gusts.
     home_enu
-        Where it stands (m); z is the ground there.
+        Initial position (m); z is the ground there.
     heading_rad
         Clockwise from north.
     wind_ms
-        Mean horizontal wind; its direction is drawn, and gusts of a third of it are added.
+        Mean horizontal wind; its direction is random, and gusts of a third of it are added.
     """
 
     def __init__(
@@ -114,9 +114,9 @@ class Vehicle:
         self._next_draw = 0
         self.on_ground = True
         self.contact: dict[str, Any] | None = None
-        """The first touch of the last landing; None in flight and after a collision."""
+        """First contact of the last landing; None in flight and after a collision."""
         self.collision: dict[str, Any] | None = None
-        """Where it flew into something; its motors are dead since."""
+        """Place of a collision; the motors are dead from then on."""
         self._hopped = False
         self._lifted_m = 0.0
         self._clear_ground_m = float(home_enu[2])
@@ -127,9 +127,10 @@ class Vehicle:
         return State(x[0:3], x[3:6], x[6:10], x[10:13], x[14:17])
 
     def step(self, dt_s: float, now_ns: int, demand: tuple[F64, float], ground_z_m: float) -> None:
-        """Advance by dt under commanded body rates (rad/s) and thrust (m/s2).
+        """Advance by `dt_s` under commanded body rates (rad/s) and thrust (m/s2).
 
-        Notes a touchdown and a collision. What has collided falls where it is, to the ground it was over.
+        Records a touchdown and a collision. After a collision, the vehicle falls to the ground that was below
+        it.
         """
         if self.collision is None and ground_z_m - self._x[2] > COLLISION_M:
             self._collide(now_ns)
@@ -145,7 +146,7 @@ class Vehicle:
         self.on_ground = standing
 
     def _note(self, now_ns: int, before: F64, standing: bool, lifted_m: float, height_m: float) -> None:
-        """Tell flights, touchdowns and bounces apart."""
+        """Distinguish flights, touchdowns and bounces."""
         self._lifted_m = self._lifted_m + lifted_m if height_m <= 0 and not standing else 0.0
         if self._lifted_m > COLLISION_M:
             self._collide(now_ns)

@@ -1,4 +1,4 @@
-"""Where the vehicle truly was, between two moments."""
+"""Interpolation of the vehicle's true pose between ticks."""
 
 from __future__ import annotations
 

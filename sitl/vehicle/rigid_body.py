@@ -1,4 +1,4 @@
-"""State of a rigid body, and rotations of it."""
+"""State of a rigid body, and its rotations."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def multiply(a: F64, b: F64) -> F64:
 
 @kernel()
 def rotate(q: F64, v: F64) -> F64:
-    """Return q v q*: a vector turned from body to world."""
+    """Return q v q*: a vector rotated from body to world."""
     x, y, z, w = q[1], q[2], q[3], q[0]
     tx, ty, tz = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
     out = np.empty(3)
@@ -76,5 +76,5 @@ def to_euler(q: F64) -> tuple[float, float, float]:
 
 
 def ned(enu: F64) -> F64:
-    """Return north, east, down of east, north, up (and the other way round)."""
+    """Return north, east, down of east, north, up (and vice versa)."""
     return np.array([enu[1], enu[0], -enu[2]])

@@ -1,4 +1,4 @@
-"""MAVLink 2 signing of the simulated autopilot, with pymavlink's own code."""
+"""MAVLink 2 signing of the simulated autopilot, using pymavlink's implementation."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ UNSIGNED = (mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO)
 
 
 def read_key(path: Path) -> bytes:
-    """Return the 32 bytes that a file holds: raw, as 64 hex digits, or the SHA-256 of a passphrase.
+    """Return the 32-byte key in a file: raw, as 64 hex digits, or the SHA-256 of a passphrase.
 
     Raises
     ------
     ValueError
-        The file cannot be read, or others than its owner may use it.
+        The file cannot be read, is empty, or is accessible to others than its owner.
     """
     try:
         mode = path.stat().st_mode
@@ -44,7 +44,7 @@ def read_key(path: Path) -> bytes:
 
 
 def sign(codec: Any, key: bytes, link: int) -> None:
-    """Let a codec sign what it sends and refuse what is not signed, but for a radio's reports."""
+    """Make a codec sign its messages and refuse unsigned ones, except a radio's reports."""
     codec.signing.secret_key = key
     codec.signing.sign_outgoing = True
     codec.signing.link_id = link % 256
@@ -53,6 +53,6 @@ def sign(codec: Any, key: bytes, link: int) -> None:
 
 
 def keep_time(codec: Any) -> None:
-    """Bring the timestamp up to the date, as an autopilot with GPS does; it never goes back."""
+    """Advance the timestamp to the date, like an autopilot with GPS; it never goes back."""
     now = int((time.time() - EPOCH_S) * 1e5)
     codec.signing.timestamp = max(codec.signing.timestamp, now)

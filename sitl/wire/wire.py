@@ -1,7 +1,7 @@
-"""MAVLink wires: sockets, serial lines and in-memory pairs, and the way messages take between them.
+"""MAVLink wires (sockets, serial lines, in-memory pairs) and the router of messages between them.
 
-Nothing blocks: `read` takes what is there. A link model delays, loses, doubles or spoils frames on simulated
-time.
+Nothing blocks: `read` processes only data that has arrived. A link model delays, loses, duplicates or
+corrupts frames in simulated time.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from sitl.wire.message_signing import keep_time, sign
 
 
 class WireError(ValueError):
-    """A wire cannot be opened as asked; the message is one line for the user."""
+    """A wire cannot be opened as requested; the message is one line for the user."""
 
 
 @dataclass(slots=True)
 class LinkModel:
-    """What a radio or a bad plug does to frames; probabilities from 0 to 1."""
+    """Effects of a radio or a bad plug on frames; probabilities from 0 to 1."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
@@ -41,7 +41,7 @@ class LinkModel:
 
 
 class Peer:
-    """One other end: its parser and packer, and where its bytes go."""
+    """Remote end of a wire: its MAVLink codec, and the output for its bytes."""
 
     def __init__(self, write: Callable[[bytes], None]) -> None:
         self.write = write
@@ -51,7 +51,7 @@ class Peer:
         self.bad = 0
 
     def parse(self, data: bytes) -> list[Any]:
-        """Return the messages that these bytes complete; garbage is counted."""
+        """Return the messages that these bytes complete; invalid data is counted."""
         good: list[Any] = []
         rest, left = bytearray(data), -1
         while True:
@@ -61,7 +61,7 @@ class Peer:
                 self.bad += 1
                 left, before = self.codec.buf_len(), left
                 if left == before:
-                    return good  # it takes no more of this
+                    return good  # the parser makes no more progress
             else:
                 if message is None:
                     return good
@@ -69,11 +69,11 @@ class Peer:
                     self.bad += 1
                 else:
                     good.append(message)
-            rest = bytearray()  # what is left lies in the parser
+            rest = bytearray()  # the remaining bytes are in the parser's buffer
 
 
 class Outlet:
-    """Writes frames to a stream that may be full: each goes whole or not at all."""
+    """Writer of frames to a stream that may be full: each frame is sent completely or not at all."""
 
     def __init__(self, send: Callable[[bytes], int]) -> None:
         self._send = send
@@ -90,7 +90,7 @@ class Outlet:
 
 
 class Wire(ABC):
-    """Base of all wires: `poll` yields (peer, bytes) of what has arrived."""
+    """Base class of wires: `poll` returns (peer, bytes) of all arrived data."""
 
     name = ""
 
@@ -105,7 +105,7 @@ class Wire(ABC):
 
 
 class UdpWire(Wire):
-    """`udpout` sends to a fixed address; `udpin` answers whoever spoke last."""
+    """UDP wire: `udpout` sends to a fixed address; `udpin` replies to the newest sender."""
 
     def __init__(self, kind: str, host: str, port: int) -> None:
         super().__init__()
@@ -127,7 +127,7 @@ class UdpWire(Wire):
             try:
                 self._socket.sendto(data, self._to)
             except OSError:
-                return  # nobody there, or the buffer is full: UDP loses it
+                return  # no receiver, or the buffer is full: UDP loses the frame
 
     def poll(self) -> list[tuple[Peer, bytes]]:
         got: list[tuple[Peer, bytes]] = []
@@ -137,7 +137,7 @@ class UdpWire(Wire):
             except BlockingIOError:
                 return got
             except ConnectionError:
-                continue  # a refused datagram comes back as an error of the next call
+                continue  # a refused datagram is reported as an error of the next call
             except OSError:
                 return got
             if not self._fixed:
@@ -149,7 +149,7 @@ class UdpWire(Wire):
 
 
 class TcpWire(Wire):
-    """`tcpin`: a server for several clients, as ArduPilot SITL offers it."""
+    """TCP server `tcpin` for several clients, as in ArduPilot SITL."""
 
     def __init__(self, host: str, port: int) -> None:
         super().__init__()
@@ -201,7 +201,7 @@ class TcpWire(Wire):
 
 
 class SerialWire(Wire):
-    """A terminal device, such as one end of a pseudo-terminal."""
+    """Serial wire on a terminal device, such as one end of a pseudo-terminal."""
 
     def __init__(self, path: str) -> None:
         super().__init__()
@@ -228,7 +228,7 @@ class SerialWire(Wire):
 
 
 class MemoryWire(Wire):
-    """A wire inside the process: `send` is what the other end writes, `received` what it reads."""
+    """Wire inside the process: the other end writes with `send` and reads from `received`."""
 
     def __init__(self, name: str = "memory") -> None:
         super().__init__()
@@ -270,12 +270,12 @@ def open_wire(url: str) -> Wire:
 
 
 def is_port(text: str) -> bool:
-    """Tell whether a text is a number that a port can have."""
+    """Return whether a text is a valid port number."""
     return text.isascii() and text.isdecimal() and int(text) < 65536
 
 
 def _resolved(sock: socket.socket, host: str, port: int, kind: str) -> str:
-    """Look a name up once: a look-up for each frame would block."""
+    """Resolve a name once, because a look-up per frame would block."""
     try:
         return socket.gethostbyname(host)
     except OSError as error:
@@ -293,10 +293,10 @@ def _bind(sock: socket.socket, host: str, port: int, kind: str) -> None:
 
 
 class Router:
-    """Carries messages between wires and the autopilot as ArduPilot's routing does.
+    """Router of messages between wires and the autopilot, like ArduPilot's.
 
-    What is addressed to somebody heard on a wire goes there; what is addressed to nobody goes everywhere
-    else; everything for this autopilot or for nobody also goes to it. With a key every wire is signed.
+    A message addressed to a system heard on a wire goes there; a broadcast goes to all other wires. Messages
+    for this autopilot and broadcasts also go to the autopilot. With a key, every wire is signed.
     """
 
     def __init__(
@@ -319,7 +319,7 @@ class Router:
         self.unsendable = 0
 
     def number(self, peer: Peer) -> int:
-        """Return the link number of a peer; a peer that is gone leaves its number to the next."""
+        """Return the link number of a peer; the number of a closed peer is reused."""
         if peer not in self._numbers:
             self._numbers = {known: n for known, n in self._numbers.items() if known.open}
             self._where = {who: known for who, known in self._where.items() if known.open}
@@ -333,7 +333,7 @@ class Router:
         return [peer for wire in self.wires for peer in wire.peers]
 
     def read(self, now_ns: int) -> None:
-        """Take in everything that has arrived, and what was held back until now."""
+        """Process all arrived data, and delayed messages that are now due."""
         self.now_ns = now_ns
         while self._queue and self._queue[0][0] <= now_ns:
             heapq.heappop(self._queue)[2]()
@@ -352,7 +352,7 @@ class Router:
                     keep_time(peer.codec)
                 try:
                     data = bytes(message.pack(peer.codec))
-                except (struct.error, ValueError, OverflowError):  # a value its field cannot hold
+                except (struct.error, ValueError, OverflowError):  # a value that does not fit its field
                     self.unsendable += 1
                     continue
                 peer.codec.seq = (peer.codec.seq + 1) % 256
@@ -381,7 +381,7 @@ class Router:
     def _route(self, source: Peer, message: Any) -> None:
         sender = message.get_srcSystem(), message.get_srcComponent()
         if sender == (1, 1):
-            return  # our own words, come back by some loop
+            return  # our own message, returned through a loop
         if sender not in self._where or self._where[sender] is not source:
             self._where[sender] = source
             self.number(source)

@@ -1,7 +1,7 @@
-"""What a world is made of: materials, a ground of posts, and four kinds of solid.
+"""World primitives: materials, a height field, and four kinds of solid.
 
-Every solid knows three things: its bounds, its row in the table the ray caster reads, and how it is
-described in ``scene.json``. Positions are ENU metres, yaw is radians counter-clockwise from east.
+Every solid has its bounds, its row in the ray caster's table, and its description in ``scene.json``.
+Positions are ENU metres, yaw is radians counter-clockwise from east.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Bounds = tuple[float, float, float, float, float, float]
 
 
 class Kind(IntEnum):
-    """Material of a surface, as the ray caster returns it."""
+    """Material of a surface, as returned by the ray caster."""
 
     NOTHING = 0
     GRASS = 1
@@ -40,7 +40,7 @@ class Kind(IntEnum):
     SNOW = 14
 
 
-# Diffuse reflectance near 905 nm: typical textbook values, green plants are bright in the near infrared.
+# Diffuse reflectance near 905 nm: typical textbook values; green plants are bright in the near infrared.
 _REFLECTANCE = {
     Kind.NOTHING: 0.0,
     Kind.GRASS: 0.50,
@@ -108,7 +108,7 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Upright box turned by yaw about z; ``length_m`` lies along the yaw direction, ``z_m`` is its foot."""
+    """Upright box rotated by yaw about z; ``length_m`` is along the yaw direction, ``z_m`` is its foot."""
 
     x_m: float
     y_m: float

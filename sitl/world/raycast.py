@@ -1,14 +1,11 @@
-"""Exact ray intersections, and the walk of a ray through the grid of a world.
+"""Ray casting: exact intersections, and grid traversal of a ray through a world.
 
-A ray is ``origin + t * direction`` with a unit direction, so ``t`` is metres. A hit is the first
-crossing of a surface with t > 0, from outside or from inside. Misses are ``inf``.
+A ray is ``origin + t * direction`` with a unit direction, so ``t`` is in metres. A hit is the first crossing
+of a surface with t > 0, from outside or from inside. Misses are ``inf``.
 
-Each cell of the grid lists the solids whose bounds touch it and knows the height of its highest
-ground and of its highest object, so a ray passes over most cells without any test. Movers are few:
-every ray asks their bounding spheres first.
-
-One file, although long: Numba's cache on disk notices a change in the file of the function that was
-cached, not in the files of the functions it calls.
+Each cell of the grid lists the solids whose bounds touch it and stores the height of its highest ground and
+of its highest object, so that a ray passes over most cells without any test. Movers are few: every ray tests
+their bounding spheres first.
 """
 
 from __future__ import annotations
@@ -39,7 +36,7 @@ from sitl.world.tables import (
 
 @kernel()
 def _first(near: float, far: float) -> float:
-    """Return the first of two ordered crossings that lies ahead."""
+    """Return the first of two ordered crossings that is ahead."""
     if near > 0.0:
         return near
     return far if far > 0.0 else INF
@@ -47,7 +44,7 @@ def _first(near: float, far: float) -> float:
 
 @kernel()
 def slab(origin: float, direction: float, low: float, high: float) -> tuple[float, float]:
-    """Return the interval of t between two parallel planes, (inf, -inf) when never between them."""
+    """Return the interval of t between two parallel planes, (inf, -inf) if the ray is never between them."""
     if direction == 0.0:
         return (-INF, INF) if low <= origin <= high else (INF, -INF)
     a = (low - origin) / direction
@@ -124,7 +121,7 @@ def _wire(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float,
 def solid_hit(
     shape: int, p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float
 ) -> float:
-    """Return the distance to solid i along one ray, inf when missed."""
+    """Return the distance to solid i along one ray, inf for a miss."""
     if shape == 0:
         return _box(p, i, ox, oy, oz, dx, dy, dz)
     if shape == 1:
@@ -148,7 +145,7 @@ def patch_hit(
     t0: float,
     t1: float,
 ) -> float:
-    """Return where a ray meets one bilinear square, for t in [t0, t1].
+    """Return the t at which a ray meets one bilinear square, for t in [t0, t1]; inf for a miss.
 
     (u, v) = u0 + t du is the position in the square; height above the surface is a quadratic in t.
     """
@@ -167,7 +164,7 @@ def patch_hit(
     discriminant = q1 * q1 - 4.0 * q2 * q0
     if discriminant < 0.0:
         return INF
-    # The stable form: never subtract two nearly equal numbers.
+    # Numerically stable form, without subtraction of two nearly equal numbers.
     q = -0.5 * (q1 + math.copysign(math.sqrt(discriminant), q1))
     ta = q / q2
     tb = q0 / q if q != 0.0 else INF
@@ -229,7 +226,7 @@ def ground_hit(
     t0: float,
     t1: float,
 ) -> float:
-    """Return where a ray meets the ground, walking square by square over t in [t0, t1]."""
+    """Return the t at which a ray meets the ground, square by square over t in [t0, t1]; inf for a miss."""
     z, _, meta = ground
     rows, columns = z.shape[0] - 1, z.shape[1] - 1
     post = meta[2]

@@ -1,4 +1,4 @@
-"""Types of the tables that a world is compiled into for the kernels (made in ``sitl.world.world``)."""
+"""Types of the kernel tables that represent a world (built in ``sitl.world.world``)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SolidTable = tuple[U8, F64, U8]
 GridTable = tuple[F64, F64, F64, I32, I32]
 """([cell_m, z_floor, z_top], ground top (cy, cx), any top (cy, cx), start (cells + 1,), item (k,))."""
 MoverTable = tuple[U8, F64, U8, F64]
-"""SolidTable that move, and their bounding spheres (n, 4)."""
+"""SolidTable of moving solids, and their bounding spheres (n, 4)."""
 
 F2 = types.Array(types.float64, 2, "C")
 F1 = types.Array(types.float64, 1, "C")

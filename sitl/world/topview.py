@@ -1,6 +1,6 @@
-"""The world seen from straight above: exact heights, without any ray.
+"""Top view of the world: exact surface heights without rays.
 
-Shares nothing with the ray caster but the tables, so that each can check the other.
+It shares only the tables with the ray caster, so that each can verify the other.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _wire_top(p: F64, i: int, rx: float, ry: float) -> float:
     rest = p[i, 6] * p[i, 6] - across * across
     if rest < 0.0:
         return -INF
-    # A tube that rises is cut by a vertical line in an ellipse: the half height grows by 1 / cos(rise).
+    # A vertical line cuts an inclined tube in an ellipse: the half height grows by 1 / cos(inclination).
     half = math.sqrt(rest * (flat2 + az * az) / flat2)
     along = (rx * ax + ry * ay) / flat2
     axial = along + half * az / (flat2 + az * az)

@@ -1,4 +1,4 @@
-"""The world the simulated vehicle flies over: ground, solids, and things that move."""
+"""World of the simulated vehicle: ground, solids, and movable objects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CAR = (
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """A named object that can be moved: its parts about its own origin, and where it stands."""
+    """Named movable object: its parts about its own origin, and its position and yaw."""
 
     name: str
     parts: tuple[Box, ...]
@@ -57,22 +57,22 @@ class Mover:
 class World:
     """Ground, fixed solids and movers, with exact ray casting and exact heights.
 
-    Frame: ENU metres about the geodetic origin; z is relative to the origin's altitude. Yaw of objects
-    is radians counter-clockwise from east.
+    Frame: ENU metres about the geodetic origin; z is relative to the origin's altitude. Yaw of objects is
+    radians counter-clockwise from east.
 
     Parameters
     ----------
     ground
         The height field; its extent is the extent of the world.
     solids
-        Fixed objects. Each must lie within the extent of the ground.
+        Fixed objects. Each must be within the extent of the ground.
     cell_m
         Size of the grid cells that list the solids.
 
     Raises
     ------
     ValueError
-        If a solid reaches beyond the ground, or the cell is not larger than the distance of the posts.
+        If a solid is partly outside the ground, or the cell is smaller than the distance of the posts.
     """
 
     def __init__(self, ground: Ground, solids: Sequence[Solid] = (), cell_m: float = 4.0) -> None:
@@ -118,7 +118,7 @@ class World:
         self._place_movers()
 
     def move(self, name: str, x: float, y: float, yaw: float) -> None:
-        """Move an object; it stands on whatever fixed surface is at (x, y).
+        """Move an object onto the fixed surface at (x, y).
 
         Raises
         ------
@@ -132,7 +132,7 @@ class World:
         self._place_movers()
 
     def remove(self, name: str) -> None:
-        """Take a mover out of the world; KeyError if there is none of that name."""
+        """Remove a mover from the world; KeyError if there is none of that name."""
         del self._movers[name]
         self._place_movers()
 
@@ -142,7 +142,7 @@ class World:
         return float(z[0])
 
     def surface(self, xs: F64, ys: F64) -> tuple[F64, U8]:
-        """Return the height and material seen from straight above, exactly.
+        """Return the exact height and material seen from straight above.
 
         Parameters
         ----------
@@ -164,19 +164,19 @@ class World:
         origins_enu_m, directions_enu
             (n, 3); directions are unit vectors.
         max_range_m
-            Nothing beyond is seen.
+            Greatest range of a hit.
 
         Returns
         -------
         range_m, kind
-            (n,) f64, NaN where nothing returns, and (n,) u8 ``Kind``. Water stops a ray and returns
-            nothing: NaN with ``Kind.WATER``.
+            (n,) f64, NaN without a return, and (n,) u8 ``Kind``. Water stops a ray without a return: NaN with
+            ``Kind.WATER``.
         """
         range_m, kind, _ = self.trace(origins_enu_m, directions_enu, max_range_m)
         return range_m, kind
 
     def trace(self, origins_enu_m: F64, directions_enu: F64, max_range_m: float) -> tuple[F64, U8, F64]:
-        """Cast rays as ``cast`` does and also return the cosine of each angle of incidence."""
+        """Cast rays like ``cast`` and also return the cosine of each angle of incidence."""
         origins = np.ascontiguousarray(origins_enu_m, dtype=np.float64)
         directions = np.ascontiguousarray(directions_enu, dtype=np.float64)
         if origins.ndim != 2 or origins.shape[1] != 3 or origins.shape != directions.shape:
@@ -230,7 +230,7 @@ def _mover_table(solids: Sequence[Solid]) -> MoverTable:
 
 
 def _grid_table(ground: Ground, solids: Sequence[Solid], cell_m: float) -> GridTable:
-    """List the solids of each cell and find the highest ground and the highest object in it."""
+    """Return the grid: solids of each cell, and its highest ground and object."""
     x0, y0, x1, y1 = ground.extent_m
     columns, rows = math.ceil((x1 - x0) / cell_m), math.ceil((y1 - y0) / cell_m)
     ground_top = _ground_top(ground, rows, columns, cell_m)
@@ -257,7 +257,7 @@ def _ground_top(ground: Ground, rows: int, columns: int, cell_m: float) -> F64:
     top = np.empty((rows, columns))
     posts_y, posts_x = ground.z_m.shape
     for j in range(rows):
-        # One post to either side: a cell edge may cut a square.
+        # One post to either side, because a cell edge may cut a square.
         j0 = max(math.floor(j * cell_m / ground.post_m), 0)
         j1 = min(math.ceil((j + 1) * cell_m / ground.post_m), posts_y - 1)
         band = ground.z_m[j0 : j1 + 1].max(axis=0)

@@ -1,4 +1,4 @@
-"""What the autopilot says of its own health: estimator, sensors, fence, failsafe, and the pilot's sticks."""
+"""Health reported by the autopilot: estimator, sensors, fence, failsafe, and the pilot's sticks."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-# EKF_STATUS_REPORT (ArduPilot) and ESTIMATOR_STATUS (PX4) give these flags the same bits.
+# EKF_STATUS_REPORT (ArduPilot) and ESTIMATOR_STATUS (PX4) use the same bits for these flags.
 ATTITUDE: int = mavlink.EKF_ATTITUDE
 VELOCITY: int = mavlink.EKF_VELOCITY_HORIZ
 POSITION: int = mavlink.EKF_POS_HORIZ_ABS
 HEIGHT: int = mavlink.EKF_POS_VERT_ABS
 NEEDED = {ATTITUDE: "attitude", POSITION: "position", VELOCITY: "velocity", HEIGHT: "height"}
 
-# SYS_STATUS: what a pilot would say of each sensor that is not healthy, in the order of what matters most.
+# SYS_STATUS: a pilot's phrase for each unhealthy sensor, the most important first.
 SENSORS: dict[int, str] = {
     mavlink.MAV_SYS_STATUS_AHRS: "attitude lost",
     mavlink.MAV_SYS_STATUS_SENSOR_GPS: "GPS lost",
@@ -27,10 +27,10 @@ SENSORS: dict[int, str] = {
 FAILSAFE_STATES = frozenset(
     {mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY, mavlink.MAV_STATE_FLIGHT_TERMINATION}
 )
-ALARM_NS = 10_000_000_000  # a text this old no longer tells why; PX4 acts 5 s after it (COM_FAIL_ACT_T)
-ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_WARNING  # ArduCopter names battery and radio failsafes so
-TARGET_LOST = "target lost"  # ArduPilot's words; no cause of a failsafe, for they follow a landing broken off
-MOVED_US = 100  # a switch moved by the pilot, not the noise of a receiver
+ALARM_NS = 10_000_000_000  # an older text does not explain a failsafe; PX4 acts 5 s after it (COM_FAIL_ACT_T)
+ALARM_SEVERITY: int = mavlink.MAV_SEVERITY_WARNING  # ArduCopter uses it for battery and radio failsafes
+TARGET_LOST = "target lost"  # ArduPilot's text; it follows an aborted landing and is no cause of a failsafe
+MOVED_US = 100  # a switch moved by the pilot; receiver noise is smaller
 NO_CHANNEL = frozenset({0, 0xFFFF})
 NO_AXIS = 0x7FFF
 
@@ -42,22 +42,22 @@ class Health:
     Attributes
     ----------
     estimator, estimator_had
-        Flags of the estimator now, and all that it ever had since the autopilot booted.
+        Flags of the estimator now, and all flags set since the autopilot booted.
     unhealthy
         Bits of SYS_STATUS: sensors that are enabled and do not work.
     fix, had_fix
-        GPS_FIX_TYPE of the first receiver, and whether it ever was a fix in three dimensions.
+        GPS_FIX_TYPE of the first receiver, and whether it ever had a 3D fix.
     breached
         Whether the vehicle is outside its fence.
     alarm, alarm_ns
-        Newest text of the autopilot of severity WARNING or worse, but for the next, and when it came.
+        Newest text of the autopilot of severity WARNING or worse except "target lost", and its arrival.
     target_lost_ns
-        When it last said that it has lost the landing target, None if never. A text that comes in the same
-        moment does not hide it.
+        Arrival of the newest text that reports a lost landing target, None if never. It is kept apart so that
+        another text at the same moment does not hide it.
     sticks_us
         Roll and pitch stick, microseconds of a transmitter's pulse.
     switches_us, switched_ns
-        Channels 5 to 16, and when one of them last moved.
+        Channels 5 to 16, and the time at which one of them last moved.
     """
 
     estimator: int | None = None
@@ -75,7 +75,7 @@ class Health:
 
     @property
     def estimate_lost(self) -> str:
-        """What the estimator had and has lost; empty while its estimate can be trusted."""
+        """First estimate that the estimator had and has lost; empty while its estimate can be trusted."""
         if self.estimator is None:
             return ""
         lost = self.estimator_had & ~self.estimator
@@ -84,11 +84,11 @@ class Health:
 
     @property
     def gps_lost(self) -> bool:
-        """Whether the receiver had a fix in three dimensions and has none now."""
+        """Whether the receiver had a 3D fix and has none now."""
         return self.had_fix and self.fix is not None and self.fix < mavlink.GPS_FIX_TYPE_3D_FIX
 
     def cause(self, now_ns: int) -> str:
-        """Return what a failsafe is about, as far as the autopilot said; empty if it did not."""
+        """Return the reported cause of a failsafe, or an empty string."""
         if self.alarm and now_ns - self.alarm_ns <= ALARM_NS:
             return self.alarm
         if self.breached:
@@ -101,7 +101,7 @@ class Health:
 
 
 def reduce(health: Health, message: Any, now_ns: int) -> Health:
-    """Return the health after a message of the autopilot."""
+    """Return the health updated with a message of the autopilot."""
     reducer = _REDUCERS.get(message.get_type())
     return health if reducer is None else reducer(health, message, now_ns)
 
@@ -146,7 +146,7 @@ def _channels(health: Health, m: Any, now_ns: int) -> Health:
 
 
 def _manual_control(health: Health, m: Any, now_ns: int) -> Health:
-    """Take PX4's sticks: -1000 to 1000, x pitch, y roll."""
+    """Use PX4's MANUAL_CONTROL: -1000 to 1000, x pitch, y roll."""
     if NO_AXIS in (m.x, m.y):
         return health
     return replace(health, sticks_us=(1500 + m.y // 2, 1500 + m.x // 2))

@@ -1,4 +1,4 @@
-"""One command to the autopilot, from the first try to its result, without I/O."""
+"""State machine of one command to the autopilot, from the first try to its result, without I/O."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ _OUTCOMES: dict[int, Outcome] = {
     mavlink.MAV_RESULT_FAILED: "failed",
     6: "cancelled",  # MAV_RESULT_CANCELLED, which the dialect lacks
 }
-# After "in progress" the autopilot owes further word within so long.
+# After "in progress", the next acknowledgement must come within this time.
 PROGRESS_TIMEOUT_NS = 10_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
-    """How a command ended.
+    """Result of a command.
 
     Attributes
     ----------
     outcome
-        The autopilot's word; or `timeout` (none came), `not_connected` (not sent), `superseded` (a newer
-        one took its place), `unconfirmed` (accepted, but the effect was not seen).
+        The autopilot's answer; or `timeout` (no answer), `not_connected` (not sent), `superseded` (replaced
+        by a newer command), `unconfirmed` (accepted, but the effect was not seen).
     tries
-        Times it was sent.
+        Number of times it was sent.
     """
 
     command: int
@@ -56,7 +56,7 @@ class CommandResult:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command as it is sent: COMMAND_LONG, or COMMAND_INT when a frame is given.
+    """Command as sent: COMMAND_LONG, or COMMAND_INT if a frame is given.
 
     x, y: degrees x 1e7 (or metres x 1e4 in local frames) with a frame; z metres.
     """
@@ -69,7 +69,7 @@ class Command:
     z: float = 0.0
 
     def message(self, system: int, component: int, tries: int) -> Any:
-        """Return the message of the n-th try (0 first), which the receiver can tell from a new command."""
+        """Return the message of the n-th try (0 first); `confirmation` marks a repetition."""
         p = (*self.params, *(0.0,) * (7 - len(self.params)))
         if self.frame is None:
             return mavlink.MAVLink_command_long_message(system, component, self.command, min(tries, 255), *p)
@@ -79,7 +79,7 @@ class Command:
 
 
 class CommandCall:
-    """State of one command under way: sent until answered, `tries` times at most."""
+    """State of one command in progress: sent until answered, at most `tries` times."""
 
     def __init__(self, command: Command, timeout_ns: int, tries: int) -> None:
         self.command = command
@@ -93,12 +93,12 @@ class CommandCall:
 
     @property
     def deadline_ns(self) -> int | None:
-        """When `poll` has something to do; None before the first poll."""
+        """Time of the next action of `poll`; None before the first poll."""
         return self._deadline_ns
 
     @property
     def unanswered(self) -> bool:
-        """Whether it has no result, or gave way before the autopilot's."""
+        """Whether it has no result, or was superseded before the autopilot answered."""
         return self.result is None or self.result.outcome == "superseded"
 
     def poll(self, now_ns: int) -> int | None:
@@ -114,7 +114,7 @@ class CommandCall:
         return self._sent - 1
 
     def acknowledge(self, message: Any, now_ns: int) -> None:
-        """Take a COMMAND_ACK for this command."""
+        """Process a COMMAND_ACK for this command."""
         if self.result is not None or message.command != self.command.command or self._sent == 0:
             return
         if message.result == mavlink.MAV_RESULT_IN_PROGRESS:
@@ -125,7 +125,7 @@ class CommandCall:
         self._end(_OUTCOMES.get(message.result, "failed"))
 
     def supersede(self) -> None:
-        """End it because a newer command takes its place."""
+        """End it because a newer command replaces it."""
         if self.result is None:
             self._end("superseded")
 

@@ -1,4 +1,4 @@
-"""Commands that others send to us: addressed, answered, and never executed twice."""
+"""Server for commands addressed to the companion: answers each one and executes none twice."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _GLOBAL_FRAMES = frozenset(
         mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
     }
 )
-# The same command again within so long is a retransmission, unless the first was refused or stands no more;
-# longer, and without any condition, if its counter says so itself.
+# Within this time, an equal command is a retransmission, unless the first was refused or is no longer in
+# effect. A raised confirmation counter extends the time and lifts the condition.
 REPEAT_NS = 1_500_000_000
 COUNTED_REPEAT_NS = 10_000_000_000
 MAX_SENDERS = 16
@@ -30,7 +30,7 @@ MAX_COMMANDS = 8
 
 @dataclass(frozen=True, slots=True)
 class OperatorCommand:
-    """A command to this component.
+    """Command to this component.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class OperatorCommand:
         Parameters 1 to 4 (NaN where the sender left one open).
     x, y, z
         Parameters 5 to 7: degrees and metres in global frames and in COMMAND_LONG (there in single precision,
-        good to a metre), metres in local frames.
+        accurate to a metre), metres in local frames.
     frame
         MAV_FRAME of x, y, z; None in COMMAND_LONG.
     """
@@ -60,9 +60,9 @@ class CommandReply:
     Attributes
     ----------
     always
-        Carry the command out each time it comes: it must never be taken for a retransmission.
+        Execute the command each time it arrives; never treat it as a retransmission.
     stands
-        Tells whether what was ordered still stands; after that the same command is meant anew.
+        Returns whether the command is still in effect; if not, an equal command is a new one.
     """
 
     result: int
@@ -72,22 +72,22 @@ class CommandReply:
 
     @classmethod
     def accepted(cls, reason: str = "") -> CommandReply:
-        """Return the answer of a command that is carried out."""
+        """Return the answer to a command that is carried out."""
         return cls(mavlink.MAV_RESULT_ACCEPTED, reason)
 
     @classmethod
     def denied(cls, reason: str) -> CommandReply:
-        """Return the answer of a command that will not be carried out as it is."""
+        """Return the answer to a command that is refused."""
         return cls(mavlink.MAV_RESULT_DENIED, reason)
 
     @classmethod
     def later(cls, reason: str) -> CommandReply:
-        """Return the answer of a command that may succeed at another time."""
+        """Return the answer to a command that may succeed at another time."""
         return cls(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, reason)
 
     @classmethod
     def unsupported(cls) -> CommandReply:
-        """Return the answer of a command that nobody here knows."""
+        """Return the answer to a command that is not implemented here."""
         return cls(mavlink.MAV_RESULT_UNSUPPORTED)
 
 
@@ -96,7 +96,7 @@ Handler = Callable[[OperatorCommand], CommandReply]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What to send back: the acknowledgement, and whether the command was carried out just now."""
+    """Acknowledgement to send, the reply, and whether the command was executed just now."""
 
     ack: Any
     reply: CommandReply
@@ -113,17 +113,18 @@ class _Done:
 
 
 class CommandServer:
-    """Answers COMMAND_LONG and COMMAND_INT.
+    """Server for COMMAND_LONG and COMMAND_INT.
 
-    Only the newest command of a sender can be sent again: after another one, the same command is meant anew
-    (land, abort, land). Of the few before it the frames are known, which a network may deliver twice.
+    Only the newest command of a sender can be repeated: after a different one, an equal command is a new one
+    (land, abort, land). For the few commands before it, only a frame that the network delivered twice is
+    recognised.
 
     Attributes
     ----------
     handler
-        Carries a command out and answers it; None: every command is unsupported.
+        Executes a command and answers it; None: every command is unsupported.
     executed, repeated
-        Commands handed to the handler; retransmissions answered from memory.
+        Number of commands given to the handler; number of retransmissions answered from memory.
     """
 
     def __init__(self) -> None:
@@ -133,7 +134,7 @@ class CommandServer:
         self._done: OrderedDict[tuple[int, int], deque[_Done]] = OrderedDict()
 
     def take(self, message: Any, system: int, component: int, now_ns: int) -> Answer | None:
-        """Return the answer to a command, None if it is not addressed to this very component."""
+        """Return the answer to a command, None if it is not addressed to this component."""
         if (message.target_system, message.target_component) != (system, component):
             return None
         command = _command(message)
@@ -157,7 +158,7 @@ class CommandServer:
 def _repeated(
     done: Iterable[_Done], command: OperatorCommand, confirmation: int, sequence: int, now_ns: int
 ) -> _Done | None:
-    """Return which of the sender's commands, newest first, this one repeats."""
+    """Return the sender's earlier command that this one repeats, searching the newest first."""
     for number, old in enumerate(done):
         # repr, because an open parameter is NaN, which equals nothing
         if repr(old.command) == repr(command) and _repeats(
@@ -168,7 +169,7 @@ def _repeated(
 
 
 def _repeats(old: _Done, newest: bool, confirmation: int, sequence: int, age_ns: int) -> bool:
-    """Tell whether the same command, of so much later, repeats one."""
+    """Return whether an equal command, `age_ns` later, is a repetition of an old one."""
     if sequence == old.sequence:  # the same frame, delivered twice
         return age_ns <= (COUNTED_REPEAT_NS if newest else REPEAT_NS)
     if not newest or old.reply.always:

@@ -1,4 +1,4 @@
-"""Sends commands to the autopilot and waits for their results."""
+"""Sender of commands to the autopilot that waits for their results."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from companion.runtime.clock import now_ns
 
 
 class Commander:
-    """One command of a kind at a time: acknowledgements carry only the command's number.
+    """Commands in progress, one per command number, because acknowledgements carry only that number.
 
-    One that ended before its answer came, superseded or cancelled, still owes it: for as long as that may
-    take, the first answer is taken for it, not for the next command of its number.
+    A command that ended before its answer came (superseded or cancelled) still has one outstanding. Until its
+    deadline, the first answer is assigned to it and not to the next command of its number.
 
     Parameters
     ----------
     send
-        Takes a command and the number of the try; returns False if there is no vehicle to send it to.
+        Called with a command and the number of the try; returns False if there is no vehicle to send it to.
     """
 
     def __init__(self, send: Callable[[Command, int], bool]) -> None:
@@ -32,7 +32,7 @@ class Commander:
     async def run(
         self, command: Command, *, timeout_s: float, tries: int, supersede: bool = False
     ) -> CommandResult:
-        """Send a command until it is answered; an earlier one of its number ends first, or gives way."""
+        """Send a command until it is answered; wait for an earlier one of its number, or supersede it."""
         if supersede and (running := self._calls.get(command.command)):
             running[0].supersede()
             running[1].set()
@@ -47,7 +47,7 @@ class Commander:
                     self._owed_until_ns[command.command] = call.deadline_ns
 
     def acknowledge(self, message: Any, at_ns: int) -> None:
-        """Take a COMMAND_ACK addressed to us."""
+        """Process a COMMAND_ACK addressed to us."""
         if at_ns < self._owed_until_ns.pop(message.command, 0):
             return
         if running := self._calls.get(message.command):
@@ -63,7 +63,8 @@ class Commander:
                 break
             wake.clear()
             try:
-                # A microsecond more, or rounding lets the loop turn without time passing.
+                # One microsecond more, because rounding could otherwise let the loop run without time
+                # passing.
                 async with asyncio.timeout_at(call.deadline_ns * 1e-9 + 1e-6):
                     await wake.wait()
             except TimeoutError:

@@ -1,4 +1,4 @@
-"""Flight modes by name, and the numbers that the autopilots mean by them.
+"""Flight mode names and their numbers in each autopilot.
 
 Numbers: ArduCopter's mode table (ardupilot.org/copter, parameter FLTMODE1); PX4's main and sub modes
 (px4_custom_mode.h), packed into HEARTBEAT.custom_mode as main << 16 | sub << 24.
@@ -69,7 +69,7 @@ PRECISION_LANDING: dict[str, str] = {"ardupilot": "LAND", "px4": "AUTO.PRECLAND"
 
 
 def mode_name(autopilot: Autopilot, vehicle_type: int, custom_mode: int) -> str:
-    """Return the name of a mode; `MODE(n)` when this program does not know it."""
+    """Return the name of a mode; `MODE(n)` if it is unknown here."""
     name = None
     if autopilot == "ardupilot" and vehicle_type in COPTER_TYPES:
         name = _ARDUCOPTER_NAMES.get(custom_mode)
@@ -79,7 +79,7 @@ def mode_name(autopilot: Autopilot, vehicle_type: int, custom_mode: int) -> str:
 
 
 def mode_parameters(autopilot: Autopilot, vehicle_type: int, name: str) -> tuple[float, float] | None:
-    """Return parameters 2 and 3 of MAV_CMD_DO_SET_MODE that ask for a mode, None if it is unknown."""
+    """Return parameters 2 and 3 of MAV_CMD_DO_SET_MODE for a mode, None if it is unknown."""
     if autopilot == "ardupilot" and vehicle_type in COPTER_TYPES and name in ARDUCOPTER:
         return float(ARDUCOPTER[name]), 0.0
     if autopilot == "px4" and name in PX4:

@@ -1,4 +1,4 @@
-"""What each incoming message means for us, without I/O: who sent it, what it changes, what it calls for."""
+"""Dispatcher of incoming MAVLink messages, without I/O: sender check, state update, events."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ log = logging.getLogger(__name__)
 
 
 class Inbox:
-    """Reads the wire: keeps the vehicle's state and clock, and says what happens as events.
+    """Dispatcher that keeps the vehicle's state and clock, and reports changes as events.
 
-    Only what the autopilot of the vehicle sends counts, component 1 of its system: other components of the
-    same system, such as a gimbal, tell their own attitude and state by the same messages.
+    Only messages of the vehicle's autopilot count, component 1 of its system: other components of the same
+    system, such as a gimbal, send their own attitude and state in the same messages.
 
     Parameters
     ----------
     identity
-        Which system is the vehicle. Poses are those of the system that it follows; whatever answers or
-        commands waits until that is the vehicle.
+        Selects the system that is the vehicle. Poses are those of the candidate; answers and commands wait
+        until the candidate is confirmed.
     gate
-        Holds the first positions back until they are believed.
+        Withholds the first positions until they are trusted.
 
     Attributes
     ----------
     vehicle
         Newest state of the vehicle, unknown until it is identified.
     foreign
-        Messages of others that were not for us.
+        Number of messages from other senders that were not addressed to us.
     """
 
     def __init__(
@@ -57,24 +57,24 @@ class Inbox:
         self._followed = VehicleState()
         self._bound = False
         self.foreign = 0
-        self.outgoing: Event[[Any]] = Event()  # message to send in answer
-        self.reason: Event[[str, bool]] = Event()  # why an operator's command was (not) accepted
+        self.outgoing: Event[[Any]] = Event()  # message to send as an answer
+        self.reason: Event[[str, bool]] = Event()  # reason, and whether the command was accepted
         self.acknowledged: Event[[Any, int]] = Event()
         self.heartbeat: Event[[]] = Event()
         self.rebooted: Event[[]] = Event()
         self.changed: Event[[VehicleState, VehicleState]] = Event()
         self.attitude: Event[[int, Quaternion, Vector]] = Event()
         self.position: Event[[int, float, float, float, Vector]] = Event()
-        self.certain: Event[[int | None, int]] = Event()  # up to when stamps are; how often they were mended
+        self.certain: Event[[int | None, int]] = Event()  # certain until; number of new mappings
         self.stranger: Event[[Candidate]] = Event()  # another vehicle, heard for the first time
 
     @property
     def followed(self) -> VehicleState:
-        """Newest state of the vehicle, or of the system that may be."""
+        """Newest state of the vehicle, or of the candidate before it is confirmed."""
         return self.vehicle if self._bound else self._followed
 
     def take(self, message: Any, now_ns: int) -> bool:
-        """Take a message; return whether the autopilot that is followed sent it."""
+        """Process a message; return whether the followed autopilot sent it."""
         self.settle(now_ns)
         kind = message.get_type()
         if kind in ("COMMAND_LONG", "COMMAND_INT") and self._command(message, now_ns):
@@ -94,7 +94,7 @@ class Inbox:
         return True
 
     def settle(self, now_ns: int) -> None:
-        """Take the system that is followed for the vehicle once it was the only one for long enough."""
+        """Confirm the followed system as the vehicle once it was the only one for long enough."""
         found = self._followed
         if self._bound or found.sysid is None or not self.identity.settle(now_ns):
             return
@@ -119,7 +119,7 @@ class Inbox:
             self.rebooted.emit()
 
     def is_ours(self, message: Any) -> bool:
-        """Tell whether the autopilot sent it; a heartbeat shows a program that calls itself component 1."""
+        """Return whether the autopilot sent a message; only heartbeats reveal an impostor."""
         return bool(
             message.get_srcSystem() == self.identity.system
             and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
@@ -143,7 +143,7 @@ class Inbox:
             self.outgoing.emit(mavlink.MAVLink_timesync_message(*reply))
 
     def _acknowledgement(self, message: Any, now_ns: int) -> None:
-        # Zero is everybody; old autopilots leave the fields out, which reads as zero.
+        # Zero is broadcast; old autopilots omit the fields, which then decode as zero.
         if message.target_system in (0, self._codec.system_id) and message.target_component in (
             0,
             self._codec.component_id,
@@ -171,7 +171,7 @@ class Inbox:
         self._pose(old, new, message, now_ns)
 
     def _pose(self, old: VehicleState, new: VehicleState, message: Any, now_ns: int) -> None:
-        """Hand on the pose of a message: a tuple that is another object was in it, and was valid."""
+        """Emit the pose of a message; a new tuple object means that the message had a valid one."""
         if new.attitude_wxyz is not None and new.attitude_wxyz is not old.attitude_wxyz:
             stamp = self._stamp_ns(message, now_ns)
             if stamp is not None and new.rates_rad_s is not None:
@@ -183,7 +183,7 @@ class Inbox:
                 self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
 
     def _stamp_ns(self, message: Any, now_ns: int) -> int | None:
-        """Return our time of a pose; first tell how far stamps are certain."""
+        """Return our time of a pose; emit first up to when stamps are certain."""
         stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
         self.certain.emit(self.clock.certain_ns, self.clock.mappings)
         return stamp

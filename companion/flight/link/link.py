@@ -1,4 +1,4 @@
-"""The companion's MAVLink link: one vehicle, its state, its clock, commands both ways."""
+"""MAVLink link of the companion: one vehicle, its state, its clock, commands in both directions."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 TICK_S = 0.05
 HEARTBEAT_S = 1.0
 STREAM_PAUSE_S = 0.1
-# The new mode shows in the next heartbeat, a second later at worst.
+# The new mode is in the next heartbeat, at most a second later.
 MODE_CONFIRM_S = 2.5
 
 
@@ -47,21 +47,21 @@ class Link:
     Parameters
     ----------
     url
-        As `companion.flight.link.transport.mavlink_url.parse_url` takes it.
+        MAVLink URL, see `companion.flight.link.transport.mavlink_url.parse_url`.
     parameters
         Uses `component_id`, `pose_rate_hz` and `link_timeout_s`.
     signing
-        Signs what is sent; what comes must be signed, too.
+        Signs outgoing messages; incoming messages must then be signed, too.
     identity
-        Which system is the vehicle; the only aircraft heard in the first 2.5 s if None.
+        Selects the system that is the vehicle; None selects the only aircraft heard in the first 2.5 s.
     alone
-        Whether `run` ends with an error when two systems may be the vehicle; otherwise none is, and
-        `identity.ambiguous` says so.
+        Whether `run` raises an error when two systems may be the vehicle; otherwise none is chosen, and
+        `identity.ambiguous` is set.
 
     Attributes
     ----------
     identity
-        Which system is the vehicle.
+        Selection of the system that is the vehicle.
     connected
         Whether the autopilot's heartbeat was heard within `link_timeout_s`.
     system_status
@@ -75,20 +75,20 @@ class Link:
     on_position
         Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
     on_certain
-        Event (until_ns, mappings) before each pose: up to which of our times stamps of poses are certain, and
-        how often those after it proved wrong, see `AutopilotClock`.
+        Event (until_ns, mappings) before each pose: our time up to which stamps of poses are certain, and the
+        number of times that those after it proved wrong, see `AutopilotClock`.
     on_reboot
-        Event when the autopilot's clock began anew.
+        Event when the autopilot's clock restarted.
     on_text
-        Event (text, severity) of what the pilot is shown.
+        Event (text, severity) of each text shown to the pilot.
     on_frame, on_sent, on_time_asked
-        Events of the wire, for recordings: (message, now_ns) before it is taken; (frame); (now_ns) of each
-        request for the autopilot's time.
+        Events of the wire, for recordings: (message, now_ns) before it is processed; (frame); (now_ns) of
+        each request for the autopilot's time.
 
     Raises
     ------
     UsageError
-        If the URL is none.
+        If the URL is invalid.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Link:
         self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
         self._text_id = 0
         self._unheard = UnheardTexts()
-        self._silent_since_ns = 0  # the last heartbeat before the link was lost
+        self._silent_since_ns = 0  # time of the last heartbeat before the link was lost
         self._stop: asyncio.Event | None = None
         self._failure: asyncio.Future[None] | None = None
         self._ended = asyncio.Event()
@@ -136,7 +136,7 @@ class Link:
         self._inbox.rebooted.subscribe(self._streams.restart)
         self._inbox.stranger.subscribe(self._warn_of)
 
-    # ---- what is known --------------------------------------------------------------------------
+    # ---- state ----------------------------------------------------------------------------------
 
     @property
     def vehicle(self) -> VehicleState:
@@ -145,32 +145,32 @@ class Link:
 
     @property
     def believes_position(self) -> bool:
-        """Whether the vehicle's position is told by now, and not held back for want of a fix."""
+        """Whether positions of the vehicle are passed on, and no longer withheld for lack of a fix."""
         return self._inbox.gate.is_open
 
     @property
     def clock(self) -> AutopilotClock:
-        """Maps the autopilot's stamps to ours."""
+        """Conversion of the autopilot's stamps to our clock."""
         return self._inbox.clock
 
     @property
     def timesync(self) -> TimeSync:
-        """The autopilot's clock in ours."""
+        """Clock synchronisation with the autopilot."""
         return self._inbox.clock.timesync
 
     @property
     def system_id(self) -> int:
-        """System that we speak as, the vehicle's once it is known."""
+        """System ID that we send with, the vehicle's once it is known."""
         return self._codec.system_id
 
     @property
     def component_id(self) -> int:
-        """Component that we speak as."""
+        """Component ID that we send with."""
         return self._codec.component_id
 
     @property
     def ready(self) -> bool:
-        """Whether our heartbeat says that we work (MAV_STATE_ACTIVE) or still start (MAV_STATE_BOOT)."""
+        """Whether our heartbeat reports MAV_STATE_ACTIVE instead of MAV_STATE_BOOT."""
         return bool(self.system_status == mavlink.MAV_STATE_ACTIVE)
 
     @ready.setter
@@ -178,7 +178,7 @@ class Link:
         self.system_status = mavlink.MAV_STATE_ACTIVE if ready else mavlink.MAV_STATE_BOOT
 
     def statistics(self) -> LinkStatistics:
-        """Counters, rates and the state of the clock."""
+        """Return counters, rates and the state of the clock."""
         at_ns, codec, clock = now_ns(), self._codec, self._inbox.clock
         sync, signing = clock.timesync, codec.signing
         return LinkStatistics(
@@ -212,7 +212,7 @@ class Link:
             orders_refused=codec.refused_orders,
         )
 
-    # ---- who wants to know ----------------------------------------------------------------------
+    # ---- subscriptions --------------------------------------------------------------------------
 
     def subscribe(
         self, type_name: str, handler: Callable[[Any, int], None], *, anyone: bool = False
@@ -221,13 +221,13 @@ class Link:
         return self._subscribers[type_name, anyone].subscribe(handler)
 
     def on_command(self, handler: Handler) -> None:
-        """Let `handler` carry out and answer commands addressed to this component."""
+        """Set the handler that executes and answers commands addressed to this component."""
         self._server.handler = handler
 
-    # ---- what is sent ---------------------------------------------------------------------------
+    # ---- sending --------------------------------------------------------------------------------
 
     def send(self, message: Any) -> None:
-        """Send a message as this component; dropped and counted while no channel is open."""
+        """Send a message as this component; it is dropped and counted while no channel is open."""
         frame = self._codec.encode(message)
         self._transport.write(frame)
         self.on_sent.emit(frame)
@@ -249,8 +249,8 @@ class Link:
         Parameters
         ----------
         params
-            Up to seven of COMMAND_LONG; with a `frame` (COMMAND_INT) the first four, and x, y (degrees x 1e7,
-            in local frames metres x 1e4) and z (m).
+            Up to seven of COMMAND_LONG; with a `frame` (COMMAND_INT) the first four, and x, y (degrees
+            x 1e7, in local frames metres x 1e4) and z (m).
         supersede
             End an earlier command of this number instead of waiting for its result.
         """
@@ -258,7 +258,7 @@ class Link:
         return await self._commander.run(command, timeout_s=timeout_s, tries=tries, supersede=supersede)
 
     async def set_mode(self, name: str, timeout_s: float = 1.5, tries: int = 3) -> CommandResult:
-        """Ask for a flight mode by name and wait until the vehicle says that it is in it."""
+        """Request a flight mode by name and wait until the vehicle reports it."""
         command_id = mavlink.MAV_CMD_DO_SET_MODE
         numbers = mode_parameters(self.vehicle.autopilot, self.vehicle.vehicle_type, name)
         if numbers is None:
@@ -274,7 +274,7 @@ class Link:
     def statustext(self, text: str, severity: int) -> None:
         """Show a text to the pilot (MAV_SEVERITY 0 emergency to 7 debug)."""
         self._send_text(text, severity)
-        if self._stop is not None:  # before `run` there is no clock, and nobody hears
+        if self._stop is not None:  # before `run` there is no clock and no receiver
             self._unheard.note(text, severity, now_ns())
         self.on_text.emit(text, severity)
 
@@ -283,17 +283,17 @@ class Link:
         for message in statustext(text, severity, self._text_id):
             self.send(message)
 
-    # ---- life -----------------------------------------------------------------------------------
+    # ---- life cycle -----------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Keep the link until `close` or cancelled; the last heartbeat says that we go (MAV_STATE_POWEROFF).
+        """Run the link until `close` or cancelled; the last heartbeat is MAV_STATE_POWEROFF.
 
         Raises
         ------
         UsageError
-            If the address cannot be opened and never will be, or two systems may be the vehicle.
+            If the address can never be opened, or two systems may be the vehicle.
         Exception
-            Whatever a subscriber raised.
+            Any exception of a subscriber.
         """
         self._stop, self._failure = asyncio.Event(), asyncio.get_running_loop().create_future()
         self._ended.clear()
@@ -322,7 +322,7 @@ class Link:
             self._ended.set()
 
     async def close(self) -> None:
-        """Let `run` say good-bye, close the channel and return; does nothing if it does not run."""
+        """Let `run` send its last heartbeat, close the channel and return; no-op if it is not running."""
         if self._stop is None:
             return
         self._stop.set()
@@ -334,7 +334,7 @@ class Link:
         self._send_heartbeat()
 
     def _on_bytes(self, data: bytes) -> None:
-        """Take bytes off the wire; an exception here is a fault of ours and ends `run`."""
+        """Decode and process bytes from the wire; an exception here is our own fault and ends `run`."""
         try:
             at_ns = now_ns()
             for message in self._codec.decode(data):
@@ -385,7 +385,7 @@ class Link:
                     answered = result.outcome in ("denied", "unsupported", "failed", "accepted")
                     self._streams.asked(stream, now_ns(), accepted=result.ok, answered=answered)
                     continue
-            await asyncio.sleep(STREAM_PAUSE_S)  # while the line is down a request ends without any waiting
+            await asyncio.sleep(STREAM_PAUSE_S)  # while the link is down, a request returns without waiting
 
     async def _ask(self, stream: Stream) -> CommandResult:
         return await self.command(
@@ -404,7 +404,7 @@ class Link:
         self.send(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, status, 3))
 
     def _send_command(self, command: Command, tries: int) -> bool:
-        # A lost heartbeat is no reason not to try: the way out may still be open.
+        # Also try without a heartbeat: the outgoing direction may still work.
         if self.vehicle.sysid is None or not self._transport.up:
             return False
         self.send(command.message(self.vehicle.sysid, mavlink.MAV_COMP_ID_AUTOPILOT1, tries))

@@ -1,4 +1,4 @@
-"""How the link does."""
+"""Link statistics: counters, rates, delays and quality of the clock."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ WINDOW_NS = 2_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class LinkStatistics:
-    """Snapshot of counters since the start; rates are of the last two seconds.
+    """Snapshot of counters since the start; rates cover the last two seconds.
 
     Attributes
     ----------
     from_vehicle, lost
-        Frames of the vehicle's autopilot, and those missing by its sequence numbers.
+        Frames of the vehicle's autopilot, and gaps in their sequence numbers.
     bad, bad_bytes, unknown
         Broken frames; bytes outside any frame; messages that the dialect lacks.
     dropped
-        Messages of ours that no open channel took.
+        Our messages that no open channel accepted.
     foreign
         Messages of other systems and components, ignored unless addressed to us.
     opened
-        Times a channel was opened.
+        Number of times a channel was opened.
     missing
-        Streams asked for that are away or slow.
+        Requested streams that are absent or slow.
     delay_p50_ms, delay_p99_ms
-        How long the vehicle's stamped messages were under way, of the newest thousand; None without TIMESYNC.
+        Delays of the newest thousand stamped messages of the vehicle; None without TIMESYNC.
     residual_ms, worst_residual_ms
-        Median and greatest distance of the TIMESYNC exchanges believed from the line through them.
+        Median and greatest distance of the trusted TIMESYNC exchanges from the line through them.
     unsigned, forged, replayed
         Frames refused because a key is set: without signature, with a wrong one, with an old timestamp.
     orders_refused
-        Commands and parameter changes among them.
+        Number of commands and parameter changes among them.
     refused
         Streams that the autopilot does not have.
     """
@@ -71,14 +71,14 @@ class LinkStatistics:
 
 
 def quantile_ms(values_ns: Collection[int], share: float) -> float | None:
-    """Return the value below which a share of all lies, in milliseconds; None of none."""
+    """Return the quantile `share` of values, in milliseconds; None if there are no values."""
     if not values_ns:
         return None
     return round(sorted(values_ns)[min(len(values_ns) - 1, int(share * len(values_ns)))] * 1e-6, 3)
 
 
 class RateMeter:
-    """Messages a second by name, over windows of two seconds."""
+    """Message rates by name, over windows of two seconds."""
 
     def __init__(self) -> None:
         self._begun_ns: int | None = None

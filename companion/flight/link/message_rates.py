@@ -1,4 +1,4 @@
-"""Which messages we want from the autopilot, and which of them have to be asked for (again)."""
+"""Message rates requested from the autopilot, and requests due again."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.wire.current_mode import CURRENT_MODE
 
-# A stream silent for longer than this, or than three of its periods, is asked for again; then ever more
-# seldom, as an autopilot without a battery monitor will never send its status.
+# A stream silent for longer than this, or than three of its periods, is requested again, at growing
+# intervals, because an autopilot without a battery monitor never sends its status.
 AWAY_NS = 2_000_000_000
-# So is one that arrives at less than half its rate over this span: another program may have slowed it.
+# A stream at less than half its rate over this span is requested again: another program may have slowed it.
 SPAN_NS = 4_000_000_000
 LONGEST_PAUSE_NS = 30_000_000_000
 
 
-# PX4 sends its mode when it changes, and else so often, whatever was asked for.
+# PX4 sends its mode on change, and otherwise at this rate, whatever was requested.
 PX4_MODE_HZ = 2.0
 PX4_HEARTBEAT_HZ = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A message and how often it is wanted.
+    """Message and its requested rate.
 
-    needed: not one that some autopilots never have to send; one that is not needed and is refused is not
-    asked for again. steady_hz: what arrives at best where it is sent on change; None is `rate_hz`.
+    needed: False for a message that some autopilots never send; if refused, it is not requested again.
+    steady_hz: highest rate that arrives if the message is sent on change; None means `rate_hz`.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Stream:
 
     @property
     def arrives_hz(self) -> float:
-        """Rate of a healthy link."""
+        """Rate on a healthy link."""
         return self.rate_hz if self.steady_hz is None else self.steady_hz
 
     @property
@@ -47,7 +47,7 @@ class Stream:
 
 
 def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
-    """Return the streams that an autopilot is asked for, the most needed first."""
+    """Return the streams to request from an autopilot, the most needed first."""
     px4 = autopilot == "px4"
     streams = [
         Stream("ATTITUDE_QUATERNION", mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
@@ -55,17 +55,17 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         Stream("EXTENDED_SYS_STATE", mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
         _PX4_MODE if px4 else _MODE,
         Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
-        Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),  # a fix, without which no map begins
+        Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),  # without a fix, no map begins
         Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
         Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]
-    if px4:  # its landing target is taken in its local frame
+    if px4:  # its landing target uses its local frame
         streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
     return (*streams, *_health(autopilot))
 
 
 def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
-    """Return what tells of the estimator, the sticks and the fence, where the autopilot has them."""
+    """Return the streams of estimator, sticks and fence that the autopilot has."""
     sticks = Stream("RC_CHANNELS", mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0, needed=False)
     if autopilot == "px4":
         return (
@@ -81,7 +81,7 @@ def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
 
 
 def expected(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
-    """Return the streams that should arrive: those asked for, and PX4's heartbeat, whose rate is fixed."""
+    """Return the streams that should arrive: the requested ones, and PX4's heartbeat of fixed rate."""
     asked = wanted(autopilot, pose_rate_hz)
     if any(stream.name == _MODE.name for stream in asked):
         return asked
@@ -93,12 +93,12 @@ _PX4_MODE = Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=PX
 
 
 class StreamKeeper:
-    """Remembers when each stream was last asked for and heard.
+    """Record of the last request and the last arrival of each stream.
 
     Attributes
     ----------
     requests
-        Requests made, first ones and repetitions.
+        Number of requests, including repetitions.
     """
 
     def __init__(self) -> None:
@@ -106,18 +106,18 @@ class StreamKeeper:
         self._heard_ns: dict[str, int] = {}
         self._asked_ns: dict[str, int] = {}
         self._pause_ns: dict[str, int] = {}
-        self._spans: dict[str, tuple[int, int]] = {}  # beginning, messages since
+        self._spans: dict[str, tuple[int, int]] = {}  # start, messages since
         self._slow: set[str] = set()
         self._refused: set[str] = set()
         self.requests = 0
 
     def want(self, streams: tuple[Stream, ...]) -> None:
-        """Replace what is wanted; all of it is due."""
+        """Replace the wanted streams; all become due."""
         self._streams = {stream.name: stream for stream in streams}
         self.restart()
 
     def restart(self) -> None:
-        """Ask for everything anew: the autopilot rebooted or the link came back."""
+        """Make all streams due again, after a reboot of the autopilot or a reconnection."""
         for memory in (
             self._heard_ns,
             self._asked_ns,
@@ -129,7 +129,7 @@ class StreamKeeper:
             memory.clear()
 
     def heard(self, name: str, now_ns: int) -> None:
-        """Note a message."""
+        """Record the arrival of a message."""
         stream = self._streams.get(name)
         if stream is None or name not in self._asked_ns:
             return
@@ -146,11 +146,11 @@ class StreamKeeper:
             self._pause_ns.pop(name, None)
 
     def due(self, now_ns: int) -> Stream | None:
-        """Return the first stream to ask for now, None if all flow."""
+        """Return the first stream to request now, None if all arrive."""
         return next((s for s in self._streams.values() if self._is_due(s, now_ns)), None)
 
     def asked(self, stream: Stream, now_ns: int, *, accepted: bool, answered: bool = True) -> None:
-        """Note a request, whether it was answered at all, and whether the autopilot agreed to it."""
+        """Record a request, whether it was answered at all, and whether the autopilot accepted it."""
         self.requests += 1
         name = stream.name
         if not stream.needed and answered and not accepted:
@@ -162,13 +162,13 @@ class StreamKeeper:
         self._slow.discard(name)
 
     def missing(self, now_ns: int) -> tuple[str, ...]:
-        """Return the names of needed streams that were asked for and never came, are away, or are slow."""
+        """Return the names of needed streams that were requested and are absent or slow."""
         asked = (s for s in self._streams.values() if s.needed and s.name in self._asked_ns)
         return tuple(s.name for s in asked if s.name not in self._heard_ns or self._lacks(s, now_ns))
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """Names of streams that the autopilot does not have; it is not asked for them again."""
+        """Names of streams that the autopilot does not have; they are not requested again."""
         return tuple(sorted(self._refused))
 
     def _is_due(self, stream: Stream, now_ns: int) -> bool:

@@ -1,8 +1,8 @@
-"""MAVLink's mission protocol for rally points, without I/O: one download or one upload at a time.
+"""MAVLink mission protocol for rally points, without I/O: one download or one upload at a time.
 
-Measured: ArduPilot asks for items with MISSION_REQUEST and keeps whole metres. PX4 acknowledges the frames
-GLOBAL_INT (5) and GLOBAL_RELATIVE_ALT_INT (6) and then returns to latitude 0, longitude 0, so no point here
-can have them; GLOBAL (0) and GLOBAL_RELATIVE_ALT (3) mean the same.
+Measured: ArduPilot requests items with MISSION_REQUEST and keeps whole metres. PX4 acknowledges the frames
+GLOBAL_INT (5) and GLOBAL_RELATIVE_ALT_INT (6) and then returns to latitude 0, longitude 0, so no point may
+use them; GLOBAL (0) and GLOBAL_RELATIVE_ALT (3) have the same meaning.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ RALLY: int = mavlink.MAV_MISSION_TYPE_RALLY
 NAV_RALLY_POINT = 5100
 GLOBAL: int = mavlink.MAV_FRAME_GLOBAL
 RELATIVE: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
-# The same frames under numbers that PX4 takes for local coordinates.
+# The same frames under numbers that PX4 interprets as local coordinates.
 _TRAPS: dict[int, int] = {
     mavlink.MAV_FRAME_GLOBAL_INT: GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: RELATIVE,
 }
 TIMEOUT_NS = 1_500_000_000
 TRIES = 5
-# The vehicle asks again for an item that it misses; when it is silent for so long it has given up.
+# The vehicle repeats its request for a missing item; after this silence it has given up.
 SILENCE_NS = 8_000_000_000
 MOST_POINTS = 255
 HIGHEST_M = 32_767
@@ -34,7 +34,7 @@ Outcome = Literal["done", "refused", "timeout"]
 
 @dataclass(frozen=True, slots=True)
 class RallyPoint:
-    """Where RTL may go: degrees x 1e7, whole metres, above home (frame 3) or mean sea level (frame 0)."""
+    """Rally point: degrees x 1e7, whole metres, above home (frame 3) or mean sea level (frame 0)."""
 
     lat_e7: int
     lon_e7: int
@@ -49,12 +49,12 @@ class RallyPoint:
 
 
 class Transfer(ABC):
-    """One exchange with the vehicle.
+    """One transfer to or from the vehicle.
 
     Attributes
     ----------
     outcome
-        How it ended, None while it runs.
+        Result, None while it runs.
     refusal
         MAV_MISSION_RESULT with which the vehicle refused.
     """
@@ -68,7 +68,7 @@ class Transfer(ABC):
         self._due_ns: int | None = None
 
     def poll(self, now_ns: int) -> list[Any]:
-        """Return what to send now: the question not yet answered, at intervals."""
+        """Return the messages to send now: the unanswered request, at intervals."""
         if self.outcome is not None or (self._due_ns is not None and now_ns < self._due_ns):
             return []
         question = self._question() if self._left > 0 else None
@@ -80,7 +80,7 @@ class Transfer(ABC):
         return [question]
 
     def take(self, message: Any, now_ns: int) -> list[Any]:
-        """Take a message of the vehicle and return the answers."""
+        """Process a message of the vehicle and return the answers."""
         if self.outcome is not None or getattr(message, "mission_type", 0) != RALLY:
             return []
         if (message.target_system, message.target_component) != self._us:
@@ -102,7 +102,7 @@ class Transfer(ABC):
 
 
 class Download(Transfer):
-    """Reads the vehicle's rally points into `points`."""
+    """Download of the vehicle's rally points into `points`."""
 
     def __init__(self, vehicle: int, system: int, component: int) -> None:
         super().__init__(vehicle, system, component)
@@ -138,7 +138,7 @@ class Download(Transfer):
 
 
 class Upload(Transfer):
-    """Replaces the vehicle's rally points; none clears them."""
+    """Upload that replaces the vehicle's rally points; an empty list clears them."""
 
     def __init__(self, vehicle: int, system: int, component: int, points: tuple[RallyPoint, ...]) -> None:
         super().__init__(vehicle, system, component)
@@ -148,7 +148,7 @@ class Upload(Transfer):
 
     def _question(self) -> Any:
         if self._asked:
-            return None  # it asks, not we
+            return None  # now the vehicle sends the requests
         if not self.points:
             return mavlink.MAVLink_mission_clear_all_message(*self._to, RALLY)
         return mavlink.MAVLink_mission_count_message(*self._to, len(self.points), RALLY)
@@ -163,7 +163,7 @@ class Upload(Transfer):
         if kind == "MISSION_ACK":
             if message.type != mavlink.MAV_MISSION_ACCEPTED:
                 return self._refused(message.type)
-            if self._complete:  # else it is the end of something older
+            if self._complete:  # otherwise it belongs to an older transfer
                 self.outcome = "done"
         return []
 

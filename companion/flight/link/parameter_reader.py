@@ -1,4 +1,4 @@
-"""Requests for an autopilot's parameters, one by one, without I/O."""
+"""Reader of single autopilot parameters, without I/O."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from params import Required
 
 TRIES = 4
 RETRY_NS = 700_000_000
-# At most so many requests under way: a telemetry port has a small buffer.
+# Maximum of requests in progress, because a telemetry port has a small buffer.
 AT_ONCE = 4
 _BYTES = {
     mavlink.MAV_PARAM_TYPE_UINT8: "<B3x",
@@ -25,36 +25,36 @@ _BYTES = {
 
 
 class ParameterReader:
-    """Asks for parameters one by one and keeps what comes.
+    """Reader that requests parameters one by one and stores their values.
 
     Attributes
     ----------
     values
-        By name, as they come.
+        Values by name.
     absent
-        Names that the autopilot says it does not have (PARAM_ERROR, in newer ones).
+        Names that the autopilot does not have, according to PARAM_ERROR (sent by newer versions).
     """
 
     def __init__(self, rows: tuple[Required, ...], autopilot: str) -> None:
         self._rows = rows
         self._bytewise = autopilot == "px4"
-        self._asked: dict[str, tuple[int, int]] = {}  # name -> times, when last
+        self._asked: dict[str, tuple[int, int]] = {}  # name -> requests, time of the last one
         self.values: dict[str, float] = {}
         self.absent: set[str] = set()
 
     @property
     def done(self) -> bool:
-        """Whether every parameter has come or was asked for often enough."""
+        """Whether every parameter is known or was requested often enough."""
         return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in self._rows)
 
     @property
     def settled(self) -> bool:
-        """Whether this holds of all that every version has: what some lack is never answered for."""
+        """Whether `done` holds without the optional parameters, which some versions lack and never answer."""
         rows = (row for row in self._rows if not row.optional)
         return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in rows)
 
     def knows(self, name: str) -> bool:
-        """Tell whether the autopilot has answered for a parameter."""
+        """Return whether the autopilot has answered for a parameter."""
         return name in self.values or name in self.absent
 
     def due(self, system: int, now_ns: int) -> list[Any]:
@@ -74,7 +74,7 @@ class ParameterReader:
         ]
 
     def take(self, message: Any) -> None:
-        """Keep a PARAM_VALUE, or note a PARAM_ERROR."""
+        """Store a PARAM_VALUE or record a PARAM_ERROR."""
         name = str(message.param_id).rstrip("\0")
         if message.get_type() == "PARAM_ERROR":
             if message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:

@@ -1,4 +1,4 @@
-"""Text for the pilot's screen."""
+"""STATUSTEXT messages, split into chunks, and NAMED_VALUE_FLOAT."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ MAX_CHUNKS = 8
 
 
 def statustext(text: str, severity: int, text_id: int) -> list[Any]:
-    """Return the STATUSTEXT messages of a text of up to 400 characters; what is longer ends in `...`.
+    """Return the STATUSTEXT messages of a text; beyond 400 characters it is cut and ends in `...`.
 
-    Ground stations disagree on everything beyond ASCII, and may cut it between two parts: it becomes `?`.
+    Characters beyond ASCII become `?`: ground stations disagree on them and may cut one between two chunks.
 
     Parameters
     ----------
     severity
         MAV_SEVERITY, 0 emergency to 7 debug.
     text_id
-        1 to 65535, another one for every text, so that receivers can join its parts. A text that fits one
-        message carries none.
+        1 to 65535, different for every text, so that receivers can join its chunks. Not used for a text that
+        fits one message.
     """
     data = text.encode("ascii", "replace")
     if len(data) > MAX_CHUNKS * CHUNK_BYTES:
@@ -30,7 +30,7 @@ def statustext(text: str, severity: int, text_id: int) -> list[Any]:
         return [mavlink.MAVLink_statustext_message(severity, data)]
     chunks = [data[at : at + CHUNK_BYTES] for at in range(0, len(data), CHUNK_BYTES)]
     if len(chunks[-1]) == CHUNK_BYTES:
-        chunks.append(b"")  # only a part that is not full ends a text (MAVLink, STATUSTEXT.chunk_seq)
+        chunks.append(b"")  # only a chunk that is not full ends a text (MAVLink, STATUSTEXT.chunk_seq)
     return [
         mavlink.MAVLink_statustext_message(severity, chunk, text_id, number)
         for number, chunk in enumerate(chunks)

@@ -1,4 +1,4 @@
-"""Warnings to the pilot that the link swallowed: told again, with their age, when it is back."""
+"""Buffer of warnings that the link lost, sent again with their age after a reconnection."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ PREFIX = "SLZ: "
 
 
 class UnheardTexts:
-    """Keeps the newest texts of severity WARNING or worse; of too many the mildest and oldest go."""
+    """Buffer of the newest texts of severity WARNING or worse; if full, the mildest and oldest go."""
 
     def __init__(self) -> None:
-        self._said: dict[str, tuple[int, int]] = {}  # text -> when, severity
+        self._said: dict[str, tuple[int, int]] = {}  # text -> time, severity
 
     def note(self, text: str, severity: int, now_ns: int) -> None:
-        """Take a text that was sent, heard or not; one said again counts once."""
+        """Record a text that was sent, received or not; a repeated text replaces the earlier one."""
         if severity > mavlink.MAV_SEVERITY_WARNING:
             return
         self._said.pop(text, None)
@@ -26,7 +26,7 @@ class UnheardTexts:
             del self._said[next(text for text, (_, severity) in self._said.items() if severity == mildest)]
 
     def again(self, silent_since_ns: int, now_ns: int) -> list[tuple[str, int]]:
-        """Return texts and severities to send again after a link was silent since a time."""
+        """Return the texts and severities to send again after the link was silent since a time."""
         return [
             (f"{PREFIX}{(now_ns - at_ns) * 1e-9:.0f} s ago: {text.removeprefix(PREFIX)}", severity)
             for text, (at_ns, severity) in self._said.items()

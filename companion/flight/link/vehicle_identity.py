@@ -13,10 +13,10 @@ from companion.runtime.errors import UsageError
 
 log = logging.getLogger(__name__)
 
-# Two heartbeats of each autopilot on the line, which sends one a second, and half a second of delay.
+# Two heartbeats of each autopilot at 1 Hz, and half a second of delay.
 LISTEN_NS = 2_500_000_000
-# MAV_TYPE of what can send an autopilot's heartbeat and never lands from the air with a LiDAR: stations,
-# parts of a vehicle, and vehicles of ground and water. Numbers, for the dialect lacks the newest.
+# MAV_TYPE of senders of an autopilot's heartbeat that never land from the air with a LiDAR: stations, parts
+# of a vehicle, ground and water vehicles. Numbers, because the dialect lacks the newest names.
 NOT_AIRCRAFT = frozenset(
     {
         5,  # antenna tracker
@@ -50,12 +50,12 @@ NAME_IT = "name the vehicle that carries the LiDAR by --system"
 
 
 class AmbiguousVehicleError(UsageError):
-    """Two systems may be the vehicle, and none was named."""
+    """Two systems may be the vehicle, and none was named by the user."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A system with an autopilot. vehicle_type: MAV_TYPE. armed: as of the newest heartbeat."""
+    """System with an autopilot. vehicle_type: MAV_TYPE. armed: as of the newest heartbeat."""
 
     system: int
     vehicle_type: int
@@ -66,45 +66,45 @@ class Candidate:
 
 
 def type_name(vehicle_type: int) -> str:
-    """Return the name of a MAV_TYPE as words, its number where the dialect has none."""
+    """Return the name of a MAV_TYPE in words, or its number if the dialect has no name."""
     entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
     name = "" if entry is None else str(entry.name)
     return name.removeprefix("MAV_TYPE_").replace("_", " ").lower() or f"type {vehicle_type}"
 
 
 def several(candidates: Iterable[Candidate]) -> str:
-    """Return the error of more than one candidate in words."""
+    """Return the error message for more than one candidate."""
     names = " and ".join(map(str, sorted(candidates, key=lambda candidate: candidate.system)))
     return f"{names} are heard: {NAME_IT}"
 
 
 class VehicleIdentity:
-    """Which system is the vehicle: the one that was named, else the only aircraft heard.
+    """Selection of the vehicle's system: the one named by the user, else the only aircraft heard.
 
     The first candidate is followed at once; it is the vehicle once it was the only one for `listen_ns`. Two
-    candidates in that time are ambiguous for good. One heard later changes nothing: in flight another vehicle
-    must never be commanded in place of the first.
+    candidates in that time are ambiguous permanently. One heard later changes nothing: in flight, another
+    vehicle must never be commanded in place of the first.
 
     Parameters
     ----------
     named
-        The vehicle's system; its type does not matter then.
+        The vehicle's system; its type is then not checked.
     listen_ns
-        How long to listen for a second candidate.
+        Time to listen for a second candidate.
     remembered
-        Vehicle of the run before. Heard armed, it is the vehicle at once: this run follows a fall of the last
-        in flight, and must not wait or end because somebody else is near.
+        Vehicle of the previous run. If heard armed, it is the vehicle at once: that run then ended in flight,
+        and this one must not wait or end because another vehicle is near.
 
     Attributes
     ----------
     named, remembered
-        As given.
+        The constructor's arguments.
     system
-        The system that is followed, None while none is.
+        The system that is followed, None without one.
     settled
-        Whether that is the vehicle.
+        Whether that system is confirmed as the vehicle.
     candidates, passed_over
-        By system: aircraft heard; autopilots of types that are none.
+        By system: aircraft heard; autopilots of other types.
     """
 
     def __init__(self, named: int | None = None, listen_ns: int = 0, remembered: int | None = None) -> None:
@@ -120,24 +120,24 @@ class VehicleIdentity:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether two candidates were heard before one was the vehicle.
+        """Whether two candidates were heard before one was confirmed as the vehicle.
 
-        The vehicle of the run before may be heard last: then not until the time to listen is over.
+        A remembered vehicle may be heard last, so then only after the listening time.
         """
         several_heard = not self.settled and self.named is None and len(self.candidates) > 1
         return several_heard and (self.remembered is None or self._listened)
 
     @property
     def known(self) -> int | None:
-        """The vehicle's system if it was named or is settled."""
+        """The vehicle's system if it was named or is confirmed."""
         return self.named or (self.system if self.settled else None)
 
     def error(self) -> AmbiguousVehicleError:
-        """Return what to tell the user while it is ambiguous."""
+        """Return the user's error message for an ambiguous vehicle."""
         return AmbiguousVehicleError(several(self.candidates.values()))
 
     def hear(self, message: Any, now_ns: int) -> Candidate | None:
-        """Take an autopilot's heartbeat; return the candidate if it is new and not the vehicle."""
+        """Process an autopilot's heartbeat; return the candidate if it is new and not the vehicle."""
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         heard = Candidate(message.get_srcSystem(), int(message.type), armed)
         if heard.system != self.named and heard.vehicle_type in NOT_AIRCRAFT:
@@ -159,7 +159,7 @@ class VehicleIdentity:
         return None
 
     def settle(self, now_ns: int) -> bool:
-        """Make the only candidate the vehicle once it was listened for long enough; tell whether it is."""
+        """Confirm the only candidate after the listening time; return whether the vehicle is confirmed."""
         if self.system is not None and not self.settled:
             self._listened = now_ns - self._begun_ns >= self._listen_ns
             self.settled = self._listened and not self.ambiguous

@@ -1,4 +1,4 @@
-"""What the autopilot says of the vehicle, reduced message by message to one snapshot."""
+"""Vehicle state: the autopilot's messages reduced, one by one, to an immutable snapshot."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-# Boot time that goes back by less is a frame overtaken on the way.
+# A boot time that goes back by less than this belongs to an overtaken frame.
 REBOOT_MS = 1000
-OVERTAKEN_NS = {"px4": 200_000_000}  # in which an autopilot sends less than 128 messages
+OVERTAKEN_NS = {"px4": 200_000_000}  # in this time an autopilot sends fewer than 128 messages
 OVERTAKEN_DEFAULT_NS = 400_000_000
-# Height over home from which an armed vehicle flies for certain, when it does not say so itself.
+# Height above home at which an armed vehicle certainly flies, if it does not report its landed state.
 AIRBORNE_M = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """Snapshot of the vehicle; None is unknown, and so is everything an autopilot said before it rebooted.
+    """Snapshot of the vehicle; None is unknown. A reboot clears most of it.
 
     Attributes
     ----------
@@ -38,23 +38,23 @@ class VehicleState:
     velocity_ned_ms, local_ned_m
         North, east, down; `local_ned_m` from the autopilot's own origin.
     attitude_wxyz
-        Unit quaternion that turns body forward-right-down into north-east-down.
+        Unit quaternion that rotates body forward-right-down into north-east-down.
     position_boot_ms, local_boot_ms, boot_ms
         Autopilot's time of the position, of the local position, and of its newest message.
     reboots
-        Times the autopilot's clock went back.
+        Number of times that the autopilot's clock went back.
     fix
-        What it says of its position's source.
+        Reported quality of the position.
     heartbeat_seq, mode_seq
-        Number of the newest heartbeat, and of the newest message that told the mode, among all messages of
-        the autopilot, 8 bits.
+        8-bit sequence number of the newest heartbeat, and of the newest message with the mode, among all
+        messages of the autopilot.
     mode_heard_ns
-        When the mode was told last, by HEARTBEAT or CURRENT_MODE.
+        Arrival of the newest mode, in HEARTBEAT or CURRENT_MODE.
     displaced
-        Whether the mode is not the one that its pilot chose, as CURRENT_MODE tells a second before the
-        heartbeat speaks of a failsafe.
+        Whether the mode is not the one that its pilot chose. CURRENT_MODE reports this a second before the
+        heartbeat reports a failsafe.
     health
-        What it says of its estimator, its sensors, its fence and the pilot's sticks.
+        Reported health of estimator, sensors and fence, and the pilot's sticks.
     """
 
     sysid: int | None = None
@@ -90,7 +90,7 @@ class VehicleState:
 
     @property
     def landed(self) -> Landed:
-        """Whether it stands or flies: what it reports, else what arming and height leave no doubt about."""
+        """Landed state: as reported, else as arming and height clearly imply."""
         if self.reported_landed != "unknown":
             return self.reported_landed
         if self.last_heartbeat_ns is None:
@@ -113,12 +113,12 @@ class VehicleState:
 
     @property
     def failsafe(self) -> bool:
-        """Whether the autopilot says that it is in a failsafe of its own."""
+        """Whether the autopilot reports a failsafe of its own."""
         return self.system_status in FAILSAFE_STATES or (self.displaced and self.armed)
 
 
 def is_autopilot(message: Any) -> bool:
-    """Tell whether this is the heartbeat of an autopilot, not of a companion, camera or ground station."""
+    """Return whether a message is the heartbeat of an autopilot, not of a companion, camera or station."""
     return bool(
         message.get_type() == "HEARTBEAT"
         and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
@@ -128,10 +128,10 @@ def is_autopilot(message: Any) -> bool:
 
 
 def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
-    """Return the state after a message of the vehicle's autopilot.
+    """Return the state updated with a message of the vehicle's autopilot.
 
-    A message from before a reboot, or overtaken on its way by more than a second, changes nothing; nor does a
-    heartbeat or a mode that a later one has overtaken.
+    A message from before a reboot, or overtaken by more than a second, changes nothing; nor does a heartbeat
+    or mode that a later one has overtaken.
     """
     kind = message.get_type()
     if kind in _STAMPED:
@@ -148,19 +148,19 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
 
 
 def boot_step_ms(old_ms: int, new_ms: int) -> int:
-    """Return the step between two 32-bit boot times, negative when it goes back, across their overflow."""
+    """Return the step between two 32-bit boot times, across their overflow; negative if time goes back."""
     return (new_ms - old_ms + 2**31) % 2**32 - 2**31
 
 
 def _follow_boot_time(state: VehicleState, boot_ms: int) -> VehicleState | None:
-    """Return the state at a boot time: the same, a new one after a reboot, or None for a lone old message."""
+    """Return the state at a boot time: updated, reset after a reboot, or None for a single old message."""
     if state.boot_ms is None:
         return replace(state, boot_ms=boot_ms)
     step = boot_step_ms(state.boot_ms, boot_ms)
     if step >= -REBOOT_MS:
         newest = boot_ms if step > 0 else state.boot_ms
         return replace(state, boot_ms=newest, suspect_boot_ms=None)
-    # One old message may have been held up; two in order are a clock that began anew.
+    # One old message may have been delayed; two in order mean that the clock restarted.
     if state.suspect_boot_ms is None or boot_step_ms(state.suspect_boot_ms, boot_ms) <= 0:
         return None
     return VehicleState(
@@ -206,7 +206,7 @@ def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    """Take the mode of a HEARTBEAT or CURRENT_MODE, whichever was sent later."""
+    """Use the mode of a HEARTBEAT or CURRENT_MODE, whichever was sent later."""
     if state.sysid is None or _overtaken(state.autopilot, m, state.mode_seq, state.mode_heard_ns, now_ns):
         return state
     return replace(
@@ -219,10 +219,10 @@ def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def _overtaken(autopilot: Autopilot, m: Any, last_seq: int, last_ns: int | None, now_ns: int) -> bool:
-    """Tell whether a message was sent before the last one: it was held up, or is delivered a second time.
+    """Return whether a message was sent before the last one: it was delayed, or delivered twice.
 
-    Its mode is an old one, and would look as if the pilot had set it. After `OVERTAKEN_NS` the numbers, of
-    eight bits, say nothing any more.
+    Its old mode would look like a change by the pilot. After `OVERTAKEN_NS` the 8-bit sequence numbers carry
+    no order any more.
     """
     if last_ns is None or now_ns - last_ns > OVERTAKEN_NS.get(autopilot, OVERTAKEN_DEFAULT_NS):
         return False
@@ -285,7 +285,7 @@ def _attitude(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def unit_quaternion(w: float, x: float, y: float, z: float) -> Quaternion | None:
-    """Return the quaternion at length one, None if it is no rotation (NaN, or off by over 10 %)."""
+    """Return the normalised quaternion, None if it is no rotation (NaN, or its norm is off by over 10 %)."""
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if not 0.9 <= norm <= 1.1:  # also false for NaN
         return None
@@ -293,9 +293,9 @@ def unit_quaternion(w: float, x: float, y: float, z: float) -> Quaternion | None
 
 
 def _lla(lat_e7: int, lon_e7: int, alt_mm: int, *, zero: bool = False) -> Vector | None:
-    """Return degrees and metres; None for 0, 0, which autopilots send before they know where they are.
+    """Return degrees and metres; None for 0, 0, which autopilots send before they have a position.
 
-    zero: 0, 0 is a place, as any other.
+    zero: accept 0, 0 as a position.
     """
     if (lat_e7 == 0 and lon_e7 == 0 and not zero) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
         return None

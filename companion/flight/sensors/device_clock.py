@@ -1,4 +1,4 @@
-"""A sensor's own clock, mapped to the companion's."""
+"""Mapping of a free-running sensor clock to the companion's clock."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Point = tuple[int, int]  # stamp, arrival - stamp
 
 
 class SensorClock:
-    """Offset of a free-running sensor clock by the quickest arrivals.
+    """Offset of a free-running sensor clock from the packets of least delay.
 
     A packet can be late but never early, so arrival minus stamp is least for the packets that waited least.
-    The least of every half second is kept for ten seconds; the line that touches them from below is the
-    offset and its drift. Hence no stamp ever maps to a time after its arrival.
+    The minimum of every half second is kept for ten seconds; the line that touches these minima from below
+    gives the offset and its drift. Hence no stamp ever maps to a time after its arrival.
 
-    A sensor that starts anew, or whose clock is set by a second, starts this anew. Late packets do
-    not: their stamps go on where the last one ended.
+    The estimate restarts when the sensor restarts or its clock is set by a second. It does not restart for
+    late packets: their stamps continue where the last one ended.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ class SensorClock:
         self.resets = 0
 
     def is_jump(self, stamp_ns: int, arrival_ns: int) -> bool:
-        """Return whether a packet can only be explained by another time of the sensor's clock."""
+        """Return whether only a jump of the sensor's clock can explain a packet."""
         if self._last is None:
             return False
         step, wait = stamp_ns - self._last[0], arrival_ns - self._last[1]
         return step < -REORDERED_NS or step - wait > JUMP_NS or (step > GAP_NS and wait - step > JUMP_NS)
 
     def observe(self, stamp_ns: int, arrival_ns: int) -> None:
-        """Learn from a packet whose last point has this stamp and which arrived now."""
+        """Update the estimate with the stamp of a packet's last point and the packet's arrival."""
         difference = arrival_ns - stamp_ns
         if self.is_jump(stamp_ns, arrival_ns):
             self._least.clear()
@@ -69,7 +69,7 @@ class SensorClock:
             self._anchor = (self._anchor[0], self._anchor[1] - excess)
 
     def offset_ns(self, stamp_ns: int) -> int:
-        """Return what to add to a sensor stamp.
+        """Return the offset to add to a sensor stamp.
 
         Raises
         ------
@@ -85,12 +85,12 @@ class SensorClock:
         return offset + round(self._drift * (stamp_ns - start))
 
     def _fit(self) -> None:
-        """Lay the line under all points, along the side of their lower hull below the middle."""
+        """Fit the line below all points, along the side of their lower hull below the middle."""
         points = list(self._least)
         newest = points[-1][0]
         self._drift = 0.0
-        known = points[:-1]  # the newest block has only begun, its least is not known yet
-        if known and known[-1][0] - known[0][0] >= ENOUGH_NS:  # not so after a silence
+        known = points[:-1]  # the newest block is incomplete, so its minimum is not known yet
+        if known and known[-1][0] - known[0][0] >= ENOUGH_NS:  # false after a silence
             middle = (known[0][0] + newest) // 2
             hull = _lower_hull(known)
             a, b = next(((a, b) for a, b in pairwise(hull) if b[0] >= middle), hull[-2:])
@@ -99,7 +99,7 @@ class SensorClock:
 
 
 def _lower_hull(points: list[Point]) -> list[Point]:
-    """Return the corners of the convex hull's lower side, points given in order of stamps."""
+    """Return the corners of the lower convex hull of points in order of stamps."""
     hull: list[Point] = []
     for point in points:
         while len(hull) > 1 and not _turns_up(hull[-2], hull[-1], point):

@@ -1,4 +1,4 @@
-"""LiDAR drivers by URL."""
+"""LiDAR drivers, opened by URL."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ DEFAULT_PORTS = {"livox": None, "velodyne": 2368, "ouster": 7502, "flash": 7610,
 
 
 class Lidar(Protocol):
-    """A source of returns."""
+    """Source of returns."""
 
     @property
     def stream(self) -> HasBatches:
-        """What a recording listens to."""
+        """Source of raw batches for a recording."""
 
     @property
     def last_arrival_ns(self) -> int | None:
-        """When the newest data came, None before any."""
+        """Arrival of the newest data, None before any."""
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters."""
@@ -59,17 +59,17 @@ class Lidar(Protocol):
 
 
 class HasBatches(Protocol):
-    """What tells of data before it is decoded, of which kind of sensor, and of its description."""
+    """Source of undecoded batches, with the kind and description of its sensor."""
 
     batches: Event[[Batch]]
 
     @property
     def kind(self) -> str:
-        """As in the URL."""
+        """Name in the sensor URL."""
 
     @property
     def setup(self) -> str:
-        """The sensor's own description, empty where its data alone tell."""
+        """The sensor's metadata, empty if its data need none."""
 
 
 def open_lidar(
@@ -79,21 +79,21 @@ def open_lidar(
     link: Link | None = None,
     wall_offset_ns: Callable[[], int] | None = None,
 ) -> Lidar:
-    """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it listens everywhere.
+    """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it binds all addresses.
 
-    A Velodyne's and an Ouster's port may be left out for the maker's own.
+    The port of a Velodyne or Ouster defaults to the maker's.
 
     Parameters
     ----------
     link
         For `mavlink:`, the ranges of the autopilot's own sensors.
     wall_offset_ns
-        What the time of day is ahead of the companion's clock; measured if it is not given.
+        Returns the offset of UTC from the companion's clock; measured by default.
 
     Raises
     ------
     UsageError
-        The URL is malformed or names a sensor that is not supported, or the sensor's description is missing.
+        The URL is malformed, the sensor is not supported, or the sensor's description is missing.
     """
     kind, _, rest = url.partition(":")
     if kind == "mavlink" and link is not None:
@@ -126,14 +126,14 @@ def open_lidar(
 def stream_for(
     kind: str, setup: str, parameters: Parameters, on_returns: OnReturns, wall_offset_ns: int
 ) -> PacketStream | LightwareStream:
-    """Return what decodes the recorded data of a kind of sensor.
+    """Return the decoding stream for recorded data of a kind of sensor.
 
-    wall_offset_ns: what the time of day was ahead of the companion's clock.
+    wall_offset_ns: offset of UTC from the companion's clock.
 
     Raises
     ------
     UsageError
-        There is none.
+        The kind is unknown.
     """
     if kind == "lightware":
         return LightwareStream(parameters, on_returns)
@@ -141,7 +141,7 @@ def stream_for(
 
 
 def _line(url: str, device: str) -> Url:
-    """Return the serial line that a URL names."""
+    """Return the serial device in a URL."""
     try:
         line = parse_url(device)
     except UsageError as error:
@@ -152,7 +152,7 @@ def _line(url: str, device: str) -> Url:
 
 
 def _sensor(url: str, query: str) -> str:
-    """Return the Mid-360's own address, to which commands go."""
+    """Return the Mid-360's own address, the destination of commands."""
     name, _, address = query.partition("=")
     host, colon, port = address.partition(":")
     try:
@@ -166,12 +166,12 @@ def _sensor(url: str, query: str) -> str:
 
 
 def description(kind: str, query: str) -> str:
-    """Return the sensor's own description that `meta=FILE` names; empty for a sensor that needs none.
+    """Return the sensor's metadata from `meta=FILE`; empty for a sensor that needs none.
 
     Raises
     ------
     UsageError
-        It is missing, cannot be read, or is given for a sensor that has none.
+        It is missing, cannot be read, or is given for a sensor without metadata.
     """
     name, _, path = query.partition("=")
     if kind != "ouster":
@@ -184,23 +184,23 @@ def description(kind: str, query: str) -> str:
         return Path(path).read_text()
     except OSError as error:
         raise UsageError(f"{path if path.isprintable() else repr(path)}: {error.strerror}") from None
-    except ValueError:  # no text, or a name that no file can have
+    except ValueError:  # not text, or an impossible file name
         raise UsageError(f"{path if path.isprintable() else repr(path)}: is no text") from None
 
 
 def decoder_for(kind: str, setup: str = "") -> Decoder:
-    """Return the decoder of a kind of sensor, as in its URL, with the sensor's description if it has one.
+    """Return the decoder of a kind of sensor, as in its URL, with the sensor's metadata if it has any.
 
     Raises
     ------
     UsageError
-        There is none, or the description cannot be read.
+        The kind is unknown, or the metadata cannot be read.
     """
     match kind:
         case "livox":
             return LivoxDecoder()
         case "velodyne":
-            # Only where it is used: its library reports leaks when the program ends, on any terminal.
+            # Imported only when used: its library reports leaks when the program ends, on any terminal.
             from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
 
             return VelodyneDecoder()
@@ -220,12 +220,12 @@ def decoder_for(kind: str, setup: str = "") -> Decoder:
 
 
 class UdpLidar(asyncio.DatagramProtocol):
-    """Receives packets on a UDP port, in batches of 10 ms.
+    """Receiver of packets on a UDP port, in batches of 10 ms.
 
     Attributes
     ----------
     stream
-        What becomes of the packets.
+        Decoder of the packets.
     """
 
     def __init__(self, host: str, port: int, stream: PacketStream) -> None:
@@ -237,11 +237,11 @@ class UdpLidar(asyncio.DatagramProtocol):
 
     @property
     def last_arrival_ns(self) -> int | None:
-        """Arrival of the newest sound packet, None before any."""
+        """Arrival of the newest valid packet, None before any."""
         return self.stream.last_arrival_ns
 
     def statistics(self) -> dict[str, int | float | None]:
-        """Return counters of packets and returns, and of what was dropped and why."""
+        """Return counters of packets and returns, and of dropped data by reason."""
         return self.stream.statistics()
 
     async def run(self) -> None:
@@ -264,7 +264,7 @@ class UdpLidar(asyncio.DatagramProtocol):
             self._stop_timer()
 
     async def _until_failed(self, failure: asyncio.Future[None]) -> None:
-        """Wait for a failure, and keep the sensor sending meanwhile."""
+        """Wait for a failure, and meanwhile keep the sensor sending."""
         if self.session is None:
             await failure
             return
@@ -292,7 +292,7 @@ class UdpLidar(asyncio.DatagramProtocol):
         return sock
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Keep a packet for the next batch."""
+        """Store a packet for the next batch."""
         try:
             self.stream.take(data, addr[0], now_ns())
         except Exception as error:
@@ -303,10 +303,10 @@ class UdpLidar(asyncio.DatagramProtocol):
             self._timer = asyncio.get_running_loop().call_later(BATCH_S, self._flush)
 
     def error_received(self, exc: Exception) -> None:
-        """Ignore what a peer's closed port answers; nothing is sent from here."""
+        """Ignore errors of a peer's closed port; nothing is sent from here."""
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End `run` when the socket failed."""
+        """End `run` if the socket failed."""
         if exc is not None:
             self._fail(CompanionError(f"LiDAR socket {self._address[0]}:{self._address[1]} failed: {exc}"))
 

@@ -1,4 +1,4 @@
-"""The autopilot's own range sensors in place of a LiDAR."""
+"""Range sensors of the autopilot as a substitute for a LiDAR."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from params import Parameters
 
 
 class MavlinkLidar:
-    """Takes range messages off the link.
+    """Receiver of range messages from the link.
 
     Attributes
     ----------
     batches
-        Never emits: a recording has the frames.
+        Never emits, because a recording contains the frames.
     """
 
     def __init__(self, link: Link, parameters: Parameters, on_returns: OnReturns) -> None:
@@ -27,17 +27,17 @@ class MavlinkLidar:
 
     @property
     def kind(self) -> str:
-        """As in the URL."""
+        """Name in the sensor URL."""
         return "mavlink"
 
     @property
     def setup(self) -> str:
-        """Its data tell all."""
+        """Empty: decoding needs no metadata."""
         return ""
 
     @property
     def stream(self) -> MavlinkLidar:
-        """What `batches` belong to."""
+        """The object with `batches`."""
         return self
 
     @property
@@ -46,11 +46,11 @@ class MavlinkLidar:
         return self._ranges.last_arrival_ns
 
     def statistics(self) -> dict[str, int | float | None]:
-        """Return counters of messages and returns, and of what was dropped and why."""
+        """Return counters of messages and returns, and of dropped data by reason."""
         return self._ranges.statistics()
 
     async def run(self) -> None:
-        """Listen until cancelled."""
+        """Receive until cancelled."""
         end = self._link.subscribe("*", self._ranges.take)
         try:
             await asyncio.get_running_loop().create_future()

@@ -1,8 +1,7 @@
-"""Ranges that come over MAVLink, from sensors that the autopilot reads, as returns of a LiDAR.
+"""Conversion of MAVLink range messages from the autopilot's sensors to LiDAR returns.
 
-DISTANCE_SENSOR gives one range in one of the directions that the autopilot names; OBSTACLE_DISTANCE up to 72
-around the vehicle, in its own plane or a level one. Few as they are, they show what one beam can: height and
-walls.
+DISTANCE_SENSOR gives one range in one of MAVLink's named directions; OBSTACLE_DISTANCE up to 72 around the
+vehicle, in its own plane or a level one. Even these few ranges show height and walls.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ UP, DOWN = mavlink.MAV_SENSOR_ROTATION_PITCH_90, mavlink.MAV_SENSOR_ROTATION_PIT
 NORTH_FRAMES = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_LOCAL_NED)
 LEVEL_FRAMES = (*NORTH_FRAMES, mavlink.MAV_FRAME_LOCAL_FRD)
 ATTITUDES = 64
-NEAR_MS = 50  # of an attitude to the ranges that are turned by it
+NEAR_MS = 50  # of the attitude used to rotate the ranges
 MESSAGES = ("DISTANCE_SENSOR", "OBSTACLE_DISTANCE")
 
 
 @dataclass(slots=True)
 class RangeCounters:
-    """What came, and what was dropped and why."""
+    """Counters of received and dropped data."""
 
     packets: int = 0
     returns: int = 0
@@ -48,12 +47,12 @@ class RangeCounters:
 
 
 class MavlinkRanges:
-    """Turns range messages into returns.
+    """Converter of range messages to returns.
 
     Parameters
     ----------
     parameters
-        Mount that is undone: these ranges are measured from the vehicle itself.
+        Source of the mount, which is undone: these ranges are measured from the vehicle itself.
     clock
         The autopilot's clock.
     on_returns
@@ -69,7 +68,7 @@ class MavlinkRanges:
         self.last_arrival_ns: int | None = None
 
     def take(self, message: Any, now_ns: int) -> None:
-        """Take a message of the autopilot; what is no range message is passed over."""
+        """Process a message of the autopilot; messages without ranges or attitude are ignored."""
         kind = message.get_type()
         if kind == "ATTITUDE_QUATERNION":
             attitude = unit_quaternion(message.q1, message.q2, message.q3, message.q4)
@@ -108,7 +107,7 @@ class MavlinkRanges:
         return asdict(self.counters) | {"last_arrival_ns": self.last_arrival_ns}
 
     def _attitude_at(self, boot_ms: int) -> Quaternion | None:
-        """Return the attitude nearest to an autopilot's time, None without one near it."""
+        """Return the attitude nearest to an autopilot's time, None if none is within `NEAR_MS`."""
         near = [(abs(at_ms - boot_ms), attitude) for at_ms, attitude in self._attitudes]
         away_ms, attitude = min(near, default=(NEAR_MS + 1, None))
         return attitude if away_ms <= NEAR_MS else None
@@ -133,7 +132,7 @@ def _direction(message: Any) -> Floats | None:
 
 
 def _ring(message: Any) -> Floats | None:
-    """Return the points (n, 3) in the axes of the message's frame, down the third; None in one unknown."""
+    """Return the points (n, 3) in the message's frame, third axis down; None for an unknown frame."""
     step_deg = message.increment_f or float(message.increment)
     known = message.frame in (mavlink.MAV_FRAME_BODY_FRD, *LEVEL_FRAMES)
     if not known or not np.isfinite(step_deg) or step_deg == 0:
@@ -146,7 +145,7 @@ def _ring(message: Any) -> Floats | None:
 
 
 def _from_level(points: Floats, attitude: Quaternion, from_north: bool) -> Floats:
-    """Return level points, ahead by the vehicle's heading or north, as body forward-right-down."""
+    """Return level points, ahead along the vehicle's heading or north, as body forward-right-down."""
     rotation = rotation_enu_from_frd(attitude)
     heading = 0.0 if from_north else heading_rad(rotation)
     sine, cosine = np.sin(heading), np.cos(heading)

@@ -1,4 +1,4 @@
-"""Which maker's packet a datagram looks like; for telling a user of a wrong URL, not for decoding."""
+"""Packet identification: a guess of the maker of a datagram, to report a wrong URL, not to decode."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ LIVOX_HEADER_BYTES = 36
 VELODYNE_BYTES, VELODYNE_FLAG, VELODYNE_BLOCK = 1206, b"\xff\xee", 100
 OUSTER_COLUMNS = 16
 OUSTER_ROWS = (16, 32, 64, 128)
-# Bytes of a pixel in the profiles LEGACY, RNG15_RFL8_NIR8, RNG19_RFL8_SIG16_NIR16, its dual and fusa kin.
+# Bytes of a pixel in the profiles LEGACY, RNG15_RFL8_NIR8, RNG19_RFL8_SIG16_NIR16, and the dual and FUSA
+# ones.
 OUSTER_LEGACY_PIXEL, OUSTER_PIXELS = 12, (4, 8, 12, 16)
 OUSTER_PACKET_TYPE = b"\x01\x00"
 
@@ -19,7 +20,7 @@ NAMES = {"livox": "a Livox Mid-360", "velodyne": "a Velodyne", "ouster": "an Ous
 
 
 def lookalike(packet: bytes) -> str | None:
-    """Return the kind of sensor, as in its URL, whose packet this seems to be, None for none known."""
+    """Return the kind of sensor, as in its URL, that seems to have sent a packet, None if unknown."""
     if packet[:4] in OWN:
         return OWN[packet[:4]]
     if _is_livox(packet):

@@ -1,4 +1,4 @@
-"""Packets of one LiDAR in, batches of returns on the companion's clock out; without I/O."""
+"""Conversion of one LiDAR's packets to batches of returns on the companion's clock; without I/O."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from params import Parameters
 log = logging.getLogger(__name__)
 
 RATE_NS = 1_000_000_000
-REMEMBERED = 64  # packets among which a repeated one is looked for
+REMEMBERED = 64  # number of packets searched for a duplicate
 
 OnReturns = Callable[[Returns], None]
 Batch = list[tuple[int, bytes]]  # arrival and packet
 
 
 class Decoder(Protocol):
-    """What decodes a sensor's packets."""
+    """Interface of a sensor's packet decoder."""
 
     counters: Any
-    """Dataclass of what came, and what was dropped and why."""
+    """Dataclass of counters of received and dropped data."""
 
     @property
     def kind(self) -> str:
@@ -37,37 +37,37 @@ class Decoder(Protocol):
 
     @property
     def setup(self) -> str:
-        """What beside its packets decodes them: the sensor's own description, or nothing."""
+        """Metadata that decoding needs besides the packets, or empty."""
 
     def check(self, packet: bytes) -> int | None:
-        """Return the sensor's time of a packet's last point (ns), or None, counted, for what is none."""
+        """Return the sensor's time of a packet's last point (ns), or None, counted, if it is invalid."""
 
     def take(self, packet: bytes) -> None:
-        """Keep a packet that `check` found sound."""
+        """Store a packet accepted by `check`."""
 
     def drain(self) -> RawReturns:
-        """Decode the packets kept."""
+        """Decode the stored packets."""
 
     def __len__(self) -> int:
-        """Return the number of packets kept."""
+        """Return the number of stored packets."""
 
 
 class PacketStream:
-    """Checks, dates and decodes packets.
+    """Checks, time stamps and decoding of one sensor's packets.
 
-    It listens to one sensor, that `named` if one is: another host's packets are counted as foreign until
-    the first has been silent for `lidar_timeout_s`, for two sensors' clocks and counts would mix. A packet
-    that the network delivers twice is taken once. Packets of another maker are counted, and the first is
-    logged; so are those at which the decoder fails. Where it fails at all of them, the sensor is silent.
+    It uses one sensor, the `named` one if given. Another host's packets are counted as foreign until the
+    first has been silent for `lidar_timeout_s`, because two sensors' clocks and counters would mix. A
+    duplicated packet is used once. Packets of another maker are counted, and the first is logged; so are
+    packets at which the decoder fails. If it fails at all of them, the sensor counts as silent.
 
     Parameters
     ----------
     decoder
-        Of this kind of sensor.
+        Decoder of this kind of sensor.
     parameters
         `lidar_clock`, `lidar_delay_ms` and `lidar_timeout_s`.
     wall_offset_ns
-        What the time of day is ahead of the companion's clock; for a sensor synchronised by PTP or GPS.
+        Returns the offset of UTC from the companion's clock; for a sensor synchronised by PTP or GPS.
     on_returns
         Called with every batch.
 
@@ -76,7 +76,7 @@ class PacketStream:
     batches
         Event of the packets of a batch, before it is decoded.
     last_arrival_ns
-        Of a sound packet; None before any.
+        Arrival of the newest valid packet; None before any.
     """
 
     def __init__(
@@ -114,15 +114,15 @@ class PacketStream:
 
     @property
     def setup(self) -> str:
-        """What beside its packets decodes them."""
+        """Metadata that decoding needs besides the packets."""
         return self._decoder.setup
 
     def __len__(self) -> int:
-        """Return the number of packets that wait to be decoded."""
+        """Return the number of packets waiting to be decoded."""
         return len(self._decoder)
 
     def take(self, packet: bytes, host: str, arrival_ns: int) -> None:
-        """Keep a packet for the next batch; what is none is counted and dropped."""
+        """Store a packet for the next batch; an invalid one is counted and dropped."""
         try:
             stamp_ns = self._decoder.check(packet)
         except Exception:
@@ -138,7 +138,7 @@ class PacketStream:
             self._repeated += 1
             return
         if self._clock.is_jump(stamp_ns, arrival_ns):
-            self.flush(arrival_ns)  # the packets before have the clock of before
+            self.flush(arrival_ns)  # the earlier packets belong to the clock before its jump
         self._clock.observe(stamp_ns, arrival_ns)
         try:
             self._decoder.take(packet)
@@ -149,7 +149,7 @@ class PacketStream:
         self.last_arrival_ns = arrival_ns
 
     def flush(self, now_ns: int) -> None:
-        """Decode what was kept and hand it on."""
+        """Decode the stored packets and pass the returns on."""
         if not self._kept:
             return
         kept, self._kept = self._kept, []
@@ -165,7 +165,7 @@ class PacketStream:
             self._on_returns(raw.later(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
 
     def statistics(self) -> dict[str, int | float | None]:
-        """Return counters of packets and returns, and of what was dropped and why."""
+        """Return counters of packets and returns, and of dropped data by reason."""
         return asdict(self._decoder.counters) | {
             "foreign": self._foreign,
             "repeated": self._repeated,
@@ -178,7 +178,7 @@ class PacketStream:
         }
 
     def _fail(self, lost: Batch) -> None:
-        """Count packets at which the decoder fails, as if they had not come; the first with its traceback."""
+        """Count packets at which the decoder fails as not received; log the first with its traceback."""
         if not self._failed:
             log.exception("the decoder of %s fails; the packet began %s", self.kind, lost[0][1][:64].hex())
         self._failed += len(lost)
@@ -199,7 +199,7 @@ class PacketStream:
         return repeated
 
     def _suspect(self, packet: bytes, host: str) -> None:
-        """Say once what sends to this port if it is another maker's sensor."""
+        """Log once that another maker's sensor sends to this port."""
         found = lookalike(packet)
         if found is None or found == self.kind:
             return
@@ -212,7 +212,7 @@ class PacketStream:
 
 
 class _Rate:
-    """Returns a second, over the last whole second in which any came."""
+    """Rate of returns, over the last whole second with any."""
 
     def __init__(self) -> None:
         self.hz = 0.0

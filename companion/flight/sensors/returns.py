@@ -1,4 +1,4 @@
-"""Returns of a LiDAR, decoded, in the sensor's own frame."""
+"""Decoded returns of a LiDAR, in the sensor's frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 class RawReturns:
     """Decoded points on the sensor's clock.
 
-    xyz_m : (n, 3) float32, forward, left, up of the sensor. stamp_ns : (n,) int64. The rest as in `Returns`.
+    xyz_m: (n, 3) float32, forward, left, up of the sensor. stamp_ns: (n,) int64. The rest as in `Returns`.
     """
 
     xyz_m: NDArray[np.float32]
@@ -30,7 +30,7 @@ class RawReturns:
         return len(self.stamp_ns)
 
     def later(self, offset_ns: int) -> Returns:
-        """Return the same on a clock that is ahead of the sensor's by `offset_ns`."""
+        """Return the returns on a clock that is ahead of the sensor's by `offset_ns`."""
         stamps = self.stamp_ns + offset_ns
         return Returns(
             self.xyz_m,
@@ -45,13 +45,17 @@ class RawReturns:
 
 @dataclass(frozen=True, slots=True)
 class Returns:
-    """A batch of returns.
+    """Batch of returns.
 
-    xyz_sensor_m : (n, 3) float32, forward, left, up of the sensor. stamp_ns : (n,) int64, companion clock.
-    intensity : (n,) uint8. ring : (n,) uint8, laser line, from the lowest up where lines lie one above the
-    other. echo : (n,) uint8, number of the return along its ray, 1 is the first. echoes : (n,) uint8, how
-    many the ray gave. The arrays must be contiguous, and become read-only. most_pitch_rad : all of the batch
-    hold only while the sensor's x axis is no more than so far from level.
+    xyz_sensor_m: (n, 3) float32, forward, left, up of the sensor.
+    stamp_ns: (n,) int64, companion clock.
+    intensity: (n,) uint8.
+    ring: (n,) uint8, laser line, counted from the lowest if the lines are above each other.
+    echo: (n,) uint8, number of the return along its ray, 1 is the first.
+    echoes: (n,) uint8, number of returns of the ray.
+    most_pitch_rad: the batch is valid only while the sensor's x axis is at most this far from level.
+
+    The arrays must be contiguous, and become read-only.
     """
 
     xyz_sensor_m: NDArray[np.float32]
@@ -85,12 +89,12 @@ class Returns:
         stamp_ns: NDArray[np.int64],
         intensity: NDArray[np.uint8] | None = None,
     ) -> Self:
-        """Return returns of a sensor that has one line and one return a ray, and maybe tells no intensity."""
+        """Return the returns of a sensor with one line, one return per ray, and perhaps no intensity."""
         none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
         return cls(xyz_sensor_m, stamp_ns, none if intensity is None else intensity, none, one, one)
 
     def part(self, which: slice | NDArray[np.bool_]) -> Returns:
-        """Return some of the returns, in their order."""
+        """Return a selection of the returns, in their order."""
         arrays = [np.ascontiguousarray(getattr(self, name)[which]) for name in _arrays(self)]
         return Returns(*arrays, most_pitch_rad=self.most_pitch_rad)
 
@@ -102,7 +106,7 @@ R = TypeVar("R", RawReturns, Returns)
 
 
 def nothing() -> RawReturns:
-    """Return no point at all."""
+    """Return an empty batch."""
     none = np.empty(0, np.uint8)
     return RawReturns(np.empty((0, 3), np.float32), np.empty(0, np.int64), none, none, none, none)
 

@@ -1,4 +1,4 @@
-"""Sensors of others: decoders that a program of the user's adds before it calls ours (`docs/driver.md`)."""
+"""Registry of third-party sensors, whose decoders a user's program adds first (`docs/driver.md`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OURS = frozenset({"livox", "velodyne", "ouster", "flash", "radar", "lightware", 
 
 @dataclass(frozen=True, slots=True)
 class OtherSensor:
-    """Makes the decoder of a kind of sensor; default_port: its own UDP port, None if it has none."""
+    """Factory of decoders of a kind of sensor; default_port: its own UDP port, None without one."""
 
     make: Callable[[], Decoder]
     default_port: int | None
@@ -25,7 +25,7 @@ _SENSORS: dict[str, OtherSensor] = {}
 
 
 def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None = None) -> None:
-    """Make `KIND:HOST:PORT` the URL of a UDP LiDAR, for `--lidar`, replay and all else of this process.
+    """Register `KIND:HOST:PORT` as the URL of a UDP LiDAR, in all of this process (`--lidar`, replay).
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None 
     make
         Returns a new decoder.
     default_port
-        Taken where the URL names none, 1 to 65535; None: the URL must.
+        Used if the URL has no port, 1 to 65535; None: the URL must have one.
 
     Raises
     ------
     ValueError
-        The kind is malformed or taken, or the port is none.
+        The kind is malformed or already in use, or the port is invalid.
     """
     if not re.fullmatch(r"[a-z][a-z0-9-]*", kind):
         raise ValueError(f"sensor {kind!r}: a kind is lower-case letters, digits and hyphens")
@@ -51,10 +51,10 @@ def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None 
 
 
 def remove_sensor(kind: str) -> None:
-    """Take back what `add_sensor` added; KeyError if it was not."""
+    """Undo `add_sensor`; raise KeyError for an unknown kind."""
     del _SENSORS[kind]
 
 
 def other_sensor(kind: str) -> OtherSensor | None:
-    """Return what was added under a name, None for nothing."""
+    """Return the sensor registered under a name, None if there is none."""
     return _SENSORS.get(kind)

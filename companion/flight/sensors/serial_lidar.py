@@ -1,4 +1,4 @@
-"""A LiDAR on a serial line."""
+"""LiDAR on a serial line."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ SILENT_NS = 2_000_000_000
 
 
 class SerialLidar:
-    """Opens the line, again whenever it breaks, and asks the sensor to stream until it does.
+    """Driver that opens the line, reopens it after errors, and requests streaming until the sensor streams.
 
     Attributes
     ----------
     stream
-        What becomes of the bytes.
+        Decoder of the bytes.
     """
 
     def __init__(self, url: Url, stream: LightwareStream) -> None:
@@ -35,7 +35,7 @@ class SerialLidar:
         return self.stream.last_arrival_ns
 
     def statistics(self) -> dict[str, int | float | None]:
-        """Return counters of readings and returns, and of what was dropped and why."""
+        """Return counters of readings and returns, and of dropped data by reason."""
         return self.stream.statistics() | {"opened": self._transport.opened}
 
     async def run(self) -> None:
@@ -44,7 +44,7 @@ class SerialLidar:
         Raises
         ------
         UsageError
-            The device cannot be had.
+            The device cannot be opened.
         """
         failed: BaseException | None = None
         try:
@@ -53,7 +53,7 @@ class SerialLidar:
                 group.create_task(self._ask(), name="lidar requests")
                 group.create_task(self._flush(), name="lidar batches")
         except* CompanionError as failures:
-            failed = failures.exceptions[0]  # raised here, Python before 3.11.4 would wrap it in a group
+            failed = failures.exceptions[0]  # if raised here, Python before 3.11.4 would wrap it in a group
         if failed is not None:
             raise failed from None
 

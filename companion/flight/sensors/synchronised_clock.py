@@ -1,4 +1,4 @@
-"""A sensor's clock that follows the same master as this computer's, by PTP or GPS."""
+"""Mapping of a sensor clock synchronised to this computer's master clock using PTP or GPS."""
 
 from __future__ import annotations
 
@@ -15,46 +15,46 @@ LATE_NS = 10_000_000  # the quickest packet of a second takes less
 
 
 class SynchronisedClock:
-    """Offset of a sensor clock whose seconds begin with this computer's seconds: mapped once.
+    """Offset of a sensor clock whose seconds coincide with this computer's: determined once.
 
     Stamps may count from the hour, or be ahead by leap seconds (TAI, GPS time): whole seconds are taken from
-    the first packet. A clock that does not keep to it, so that the quickest packet of a second seems to come
-    more than 1 ms before it was sent or more than 10 ms after, is called not synchronised and mapped by
-    arrivals until it keeps to it again.
+    the first packet. If the quickest packet of a second seems to arrive more than 1 ms before its stamp or
+    more than 10 ms after it, the clock counts as not synchronised and is mapped using arrivals until it
+    agrees again.
 
     Parameters
     ----------
     wall_offset_ns
-        What the time of day is ahead of the companion's clock.
+        Returns the offset of UTC from the companion's clock.
     delay_ns
         Known fixed delay between measurement and stamp.
 
     Attributes
     ----------
     keeps
-        Whether the sensor's clock goes with this computer's; None before any packet.
+        Whether the sensor's clock agrees with this computer's; None before any packet.
     """
 
     def __init__(self, wall_offset_ns: Callable[[], int], delay_ns: int = 0) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._delay_ns = delay_ns
         self._free = SensorClock(delay_ns)
-        self._ahead_ns: int | None = None  # whole seconds that stamps are ahead of the time of day
+        self._ahead_ns: int | None = None  # whole seconds by which stamps are ahead of UTC
         self._begin_ns: int | None = None
         self._quickest_ns = SECOND_NS
         self.keeps: bool | None = None
 
     @property
     def resets(self) -> int:
-        """How often the sensor's time jumped."""
+        """Number of jumps of the sensor's time."""
         return self._free.resets
 
     def is_jump(self, stamp_ns: int, arrival_ns: int) -> bool:
-        """Return whether a packet can only be explained by another time of the sensor's clock."""
+        """Return whether only a jump of the sensor's clock can explain a packet."""
         return self._free.is_jump(stamp_ns, arrival_ns)
 
     def observe(self, stamp_ns: int, arrival_ns: int) -> None:
-        """Learn from a packet whose last point has this stamp and which arrived now."""
+        """Update the estimate with the stamp of a packet's last point and the packet's arrival."""
         if self._ahead_ns is None or self.is_jump(stamp_ns, arrival_ns):
             taken_ns = arrival_ns + self._wall_offset_ns() - stamp_ns
             self._ahead_ns = -((taken_ns + EARLY_NS) // SECOND_NS) * SECOND_NS
@@ -67,7 +67,7 @@ class SynchronisedClock:
             self._begin_ns, self._quickest_ns = arrival_ns, SECOND_NS
 
     def offset_ns(self, stamp_ns: int) -> int:
-        """Return what to add to a sensor stamp.
+        """Return the offset to add to a sensor stamp.
 
         Raises
         ------

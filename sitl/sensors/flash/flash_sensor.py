@@ -1,7 +1,7 @@
-"""A flash LiDAR in flight: frames at 8 Hz, the laser's energy following the echoes, rows as datagrams.
+"""Flash LiDAR in flight: frames at 8 Hz, pulse energy controlled by the echoes, rows as datagrams.
 
-Makers keep the formats of flash cameras to themselves, so this one is ours: a datagram is one row of a frame,
-little endian, and says all that is needed to read it.
+Makers do not publish the formats of flash cameras, so this format is our own: a datagram is one row of a
+frame, little endian, and contains everything needed to read it.
 
 ==============  ====================================================================================
 4s B B          "SLZF", version 1, zero
@@ -31,13 +31,13 @@ from sitl.world.world import World
 HEADER = struct.Struct("<4sBBHHHHIQfffffHHI")
 FRAME_NS = 125_000_000
 WANTED_COUNTS = 1_500.0
-BRIGHT = 75.0  # percentile of the pixels whose maximum is to be as wanted
-FACTOR = 4.0  # by which the energy changes from frame to frame at most
+BRIGHT = 75.0  # percentile of the pixels whose maximum is controlled
+FACTOR = 4.0  # greatest change of the energy from frame to frame
 MARKER_COUNTS = 8
 
 
 class FlashSensor:
-    """A flash LiDAR with a wide lens, looking down.
+    """Flash LiDAR with a wide lens, looking down.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class FlashSensor:
         return packets
 
     def _adapt(self, frame: RawFrame) -> None:
-        """Set the energy of the next pulse by the echoes of this one."""
+        """Set the energy of the next pulse from the echoes of this one."""
         plane = self._lidar.plane
         lit = frame.counter < plane.gate_ticks
         if lit.mean() < 0.1:

@@ -1,9 +1,9 @@
-"""The focal plane: light in, ring buffers of counts out.
+"""Focal plane array: light in, ring buffers of counts out.
 
 Each pixel samples its photocurrent on the common clock into a ring of `n_samples`. When a sample crosses the
-threshold, it takes `after_trigger` more and stops; the last one written is pulled down to nearly zero, which
-marks the end. The clock's count at the end is kept too. A pixel that never triggers holds noise, and the
-count of the closing of the range gate.
+threshold, the pixel takes `after_trigger` more and stops; the last sample is pulled down to nearly zero as
+the end marker. The clock's count at the end is stored too. A pixel that never triggers holds noise, and the
+count at which the range gate closes.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ C_M_NS = 0.299792458
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """What is read out: ring buffers (rows, cols, n) uint16, counters (rows, cols) uint32, time of the
-    flash."""
+    """Raw frame: ring buffers (rows, cols, n) uint16, counters (rows, cols) uint32, time of the flash."""
 
     samples: NDArray[np.uint16]
     counter: NDArray[np.uint32]
@@ -40,15 +39,15 @@ class FocalPlane:
     dark_counts, noise_counts
         Mean and standard deviation of a sample without light.
     full_counts
-        The converter clips here.
+        Clipping level of the converter.
     threshold_counts
-        Over the dark level; a pixel is triggered by it.
+        Trigger level of a pixel above the dark level.
     after_trigger
-        Samples taken after the one that triggered.
+        Samples taken after the triggering one.
     false_trigger
-        Share of pixels that noise triggers at any time, where light did not before.
+        Share of pixels triggered by noise at a random time, before any light.
     dead
-        Share of pixels that never answer, always the same ones.
+        Share of pixels that never respond, always the same ones.
     """
 
     rows: int = 128
@@ -73,16 +72,15 @@ class FocalPlane:
         Parameters
         ----------
         delays_ns, heights
-            (rows, cols, k): times and heights in counts of the echoes within each pixel; a height of 0 is
-            none.
+            (rows, cols, k): times and heights in counts of the echoes within each pixel; height 0 is no echo.
         dead
-            (rows, cols) pixels that do not answer.
+            (rows, cols) pixels that do not respond.
         """
         shape = self.rows, self.cols
         delays_ns = np.where(heights > 0, delays_ns, np.inf)
         first = np.min(delays_ns, axis=2)
         lit = np.isfinite(first) & ~dead
-        # All that can matter lies around the first echo: two buffers' lengths from half a buffer before.
+        # Only samples around the first echo matter: three buffer lengths, from one and a half before it.
         start = np.where(lit, np.floor(np.where(lit, first, 0.0) / self.tick_ns), 0).astype(np.int64)
         start -= self.n_samples // 2 + self.n_samples
         span = 3 * self.n_samples
@@ -114,7 +112,7 @@ class FocalPlane:
     def _stop(
         self, counts: F64, lit: NDArray[np.bool_], start: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Return the index of the last sample taken and which pixels were triggered at all."""
+        """Return the index of the last sample taken and the mask of triggered pixels."""
         over = counts[..., self.n_samples :] > self.dark_counts + self.threshold_counts
         triggered = lit & over.any(axis=2)
         stop = np.argmax(over, axis=2) + self.n_samples + self.after_trigger
@@ -135,7 +133,7 @@ class FocalPlane:
         rng: np.random.Generator,
         stamp_ns: int,
     ) -> RawFrame:
-        """Mark the last sample and turn every ring to where its writing happened to begin."""
+        """Mark the last sample and rotate every ring to the random start of its writing."""
         samples[..., -1] = 0
         turn = rng.integers(0, self.n_samples, counter.shape)
         index = (np.arange(self.n_samples) - turn[..., np.newaxis]) % self.n_samples

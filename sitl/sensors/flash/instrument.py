@@ -1,4 +1,4 @@
-"""The whole instrument: laser, lens and focal plane before a world."""
+"""Flash LiDAR instrument: laser, lens and focal plane in front of a world."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FARTHEST_M = 1_400.0
 
 
 class FlashLidar:
-    """A flash LiDAR on a vehicle.
+    """Flash LiDAR on a vehicle.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class FlashLidar:
     fov_deg
         Angle across the columns; pixels are square.
     full_at_m
-        Range from which ground of reflectance 0.27, met upright, gives `full_share` of the converter's range.
+        Range at which ground of reflectance 0.27 at normal incidence drives the converter to full scale.
     mount
         x of the sensor is the optical axis, y left, z up in the image.
     subpixels
@@ -35,7 +35,7 @@ class FlashLidar:
     Attributes
     ----------
     energy
-        Of the pulse, 1 as `full_at_m` tells.
+        Energy of the pulse, relative to the one that `full_at_m` describes.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class FlashLidar:
         self._gain = (self.plane.full_counts - self.plane.dark_counts) * full_at_m**2 / 0.27
         self._dead = rng.random((self.plane.rows, self.plane.cols)) < self.plane.dead
         self._rays = self._directions()
-        # The detectors do not all answer alike, and the laser is brightest in the middle.
+        # The detectors differ in response, and the laser is brightest in the middle.
         across = np.linspace(-1, 1, self.plane.cols) ** 2 + np.linspace(-1, 1, self.plane.rows)[:, None] ** 2
         self._response: F64 = (1 - 0.12 * across) * (1 + 0.03 * rng.standard_normal(across.shape))
 
@@ -73,7 +73,7 @@ class FlashLidar:
         return unit
 
     def flash(self, position_enu_m: F64, quat_wxyz: F64, world: World, stamp_ns: int = 0) -> RawFrame:
-        """Fire one pulse from a pose and return what the focal plane recorded.
+        """Fire one pulse from a pose and return the frame recorded by the focal plane.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class FlashLidar:
         return self.plane.expose(delays, heights, self._rng, self._dead, stamp_ns)
 
     def echoes(self, position_enu_m: F64, quat_wxyz: F64, world: World) -> tuple[F64, F64]:
-        """Return times (ns) and heights (counts) of what comes back, (rows, cols, rays of a pixel)."""
+        """Return times (ns) and heights (counts) of the echoes, (rows, cols, rays of a pixel)."""
         p, n = self.plane, self._subpixels**2
         attitude = np.broadcast_to(quat_wxyz, (len(self._rays), 4))
         origin = position_enu_m + self.mount.lever_enu_m(attitude[:1])

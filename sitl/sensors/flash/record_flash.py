@@ -1,9 +1,9 @@
-"""Raw frames over the borrow pit, for evaluation.
+"""Recorder of raw flash frames over the borrow pit, for evaluation.
 
 `python -m sitl.sensors.flash.record_flash --seed N --out FILE.npz`
 
-The file holds the frames as they are read out, where the sensor truly was, and the truth: heights on a grid
-of 0.1 m and what stands there.
+The file holds the raw frames, the sensor's true positions, and the ground truth: heights on a grid of 0.1 m
+and the objects on the ground.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRUTH_HALF_M, TRUTH_CELL_M = 30.0, 0.1
 
 
 def places() -> list[tuple[float, float]]:
-    """Return where the axis meets the ground: first between the boxes, then all over the floor."""
+    """Return the points where the axis meets the ground: first between the boxes, then all over the floor."""
     axis = np.arange(-HALF_M, HALF_M + 0.1, STEP_M)
     return [(0.0, 0.0), *((float(x), float(y)) for y in axis for x in axis)]
 

@@ -1,4 +1,4 @@
-"""A side-looking interferometric radar in the Ka band, line by line along the flight."""
+"""Side-looking interferometric radar in the Ka band, line by line along the flight."""
 
 from sitl.sensors.radar.side_looker import RawLines, SideLooker, Track
 

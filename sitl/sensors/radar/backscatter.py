@@ -1,15 +1,15 @@
 """Radar cross section of a square metre of ground, by surface and angle of incidence.
 
 Grass and snow: the empirical model of Radar Eq. (5), sigma0 = A (g + C)^B exp(-D / (1 + 0.1 sigma_h /
-lambda)), g the grazing angle; its constants at 35 GHz are those that the Georgia Tech group gives (N. C.
-Currie, C. E. Brown, eds., Principles and Applications of Millimeter-Wave Radar, Artech House 1987, ch. 5; the
-same table in M. A. Richards et al., Principles of Modern Radar, SciTech 2010, ch. 5). At 35 GHz there D = 0.
+lambda)), with g the grazing angle. Its constants at 35 GHz are those of the Georgia Tech group (N. C. Currie,
+C. E. Brown, eds., Principles and Applications of Millimeter-Wave Radar, Artech House 1987, ch. 5; the same
+table in M. A. Richards et al., Principles of Modern Radar, SciTech 2010, ch. 5). At 35 GHz, D = 0.
 
-Sand, soil, stone and what is built: the semi-empirical model of Radar Eq. (6) after Oh, Sarabandi and Ulaby
-(IEEE TGRS 30(2), 1992), with the letter's exponents for millimetre waves. The letter prints "cos^x(theta) p
-[...]"; as in Oh's paper the root of p divides. Permittivities at 35 GHz: dry sand 2.8 - 0.05j, soil with some
+Sand, soil, stone and buildings: the semi-empirical model of Radar Eq. (6) after Oh, Sarabandi and Ulaby (IEEE
+TGRS 30(2), 1992), with the letter's exponents for millimetre waves. The letter prints "cos^x(theta) p [...]";
+here, as in Oh's paper, the root of p divides. Permittivities at 35 GHz: dry sand 2.8 - 0.05j, soil with some
 water 6 - 2j, concrete 5 - 0.5j (F. T. Ulaby, R. K. Moore, A. K. Fung, Microwave Remote Sensing III, 1986,
-app. E). Still water mirrors the waves away: -45 dB.
+app. E). Still water reflects the waves away: -45 dB.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WATER_SIGMA0 = 10 ** (-4.5)
 
 @dataclass(frozen=True, slots=True)
 class Empirical:
-    """Constants of Eq. (5)."""
+    """Empirical model with the constants of Radar Eq. (5)."""
 
     a: float
     b: float
@@ -43,7 +43,7 @@ class Empirical:
 
 @dataclass(frozen=True, slots=True)
 class SemiEmpirical:
-    """Permittivity for Eq. (6), VV."""
+    """Semi-empirical model with the permittivity for Radar Eq. (6), VV."""
 
     permittivity: complex
 
@@ -61,7 +61,7 @@ class SemiEmpirical:
 
 
 def _fresnel(theta: F64, permittivity: complex) -> tuple[F64, F64]:
-    """Return the power reflected at oblique incidence, vertically and horizontally polarized."""
+    """Return the reflected power at oblique incidence, vertically and horizontally polarized."""
     c, s = np.cos(theta), np.sin(theta)
     bent = np.sqrt(permittivity - s**2)
     hh = np.abs((c - bent) / (c + bent)) ** 2
@@ -89,7 +89,7 @@ _OF_KIND: dict[Kind, Empirical | SemiEmpirical] = {
 def sigma0(
     kind: NDArray[np.uint8], incidence_rad: F64, wavelength_m: float, roughness_m: float = ROUGHNESS_M
 ) -> F64:
-    """Return the cross section of a square metre of each surface, met at an angle from its normal."""
+    """Return the cross section of a square metre of each surface at an angle of incidence from its normal."""
     out = np.zeros(kind.shape)
     for k in np.unique(kind):
         own = kind == k

@@ -1,16 +1,15 @@
-"""The interferometric radar of a small vehicle in flight: a line every tenth of a second, as a datagram.
+"""Interferometric radar of a small vehicle in flight: a line every tenth of a second, as a datagram.
 
-A line is recorded by the vehicle's own axes: the beam lies across it and looks to its right. The radar has an
-inertial sensor of its own, and an altimeter, by which it sets its range gate anew every `BLOCK` lines; both
-err. The format is ours, little endian:
+A line is recorded in the vehicle's own axes: the beam is across it, on its right. The radar has an inertial
+sensor of its own, and an altimeter, which sets the range gate every `BLOCK` lines; both have errors. The
+format is our own, little endian:
 
 ==============  ====================================================================================
 4s B B u16 u32  "SLZR", version 1, looks, bins, number of the line
 u64             time, ns of the sensor's clock
 f64             carrier, Hz
-8 x f32         baseline (m), its tilt (degrees), resolution in range and along the track (m), first range,
-step
-                (m), altitude (m), roll of the side looked to, up (rad)
+8 x f32         baseline (m), its tilt (degrees), resolution in range and along the track (m),
+                first range, step (m), altitude (m), roll that raises the illuminated side (rad)
 f32             size of a unit
 i16 x ...       real and imaginary parts (looks, 2 antennas, bins)
 ==============  ====================================================================================
@@ -41,13 +40,13 @@ SNR_DB = 16.0
 SPARE_M = 3.0
 LOWEST_M = 3.0
 ALTITUDE_SIGMA_M, ROLL_SIGMA_RAD = 0.05, 3e-4
-FULL = 8.0  # amplitude, in units of the mean, at which the converter clips
+FULL = 8.0  # clipping amplitude of the converter, in units of the mean
 RAYS = 8.0
 BODY = Mount((0.0, 0.0, 0.1), 0.0, 0.0, 0.0)
 
 
 class RadarSensor:
-    """Two antennas on a vehicle."""
+    """Interferometric radar with two antennas on a vehicle."""
 
     def __init__(self, rng: np.random.Generator, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()

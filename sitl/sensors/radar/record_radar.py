@@ -1,4 +1,4 @@
-"""The landing site seen by the radar from four sides, for evaluation.
+"""Recorder of the landing site as seen by the radar from four sides, for evaluation.
 
 `python -m sitl.sensors.radar.record_radar --seed N --out FILE.npz`
 """
@@ -17,7 +17,7 @@ from sitl.sensors.radar.side_looker import SideLooker, Track
 from sitl.world.primitives import Kind
 
 HEIGHTS_M = (65.0, 75.0, 85.0, 95.0)
-"""Of the flights on headings of 0, 90, 180 and 270 degrees."""
+"""Heights of the flights on headings of 0, 90, 180 and 270 degrees."""
 LINES, LINE_M = 130, 0.8
 CELL_M = 0.5
 

@@ -1,14 +1,13 @@
-"""The radar itself: partial scatterers of every line, summed up into two complex images.
+"""Side-looking radar: partial scatterers of every line, summed into two complex images.
 
-For each line and look, rays fall on the world within the beam: a strip as wide as the antenna along the
-track, for the ground lies in its near zone, and all look angles across. Where a ray meets a surface sits a
-partial scatterer with a random phase and the power of its patch (Radar 3.2); what no ray meets lies in
-shadow. Each antenna adds them up with the exact phase of its own path and the response of a band of limited
-width, and noise on top. Looks and lines are independent of each other, as with a carrier that changes from
-pulse to pulse.
+For each line and look, rays sample the world within the beam: a strip as wide as the antenna along the track,
+because the ground is in its near zone, and all look angles across. At each hit of a ray is a partial
+scatterer with a random phase and the power of its patch (Radar 3.2); surfaces without a hit are in shadow.
+Each antenna sums them with the exact phase of its own path and the response of a limited bandwidth, and adds
+noise. Looks and lines are independent of each other, as with a carrier that changes from pulse to pulse.
 
-Not modelled: several reflections, motion within a line, the pattern of the antenna in elevation, which is
-taken to be shaped so that level ground answers alike at all ranges.
+Not modelled: multiple reflections, motion within a line, the antenna pattern in elevation, which is assumed
+to be shaped so that the response of level ground does not depend on range.
 """
 
 from __future__ import annotations
@@ -25,17 +24,16 @@ from sitl.world.world import World
 F64 = NDArray[np.float64]
 C64 = NDArray[np.complex64]
 SPEED_OF_LIGHT = 299_792_458.0
-FINE = 16  # places of scatterers within a range resolution
-PER_SAMPLE = 2  # samples within a range resolution
-RAYS = 24.0  # within a range resolution, line and look
+FINE = 16  # scatterer bins per range resolution
+PER_SAMPLE = 2  # samples per range resolution
+RAYS = 24.0  # rays per range resolution, line and look
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where the first antenna is at each line: (n, 3) ENU, m; course over ground, the radar looking right;
-    roll.
+    """Trajectory of the first antenna, one pose per line: (n, 3) ENU, m; the radar looks right.
 
-    heading_rad is clockwise from north; roll_rad (n,) raises the side looked to.
+    heading_rad is the course, clockwise from north; roll_rad (n,) raises the illuminated side.
     """
 
     position_enu_m: F64
@@ -63,18 +61,18 @@ def axes_enu(heading_rad: float, roll_rad: float) -> F64:
 
 
 class SideLooker:
-    """A radar with two antennas.
+    """Side-looking radar with two antennas.
 
     Parameters
     ----------
     snr_db
-        Of grass met at 45 degrees; other ground by its cross section.
+        Signal-to-noise ratio of grass at 45 degrees; other ground follows its cross section.
     near_deg, far_deg
-        Look angles lit.
+        Illuminated look angles.
     level_m
-        Height of the ground for which ranges to be recorded are chosen.
+        Height of the ground for which the recorded ranges are chosen.
     both_transmit
-        Otherwise the first antenna alone does.
+        Whether both antennas transmit; otherwise only the first one does.
     """
 
     def __init__(
@@ -129,12 +127,12 @@ class SideLooker:
         axes
             Rows: the vehicle's ahead, right and down in ENU.
         altitude
-            Over ground that is lit between the look angles.
+            Above ground that is illuminated between the look angles.
         """
         low, high = altitude / np.cos(self.near_rad), altitude / np.cos(self.far_rad)
         per_look = int(self.rays * (high - low) / self.range_m)
         level = self._rng.uniform(low, high, (self.looks, per_look))
-        look = np.arccos(altitude / level).ravel()  # from the vehicle's down
+        look = np.arccos(altitude / level).ravel()  # from the vehicle's down axis
         ahead, right, down = axes
         rays = np.sin(look)[:, None] * right + np.cos(look)[:, None] * down
         along = self._rng.uniform(-0.5, 0.5, look.size) * self.azimuth_m
@@ -158,7 +156,7 @@ class SideLooker:
     def _with_water(
         self, position: F64, rays: F64, way: F64, kind: NDArray[np.uint8], cosine: F64
     ) -> tuple[NDArray[np.uint8], F64, F64]:
-        """Give the rays that fell on water, which return nothing to a LiDAR, their length."""
+        """Set the range of rays that hit water, which `World.trace` reports without a return."""
         wet = (kind == Kind.WATER) & ~np.isfinite(way)
         down = np.maximum(-rays[:, 2], 1e-3)
         way = np.where(wet, (position[2] - self.level_m) / down, way)
@@ -174,7 +172,7 @@ class SideLooker:
     def _image(
         self, height: F64, phase: F64, way: F64, which: NDArray[np.int64], first: float, bins: int
     ) -> NDArray[np.complex128]:
-        """Sum scatterers up, limit the band and add noise; (looks, bins)."""
+        """Sum the scatterers, limit the bandwidth and add noise; (looks, bins)."""
         step = self.range_m / FINE
         count = bins * FINE // PER_SAMPLE
         place = np.rint((way - first) / step).astype(np.int64)

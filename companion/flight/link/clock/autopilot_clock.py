@@ -1,4 +1,4 @@
-"""Stamps of the autopilot's messages in the companion's clock."""
+"""Conversion of the autopilot's message stamps to the companion's clock."""
 
 from __future__ import annotations
 
@@ -10,41 +10,40 @@ from companion.flight.link.clock.timesync import TimeSync
 
 Source = Literal["none", "arrival", "timesync"]
 
-# Boot times are 32 bits of milliseconds; TIMESYNC's are 64 bits and do not go round.
+# Boot times are 32-bit milliseconds and wrap around; TIMESYNC's are 64 bits and do not.
 TURN_NS = 2**32 * 1_000_000
-# A mapped stamp cannot lie in the future by more than the error of the mapping, nor be older than any queue.
+# A converted stamp cannot be in the future by more than the error of the mapping, nor older than any queue.
 FUTURE_NS = 20_000_000
 PAST_NS = 10_000_000_000
 DOUBTS = 20
 DELAYS = 1000
-# A pose that was under way for so much longer than the quickest is late, or its stamp is wrong.
+# A pose delayed by this much more than the quickest one is late, or its stamp is wrong.
 LATE_NS = 20_000_000
-# An autopilot that no longer answers TIMESYNC is believed by least delay after so long.
+# After this time without a TIMESYNC answer, stamps of the least delay are trusted again.
 UNANSWERED_NS = 5_000_000_000
-# Where none is answered and all poses were late for so long, the clock has lost time since the last answer.
+# If all poses were late for this long without a TIMESYNC answer, the clock has lost time since the last one.
 DISPROVED_NS = 500_000_000
 
 
 class AutopilotClock:
-    """Maps the autopilot's boot time to the companion's clock, by TIMESYNC or else by least delay.
+    """Conversion of the autopilot's boot time to the companion's clock, using TIMESYNC or the least delay.
 
-    A clock that falls behind (a simulated autopilot's on a busy computer) shows at once: its poses seem to be
-    under way for longer. So do poses that wait to be read. Which of the two it is, the next exchange tells;
-    until then stamps are not certain.
+    A clock that falls behind (a simulated autopilot's on a busy computer) is noticed at once, because its
+    poses seem delayed for longer. Poses that wait in a queue look the same. Only the next exchange can tell
+    the two cases apart; until then, stamps are not certain.
 
     Attributes
     ----------
     timesync
         The exchange with the autopilot.
     implausible
-        Stamps refused because they would lie in the future, or too far back.
+        Number of stamps rejected because they would be in the future or too far back.
     delays_ns
-        How long the newest messages were under way, from their stamps to their arrival; by TIMESYNC only.
+        Delays of the newest messages from their stamps to their arrival; with TIMESYNC only.
     certain_ns
         Our time up to which stamps are certain, None before the first.
     mappings
-        How often stamps began to be mapped anew after the clock had proved to be another one: those after
-        `certain_ns` were wrong.
+        Number of new mappings that replaced one that proved wrong: stamps after `certain_ns` were wrong.
     """
 
     def __init__(self, salt: int = 0) -> None:
@@ -63,21 +62,19 @@ class AutopilotClock:
 
     @property
     def source(self) -> Source:
-        """What stamps rest on now."""
+        """Current source of converted stamps."""
         if self.timesync.synced:
             return "timesync"
         return "arrival" if self._heard else "none"
 
     def stamp_ns(self, boot_ms: int, now_ns: int) -> int | None:
-        """Return our time of a pose stamped `boot_ms` that arrived now; None if that cannot be.
+        """Return our time of a pose stamped `boot_ms` that arrived now; None if the result is implausible.
 
-        The clock learns from it, and starts over after many that cannot be.
+        The clock learns from the pose, and starts over after many implausible ones.
         """
         self._heard = True
         anew = self._note_mapping()
-        if (
-            self.timesync.resets != self._resets
-        ):  # the least delay so far is that of the clock before its jump
+        if self.timesync.resets != self._resets:  # discard the least delay from before the clock's jump
             self._resets, self._arrivals = self.timesync.resets, LeastDelay()
         autopilot_ns = self._whole_ns(boot_ms, now_ns)
         stamp = autopilot_ns + self._arrivals.add(autopilot_ns, now_ns)
@@ -87,17 +84,17 @@ class AutopilotClock:
             self._doubts = 0
             if self.timesync.synced:
                 self.delays_ns.append(max(0, now_ns - stamp))
-            if not anew:  # whoever dates by this learns first up to when it was right
+            if not anew:  # users of a new mapping must first read up to when the old one was right
                 self._judge(min(stamp, now_ns), now_ns)
             return min(stamp, now_ns)
         self.implausible += 1
         self._doubts += 1
-        if self._doubts >= DOUBTS:  # the autopilot's clock is no longer the one we synchronised with
+        if self._doubts >= DOUBTS:  # no longer the clock that we synchronised with
             self.reset()
         return None
 
     def _note_mapping(self) -> bool:
-        """Notice that stamps are mapped by another offset than before, which it returns."""
+        """Count a change of the mapping and return whether it changed."""
         mapping = self.timesync.resets, self.timesync.synced
         anew = mapping != self._mapping and self.timesync.resets > 0
         self.mappings += anew
@@ -105,7 +102,7 @@ class AutopilotClock:
         return anew
 
     def _judge(self, stamp_ns: int, now_ns: int) -> None:
-        """Move `certain_ns` on to a stamp that came as quickly as others, or to the newest good exchange."""
+        """Advance `certain_ns` to a stamp with a normal delay, or to the newest confirming exchange."""
         sync = self.timesync
         known = [] if self.certain_ns is None else [self.certain_ns]
         if sync.synced:
@@ -130,9 +127,9 @@ class AutopilotClock:
         return answered_ns is not None and now_ns - answered_ns >= UNANSWERED_NS
 
     def look_up_ns(self, boot_ms: int, now_ns: int) -> int | None:
-        """Return our time of any other message; the clock learns nothing from it, nor doubts itself for it.
+        """Return our time of a message that is not a pose; the clock learns nothing from it.
 
-        None before it knows of any pose, or if the time cannot be.
+        None before the first pose, or if the time is implausible.
         """
         autopilot_ns = self._whole_ns(boot_ms, now_ns)
         offset = self._arrivals.offset_ns if self.timesync.resets == self._resets else None
@@ -145,7 +142,7 @@ class AutopilotClock:
         return min(stamp, now_ns) if now_ns - PAST_NS <= stamp <= now_ns + FUTURE_NS else None
 
     def _whole_ns(self, boot_ms: int, now_ns: int) -> int:
-        """Return a boot time in the turn of its 32 bits that is nearest to the autopilot's clock now."""
+        """Unwrap a 32-bit boot time to the value nearest to the autopilot's clock now."""
         synced = self.timesync.synced
         clock_ns = self.timesync.to_autopilot_ns(now_ns) if synced else self._arrivals.autopilot_ns(now_ns)
         part_ns = boot_ms * 1_000_000
@@ -153,7 +150,7 @@ class AutopilotClock:
         return part_ns + turns * TURN_NS
 
     def reset(self) -> None:
-        """Start over: the autopilot rebooted."""
+        """Start over after a reboot of the autopilot."""
         self.timesync.reset()
         self._arrivals = LeastDelay()
         self._doubts = 0

@@ -1,4 +1,4 @@
-"""The quickest of recent messages between two clocks."""
+"""Clock offset from the message of least delay."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ BUCKET_NS = 15_000_000_000
 
 
 class LeastDelay:
-    """Offset from the message that took least time on its way, over the last 15 to 30 seconds.
+    """Offset from the message of least delay over the last 15 to 30 seconds.
 
-    Its stamps are late by that least delay; it is what remains until TIMESYNC is answered.
+    Converted stamps are late by that least delay. It is the only offset until TIMESYNC is answered.
     """
 
     def __init__(self) -> None:
@@ -17,7 +17,7 @@ class LeastDelay:
         self._previous_ns: int | None = None
 
     def add(self, autopilot_ns: int, now_ns: int) -> int:
-        """Take an arrival and return the offset to add to the autopilot's time."""
+        """Add an arrival and return the offset to add to the autopilot's time."""
         if self._begun_ns is None or now_ns - self._begun_ns > BUCKET_NS:
             self._begun_ns, self._previous_ns, self._current_ns = now_ns, self._current_ns, None
         offset = now_ns - autopilot_ns
@@ -31,5 +31,5 @@ class LeastDelay:
         return min(known, default=None)
 
     def autopilot_ns(self, now_ns: int) -> int | None:
-        """Return what the autopilot's clock shows about now, None before the first arrival."""
+        """Return the approximate time of the autopilot's clock now, None before the first arrival."""
         return None if self._current_ns is None else now_ns - self._current_ns

@@ -1,8 +1,8 @@
-"""The autopilot's clock in ours, from MAVLink's TIMESYNC, without I/O.
+"""Clock synchronisation with the autopilot using MAVLink's TIMESYNC, without I/O.
 
-We send our time, the autopilot answers with it and its own. Half-way between sending and receiving is when it
-answered, give or take half the round trip. Only the quickest of the recent round trips are believed, and a
-straight line through them gives the offset and the drift between the two clocks.
+We send our time; the autopilot answers with it and its own time. The answer was sent at the middle between
+sending and receiving, within half the round trip. Only the quickest of the recent round trips are trusted,
+and a straight line through them gives offset and drift between the two clocks.
 """
 
 from __future__ import annotations
@@ -14,29 +14,30 @@ from statistics import median
 from companion.flight.link.clock.least_delay import LeastDelay
 
 FAST_NS = 200_000_000
-HURRY_NS = 50_000_000  # between requests while something says that the offset has changed
+HURRY_NS = 50_000_000  # between requests while the offset is in doubt
 SLOW_NS = 1_000_000_000
-# Exchanges at the fast rate before the slow one, and those needed before the offset is believed.
+# Exchanges at the fast rate before the slow one, and those needed before the offset is used.
 FAST_COUNT = 25
 NEEDED = 5
 WINDOW = 40
-# A round trip is believed up to this much above the best of the window: the jitter of a good link.
+# A round trip is trusted up to this much above the best of the window: the jitter of a good link.
 GATE_NS = 1_500_000
 REPLY_TIMEOUT_NS = 2_000_000_000
-# Drift is fitted over a span this long; over less, noise would pass for drift.
+# Minimum span of a drift fit; over less, noise would pass for drift.
 DRIFT_SPAN_NS = 10_000_000_000
-# An offset that contradicts the line by more than the round trips explain, so many times in a row, is a jump.
+# This many consecutive offsets that differ from the line by more than the round trips explain are a jump.
 JUMP_NS = 10_000_000
 JUMP_COUNT = 3
-# Longer than a busy computer holds up a simulated autopilot; no exchange quick for so long is a slow link.
+# Longer than a busy computer delays a simulated autopilot; if no exchange is quick for this long, the link is
+# slow.
 SLOW_LINK_NS = 500_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One answered request: its middle in our time, our time minus the autopilot's, how long it took.
+    """Answered request: its middle in our time, our time minus the autopilot's, and its round trip.
 
-    quick: it took as long as the quickest of late, give or take `JUMP_NS`.
+    quick: the round trip is within `JUMP_NS` of the shortest recent one.
     """
 
     local_ns: int
@@ -56,20 +57,20 @@ class TimeSync:
     Attributes
     ----------
     resets, strays
-        Times it started over; replies that answer none of our requests.
+        Number of times it started over; number of replies that answer none of our requests.
     answered_ns
         Our time of the newest answer, None before any.
     confirmed_ns
-        Our time of the newest exchange that confirmed the offset in use; None without any. One that took
-        longer than the quickest by more than `JUMP_NS` tells less than that and confirms nothing, but where
-        all have done so for `SLOW_LINK_NS`: then the link is slow, and not the autopilot held up.
+        Our time of the newest exchange that confirmed the offset in use, None without any. An exchange slower
+        than the quickest by more than `JUMP_NS` is too inaccurate to confirm it, unless all have been so for
+        `SLOW_LINK_NS`: then the link is slow, and the autopilot is not delayed.
     """
 
     def __init__(self, salt: int = 0) -> None:
         self._salt = salt
         self._trips = LeastDelay()
-        self._slow_since_ns: int | None = None  # no exchange has been quick
-        self._pending: dict[int, int] = {}  # stamp sent -> when
+        self._slow_since_ns: int | None = None  # since when no exchange has been quick
+        self._pending: dict[int, int] = {}  # stamp sent -> time of sending
         self._next_ns: int | None = None
         self._sent = 0
         self._asked_ns: int | None = None
@@ -105,12 +106,12 @@ class TimeSync:
         return stamp
 
     def hurry(self) -> None:
-        """Let the next request be due 50 ms after the last: the offset is in doubt."""
+        """Make the next request due 50 ms after the last one, because the offset is in doubt."""
         if self._asked_ns is not None and self._next_ns is not None:
             self._next_ns = min(self._next_ns, self._asked_ns + HURRY_NS)
 
     def reply(self, tc1: int, ts1: int, now_ns: int) -> None:
-        """Take the autopilot's answer: its time `tc1` and our stamp `ts1`, back at `now_ns`."""
+        """Use the autopilot's answer: its time `tc1` and our stamp `ts1`, received at `now_ns`."""
         sent_ns = self._pending.pop(ts1, None)
         if sent_ns is None:
             self.strays += 1
@@ -128,7 +129,7 @@ class TimeSync:
         self._add(Exchange(middle, middle - tc1, round_trip, quick))
 
     def reset(self) -> None:
-        """Forget everything: the autopilot rebooted, or its clock is another one."""
+        """Discard everything: the autopilot rebooted, or its clock is another one."""
         self._pending.clear()
         self._next_ns = None
         self.resets += 1
@@ -139,7 +140,7 @@ class TimeSync:
         if self.synced and self._contradicts(exchange):
             self._jumps.append(exchange)
             if len(self._jumps) < JUMP_COUNT:
-                self.hurry()  # stamps are wrong until the jump is believed
+                self.hurry()  # stamps are wrong until the jump is accepted
                 return
             jumps = self._jumps
             self.resets += 1
@@ -149,7 +150,7 @@ class TimeSync:
             self._jumps.clear()
             if (
                 exchange.quick or not self.synced
-            ):  # many slow ones, asked for in a hurry, would push out what is known
+            ):  # many slow ones, requested in a hurry, would displace the good ones
                 self._window.append(exchange)
         elif self._tells(exchange):  # the clock may have jumped again meanwhile
             self._begin_with([*self._window, exchange], exchange)
@@ -161,12 +162,12 @@ class TimeSync:
             self.confirmed_ns = exchange.local_ns
 
     def _tells(self, exchange: Exchange) -> bool:
-        """Tell whether an exchange says something of the offset: a slow one where the link itself is slow."""
+        """Return whether an exchange is informative: it is quick, or the link itself is slow."""
         since_ns = self._slow_since_ns
         return exchange.quick or (since_ns is not None and exchange.local_ns - since_ns >= SLOW_LINK_NS)
 
     def _begin_with(self, exchanges: list[Exchange], newest: Exchange) -> None:
-        """Take those of some exchanges that agree with the newest as the first of another clock."""
+        """Restart the window of a new clock with the exchanges that agree with the newest."""
         self._window.clear()
         most_ns = _tolerance_ns(newest)
         self._window.extend(e for e in exchanges if abs(e.offset_ns - newest.offset_ns) <= most_ns)
@@ -180,10 +181,10 @@ class TimeSync:
         gate = self._gate_ns()
         good = [e for e in self._window if e.round_trip_ns <= gate]
         self._reference_ns = good[-1].local_ns
-        base = good[-1].offset_ns  # differences to it keep their precision in floats
+        base = good[-1].offset_ns  # relative to it, offsets keep their precision in floats
         offsets = [float(e.offset_ns - base) for e in good]
         times = [float(e.local_ns - self._reference_ns) for e in good]
-        # An offset is wrong by half its round trip at most: what spreads wider drifts, over any span.
+        # An offset errs by half its round trip at most, so a wider spread is drift, over any span.
         drifts = times[-1] - times[0] >= DRIFT_SPAN_NS or max(offsets) - min(offsets) > gate + JUMP_NS
         self._drift = _slope(times, offsets) if drifts and len(good) >= NEEDED else 0.0
         level = median(o - self._drift * t for t, o in zip(times, offsets, strict=True))
@@ -192,7 +193,7 @@ class TimeSync:
         self._residual_ns, self._worst_ns = median(errors), max(errors)
 
     def _gate_ns(self) -> int:
-        """Return the round trip up to which exchanges are believed: at least a quarter of them are."""
+        """Return the greatest trusted round trip; at least a quarter of the exchanges are within it."""
         trips = sorted(e.round_trip_ns for e in self._window)
         enough = trips[min(len(trips), max(NEEDED, len(trips) // 4)) - 1]
         return max(trips[0] + GATE_NS, enough)
@@ -201,7 +202,7 @@ class TimeSync:
 
     @property
     def synced(self) -> bool:
-        """Whether enough exchanges agree for the offset to be used."""
+        """Whether the window holds enough exchanges for the offset to be used."""
         return len(self._window) >= NEEDED
 
     @property
@@ -211,17 +212,17 @@ class TimeSync:
 
     @property
     def residual_ns(self) -> float:
-        """Median distance of the believed exchanges from the fit."""
+        """Median distance of the trusted exchanges from the fit."""
         return self._residual_ns
 
     @property
     def worst_residual_ns(self) -> float:
-        """Greatest distance of the believed exchanges from the fit."""
+        """Greatest distance of the trusted exchanges from the fit."""
         return self._worst_ns
 
     @property
     def drift_ppm(self) -> float:
-        """How much faster our clock runs than the autopilot's."""
+        """Rate of our clock relative to the autopilot's, minus one, ppm."""
         return self._drift * 1e6
 
     def to_local_ns(self, autopilot_ns: int) -> int:
@@ -239,7 +240,7 @@ class TimeSync:
         return self._reference_ns + round(elapsed)
 
     def to_autopilot_ns(self, local_ns: int) -> int:
-        """Return the autopilot's time at our time `local_ns`; raises as `to_local_ns` does."""
+        """Return the autopilot's time at our time `local_ns`; raises like `to_local_ns`."""
         if not self.synced:
             raise ValueError("the clocks are not synchronised yet")
         return local_ns - round(self._offset_at(local_ns))
@@ -249,14 +250,14 @@ class TimeSync:
 
 
 def _tolerance_ns(exchange: Exchange) -> int:
-    """Return by how much an exchange may differ from the offset and still agree with it."""
+    """Return the offset error up to which an exchange agrees with the fit."""
     return JUMP_NS + (0 if exchange.quick else exchange.round_trip_ns // 2)
 
 
 def answer(tc1: int, ts1: int, now_ns: int) -> tuple[int, int] | None:
-    """Return (tc1, ts1) of the reply to another's request, None if it is no request.
+    """Return (tc1, ts1) of the reply to another system's request, None if it is a reply itself.
 
-    Zero would make the reply a request itself, so our clock's zero is sent as one.
+    A zero would make the reply a request, so our clock's zero is sent as one.
     """
     return None if tc1 != 0 else (max(1, now_ns), ts1)
 

@@ -1,4 +1,4 @@
-"""One opened way to the autopilot: a socket or a serial port, until it is lost."""
+"""Transport channel to the autopilot: an open socket or serial port, until it is lost."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from typing import Any, Protocol
 
 OnBytes = Callable[[bytes], None]
 
-# A stalled peer must cost memory and delay only up to here; what comes on top is dropped and counted.
+# Bound on the memory and delay caused by a stalled peer; further data is dropped and counted.
 MAX_BACKLOG_BYTES = 16_384
-# On a TCP stream everything arrives in the end, however late, so no more than this may be on its way: half a
-# second of what we send; a batch of OBSTACLE_DISTANCE_3D, signed, is 2.4 KiB.
+# TCP delivers everything, however late, so this bounds the data in transit: half a second of what we send. A
+# signed batch of OBSTACLE_DISTANCE_3D is 2.4 KiB.
 MAX_UNACKNOWLEDGED_BYTES = 4096
-# A stream on which nothing was acknowledged for so long is reset: what it holds must not arrive any more.
+# A stream without acknowledgement for this long is reset, because its data must not arrive any more.
 STALLED_S = 1.0
-# The kernel gives a stream up by itself, should we write nothing more: a pulled cable sends no reset.
+# The kernel gives a stream up after this time if we write nothing more: a pulled cable sends no reset.
 UNACKNOWLEDGED_MS = 2000
-# Bounds what waits in the kernel where it does not tell how much that is; Linux doubles it.
+# Bounds the data queued in the kernel where it does not report the amount; Linux doubles the value.
 SEND_BUFFER_BYTES = 8192
 
 
 class Channel(Protocol):
-    """An open channel. `lost` is done when it can no longer be used, with the reason as its result."""
+    """Open channel; `lost` completes when it can no longer be used, with the reason as its result."""
 
     lost: asyncio.Future[str]
 
     def write(self, data: bytes) -> bool:
-        """Send; return whether the data was taken."""
+        """Send; return whether the data was accepted."""
 
     def close(self) -> None:
-        """Close after what is queued has been sent; `lost` follows."""
+        """Close after the queued data is sent; `lost` follows."""
 
 
 class StreamChannel(asyncio.Protocol):
     """TCP stream as a channel; an asyncio protocol.
 
-    It is reset once the other side has acknowledged nothing for a second of the real clock, the kernel's.
+    It is reset once the peer has acknowledged nothing for a second of real (kernel) time.
     """
 
     def __init__(self, on_bytes: OnBytes) -> None:
@@ -97,7 +97,7 @@ class StreamChannel(asyncio.Protocol):
         return monotonic() - self._acknowledged_s > STALLED_S
 
     def _reset(self, reason: str) -> None:
-        """End the stream without sending what waits, the kernel's part included."""
+        """Abort the stream and discard its queued data, also in the kernel."""
         self.connection_lost(ConnectionError(reason))
         linger = struct.pack("ii", 1, 0)
         self._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
@@ -105,7 +105,7 @@ class StreamChannel(asyncio.Protocol):
 
 
 def _unacknowledged(raw: socket.socket) -> int:
-    """Return how many bytes the kernel still holds, unsent or unacknowledged; 0 where it does not tell."""
+    """Return the number of bytes in the kernel, unsent or unacknowledged; 0 where it does not report them."""
     if sys.platform != "linux":
         return 0
     return int.from_bytes(fcntl.ioctl(raw.fileno(), termios.TIOCOUTQ, bytes(4)), sys.byteorder)  # SIOCOUTQ

@@ -1,4 +1,4 @@
-"""MAVLink URLs, written as pymavlink writes them."""
+"""MAVLink URLs in pymavlink's syntax."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SERIAL = re.compile(r"(?:serial:)?(?P<device>/dev/[^,:\s]+)(?:[,:](?P<baud>[^,:
 
 @dataclass(frozen=True, slots=True)
 class Url:
-    """Where the autopilot is: a network address, or a serial device with its speed."""
+    """Address of the autopilot: a network address, or a serial device with its baud rate."""
 
     kind: Kind
     host: str = ""
@@ -36,13 +36,13 @@ class Url:
 
 
 def parse_url(text: str) -> Url:
-    """Return the address that a MAVLink URL names.
+    """Return the address in a MAVLink URL.
 
     Parameters
     ----------
     text
         `udpin:HOST:PORT` (also `udp:`), `udpout:HOST:PORT`, `tcp:HOST:PORT`, `tcpin:HOST:PORT`,
-        `/dev/NAME,BAUD` or `serial:/dev/NAME:BAUD`; without BAUD it is 115200. IPv6 hosts go in brackets.
+        `/dev/NAME,BAUD` or `serial:/dev/NAME:BAUD`; BAUD defaults to 115200. IPv6 hosts go in brackets.
 
     Raises
     ------

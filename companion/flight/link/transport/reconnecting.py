@@ -1,4 +1,4 @@
-"""Keeps a channel to the autopilot open for as long as the program runs."""
+"""Reconnecting transport to the autopilot."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _OPENERS: dict[str, Callable[[Url, OnBytes], Awaitable[Channel]]] = {
 
 
 class Transport:
-    """Bytes to and from one URL; re-opens whatever breaks.
+    """Byte transport for one URL that reopens a lost channel.
 
     Attributes
     ----------
     up
         Whether a channel is open (for UDP that says nothing about the other side).
     opened, dropped
-        Channels opened so far; writes that nothing could take.
+        Number of channels opened so far; number of writes that no channel accepted.
     """
 
     def __init__(self, url: Url) -> None:
@@ -53,7 +53,7 @@ class Transport:
         return self._channel is not None
 
     def write(self, data: bytes) -> None:
-        """Send, or drop and count: nothing on this wire is worth sending late."""
+        """Send, or drop and count: no message on this link is worth sending late."""
         if self._channel is None or not self._channel.write(data):
             self.dropped += 1
 
@@ -63,13 +63,13 @@ class Transport:
         on_up: Callable[[], None] = lambda: None,
         on_down: Callable[[str], None] = lambda reason: None,
     ) -> None:
-        """Open, read, and open again with a growing pause, until cancelled.
+        """Open, read, and reopen with a growing pause, until cancelled.
 
         Raises
         ------
         UsageError
-            If the address cannot be had at the first attempt and waiting would not help: a port in use, an
-            address that is not this machine's, a device that may not be opened.
+            If the first attempt fails and waiting would not help: a port in use, an address that is not this
+            machine's, a device without permission.
         """
 
         def take(data: bytes) -> None:
@@ -83,7 +83,7 @@ class Transport:
                 self.opened += 1
                 on_up()
                 try:
-                    # Whoever cancels us must not cancel that too: the channel could no longer tell its end.
+                    # Our cancellation must not cancel `lost`, or the channel could no longer report its end.
                     reason = await asyncio.shield(channel.lost)
                 finally:
                     self._channel = None
@@ -110,7 +110,7 @@ class Transport:
 
 
 async def _close(channel: Channel) -> None:
-    """Close and let what is queued go out, but not for long."""
+    """Close, and wait briefly for queued data to be sent."""
     channel.close()
     try:
         async with asyncio.timeout(FLUSH_S):
@@ -120,7 +120,7 @@ async def _close(channel: Channel) -> None:
 
 
 def _hopeless(url: Url, error: OSError) -> str | None:
-    """Return what to tell the user when no retry can help."""
+    """Return the error for the user if no retry can help."""
     if url.kind in ("udpin", "tcpin"):
         if error.errno == errno.EADDRINUSE:
             return f"{url}: port {url.port} is in use; stop the other program or choose another port"

@@ -1,7 +1,7 @@
-"""A serial port, or a USB autopilot that looks like one.
+"""Serial port, or a USB autopilot that appears as one.
 
-pyserial opens and configures the port; reading and writing are done here, because its write spins for ever,
-and the whole program with it, when the kernel's buffer happens to be exactly full (pyserial 3.5, which
+pyserial opens and configures the port. Reading and writing are implemented here, because its write spins for
+ever, and the whole program with it, when the kernel's buffer is exactly full (pyserial 3.5, which
 pyserial-asyncio-fast calls in the event loop).
 """
 
@@ -20,19 +20,19 @@ READ_BYTES = 4096
 
 
 async def open_serial(url: Url, on_bytes: OnBytes) -> Channel:
-    """Open the device for nobody else; raise OSError when that fails."""
+    """Open the device exclusively; raise OSError on failure."""
     if not os.path.exists(url.device):  # noqa: ASYNC240 - a look at /dev never waits
         raise FileNotFoundError(2, "no such device", url.device)
     try:
         port = serial.Serial(url.device, baudrate=url.baud, exclusive=True, timeout=0)
     except serial.SerialException as error:
         cause = error.__context__
-        if isinstance(cause, termios.error):  # pyserial hides its number in the text
+        if isinstance(cause, termios.error):  # pyserial hides the errno in the text
             raise OSError(*cause.args) from None
         raise
-    except termios.error as error:  # no OSError: the device went while it was being set up
+    except termios.error as error:  # no OSError: the device disappeared during its configuration
         raise OSError(*error.args) from None
-    except ValueError as error:  # a speed that the port does not know
+    except ValueError as error:  # a baud rate that the port does not support
         raise OSError(22, str(error)) from None
     return SerialChannel(port, on_bytes)
 
@@ -82,7 +82,7 @@ class SerialChannel:
             return
         if data:
             self._on_bytes(data)
-        else:  # readable, yet nothing to read: the device has gone
+        else:  # readable without data: the device has gone
             self._end("unplugged")
 
     def close(self) -> None:

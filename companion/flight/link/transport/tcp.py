@@ -1,4 +1,4 @@
-"""TCP: a client of the autopilot (`tcp:`) or a server that it calls (`tcpin:`)."""
+"""TCP transport: a client of the autopilot (`tcp:`) or a server for it (`tcpin:`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CONNECT_TIMEOUT_S = 5.0
 
 
 async def open_tcp(url: Url, on_bytes: OnBytes) -> Channel:
-    """Connect to the host; raise OSError when that fails."""
+    """Connect to the host; raise OSError on failure."""
     channel = StreamChannel(on_bytes)
     async with asyncio.timeout(CONNECT_TIMEOUT_S):
         await asyncio.get_running_loop().create_connection(lambda: channel, url.host, url.port)
@@ -20,16 +20,16 @@ async def open_tcp(url: Url, on_bytes: OnBytes) -> Channel:
 
 
 async def listen_tcp(url: Url, on_bytes: OnBytes) -> Channel:
-    """Listen at the address; raise OSError when that fails."""
+    """Listen at the address; raise OSError on failure."""
     channel = ServerChannel(on_bytes)
     await channel.listen(url.host, url.port)
     return channel
 
 
 class ServerChannel:
-    """Whoever has connected, as one channel; it is up from the moment it listens.
+    """All connected clients as one channel, which is up once it listens.
 
-    What the clients send is handed on frame by frame: TCP cuts their streams anywhere.
+    Received data is passed on in whole MAVLink frames, because TCP splits streams anywhere.
     """
 
     def __init__(self, on_bytes: OnBytes) -> None:

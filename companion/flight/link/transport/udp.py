@@ -1,4 +1,4 @@
-"""UDP: to a fixed address (`udpout:`), or bound and answering whoever speaks (`udpin:`)."""
+"""UDP transport: a fixed peer (`udpout:`), or a bound port that replies to its recent peers (`udpin:`)."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 from companion.flight.link.transport.channel import MAX_BACKLOG_BYTES, Channel, OnBytes
 from companion.flight.link.transport.mavlink_url import Url
 
-# A bound port answers everyone heard lately: an autopilot or router that restarts speaks from a new port.
+# A bound port replies to all recent peers, because an autopilot or router that restarts uses a new port.
 PEER_MEMORY_S = 10.0
 MAX_PEERS = 4
-# The kernel has no room for this datagram, or its firewall's table has none; for the next one it may.
+# The kernel's buffer or its firewall's table is full for this datagram; the next one may pass.
 NOT_TAKEN = (errno.ENOBUFS, errno.ENOMEM, errno.EPERM)
 
 
 async def open_udpout(url: Url, on_bytes: OnBytes) -> Channel:
-    """Open a socket towards the address; raise OSError when that fails."""
+    """Open a socket connected to the address; raise OSError on failure."""
     channel = DatagramChannel(on_bytes, bound=False)
     loop = asyncio.get_running_loop()
     await loop.create_datagram_endpoint(lambda: channel, remote_addr=(url.host, url.port))
@@ -25,7 +25,7 @@ async def open_udpout(url: Url, on_bytes: OnBytes) -> Channel:
 
 
 async def open_udpin(url: Url, on_bytes: OnBytes) -> Channel:
-    """Bind the address; raise OSError when that fails."""
+    """Bind the address; raise OSError on failure."""
     channel = DatagramChannel(on_bytes, bound=True)
     loop = asyncio.get_running_loop()
     await loop.create_datagram_endpoint(lambda: channel, local_addr=(url.host, url.port))
@@ -60,8 +60,8 @@ class DatagramChannel(asyncio.DatagramProtocol):
         if isinstance(exc, OSError) and exc.errno in NOT_TAKEN:
             self.unsent += 1
             return
-        # "Refused" only says that nobody listens there yet; any other error means that the socket or the
-        # network under it has gone, and a bound socket outlives the fault of one peer.
+        # "Refused" only means that nobody listens there yet. Any other error means that the socket or its
+        # network is gone, but a bound socket survives the fault of one peer.
         if isinstance(exc, ConnectionRefusedError) or self._bound:
             self.refused += 1
         else:
@@ -84,7 +84,7 @@ class DatagramChannel(asyncio.DatagramProtocol):
         return bool(peers) and self.unsent == unsent
 
     def _recent_peers(self) -> list[Any]:
-        """Forget peers silent for long, but never the last one."""
+        """Remove peers silent for long, but never the last one, and return the rest."""
         newest = max(self._peers.values(), default=0.0)
         for peer in [peer for peer, heard in self._peers.items() if newest - heard > PEER_MEMORY_S]:
             del self._peers[peer]

@@ -1,4 +1,4 @@
-"""MAVLink messages to bytes and back (MAVLink 2, the dialect ardupilotmega, which includes common)."""
+"""MAVLink 2 encoder and decoder (dialect ardupilotmega, which includes common)."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ log = logging.getLogger(__name__)
 
 Message = Any  # pymavlink is untyped
 
-# A larger step of the sequence number means that the sender began anew, not that so many frames were lost;
-# unless it is nearly a whole turn: then it is an old frame come late.
+# A larger step of the sequence number means that the sender restarted, not that this many frames were lost. A
+# step of nearly a whole cycle is an old frame that arrived late.
 LARGEST_GAP = 127
 OUT_OF_ORDER = 16
-# What tells us to do or to change something.
+# Messages that command an action or a change.
 ORDERS = frozenset(
     {"COMMAND_LONG", "COMMAND_INT", "COMMAND_CANCEL", "PARAM_SET", "PARAM_EXT_SET", "SETUP_SIGNING"}
 )
 
 
 class Codec:
-    """Both directions of one link.
+    """Encoder and decoder of one link.
 
     Parameters
     ----------
     component_id
-        Component that we speak as.
+        Component ID that we send with.
     signing
-        Signs what is sent and judges what comes; without it everything is believed, signed or not.
+        Signs outgoing frames and verifies incoming ones; without it every frame is accepted, signed or not.
 
     Attributes
     ----------
     received, undecodable
-        Frames decoded; frames that are whole but make no message.
+        Number of frames decoded; number of whole frames that give no message.
     sent
-        Messages encoded.
+        Number of messages encoded.
     refused_orders
         Commands and parameter changes among the frames that `signing` refused.
     """
 
     def __init__(self, component_id: int, signing: Signing | None = None) -> None:
         self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=component_id)
-        self._reader = mavlink.MAVLink(None)  # without a key: signatures are judged before it decodes
+        self._reader = mavlink.MAVLink(None)  # without a key: signatures are verified before it decodes
         self.signing = signing
         if signing is not None:
             self._mavlink.signing.secret_key = signing.secret
@@ -65,7 +65,7 @@ class Codec:
 
     @property
     def system_id(self) -> int:
-        """System that we speak as: the vehicle's own once it is known."""
+        """System ID that we send with: the vehicle's own once it is known."""
         return int(self._mavlink.srcSystem)
 
     @system_id.setter
@@ -78,17 +78,17 @@ class Codec:
 
     @property
     def from_vehicle(self) -> int:
-        """Frames decoded of the vehicle's autopilot."""
+        """Number of decoded frames of the vehicle's autopilot."""
         return self._heard[self.system_id]
 
     @property
     def lost(self) -> int:
-        """Gaps in the sequence numbers of the vehicle's autopilot; of others it passes on only some."""
+        """Gaps in the sequence numbers of the vehicle's autopilot; it forwards others' only in part."""
         return self._lost[self.system_id]
 
     @property
     def bad(self) -> int:
-        """Candidates that were no valid frame."""
+        """Number of candidates that were no valid frame."""
         return self._framer.bad_frames + self.undecodable
 
     @property
@@ -100,7 +100,7 @@ class Codec:
         return self._framer.unknown
 
     def decode(self, data: bytes) -> Iterator[Message]:
-        """Return the messages that these bytes complete; never raises on what came over the wire."""
+        """Return the messages that these bytes complete; never raises on received data."""
         for frame in self._framer.feed(data):
             if self.signing is not None and not self._believed(frame, self.signing):
                 continue
@@ -114,12 +114,12 @@ class Codec:
             yield message
 
     def encode(self, message: Message) -> bytes:
-        """Return the frame of a message, numbered in sequence.
+        """Return the frame of a message with the next sequence number.
 
         Raises
         ------
         struct.error, TypeError
-            If a field does not fit its type: a fault of the program, not of the wire.
+            If a field does not fit its type: a fault of the program, not of the link.
         """
         if self.signing is not None:
             self._mavlink.signing.timestamp = self.signing.next_tick()
@@ -129,7 +129,7 @@ class Codec:
         return frame
 
     def restart(self) -> None:
-        """Forget partial frames and sequence numbers: the channel is a new one."""
+        """Discard partial frames and sequence numbers, because the channel is a new one."""
         self._framer.reset()
         self._sequences.clear()
 

@@ -1,6 +1,6 @@
-"""CURRENT_MODE (436), a message of MAVLink's common set that the dialect ardupilotmega does not have yet.
+"""CURRENT_MODE (436) of MAVLink's common set, which the dialect ardupilotmega does not contain yet.
 
-PX4 sends it when its mode changes and twice a second, and its HEARTBEAT, whose rate is fixed, once a second.
+PX4 sends it on a change of mode and at 2 Hz; its HEARTBEAT has a fixed rate of 1 Hz.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ CURRENT_MODE = 436
 
 
 class MAVLink_current_mode_message(mavlink.MAVLink_message):  # type: ignore[misc]  # noqa: N801
-    """The mode that the vehicle is in, and the one that its pilot chose.
+    """Current mode of the vehicle, and the mode that its pilot chose.
 
     Attributes
     ----------
     custom_mode
-        As in HEARTBEAT.
+        Mode number as in HEARTBEAT.
     intended_custom_mode
-        Differs from it in a failsafe; 0 is unknown.
+        The pilot's choice, different in a failsafe; 0 is unknown.
     standard_mode
         MAV_STANDARD_MODE.
     """
@@ -53,10 +53,10 @@ class MAVLink_current_mode_message(mavlink.MAVLink_message):  # type: ignore[mis
         self.intended_custom_mode = intended_custom_mode
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        """Return the frame as `mav` sends it."""
+        """Return the frame as sent by `mav`."""
         payload = self.unpacker.pack(self.custom_mode, self.intended_custom_mode, self.standard_mode)
         return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
 
 
-# A newer pymavlink may have it.
+# A newer pymavlink may contain it.
 mavlink.mavlink_map.setdefault(CURRENT_MODE, MAVLink_current_mode_message)

@@ -1,7 +1,7 @@
-"""Finds MAVLink frames in a stream of bytes, whatever lies between them.
+"""MAVLink framer: finds checksummed frames in a byte stream with arbitrary data between them.
 
-A candidate that fails its checksum costs one byte, not its announced length, so a frame that starts inside
-a false one is still found (the parser of pymavlink drops up to 280 bytes there).
+A candidate with a wrong checksum costs one byte, not its announced length, so that a frame inside a false one
+is still found (pymavlink's parser drops up to 280 bytes there).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-import companion.flight.link.wire.current_mode  # noqa: F401 - a message more in the dialect's table
+import companion.flight.link.wire.current_mode  # noqa: F401 - adds a message to the dialect's table
 
 V1_MAGIC, V2_MAGIC = 0xFE, 0xFD
 SIGNATURE_BYTES = 13
@@ -18,13 +18,13 @@ _SIGNED = 0x01
 
 
 class Framer:
-    """Splits a stream into checksummed frames; counts what is none.
+    """Splitter of a stream into checksummed frames, with counters of invalid data.
 
     Attributes
     ----------
     bad_bytes, bad_frames, unknown
-        Bytes that belong to no frame; candidates whose checksum or length is wrong; frames of messages that
-        the dialect does not know, whose checksum nobody can check.
+        Bytes outside any frame; candidates with a wrong checksum or length; frames of messages that the
+        dialect does not know, whose checksum cannot be verified.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Framer:
         self.unknown = 0
 
     def feed(self, data: bytes) -> Iterator[bytearray]:
-        """Take bytes and return the frames that they complete."""
+        """Add bytes and return the frames that they complete."""
         self._buffer += data
         while (start := self._candidate()) is not None:
             self._skip(start)
@@ -46,14 +46,14 @@ class Framer:
         self._skip(len(self._buffer))
 
     def whole(self, data: bytes) -> bytes:
-        """Take bytes and return all so far but those of a frame that is still incomplete."""
+        """Add bytes and return all bytes so far except those of an incomplete frame."""
         taken = bytes(self._buffer) + data
         for _ in self.feed(data):
             pass
         return taken[: len(taken) - len(self._buffer)]
 
     def reset(self) -> None:
-        """Forget a partial frame: what comes next starts anew."""
+        """Discard a partial frame."""
         self._skip(len(self._buffer))
 
     def _candidate(self) -> int | None:
@@ -61,14 +61,14 @@ class Framer:
         return min(places) if places else None
 
     def _frame_length(self) -> int | None:
-        """Return the length of the frame that begins the buffer, None while its header is incomplete."""
+        """Return the length of the frame at the start of the buffer, None while its header is incomplete."""
         buffer = self._buffer
         if buffer[0] == V1_MAGIC:
             return 8 + buffer[1] if len(buffer) >= 2 else None
         if len(buffer) < 3:
             return None
         if buffer[2] & ~_SIGNED:
-            return 1  # flags that must be understood and are not: not a frame for us
+            return 1  # unsupported incompatibility flags: not a frame for us
         return 12 + buffer[1] + (SIGNATURE_BYTES if buffer[2] & _SIGNED else 0)
 
     def _take(self, length: int) -> Iterator[bytearray]:
@@ -97,12 +97,12 @@ _BOUNDARY = (b"", bytes([V1_MAGIC]), bytes([V2_MAGIC]))
 
 
 def message_id(frame: bytes | bytearray) -> int:
-    """Return the message's number from a frame's header."""
+    """Return the message ID in a frame's header."""
     return frame[5] if frame[0] == V1_MAGIC else int.from_bytes(frame[7:10], "little")
 
 
 def _fits(frame: bytearray, message: type[mavlink.MAVLink_message]) -> bool:
-    """Tell whether the payload is not longer than the message; a newer MAVLink 2 sender may extend it."""
+    """Return whether the payload is not too long; a newer MAVLink 2 sender may extend it."""
     return frame[0] == V2_MAGIC or frame[1] <= message.unpacker.size
 
 

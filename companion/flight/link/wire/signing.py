@@ -1,8 +1,8 @@
-"""MAVLink 2 signing, without I/O: which frames are the key holder's, and the stamps of our own.
+"""MAVLink 2 signing, without I/O: verification of received frames and timestamps of our own.
 
 The signature is the first 48 bits of SHA-256 over key, frame, link number and timestamp (mavlink.io, "Message
-signing"). pymavlink signs what we send. What comes in is checked here, for its own check believes the
-timestamp of a frame before the signature: one forged frame would shut out the sender that it names.
+signing"). pymavlink signs what we send. Received frames are verified here, because pymavlink accepts the
+timestamp of a frame before its signature: one forged frame would lock out the sender that it names.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ Verdict = Literal["good", "allowed", "unsigned", "forged", "replayed"]
 # 1 January 2015 UTC, and the unit of timestamps.
 EPOCH_S = 1_420_070_400
 TICKS_PER_S = 100_000
-# A sender not heard before may be so far behind the newest timestamp seen (mavlink.io).
+# A new sender may be this far behind the newest timestamp seen (mavlink.io).
 NEW_STREAM_TICKS = 60 * TICKS_PER_S
-# The timestamp in use is at most SAVE_TICKS and a moment's traffic beyond the one saved; a start begins
-# MARGIN_TICKS beyond it.
+# The timestamp in use exceeds the saved one by at most SAVE_TICKS plus a moment's traffic; a start begins
+# MARGIN_TICKS beyond the saved one.
 SAVE_TICKS = 10 * TICKS_PER_S
 MARGIN_TICKS = 2 * SAVE_TICKS
 HIGHEST_TICK = 2**48 - 1
 _SIGNED = 0x01
 
-# Radios put these on the wire themselves and have no key; ArduPilot and MAVProxy take them unsigned, too.
+# Radios insert these themselves and have no key; ArduPilot and MAVProxy accept them unsigned, too.
 UNSIGNED_IDS = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO})
 
 
 def wall_ticks() -> int:
-    """Return the computer's date in units of 10 microseconds since 2015, 0 before that."""
+    """Return the system's date in units of 10 microseconds since 2015, 0 before that."""
     return max(0, (time.time_ns() - EPOCH_S * 1_000_000_000) // 10_000)
 
 
 class Signing:
-    """Judges frames by a key and gives each frame of ours its timestamp.
+    """Verifier of received frames, and source of the timestamps of our own.
 
     Parameters
     ----------
     secret
         32 bytes.
     saved_tick
-        What `to_save` last returned in an earlier run, 0 if there was none.
+        Last result of `to_save` in an earlier run, 0 if there was none.
     wall
         The date in ticks; timestamps follow it, but never go back with it.
 
     Attributes
     ----------
     good, allowed, unsigned, forged, replayed
-        Frames by verdict; all but the first two are refused.
+        Number of frames by verdict; all but the first two are refused.
     """
 
     def __init__(self, secret: bytes, saved_tick: int = 0, wall: Callable[[], int] = wall_ticks) -> None:
@@ -63,7 +63,7 @@ class Signing:
             raise ValueError("a key has 32 bytes")
         self.secret = secret
         self._wall = wall
-        # A saved value beyond the date means that the date was set back: go on from there.
+        # A saved value beyond the date means that the date was set back: continue from the saved value.
         self._tick = min(max(wall(), saved_tick + MARGIN_TICKS if saved_tick else 0), HIGHEST_TICK)
         self._saved_tick = saved_tick
         self._streams: dict[tuple[int, int, int], int] = {}
@@ -71,28 +71,28 @@ class Signing:
 
     @property
     def tick(self) -> int:
-        """Newest timestamp, sent or heard."""
+        """Newest timestamp, sent or received."""
         return self._tick
 
     @property
     def refused(self) -> int:
-        """Frames that were not believed."""
+        """Number of frames refused."""
         return self.unsigned + self.forged + self.replayed
 
     def next_tick(self) -> int:
-        """Return the timestamp of the next frame: the date, and always later than any before."""
+        """Return the timestamp of the next frame: the date, but always later than any before."""
         self._tick = min(max(self._tick + 1, self._wall()), HIGHEST_TICK)
         return self._tick
 
     def to_save(self) -> int | None:
-        """Return the timestamp to remember for the next start, if it has moved on enough since the last."""
+        """Return the timestamp to store for the next start, None if it has advanced too little."""
         if self._tick - self._saved_tick < SAVE_TICKS:
             return None
         self._saved_tick = self._tick
         return self._tick
 
     def judge(self, frame: bytes | bytearray) -> Verdict:
-        """Say whether a whole frame is to be believed, and count it."""
+        """Return the verdict on a whole frame, and count it."""
         verdict = self._verdict(bytes(frame))
         setattr(self, verdict, getattr(self, verdict) + 1)
         return verdict

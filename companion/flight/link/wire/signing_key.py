@@ -1,4 +1,4 @@
-"""The key of MAVLink 2 signing, from a file that only its owner can read."""
+"""Key of MAVLink 2 signing, from a file that only its owner can read."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Form = Literal["32 bytes", "64 hex digits", "a passphrase (SHA-256)"]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Key:
-    """Secret of 32 bytes and how the file held it; never shown in a log."""
+    """Secret of 32 bytes and its form in the file; never shown in a log."""
 
     secret: bytes
     form: Form
 
 
 def read_key(path: Path) -> Key:
-    """Return the key that a file holds.
+    """Return the key in a file.
 
-    64 hex digits are the key; 32 bytes of which one at least is no printable ASCII are the key; anything else
-    is a passphrase in UTF-8, whose SHA-256 is the key, as MAVProxy and Mission Planner make it. Line ends
-    after digits and passphrases do not count.
+    64 hex digits are the key; 32 bytes, at least one of them not printable ASCII, are the key; anything else
+    is a passphrase in UTF-8, whose SHA-256 is the key, as in MAVProxy and Mission Planner. Line ends after
+    digits and passphrases are ignored.
 
     Raises
     ------
     UsageError
-        The file cannot be read, is not a file, is empty or too long, or others than its owner may use it.
+        The file cannot be read, is not a regular file, is empty or too long, or is accessible to others.
     """
     data = _read(path)
     text = data.rstrip(b"\r\n")
@@ -61,7 +61,7 @@ def _read(path: Path) -> bytes:
     except (OSError, ValueError) as error:
         _refuse(path, f"it cannot be read ({getattr(error, 'strerror', None) or error})")
     try:
-        mode = os.fstat(descriptor).st_mode  # of what was opened, not of what the name means by now
+        mode = os.fstat(descriptor).st_mode  # of the opened file: the name may refer to another one by now
         if not stat.S_ISREG(mode):
             _refuse(path, "it is not a file")
         if mode & OTHERS:

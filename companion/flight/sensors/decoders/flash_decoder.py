@@ -1,5 +1,4 @@
-"""Decoder of a flash LiDAR's datagrams (`docs/instruments.md`): each is one row of a frame, with its
-settings."""
+"""Decoder of a flash LiDAR's datagrams (`docs/instruments.md`): one row of a frame each, with settings."""
 
 from __future__ import annotations
 
@@ -26,7 +25,7 @@ FULL_SCALE = 4095.0
 
 @dataclass(slots=True)
 class FlashCounters:
-    """What came, and what was dropped and why; frames that lack a row are used, its pixels being unknown."""
+    """Counters of received and dropped data; frames that lack a row are used, its pixels being unknown."""
 
     packets: int = 0
     malformed: int = 0
@@ -38,8 +37,7 @@ class FlashCounters:
 
 
 class FlashDecoder:
-    """Puts rows together to frames and frames to points, as soon as a frame is whole or the next one
-    begins."""
+    """Decoder that assembles rows to frames, and converts a frame when it is complete or the next begins."""
 
     kind: ClassVar[str] = "flash"
     setup: ClassVar[str] = ""
@@ -56,11 +54,11 @@ class FlashDecoder:
         self._done: list[RawReturns] = []
 
     def __len__(self) -> int:
-        """Return the number of packets kept since the last `drain`."""
+        """Return the number of packets since the last `drain`."""
         return self._packets
 
     def check(self, packet: bytes) -> int | None:
-        """Return the time of the flash (ns), or None, counted, for what is no row of a frame."""
+        """Return the time of the flash (ns), or None, counted as malformed, if it is no row of a frame."""
         head = _header(packet)
         if head is None:
             self.counters.malformed += 1
@@ -68,7 +66,7 @@ class FlashDecoder:
         return head.stamp_ns
 
     def take(self, packet: bytes) -> None:
-        """Keep a row."""
+        """Store a row."""
         head = _header(packet)
         if head is None:
             return
@@ -86,7 +84,7 @@ class FlashDecoder:
             self._finish()
 
     def drain(self) -> RawReturns:
-        """Return the points of the frames that came to their end."""
+        """Return the points of the finished frames."""
         self._packets = 0
         done, self._done = self._done, []
         return join_raw(done) if done else nothing()
@@ -135,7 +133,7 @@ class _Head:
 
 
 def _header(packet: bytes) -> _Head | None:
-    """Return what a datagram says of itself, None for what is none of a flash LiDAR or cannot be."""
+    """Return the header of a datagram, None if it is invalid or not a flash LiDAR's."""
     if len(packet) < HEADER.size or packet[:4] != MAGIC or packet[4] != VERSION:
         return None
     _, _, _, rows, cols, n, row, frame, stamp, fov, tick, pulse, dark, noise, full, marker, gate = (

@@ -1,7 +1,7 @@
-"""LightWare's binary serial protocol: the scanning SF45/B, and rangefinders of the same family, without I/O.
+"""LightWare binary serial protocol of the scanning SF45/B and related rangefinders, without I/O.
 
 A frame is 0xAA, flags (16 bits, little endian: length of the payload times 64, plus 1 for a write), the
-payload, of which the first byte is the command, and CRC-16/XMODEM of all before it. Distances stream as
+payload, whose first byte is the command, and CRC-16/XMODEM of all preceding bytes. Distances stream as
 command 44: 16 bits each, the first return in centimetres and, from a scanner, the angle in hundredths of a
 degree, clockwise from ahead seen from above.
 """
@@ -21,13 +21,13 @@ DISTANCE_OUTPUT, STREAM, DISTANCES_CM, UPDATE_RATE, SCAN_ENABLE = 27, 30, 44, 66
 FIRST_RETURN, ANGLE = 1 << 0, 1 << 8
 STREAM_DISTANCES_CM = 5
 FASTEST = 12
-MOST_PAYLOAD = 64  # none of what is asked for is longer
-LOST_CM = (-100, 0)  # what is sent where nothing came back
+MOST_PAYLOAD = 64  # no requested answer is longer
+LOST_CM = (-100, 0)  # values sent for no return
 
 
 @dataclass(slots=True)
 class LightwareCounters:
-    """What came, and what was dropped and why."""
+    """Counters of received and dropped data."""
 
     packets: int = 0
     other: int = 0
@@ -45,7 +45,7 @@ def encode(command: int, data: bytes, write: bool = True) -> bytes:
 
 
 def requests() -> tuple[bytes, ...]:
-    """Return what makes a sensor scan and stream first returns with their angles as fast as it can."""
+    """Return the requests for scanning and for streaming first returns with angles at the highest rate."""
     return (
         encode(UPDATE_RATE, bytes([FASTEST])),
         encode(DISTANCE_OUTPUT, struct.pack("<I", FIRST_RETURN | ANGLE)),
@@ -56,7 +56,7 @@ def requests() -> tuple[bytes, ...]:
 
 @dataclass(slots=True)
 class LightwareDecoder:
-    """Finds frames in a stream of bytes; what is none is counted and skipped."""
+    """Decoder of frames in a byte stream; other bytes are counted and skipped."""
 
     counters: LightwareCounters = field(default_factory=LightwareCounters)
     _bytes: bytearray = field(default_factory=bytearray)
@@ -64,7 +64,7 @@ class LightwareDecoder:
     def feed(self, data: bytes) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Return the points (n, 3) that these bytes complete, m, forward, left, up of the sensor.
 
-        With each its number (n,) among the readings that they complete, for some have no return.
+        With each point comes its index (n,) among the completed readings, because some have no return.
         """
         self._bytes += data
         before = self.counters.packets
@@ -102,7 +102,7 @@ class LightwareDecoder:
             yield payload
 
     def _skip(self, why: str) -> None:
-        """Pass over a start byte that was none."""
+        """Skip a false start byte."""
         setattr(self.counters, why, getattr(self.counters, why) + 1)
         del self._bytes[0]
 

@@ -1,7 +1,8 @@
-"""Bytes of a LightWare sensor in, batches of returns out; without I/O.
+"""Time-stamped batches of returns from a LightWare sensor's byte stream; without I/O.
 
-The sensor sends no time. Its readings come evenly, so those of one piece are dated backwards from its arrival
-by the rate of the last second, or closer together where that would reach behind the piece before.
+The sensor sends no time, but its readings are equally spaced. The readings of one read are stamped backwards
+from its arrival at the rate of the last second, or closer together if they would otherwise overlap the
+previous read.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ from companion.flight.sensors.returns import Returns
 from companion.runtime.event import Event
 from params import Parameters
 
-LONGEST_NS = 20_000_000  # between two readings, at 50 a second
+LONGEST_NS = 20_000_000  # longest period, at 50 readings a second
 SPAN_NS = 1_000_000_000
 
 
 class LightwareStream:
-    """Decodes and dates readings; the same interface as `PacketStream`.
+    """Decoder and time stamper of readings; same interface as `PacketStream`.
 
     Attributes
     ----------
     batches
         Event of the bytes of a batch, before they are decoded.
     last_arrival_ns
-        Of a reading; None before any.
+        Arrival of the newest reading; None before any.
     """
 
     def __init__(self, parameters: Parameters, on_returns: OnReturns) -> None:
@@ -47,24 +48,24 @@ class LightwareStream:
 
     @property
     def kind(self) -> str:
-        """As in the URL."""
+        """Name in the sensor URL."""
         return "lightware"
 
     @property
     def setup(self) -> str:
-        """Its data tell all."""
+        """Empty: decoding needs no metadata."""
         return ""
 
     def __len__(self) -> int:
-        """Return the number of pieces that wait to be decoded."""
+        """Return the number of chunks waiting to be decoded."""
         return len(self._kept)
 
     def take(self, data: bytes, host: str, arrival_ns: int) -> None:
-        """Keep bytes for the next batch."""
+        """Store bytes for the next batch."""
         self._kept.append((arrival_ns, data))
 
     def flush(self, now_ns: int) -> None:
-        """Decode what was kept and hand it on."""
+        """Decode the stored bytes and pass the returns on."""
         if not self._kept:
             return
         kept, self._kept = self._kept, []
@@ -84,21 +85,21 @@ class LightwareStream:
             self._on_returns(Returns.plain(np.concatenate(points), np.concatenate(stamps)))
 
     def statistics(self) -> dict[str, int | float | None]:
-        """Return counters of readings and returns, and of what was dropped and why."""
+        """Return counters of readings and returns, and of dropped data by reason."""
         return asdict(self._decoder.counters) | {
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate_hz,
         }
 
     def _dated(self, count: int, newest_ns: int) -> NDArray[np.int64]:
-        """Return when so many readings were taken, the last of them now, and none before the one before."""
+        """Return the stamps of `count` readings, the last at `newest_ns`, none before the previous read."""
         since_ns = LONGEST_NS * count if self._last_ns is None else max(0, newest_ns - self._last_ns)
         step_ns = min(self._period_ns, since_ns // count)
         self._last_ns = newest_ns
         return np.asarray(newest_ns - np.arange(count, dtype=np.int64)[::-1] * step_ns)
 
     def _follow(self, readings: int, arrival_ns: int) -> None:
-        """Keep the rate of readings over the last whole second."""
+        """Update the rate of readings over the last whole second."""
         self.last_arrival_ns = arrival_ns
         if self._begun_ns is None:
             self._begun_ns = arrival_ns

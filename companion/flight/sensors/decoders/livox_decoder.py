@@ -2,10 +2,11 @@
 
 A packet is a header of 36 bytes, little endian, and `dot_num` points. `length` counts the whole packet. The
 checksum covers everything from the time stamp on. `timestamp` is the first point's time, `time_interval` the
-time from the first point to the last. `udp_cnt` counts packets, from zero in every frame or without an end.
-Points are given forward, left, up of the sensor's centre. The Mid-360's four laser lines fire in turn, so a
-point's line is its place in the packet modulo four, as the maker's own driver has it; each ray gives one
-return.
+time from the first point to the last. `udp_cnt` counts packets, either from zero in every frame or
+continuously.
+
+Points are forward, left, up of the sensor's centre. The Mid-360's four laser lines fire in turn, so a point's
+line is its index in the packet modulo four, as in the maker's driver; each ray gives one return.
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ HEADER = struct.Struct("<BHHHHBBB12xIQ")
 CHECKED_FROM = 28
 IMU = 0
 POINT_BYTES = {1: 14, 2: 8, 3: 10}
-REORDERED = 64  # a packet at most this much behind the newest is late, one farther behind starts a frame
+REORDERED = 64  # a packet at most this much behind the newest is late; one farther behind starts a frame
 MOST_NS = 2**62
-TOGETHER = 64  # packets joined for one call: within a processor's nearer memory
+TOGETHER = 64  # packets joined for one call, to fit the processor's cache
 
 
 @dataclass(slots=True)
 class LivoxCounters:
-    """What came, and what was dropped and why.
+    """Counters of received and dropped data.
 
-    `unchecked` packets carry a checksum of zero, which the protocol does not give a meaning: they are taken,
-    since UDP has a checksum of its own.
+    `unchecked` packets have a checksum of zero, which the protocol does not define: they are accepted,
+    because UDP has a checksum of its own.
     """
 
     packets: int = 0
@@ -53,25 +54,25 @@ class LivoxCounters:
 
 @dataclass(slots=True)
 class LivoxDecoder:
-    """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
+    """Decoder that stores packets and decodes them together; malformed ones are counted, never raised."""
 
     kind: ClassVar[str] = "livox"
     setup: ClassVar[str] = ""
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
     _packets: list[bytes] = field(default_factory=list)
-    _points: int = 0  # in them
-    _next_count: int = 0  # after the newest packet's
+    _points: int = 0  # in `_packets`
+    _next_count: int = 0  # expected number of the next packet
     _sound: tuple[bytes, tuple[int, ...]] = (b"", ())
 
     def __len__(self) -> int:
-        """Return the number of packets taken and not decoded yet."""
+        """Return the number of packets stored and not decoded yet."""
         return len(self._packets)
 
     def check(self, packet: bytes) -> int | None:
-        """Return the sensor's time of a packet's last point (ns), or None for what is no sound point packet.
+        """Return the sensor's time of a packet's last point (ns), or None if it is no valid point packet.
 
-        What is dropped is counted.
+        Dropped packets are counted.
         """
         c = self.counters
         if len(packet) < HEADER.size:
@@ -99,7 +100,7 @@ class LivoxDecoder:
         return last_ns
 
     def take(self, packet: bytes) -> None:
-        """Keep a packet that `check` found sound."""
+        """Store a packet accepted by `check`."""
         checked, header = self._sound
         if checked is not packet:
             header = HEADER.unpack_from(packet)
@@ -111,7 +112,7 @@ class LivoxDecoder:
         self._points += header[3]
 
     def drain(self) -> RawReturns:
-        """Decode the packets taken; what is no return, or one of low confidence, is dropped and counted."""
+        """Decode the stored packets; points without a return or of low confidence are dropped and counted."""
         most = self._points
         xyz = np.empty((most, 3), np.float32)
         stamps = np.empty(most, np.int64)
@@ -141,14 +142,14 @@ class LivoxDecoder:
         return self.drain()
 
     def _count_lost(self, udp_count: int) -> None:
-        """Count gaps of a counter that runs on, or that begins anew with each frame."""
+        """Count gaps of a packet counter that is continuous or restarts with each frame."""
         newest = self._next_count - 1
         ahead = 0 if newest < 0 else (udp_count - newest - 1) % 65536
         if newest < 0 or ahead < 32768:
             self.counters.lost_packets += ahead
             self._next_count = udp_count + 1
         elif newest - udp_count <= min(REORDERED, newest // 2):
-            # Late, and counted as lost when a later one overtook it; a repeated packet is no late one.
+            # Late, and counted as lost when a later one overtook it; a duplicate is not a late packet.
             if udp_count != newest and self.counters.lost_packets:
                 self.counters.lost_packets -= 1
         else:

@@ -1,4 +1,4 @@
-"""Kernel that turns the bytes of many Livox packets into points."""
+"""Numba kernel that decodes the bytes of many Livox packets into points."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from slz.kernels.jit import kernel
 
 HEADER_BYTES = 36
 CENTIDEGREE = math.pi / 18000
-# Tag bits 0-1: the return lies on the line between two close objects; bits 2-3: rain, fog or dust; bits 4-5:
-# other. 0 is high confidence, 1 moderate, 2 low, 3 reserved: the upper bit of a pair tells low confidence.
+# Tag bits 0-1: the return is on the line between two close objects; bits 2-3: rain, fog or dust; bits 4-5:
+# other. 0 is high confidence, 1 moderate, 2 low, 3 reserved: the upper bit of a pair means low confidence.
 DOUBTFUL = 0b101010
 LINES = 4
 
@@ -42,7 +42,7 @@ def _i16(data: Bytes, at: np.uint64) -> np.int16:
 
 @kernel("UniTuple(float64, 3)(Array(uint8, 1, 'C', readonly=True), uint64, int64)")
 def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]:
-    """Return x, y, z of the point that begins at a byte; 1: mm, 2: cm, 3: depth mm and two angles."""
+    """Return x, y, z of the point at a byte offset; kind 1: mm, 2: cm, 3: depth in mm and two angles."""
     two, four, six, eight = np.uint64(2), np.uint64(4), np.uint64(6), np.uint64(8)
     if kind == 1:
         return _i32(data, at) * 1e-3, _i32(data, at + four) * 1e-3, _i32(data, at + eight) * 1e-3
@@ -63,10 +63,10 @@ def decode_points(
     intensity: NDArray[np.uint8],
     ring: NDArray[np.uint8],
 ) -> tuple[int, int, int]:
-    """Decode packets that follow each other in `data`.
+    """Decode consecutive packets in `data`.
 
-    Every point is written after the last one kept, and the next one over it unless it is kept too: a branch
-    that depends on a point cannot be foretold.
+    Every point is written after the last one kept and overwritten by the next one unless it is kept too,
+    because a branch per point would be unpredictable.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def decode_points(
     tuple
         Points kept, points without a return, points of low confidence.
     """
-    one, two = np.uint64(1), np.uint64(2)  # unsigned: no index counts from the end
+    one, two = np.uint64(1), np.uint64(2)  # unsigned: no negative indexing
     kept, absent, doubtful = 0, 0, 0
     packet, end = np.uint64(0), np.uint64(len(data))
     while packet < end:

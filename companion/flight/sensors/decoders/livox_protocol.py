@@ -1,9 +1,9 @@
-"""Tells a Livox Mid-360 to measure and where to send its points (control protocol, SDK 2), without I/O.
+"""Livox Mid-360 control protocol (SDK 2), without I/O: start sampling and set the receiver of points.
 
-A frame is 24 bytes, little endian, and its data: 0xAA, version 0, length of the whole, sequence number,
-command, 0 request or 1 answer, 0 from the computer or 1 from the sensor, 6 reserved, CRC-16/CCITT-FALSE of
-the 18 bytes before it, CRC-32 of the data (0 for none). Parameters are set as pairs of key and value, and the
-answer to that is a code, 0 for done, and the key that was refused.
+A frame is 24 bytes, little endian, and its data: 0xAA, version 0, total length, sequence number, command, 0
+request or 1 answer, 0 from the computer or 1 from the sensor, 6 reserved, CRC-16/CCITT-FALSE of the 18 bytes
+before it, CRC-32 of the data (0 for none). Parameters are set as pairs of key and value. The answer is a
+code, 0 for success, and the key that was refused.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 log = logging.getLogger(__name__)
 
-PORT = 56100  # where the sensor listens
-POINT_PORT = 56300  # where its points come from
+PORT = 56100  # the sensor's control port
+POINT_PORT = 56300  # source port of its points
 SET_PARAMETERS = 0x0100
 POINT_FORMAT, POINT_HOST, WORK_MODE = 0x0000, 0x0006, 0x001A
 CARTESIAN_32, SAMPLING = 1, 1
@@ -33,7 +33,7 @@ HEADER_BYTES = _HEADER.size + _SUMS.size
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One message of the control protocol."""
+    """Message of the control protocol."""
 
     command: int
     sequence: int
@@ -50,7 +50,7 @@ def encode(frame: Frame, sender: int = 0) -> bytes:
 
 
 def decode(data: bytes) -> Frame | None:
-    """Return the message of a datagram, None where it is none or damaged."""
+    """Return the message in a datagram, None if it is invalid."""
     if len(data) < HEADER_BYTES:
         return None
     start, version, length, sequence, command, kind, _, _ = _HEADER.unpack_from(data)
@@ -71,22 +71,24 @@ def parameters(values: dict[int, bytes]) -> bytes:
 
 
 def host_value(address: str, port: int) -> bytes:
-    """Return the value of `POINT_HOST`: whereto, and from which port of the sensor."""
+    """Return the value of `POINT_HOST`: destination, and source port of the sensor."""
     return ipaddress.IPv4Address(address).packed + struct.pack("<HH", port, POINT_PORT)
 
 
 class LivoxControl:
-    """Asks until the sensor answers, and again when its points stop: it may have been switched off and on.
+    """Client that requests sampling until the sensor answers, and again when its points stop.
+
+    The sensor may have been power-cycled.
 
     Parameters
     ----------
     host, port
-        This computer's address as the sensor sees it, and the port for points.
+        This computer's address as seen by the sensor, and the port for points.
 
     Attributes
     ----------
     refused
-        What the sensor refused, empty for nothing.
+        Description of a refused parameter, empty without one.
     """
 
     def __init__(self, host: str, port: int) -> None:
@@ -103,7 +105,7 @@ class LivoxControl:
         self.refused = ""
 
     def due(self, now_ns: int, last_point_ns: int | None) -> bytes | None:
-        """Return what to send now, None for nothing."""
+        """Return the request to send now, None without one."""
         silent = last_point_ns is None or now_ns - last_point_ns > SILENT_NS
         if self._answered and not silent:
             return None
@@ -115,7 +117,7 @@ class LivoxControl:
         return encode(Frame(SET_PARAMETERS, self._sequence, REQUEST, self._data))
 
     def take(self, data: bytes) -> bool:
-        """Take a datagram of the sensor; return whether it answers what was asked."""
+        """Process a datagram of the sensor; return whether it answers the last request."""
         frame = decode(data)
         if frame is None or (frame.kind, frame.command, frame.sequence) != (
             ANSWER,

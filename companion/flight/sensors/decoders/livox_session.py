@@ -1,4 +1,4 @@
-"""Keeps a Mid-360 sampling and sending to this computer."""
+"""Control session that keeps a Mid-360 sampling and sending to this computer."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ TICK_S = 0.2
 
 
 class LivoxSession(asyncio.DatagramProtocol):
-    """Talks to the sensor's control port.
+    """Client of the sensor's control port.
 
     Parameters
     ----------
     sensor
-        Its address; its port too, where it is not 56100, as ADDRESS:PORT.
+        Its address; ADDRESS:PORT if the port is not 56100.
     port
-        On which this computer receives points.
+        Port on which this computer receives points.
     last_point_ns
-        When the newest points came.
+        Returns the arrival of the newest points.
     """
 
     def __init__(self, sensor: str, port: int, last_point_ns: Callable[[], int | None]) -> None:
@@ -39,12 +39,12 @@ class LivoxSession(asyncio.DatagramProtocol):
         self._heard = False
 
     async def run(self) -> None:
-        """Ask until it samples, and whenever it stops, until cancelled.
+        """Send requests until the sensor samples, and whenever it stops, until cancelled.
 
         Raises
         ------
         UsageError
-            There is no way to that address.
+            There is no route to that address.
         """
         loop = asyncio.get_running_loop()
         try:
@@ -64,10 +64,10 @@ class LivoxSession(asyncio.DatagramProtocol):
             transport.close()
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Take an answer."""
+        """Process an answer."""
         if self._control is not None and self._control.take(data) and not self._heard:
             self._heard = True
             log.info("LiDAR at %s answers", self._sensor[0])
 
     def error_received(self, exc: Exception) -> None:
-        """Ignore that nobody listens there yet: it is asked again."""
+        """Ignore that nobody listens there yet: the request is repeated."""

@@ -1,8 +1,8 @@
 """Decoder of Ouster's OS0, OS1 and OS2 (firmware manual, lidar data packet format).
 
-What a packet holds is told by the sensor's metadata: rows, columns, profile, angles of the beams. Each column
-has a stamp (ns), its number in the frame, and a status whose lowest bit says that it is valid. Points are
-given in the sensor frame of the manual: x forward, away from the connector, y left, z up.
+The sensor's metadata define the packet: rows, columns, profile, angles of the beams. Each column has a stamp
+(ns), its number in the frame, and a status whose lowest bit means valid. Points are in the sensor frame of
+the manual: x forward, away from the connector, y left, z up.
 
 The optional package `ouster-sdk` reads packets and metadata.
 """
@@ -27,16 +27,16 @@ INSTALL = f"{READER} is not installed: pip install 'slz[ouster]'"
 LEGACY = "LEGACY"
 LIDAR_TYPE = 1
 MOST_NS = 2**62
-MOST_PACKET_NS = 50_000_000  # no packet takes longer, at 5 Hz and 512 columns a frame it takes 6 ms
-MOST_ROWS, MOST_COLUMNS = 512, 16_384  # of a frame; the largest sensors have 128 and 4096
-MOST_M = 10.0  # of a point 1 m away
-PAUSE_FRAMES = 10  # a longer gap is a sensor switched off, not lost packets
+MOST_PACKET_NS = 50_000_000  # no packet takes longer; at 5 Hz and 512 columns a frame it takes 6 ms
+MOST_ROWS, MOST_COLUMNS = 512, 16_384  # limits of a frame; the largest sensors have 128 and 4096
+MOST_M = 10.0  # limit for a point at 1 m
+PAUSE_FRAMES = 10  # a longer gap means a sensor that was off, not lost packets
 Bytes = NDArray[np.uint8]
 
 
 @dataclass(slots=True)
 class OusterCounters:
-    """What came, and what was dropped and why; `empty` packets hold no valid column."""
+    """Counters of received and dropped data; `empty` packets hold no valid column."""
 
     packets: int = 0
     imu: int = 0
@@ -57,9 +57,9 @@ class _Columns:
 
 
 class _Format:
-    """What the metadata says of packets, in the terms of ouster-sdk.
+    """Packet format given by the metadata, read with ouster-sdk.
 
-    direction, offset_m : (columns of a frame, rows, 3), a point is offset + range * direction.
+    direction, offset_m: (columns of a frame, rows, 3); a point is offset + range * direction.
     """
 
     def __init__(self, metadata: str) -> None:
@@ -67,7 +67,7 @@ class _Format:
             sdk = import_module("ouster.sdk.core")
         except ModuleNotFoundError:
             raise UsageError(INSTALL) from None
-        except ImportError as error:  # a library of the system, such as OpenGL's, that the package asks for
+        except ImportError as error:  # a missing system library that the package needs, such as OpenGL's
             library = str(error).partition(":")[0]
             hint = " (Debian: sudo apt install libgl1)" if library.startswith("libGL.") else ""
             raise UsageError(f"{READER} cannot be loaded without {library}{hint}") from None
@@ -102,7 +102,7 @@ class _Format:
         self._columns = columns
 
     def columns(self, data: Bytes) -> _Columns | None:
-        """Return a packet's columns, None if they cannot be what a sensor with this metadata sends."""
+        """Return a packet's columns, None if a sensor with this metadata cannot have sent them."""
         if not self._is_legacy and self._packet.packet_type(data) != LIDAR_TYPE:
             return None
         number = self._packet.packet_header(self._header.MEASUREMENT_ID, data).astype(np.int64)
@@ -118,14 +118,14 @@ class _Format:
         return _Columns(stamp_ns, number[valid], valid)
 
     def place(self, data: Bytes) -> int | None:
-        """Return a packet's place among all of the sensor's, which begin anew after `frames` frames."""
+        """Return a packet's index among all packets of the sensor; it wraps after `frames` frames."""
         column = int(self._packet.packet_header(self._header.MEASUREMENT_ID, data)[0])
         slot = self._slots.get(column // self._columns)
         return None if slot is None else int(self._packet.frame_id(data)) * len(self._slots) + slot
 
     @property
     def frame_packets(self) -> int:
-        """Packets of a frame."""
+        """Number of packets per frame."""
         return len(self._slots)
 
     def measurements(self, data: Bytes, valid: NDArray[np.bool_]) -> tuple[NDArray[np.uint32], Bytes]:
@@ -137,7 +137,7 @@ class _Format:
 
 
 def _check_size(form: Any) -> None:
-    """Refuse metadata of a sensor that cannot be, before memory is asked for."""
+    """Refuse metadata of an impossible sensor before memory is allocated."""
     rows, columns = int(form.pixels_per_column), int(form.columns_per_frame)
     packet = int(form.columns_per_packet)
     if not (0 < rows <= MOST_ROWS and 0 < columns <= MOST_COLUMNS and 0 < packet <= columns):
@@ -154,7 +154,7 @@ _format_of = lru_cache(maxsize=4)(_Format)
 
 @dataclass(slots=True)
 class OusterDecoder:
-    """Takes packets one by one and decodes them together; malformed ones are counted, never raised.
+    """Decoder that stores packets and decodes them together; malformed ones are counted, never raised.
 
     Parameters
     ----------
@@ -179,13 +179,13 @@ class OusterDecoder:
         self._format = _format_of(self.setup)
 
     def __len__(self) -> int:
-        """Return the number of packets taken and not decoded yet."""
+        """Return the number of packets stored and not decoded yet."""
         return len(self._packets)
 
     def check(self, packet: bytes) -> int | None:
-        """Return the sensor's time of a packet's last point (ns), or None for what is no sound point packet.
+        """Return the sensor's time of a packet's last point (ns), or None if it is no valid point packet.
 
-        What is dropped is counted.
+        Dropped packets are counted.
         """
         if len(packet) == self._format.imu_size:
             self.counters.imu += 1
@@ -202,13 +202,13 @@ class OusterDecoder:
         return int(columns.stamp_ns[-1])
 
     def take(self, packet: bytes) -> None:
-        """Keep a packet that `check` found sound."""
+        """Store a packet accepted by `check`."""
         self.counters.packets += 1
         self._count_lost(self._format.place(np.frombuffer(packet, np.uint8)))
         self._packets.append(packet)
 
     def drain(self) -> RawReturns:
-        """Decode the packets taken; pixels without a return are dropped and counted."""
+        """Decode the stored packets; pixels without a return are dropped and counted."""
         raw = self._decode(self._packets) if self._packets else nothing()
         self._packets.clear()
         self.counters.returns += len(raw)
@@ -227,7 +227,7 @@ class OusterDecoder:
         for packet in packets:
             data = np.frombuffer(packet, np.uint8)
             columns = form.columns(data)
-            assert columns is not None  # noqa: S101 - `check` has seen it
+            assert columns is not None  # noqa: S101 - `check` has accepted it
             parts.append((columns, *form.measurements(data, columns.valid)))
         range_mm = np.concatenate([part[1] for part in parts])
         bright = np.concatenate([part[2] for part in parts])
@@ -242,7 +242,7 @@ class OusterDecoder:
         return RawReturns(xyz[:kept], stamp_ns[:kept], *(array[:kept] for array in rest))
 
     def _count_lost(self, place: int | None) -> None:
-        """Count gaps in the places of packets, which go round."""
+        """Count gaps in the indices of packets, which wrap around."""
         if place is None:
             return
         if self._newest is None:

@@ -1,4 +1,4 @@
-"""Kernel that turns the ranges of Ouster packets into points."""
+"""Numba kernel that projects the ranges of Ouster packets to points."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def place_pixels(
     echo: NDArray[np.uint8],
     echoes: NDArray[np.uint8],
 ) -> tuple[int, int]:
-    """Place what columns measured; a range of zero is no return.
+    """Project the ranges of columns to points; a range of zero is no return.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def place_pixels(
     number, column_ns
         (columns,), number in the frame and stamp.
     direction, offset_m
-        (columns of a frame, rows, 3), a point is offset + range * direction.
+        (columns of a frame, rows, 3); a point is offset + range * direction.
     xyz_m, stamp_ns, intensity, ring, echo, echoes
         Filled from the front; as in `RawReturns`.
 
@@ -66,7 +66,7 @@ def place_pixels(
                 intensity[kept] = bright[column, row, k]
                 ring[kept] = rows - 1 - row
                 other = range_mm[column, row, 1 - k] if count == 2 else mm
-                # The nearer of two is the first, whichever the sensor put first.
+                # The nearer of two returns is the first, in whatever order the sensor sends them.
                 echo[kept] = 2 if mm > other or (count == 2 and mm == other and k == 1) else 1
                 echoes[kept] = count
                 kept += 1

@@ -1,10 +1,10 @@
-"""Decoder of an interferometric radar's datagrams (`docs/instruments.md`): each is one line of complex
-samples.
+"""Decoder of an interferometric radar's datagrams (`docs/instruments.md`): one line of complex samples each.
 
-Lines are gathered into blocks of one range gate, and a block is unwrapped as a whole. Its points are given in
-the sensor frame: forward, left, up of the antennas, the radar looking right. So the vehicle's own pose places
-them, line by line, as it places a LiDAR's returns. When pitched, the ground in the beam's plane is further
-than the altitude told, and no datagram tells the pitch: each block says how much of it its points bear.
+Lines are gathered into blocks of one range gate, and each block is phase-unwrapped as a whole. Its points are
+in the sensor frame: forward, left, up of the antennas, the radar looking right. So the vehicle's own pose
+places them, line by line, like a LiDAR's returns. With pitch, the ground in the beam's plane is farther away
+than the reported altitude, and no datagram contains the pitch: each block carries the greatest pitch for
+which its points are valid.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ VERSION = 1
 HEADER = struct.Struct("<4sBBHIQdfffffffff")
 BLOCK = 8
 MOST_NS = 2**62
-CLIPPED = 32767  # of the converter: what it gives for all that is stronger
+CLIPPED = 32767  # full scale of the converter: the value of all stronger samples
 MOST_BLOCK_NS = 3_000_000_000
-LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # of a sample: what lies beyond overflows when it is squared
+LEAST_UNIT, MOST_UNIT = 1e-9, 1e6  # limits of a sample's unit, so that squares do not overflow
 MOST_SIGMA_M = 0.10
-"""Points less certain are left out: the map takes all of a sensor's points for equally good."""
+"""Less certain points are dropped, because the map weights all points of a sensor equally."""
 MOST_TURN = 0.25
-"""Of a whole turn's height, by which pitch may change the distance to the ground; half makes all wrong."""
+"""Greatest change of ground distance caused by pitch, in heights of one phase turn; 0.5 makes all wrong."""
 
 
 @dataclass(slots=True)
 class RadarCounters:
-    """What came, and what was dropped and why; `no_return` samples had no coherence or were too uncertain."""
+    """Counters of received and dropped data; `no_return` samples lack coherence or are too uncertain."""
 
     packets: int = 0
     malformed: int = 0
@@ -62,14 +62,14 @@ class _Line:
     clipped: NDArray[np.bool_] = field(repr=False)
 
     def follows(self, other: _Line) -> bool:
-        """Tell whether two lines belong to one block."""
+        """Return whether two lines belong to one block."""
         same = (self.radar, self.first_m, self.step_m) == (other.radar, other.first_m, other.step_m)
         later = 0 < self.stamp_ns - other.stamp_ns < MOST_BLOCK_NS
         return same and later and self.samples.shape == other.samples.shape
 
 
 class RadarDecoder:
-    """Gathers lines into blocks and turns them into points."""
+    """Decoder that gathers lines into blocks and converts blocks to points."""
 
     kind: ClassVar[str] = "radar"
     setup: ClassVar[str] = ""
@@ -82,11 +82,11 @@ class RadarDecoder:
         self._done: list[RawReturns] = []
 
     def __len__(self) -> int:
-        """Return the number of packets kept since the last `drain`."""
+        """Return the number of packets since the last `drain`."""
         return self._packets
 
     def check(self, packet: bytes) -> int | None:
-        """Return the time of a line (ns), or None, counted, for what is none."""
+        """Return the time of a line (ns), or None, counted as malformed, if the packet is no line."""
         line = _line(packet)
         if line is None:
             self.counters.malformed += 1
@@ -94,7 +94,7 @@ class RadarDecoder:
         return line.stamp_ns
 
     def take(self, packet: bytes) -> None:
-        """Keep a line."""
+        """Store a line."""
         line = _line(packet)
         if line is None:
             return
@@ -110,7 +110,7 @@ class RadarDecoder:
             self._finish()
 
     def drain(self) -> RawReturns:
-        """Return the points of the blocks that came to their end."""
+        """Return the points of the finished blocks."""
         self._packets = 0
         done, self._done = self._done, []
         return join_raw(done) if done else nothing()
@@ -120,7 +120,7 @@ class RadarDecoder:
         self.counters.blocks += 1
         try:
             self._done += _points(block, self.counters)
-        except ValueError:  # too few lines, or nothing of them reaches the ground
+        except ValueError:  # too few lines, or none of them reaches the ground
             self.counters.broken_blocks += 1
 
 
@@ -137,7 +137,7 @@ def _points(block: list[_Line], counters: RadarCounters) -> list[RawReturns]:
     )
     radar = block[0].radar
     image = interferogram(lines, radar)
-    image.coherence[np.stack([line.clipped for line in block])] = 0.0  # its phase is not that of the echo
+    image.coherence[np.stack([line.clipped for line in block])] = 0.0  # clipping corrupts the phase
     found = heights(image, lines, radar)
     good = found.sigma_m < MOST_SIGMA_M
     counters.returns += int(good.sum())
@@ -157,7 +157,7 @@ def _points(block: list[_Line], counters: RadarCounters) -> list[RawReturns]:
 
 
 def _line(packet: bytes) -> _Line | None:
-    """Return what a datagram holds, None for what is no line or cannot be one."""
+    """Return the line in a datagram, None if it is invalid."""
     if len(packet) < HEADER.size or packet[:4] != MAGIC or packet[4] != VERSION:
         return None
     _, _, looks, bins, number, stamp, carrier, *floats = HEADER.unpack_from(packet)

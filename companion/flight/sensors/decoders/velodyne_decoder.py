@@ -1,9 +1,9 @@
 """Decoder of Velodyne's VLP-16, Puck Hi-Res and VLP-32C (user manuals 63-9243 and 63-9325).
 
 A packet of 1206 bytes, little endian, is 12 blocks of flag, azimuth (0.01 degree) and 32 measurements, then a
-stamp and two factory bytes: return mode and model. The stamp counts microseconds past the hour, and is when
-the packet's first laser fired. Every 55.296 us all 16 lasers (VLP-16) or 16 pairs (VLP-32C) fire once,
-2.304 us apart. In dual mode blocks come in pairs, the last return and the strongest.
+stamp and two factory bytes: return mode and model. The stamp is the time of the packet's first laser, in
+microseconds past the hour. Every 55.296 us all 16 lasers (VLP-16) or 16 pairs (VLP-32C) fire once, 2.304 us
+apart. In dual mode blocks come in pairs, the last return and the strongest.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from companion.flight.sensors.decoders.velodyne_points import (
 from companion.flight.sensors.returns import RawReturns, nothing
 
 PACKET_BYTES = 1206
-POSITION_BYTES = (512, 554)  # as payload, and with the frame's headers as some loggers forward it
+POSITION_BYTES = (512, 554)  # payload, and with the network headers as some loggers forward it
 HEADS = struct.Struct("<" + "HH96x" * 12)
 TAIL = struct.Struct("<IBB")
 FLAGS = (0xEEFF,) * 12
@@ -45,13 +45,13 @@ HOUR_NS = 3_600_000_000_000
 HOUR_US = 3_600_000_000
 SEQUENCE_NS = SEQUENCE_TICKS * TICK_NS
 LAST_LASER_NS = 15 * TICK_NS
-PAUSE_NS = 1_000_000_000  # a longer gap is a sensor switched off, not lost packets
+PAUSE_NS = 1_000_000_000  # a longer gap means a sensor that was off, not lost packets
 LATE_NS = 20_000_000
 
 
 @dataclass(slots=True)
 class VelodyneCounters:
-    """What came, and what was dropped and why."""
+    """Counters of received and dropped data."""
 
     packets: int = 0
     position: int = 0
@@ -63,7 +63,7 @@ class VelodyneCounters:
 
 @dataclass(slots=True)
 class VelodyneDecoder:
-    """Takes packets one by one and decodes them together; malformed ones are counted, never raised."""
+    """Decoder that stores packets and decodes them together; malformed ones are counted, never raised."""
 
     kind: ClassVar[str] = "velodyne"
     setup: ClassVar[str] = ""
@@ -74,13 +74,13 @@ class VelodyneDecoder:
     _newest_ns: int | None = None
 
     def __len__(self) -> int:
-        """Return the number of packets taken and not decoded yet."""
+        """Return the number of packets stored and not decoded yet."""
         return len(self._packets)
 
     def check(self, packet: bytes) -> int | None:
-        """Return the sensor's time of a packet's last point (ns), or None for what is no sound point packet.
+        """Return the sensor's time of a packet's last point (ns), or None if it is no valid point packet.
 
-        The time goes on over the turn of the hour. What is dropped is counted.
+        The time is unwrapped across full hours. Dropped packets are counted.
         """
         if len(packet) in POSITION_BYTES:
             self.counters.position += 1
@@ -91,7 +91,7 @@ class VelodyneDecoder:
         return self._stamp_ns(packet) + _duration_ns(packet) - SEQUENCE_NS + LAST_LASER_NS
 
     def take(self, packet: bytes) -> None:
-        """Keep a packet that `check` found sound."""
+        """Store a packet accepted by `check`."""
         stamp_ns = self._stamp_ns(packet)
         self.counters.packets += 1
         self._count_lost(stamp_ns, _duration_ns(packet))
@@ -99,7 +99,7 @@ class VelodyneDecoder:
         self._stamps_ns.append(stamp_ns)
 
     def drain(self) -> RawReturns:
-        """Decode the packets taken; rays without a return are dropped and counted."""
+        """Decode the stored packets; rays without a return are dropped and counted."""
         n = len(self._packets)
         if not n:
             return nothing()
@@ -127,14 +127,14 @@ class VelodyneDecoder:
         return self.drain()
 
     def _stamp_ns(self, packet: bytes) -> int:
-        """Return a packet's stamp in the hour that brings it nearest to the packet taken last."""
+        """Return a packet's stamp, unwrapped to the hour nearest to the newest packet."""
         past_hour_ns = int.from_bytes(packet[TAIL_AT : TAIL_AT + 4], "little") * 1000
         if self._newest_ns is None:
-            return HOUR_NS + past_hour_ns  # no stamp before the first is negative
+            return HOUR_NS + past_hour_ns  # one hour ahead, so that no earlier stamp is negative
         return past_hour_ns + round((self._newest_ns - past_hour_ns) / HOUR_NS) * HOUR_NS
 
     def _count_lost(self, stamp_ns: int, duration_ns: int) -> None:
-        """Count the packets that would have filled a gap; packets carry no number."""
+        """Count the packets that would have filled a gap, because packets carry no number."""
         ahead_ns = 0 if self._newest_ns is None else stamp_ns - self._newest_ns
         if -LATE_NS < ahead_ns < 0:
             # Late, and counted as lost when a later one overtook it.
@@ -146,7 +146,7 @@ class VelodyneDecoder:
 
 
 def _is_sound(packet: bytes) -> bool:
-    """Return whether a packet is one of a known model, whole and with every azimuth within the circle."""
+    """Return whether a packet is complete, of a known model, and has every azimuth within the circle."""
     if len(packet) != PACKET_BYTES:
         return False
     blocks = HEADS.unpack_from(packet)

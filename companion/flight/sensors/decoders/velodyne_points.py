@@ -1,7 +1,8 @@
-"""Kernel that turns the bytes of many Velodyne packets into points, and the lasers of each model.
+"""Numba kernel that decodes many Velodyne packets into points, and the laser table of each model.
 
-Elevations and azimuth offsets are those of the user manuals (63-9243 VLP-16, 63-9318 Puck Hi-Res, 63-9325
-VLP-32C), laser by laser; vertical offsets follow from the focus, to 0.05 mm of those listed for the VLP-16.
+Elevations and azimuth offsets are from the user manuals (63-9243 VLP-16, 63-9318 Puck Hi-Res, 63-9325
+VLP-32C), laser by laser; vertical offsets follow from the focus, within 0.05 mm of those listed for the
+VLP-16.
 """
 
 from __future__ import annotations
@@ -14,22 +15,23 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-BLOCKS, PLACES = 12, 32  # of a packet; measurements of a block
+BLOCKS, PLACES = 12, 32  # blocks of a packet; measurements of a block
 BLOCK_BYTES = 100
 TAIL_AT = BLOCKS * BLOCK_BYTES  # stamp, return mode, model
 MODE_AT, MODEL_AT = TAIL_AT + 4, TAIL_AT + 5
 DUAL = 0x39
 TICK_NS = 2_304  # between two lasers
-SEQUENCE_TICKS = 24  # from one firing of all lasers to the next
+SEQUENCE_TICKS = 24  # between two firings of all lasers
 CIRCLE = 36_000  # hundredths of a degree
-MOST_PER_TICK = CIRCLE * 25 * TICK_NS * 1e-9  # it turns 5 to 20 times a second: more is a sector left out
+MOST_PER_TICK = CIRCLE * 25 * TICK_NS * 1e-9  # at 5 to 20 turns a second; more is an omitted sector
 
 
 @dataclass(frozen=True, slots=True)
 class Lasers:
-    """Where lasers look, elevation and azimuth (deg); the unit of ranges (m).
+    """Elevation and azimuth of the lasers (deg), and the unit of ranges (m).
 
-    focus_m : from the axis to where all beams cross, level with the origin; a beam begins above or below it.
+    focus_m: distance from the axis to the point where all beams cross, level with the origin; a beam begins
+    above or below it.
     """
 
     elevation_deg: tuple[float, ...]
@@ -70,7 +72,7 @@ SEQUENCES = {model: BLOCKS * PLACES // len(lasers.elevation_deg) for model, lase
 
 
 def _table(lasers: Lasers) -> tuple[list[list[float]], list[int], list[int]]:
-    """Return for each place of a block (across m, up m, offset m, azimuth rad) a unit, tick and ring."""
+    """Return, for each place of a block, its shape (across m, up m, offset m, azimuth rad), tick and ring."""
     n = len(lasers.elevation_deg)
     rings = np.argsort(np.argsort(lasers.elevation_deg))
     shape, ticks, ring = [], [], []
@@ -90,7 +92,7 @@ SHAPE = np.array([shape for shape, _, _ in _TABLES])
 TICKS = np.array([ticks for _, ticks, _ in _TABLES])
 RING = np.array([ring for _, _, ring in _TABLES], np.uint8)
 BLOCK_TICKS = np.array([SEQUENCE_TICKS * count // BLOCKS for count in SEQUENCES.values()])
-NUMBER = np.full(256, -1)  # of a model's row in the tables, by its factory byte
+NUMBER = np.full(256, -1)  # row of a model in the tables, by its factory byte
 NUMBER[list(MODELS)] = range(len(MODELS))
 
 Bytes = NDArray[np.uint8]
@@ -104,7 +106,7 @@ def _u16(packets: Bytes, packet: int, at: int) -> int:
 
 @kernel(f"float64({_PACKETS}, int64, int64, int64)")
 def _turn_per_tick(packets: Bytes, packet: int, step: int, ticks: int) -> float:
-    """Return the mean turn in a tick, in 0.01 degrees; steps over a sector that is left out do not count."""
+    """Return the mean turn per tick, in 0.01 degrees, without steps over an omitted sector."""
     turned, times = 0, 0
     for block in range(0, BLOCKS - step, step):
         before = _u16(packets, packet, block * BLOCK_BYTES + 2)
@@ -134,14 +136,14 @@ def place_rays(
     echo: Bytes,
     echoes: Bytes,
 ) -> tuple[int, int]:
-    """Place what packets measured; a distance of zero is no return.
+    """Project the measurements of packets to points; a distance of zero is no return.
 
-    The lasers turn on while they fire: by the mean of the packet's own steps from block to block.
+    The lasers turn while they fire, at the mean rate of the packet's own steps from block to block.
 
     Parameters
     ----------
     packets, stamps_ns
-        (packets, 1206) uint8, checked, of known models; when each one's first laser fired.
+        (packets, 1206) uint8, checked, of known models; the time of each one's first firing.
     number, shape, ticks, rings, block_ticks
         `NUMBER`, `SHAPE`, `TICKS`, `RING`, `BLOCK_TICKS`.
     xyz_m, stamp_ns, intensity, ring, echo, echoes
@@ -177,7 +179,7 @@ def place_rays(
                 both = last != other and last > 0 and other > 0
                 x = forward * cos_ahead[place] - right * sin_ahead[place]
                 y = -right * cos_ahead[place] - forward * sin_ahead[place]
-                for k in range(2):  # the last return, then the strongest; one of two that are the same
+                for k in range(2):  # the last return, then the strongest; one of two equal ones
                     distance = other if k else last
                     if distance == 0 or (k == 0 and last == other):
                         continue
