@@ -65,7 +65,7 @@ def _fitted(parameters: Parameters, density: float, extent_m: float) -> Paramete
     own: dict[str, Any] = {
         "zone_m": 2 * halves * p.cell_m,
         "max_age_s": 1e12,
-        "memory_mb": 64 + (2 * halves + 128) ** 2 * 64 / 2**20,  # never used up: all of the cloud is kept
+        "memory_mb": 64 + (2 * halves + 128) ** 2 * 64 / 2**20,  # more than is used: all points are kept
     }
     if "coverage_m" not in p.model_fields_set:
         own["coverage_m"] = coverage_for(density, p.cell_m, p.coverage_m, p.min_square_m)

@@ -128,7 +128,7 @@ def _join_groups(
     total: NDArray[np.int64],
     extreme: NDArray[np.int32],
 ) -> int:
-    """Join those points beyond the interval that are in a group; return how many of the inner box are not."""
+    """Join the points beyond the interval that are in a group; return the number of lone inner ones."""
     points = points[_in(points, around)]
     places = points * np.array([cell_m, cell_m, UNIT_M])
     grouped = in_a_group(places, radius_m, LEAST)

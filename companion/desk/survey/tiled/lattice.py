@@ -1,4 +1,4 @@
-"""The cells of a survey: counted from the zero of its CRS, so that no tile, file or stray moves them."""
+"""Cell lattice of a survey, counted from the zero of its CRS: independent of tiles, files and strays."""
 
 from __future__ import annotations
 

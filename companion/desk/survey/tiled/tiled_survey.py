@@ -167,7 +167,7 @@ class Survey:
             lattice = replace(lattice, x_m=metric.x_m, y_m=metric.y_m)
             for path in paths:
                 path.unlink(missing_ok=True)
-            again = f"sorted-{lattice.x_m!r}-{lattice.y_m!r}"  # other files in use have another middle
+            again = f"sorted-{lattice.x_m!r}-{lattice.y_m!r}"  # other usable files have another centre
             paths, census, broken = self._sort(sources, lattice, again)
         box, cell_m = census.box, lattice.cell_m
         origin = (
