@@ -60,7 +60,7 @@ def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:
 
 
 def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str, Any]:
-    """Return where the vehicle came down, how far from the chosen point, and whether the ground is safe."""
+    """Return whether the vehicle landed, its distance to the chosen point (m), and the ground's safety."""
     contact = truth.flight.get("touchdown")
     if not contact:
         return {"landed": False, "touchdown_error_m": None, "touchdown_safe": False}

@@ -1,4 +1,4 @@
-"""PLY files (Turk's polygon format): ascii and binary of either byte order; their vertices are the points."""
+"""Reader of PLY files (Stanford polygon format), ascii and binary of either byte order: their vertices."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class Replay:
         self.outcome = Outcome()
 
     def take(self, message: Raw, mapping: bool = True) -> Report | None:
-        """Take the next message; return what came of it if it was a window, and windows are to be mapped."""
+        """Process the next message; return the report if it was a window that is mapped, else None."""
         try:
             if message.topic == journal.REPORT:
                 self._compare(message.data)

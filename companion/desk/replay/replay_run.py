@@ -21,7 +21,7 @@ from params import Parameters
 from slz import Report, TerrainMaps
 from slz.warm_up import warm_up
 
-Step = tuple[int, Callable[[bool], Report | None]]  # time (ns), and what takes it: to be mapped or not
+Step = tuple[int, Callable[[bool], Report | None]]  # time (ns), and the call; its argument: whether to map
 
 
 def run(

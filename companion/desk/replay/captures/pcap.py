@@ -135,7 +135,7 @@ class _Fragments:
         self._waiting: OrderedDict[tuple[bytes, bytes, int], dict[int, tuple[bytes, bool]]] = OrderedDict()
 
     def add(self, packet: Any) -> tuple[str, bytes] | None:
-        """Return the sender and data of a UDP datagram that this packet is or completes."""
+        """Return sender and data of the UDP datagram that this packet is or completes; else None."""
         if isinstance(packet, dpkt.ip6.IP6):
             return (packet.src.hex(), bytes(packet.data.data)) if packet.nxt == UDP else None
         if not isinstance(packet, dpkt.ip.IP) or packet.p != UDP:

@@ -26,7 +26,7 @@ class DamagedError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """link: type of its frames. per_second: what its times count. offset_s: when they begin, since 1970."""
+    """Capture interface. link: type of its frames. per_second: clock ticks. offset_s: epoch since 1970."""
 
     link: int
     per_second: int

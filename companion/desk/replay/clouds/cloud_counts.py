@@ -11,7 +11,7 @@ from companion.desk.replay.clouds.point_cloud import Decoded
 
 @dataclass(slots=True)
 class CloudCounts:
-    """Clouds, those whose points have all one time, and points left out by reason; see `Decoded`, `Cloud`."""
+    """Counts of clouds, of those without point times, and of omitted points; see `Decoded`, `Cloud`."""
 
     clouds: int = 0
     clouds_without_point_times: int = 0

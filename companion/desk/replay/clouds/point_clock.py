@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Values = NDArray[np.generic]
 UNITS_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
-# Least and greatest span of a cloud, in periods of the clouds: thinned recordings, and several sweeps in one
+# Smallest and largest span of a cloud, in periods of the clouds: thinned recordings, several sweeps in one
 # cloud. Their ratio is far below 1000, so that two units never fit and an implausible span fits none.
 LEAST_SHARE, MOST_SHARE = 1 / 30, 4.0
 PERIOD_NS = 100_000_000.0  # assumed where the stamps do not show the period

@@ -19,7 +19,7 @@ TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 TIMES = ("time", "t", "timestamp", "offset_time", "time_stamp", "time_offset")
 INTENSITIES = ("intensity", "reflectivity")
 RINGS = ("ring", "line", "channel")
-JUDGED, LOOKED_AT = 50, 500  # clouds with points, and all, by which their times are judged
+JUDGED, LOOKED_AT = 50, 500  # clouds examined at most: with times, and all
 
 Table = NDArray[np.void]
 

@@ -122,7 +122,7 @@ def _store(connections: Sequence[Any], ros2: bool) -> Any:
 
 
 def _defined(connection: Any) -> dict[str, Any]:
-    """Return the types that a connection defines by a text; none where it has no text, or no legible one."""
+    """Return the types that a connection's text defines; none without a text that can be parsed."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 

@@ -27,7 +27,7 @@ def ned_from_frd(x: float, y: float, z: float, w: float) -> Wxyz:
 
 
 class LocalPoses:
-    """Hands poses of a local frame (PoseStamped, Odometry) to a history whose map frame begins there."""
+    """Adapter of local-frame poses (PoseStamped, Odometry) to a history whose map frame has their origin."""
 
     def __init__(self, history: PoseHistory) -> None:
         self._history = history

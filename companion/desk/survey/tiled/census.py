@@ -42,7 +42,7 @@ class Census:
 
 
 def take(paths: Iterable[Path], bin_m: float) -> Census:
-    """Return the census of sorted files, at least one of which holds points."""
+    """Return the census of sorted files; at least one must hold points."""
     rows, cols, bins = (_Tally() for _ in range(3))
     dropped: Counter[str] = Counter()
     n_read, low, high = 0, EVERYTHING[1], EVERYTHING[0]

@@ -25,7 +25,7 @@ class Progress:
         self._total = 1
 
     def step(self, what: str, share: float, total: int, done: int = 0) -> None:
-        """Begin a step of `total` tasks, `done` of which an earlier run completed."""
+        """Begin a step of `total` tasks; an earlier run completed `done` of them."""
         self._from, self._to = self._to, min(1.0, self._to + share)
         self._what, self._total = what, max(1, total)
         self._resumed += (self._to - self._from) * done / self._total
