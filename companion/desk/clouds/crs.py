@@ -74,7 +74,7 @@ class Reference:
 
 
 def from_option(text: str, vertical_unit: str | None = None) -> Reference:
-    """Read `--crs`: anything PROJ understands, such as EPSG:2992 or EPSG:2992+6360; and `--vertical-unit`."""
+    """Parse `--crs`, in any notation of PROJ such as EPSG:2992 or EPSG:2992+6360, and `--vertical-unit`."""
     try:
         crs = CRS.from_user_input(text)
     except CRSError:

@@ -25,7 +25,7 @@ def centre_of(zone: Zone, safe: NDArray[np.uint8], grid: Grid) -> tuple[float, f
     side = squares(np.ascontiguousarray(safe))
     largest = int(side.max())
     last_row, last_col = np.nonzero(side == largest)
-    # A square ends with its last row and column, so its centre lies half a side before their far edge.
+    # A square ends with its last row and column, so its centre is half a side before their far edge.
     north = grid.south_m + (last_row + 1 - largest / 2 + zone.box.row0) * grid.cell_m
     east = grid.west_m + (last_col + 1 - largest / 2 + zone.box.col0) * grid.cell_m
     nearest = int(np.argmin((east - zone.best.enu_m[0]) ** 2 + (north - zone.best.enu_m[1]) ** 2))

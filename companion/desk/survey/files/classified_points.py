@@ -25,7 +25,7 @@ from slz import SAFE, UNSAFE, Box
 SAFE_CLASS, UNSAFE_CLASS, UNKNOWN_CLASS = 64, 65, 66
 NEWER = {0: 6, 1: 6, 2: 7, 3: 7, 4: 9, 5: 10}  # the point format of LAS 1.4 that replaces each older one
 SOURCE_CLASS = "source_class"
-# Records that are not copied: CRS, extra bytes and LAZ are written anew, and the COPC index would be invalid.
+# Records that are not copied: CRS, extra bytes and LAZ are rewritten, and the COPC index would be invalid.
 MADE = frozenset({2111, 2112, 34735, 34736, 34737, 4, 22204, 1})
 SCALE_M, SCALE_DEG = 1e-3, 1e-9  # of points that had no scale
 SCAN_ANGLE = 0.006  # degrees, unit of formats 6 to 10
