@@ -64,7 +64,7 @@ class Reference:
         return self.crs.sub_crs_list[1] if self.crs.is_compound else None
 
     def same_as(self, other: Reference) -> bool:
-        """Return whether both CRS locate coordinates alike; vertical datums count where both are known."""
+        """Return whether horizontal CRS, height units and, where both are known, vertical datums agree."""
         mine, theirs = self.vertical, other.vertical
         return (
             self.horizontal.equals(other.horizontal, ignore_axis_order=True)
