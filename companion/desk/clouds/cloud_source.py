@@ -57,7 +57,7 @@ class Source(Protocol):
 
     @property
     def single(self) -> bool:
-        """Whether coordinates are 32-bit floating point numbers."""
+        """True if coordinates are 32-bit floating point numbers."""
 
     def chunks(self) -> Iterator[Chunk]:
         """Read the points.

@@ -60,7 +60,7 @@ class _Reader:
 
     @property
     def lives(self) -> bool:
-        """Whether the process runs: it may have been killed while idle."""
+        """True while the process runs: it may have been killed while idle."""
         return self._process.poll() is None
 
     def close(self) -> None:

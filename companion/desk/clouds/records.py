@@ -34,7 +34,7 @@ class Layout:
 
     @property
     def single(self) -> bool:
-        """Whether x or y is a 32-bit floating point number."""
+        """True if x or y is a 32-bit floating point number."""
         return any(np.dtype(form).itemsize == 4 for form in self.formats[:2])
 
     @property
