@@ -1,6 +1,6 @@
-"""`make audit`: asks pip-audit for known vulnerabilities of what is pinned, and says when nobody answered.
+"""Audit of pinned packages for known vulnerabilities with pip-audit (`make audit`).
 
-Exit code 0: none is known, or the audit did not run, which one line says; 1: some are known.
+Exit code 0: none is known, or the audit could not run, which one line reports; 1: some are known.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Settings for all tests: property tests draw the same examples in every run; programs to join are named."""
+"""Settings for all tests: property tests use the same examples in every run; external programs are named."""
 
 from __future__ import annotations
 

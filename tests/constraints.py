@@ -1,8 +1,8 @@
-"""`make constraints`: is what constraints.txt pins complete, and does it exist for every Python that we name?
+"""Check that constraints.txt is complete and installable for every supported Python (`make constraints`).
 
-Asks pip for each Python and machine below, without installing anything, what `make setup` would install
-there. Exit code 0: everything is pinned and found, or no package index answered, which one line says; 1: a
-package is not pinned or cannot be had.
+Asks pip for each Python and machine below, without installation, for the packages of `make setup`. Exit
+code 0: everything is pinned and found, or no package index answered, which one line reports; 1: a package
+is not pinned or not available.
 """
 
 from __future__ import annotations

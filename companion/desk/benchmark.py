@@ -1,4 +1,4 @@
-"""`slz bench`: how long the pipeline takes for one window after the other, from a file of points."""
+"""Benchmark of the pipeline: time per window over a file of points (`slz bench`)."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from slz import LocalFrame, Pipeline, Report, Window
 from slz.warm_up import warm_up
 
 FIELDS = 4  # t (s), x, y, z (m), little-endian float64
-SAFE_SLOPE_DEG, WORST_SLOPE_DEG = 4.0, 40.0  # SLZ paper Table 4
+SAFE_SLOPE_DEG, WORST_SLOPE_DEG = 4.0, 40.0  # SLZ paper, Table 4
 FRAME = LocalFrame(45.0, -75.0, 0.0)
 NOWHERE = np.full(3, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What is measured: a file of points, the map, and what a zone must have."""
+    """Benchmark case: file of points, map size and cells, zone criteria, mode and number of windows."""
 
     points: Path
     cell_m: float
@@ -39,7 +39,7 @@ class Case:
     windows: int | None = None
 
     def parameters(self) -> params.Parameters:
-        """Return the parameters; in source mode those of the SLZ paper's Table 4."""
+        """Return the parameters; in source mode those of SLZ paper, Table 4."""
         if self.mode not in ("source", "default"):
             raise UsageError(f"--mode {self.mode!r}: use source or default")
         own = {
@@ -62,9 +62,9 @@ class Case:
 def run(case: Case) -> dict[str, Any]:
     """Warm up, process every window, and return times (ms), zones and memory.
 
-    A window's time is that of `Pipeline.process`, from points to the report. What the pipeline does between
-    windows, as in flight, is `between_ms`. The zone is fixed about (0, 0), and points outside it are passed
-    over. The allocator is told to keep memory, as in flight.
+    A window's time is that of `Pipeline.process`, from points to the report. `between_ms` is the time of
+    `Pipeline.prepare`, which runs between windows, as in flight. The map is fixed about (0, 0); points
+    outside it are ignored. The allocator keeps freed memory, as in flight.
     """
     keep_memory()
     parameters = case.parameters()
@@ -118,7 +118,7 @@ def _records(path: Path) -> NDArray[np.float64]:
 
 
 def _windows(records: NDArray[np.float64], most: int | None) -> Iterator[Window]:
-    """Yield windows of 1 s of t, each a copy of its own."""
+    """Yield windows of 1 s of t, each with its own copy of the points."""
     start, count = 0, 0
     stamps = records[:, 0]
     while start < len(records) and (most is None or count < most):
@@ -132,7 +132,7 @@ def _windows(records: NDArray[np.float64], most: int | None) -> Iterator[Window]
 
 
 def _length(stamps: NDArray[np.float64], end_s: float) -> int:
-    """Return how many of the next stamps lie before a time, at least one."""
+    """Return the number of leading stamps before a time, at least one."""
     step = 1_000_000
     for first in range(0, len(stamps), step):
         later = stamps[first : first + step] >= end_s
@@ -163,7 +163,7 @@ def _zones(report: Report) -> list[dict[str, Any]]:
 
 
 def _rss_mb() -> float:
-    """Return the memory in use now without mapped files, where the system tells, else the most there was."""
+    """Return the resident memory (MB) without mapped files; where /proc has none, the peak."""
     try:
         status = Path("/proc/self/status").read_text()
         return int(status.split("RssAnon:")[1].split()[0]) / 2**10

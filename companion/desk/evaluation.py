@@ -1,4 +1,4 @@
-"""How well a simulated flight went, measured against the simulator's truth files (evaluation only)."""
+"""Evaluation of a simulated flight against the simulator's truth files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from slz.zones.detection import search_components, side_in_cells
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The simulator's truth: 1 where the footprint is safe; rows from north to south as in the file."""
+    """Ground truth of the simulator: 1 where the footprint is safe; rows from north to south."""
 
     safe: NDArray[np.uint8]
     west_m: float
@@ -28,7 +28,7 @@ class Truth:
     flight: dict[str, Any]
 
     def at(self, east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Return 1 safe, 0 unsafe at points of the truth's own frame; outside the world nothing is safe."""
+        """Return 1 safe, 0 unsafe at points of the truth's own frame; points outside the world are unsafe."""
         col = np.floor((east_m - self.west_m) / self.cell_m).astype(np.int64)
         row = np.floor((self.north_m - north_m) / self.cell_m).astype(np.int64)
         inside = (row >= 0) & (col >= 0) & (row < self.safe.shape[0]) & (col < self.safe.shape[1])
@@ -60,7 +60,7 @@ def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:
 
 
 def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str, Any]:
-    """Return where the vehicle came down, how far from the chosen point, and whether the ground is safe."""
+    """Return whether the vehicle landed, its distance to the chosen point (m), and the ground's safety."""
     contact = truth.flight.get("touchdown")
     if not contact:
         return {"landed": False, "touchdown_error_m": None, "touchdown_safe": False}
@@ -78,11 +78,12 @@ def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str,
 def area_error(
     truth: Truth, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters
 ) -> dict[str, float | None]:
-    """Return Eq. (20) of the SLZ paper over the ground that was seen, and how safe cells compare.
+    """Return the area error, SLZ paper, Eq. (20), over seen ground, and the error rates of safe cells.
 
     Computed area: the cells of the zones. Ground truth: the truly safe cells among those seen that belong
-    to a patch with room to land by the same rule. unsafe_as_safe: truly unsafe cells called safe, as a
-    share of all seen.
+    to a patch with room to land by the rule for zones. unsafe_as_safe: truly unsafe cells classified as
+    safe, as a share of all seen cells. recall: cells classified as safe, as a share of the truly safe cells
+    that were seen.
     """
     box = maps.box
     rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
@@ -107,14 +108,14 @@ def area_error(
 
 
 def relative_area_error(computed: float, truth: float, common: float) -> float | None:
-    """Return Eq. (20) of the SLZ paper from three areas; None where one of the first two is nothing."""
+    """Return SLZ paper, Eq. (20) from three areas; None where one of the first two is zero."""
     if not (computed and truth):
         return None
     return (computed - common) / computed + (truth - common) / truth
 
 
 def room_to_land(safe: NDArray[np.bool_], grid: Grid, parameters: Parameters) -> NDArray[np.bool_]:
-    """Return the safe cells of patches that hold the safe square, as zones must."""
+    """Return the safe cells of patches that hold the smallest allowed safe square, as zones must."""
     out = np.zeros(safe.shape, bool)
     least = side_in_cells(parameters.min_square_m, grid)
     for patch in search_components(safe.astype(np.uint8), Box(0, safe.shape[0], 0, safe.shape[1]), least, 1):

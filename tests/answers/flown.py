@@ -1,4 +1,4 @@
-"""What the probe noted of a flight: streams of datagrams and reports."""
+"""Streams of datagrams and reports that the probe recorded of a flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages in Markdown as trees: a value of a table has a key path of its own."""
+"""Markdown pages as trees: each value of a table has its own key path."""
 
 from __future__ import annotations
 

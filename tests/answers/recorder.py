@@ -1,4 +1,4 @@
-"""What a part of the record works with: a folder, and a store for its answers."""
+"""Context of a part of the record: a folder, and a store for its answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What differs from run to run and is left out of the record: one table, with the reasons."""
+"""Run-dependent values that the record leaves out: one table, with the reasons."""
 
 from __future__ import annotations
 

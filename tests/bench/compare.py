@@ -1,13 +1,12 @@
-"""Times `slz bench` and the C++ baseline in turn, pinned to one core, and compares times and zones.
+"""Comparison of `slz bench` with the C++ baseline, in times and zones, run in turn and pinned to one core.
 
 python -m tests.bench.compare --baseline baseline.cpp --generator gen.py --work DIR [--configs abcde]
     [--scans disk,line] [--mode source|default] [--rounds 3] [--core 1] [--windows 60] [--cpu]
     [--opencv opencv_pipeline.py --opencv-python PYTHON]
 
-The baselines and the generator of workloads are given by path; nothing of them is part of this repository.
-Ratios are of medians of windows, without what `slz` does between them; each round runs the baseline,
-`slz bench`, the baseline over what was touched, and the pipeline made with OpenCV on one thread, by the
-wall's clock.
+The baselines and the workload generator are given by path; they are not part of this repository. Ratios are
+of median window times, without the work of `slz` between windows. Each round runs the baseline, `slz
+bench`, the baseline over changed cells, and the OpenCV pipeline on one thread, in wall-clock time.
 """
 
 from __future__ import annotations

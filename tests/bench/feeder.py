@@ -1,7 +1,7 @@
-"""A vehicle in real time that costs next to nothing: a LiDAR fired beforehand and poses from a formula.
+"""Real-time vehicle of negligible cost: a LiDAR with precomputed packets, and poses from a formula.
 
-The whole simulator needs a core of its own at 200,000 points/s; beside it nothing could be timed on two
-cores. This one circles over a scene with a period of `PERIOD_S`, so that its packets can be sent again.
+The whole simulator needs a core of its own at 200,000 points/s, so beside it nothing could be timed on two
+cores. This one circles over a scene with a period of `PERIOD_S`, so that its packets can be repeated.
 
 `python -m tests.bench.feeder MAVLINK_PORT LIDAR_PORT POINTS_PER_S` runs until it is ended, or until its
 parent closes stdin, and prints on one line when every LANDING_TARGET arrived (ns, monotonic clock).

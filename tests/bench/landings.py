@@ -1,4 +1,4 @@
-"""Landings over all scenes: with a car that drives onto the point in every fourth, a pilot in every tenth.
+"""Landing benchmark over all scenes; a car drives onto the point in every fourth, a pilot in every tenth.
 
 python -m tests.bench.landings --flights 200 --jobs 2 --out landings.json
 """

@@ -1,7 +1,7 @@
-"""Browsers without a screen: they listen and fetch the map as the page's scripts do.
+"""Headless page clients that listen and fetch the map as the page's scripts do.
 
 `python -m tests.bench.onlooker HOST:PORT COUNT LEVEL` runs until its parent closes stdin, and prints the
-bytes and blocks that came.
+number of received bytes and blocks.
 """
 
 from __future__ import annotations

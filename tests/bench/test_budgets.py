@@ -1,8 +1,7 @@
 """Budgets of time and memory: `taskset -c 1 pytest -m bench -s tests/bench/test_budgets.py`.
 
-Times are of the processor, not of the wall, and the best of several runs where one figure is asked for, so
-that other programs count little. The allocator is told to keep memory, as in flight. Every figure is printed
-beside its budget.
+Times are processor times, and the best of several runs for single figures, so that other programs matter
+little. The allocator keeps memory, as in flight. Every figure is printed beside its budget.
 """
 
 from __future__ import annotations

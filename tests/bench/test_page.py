@@ -1,8 +1,8 @@
-"""What the pilot's page costs, in real time: `pytest -m bench -s -n 0 tests/bench/test_page.py`.
+"""Cost of the pilot's page in real time: `pytest -m bench -s -n 0 tests/bench/test_page.py`.
 
 The feeder's Mid-360 at 200,000 points/s, the map of 1 km at cells of 0.2 m, five browsers with all of it in
-view. Every window changes as many tiles as the page takes at most, somewhere else along a sweep over that
-kilometre.
+view. Every window changes the maximum number of tiles that the page sends, at moving places along a sweep
+over that kilometre.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A recording at full rate costs no scan.
+"""Benchmark of recording at full rate, which must cost no scan.
 
 `SLZ_RECORD_S=600 pytest -m bench -s tests/bench/test_recording.py` for ten minutes.
 """

@@ -1,7 +1,7 @@
-"""Figures of the streams in real time, with the pipeline at work: `pytest -m bench -s tests/bench`.
+"""Real-time rates of the output streams with the pipeline at work: `pytest -m bench -s tests/bench`.
 
-Whatever else the computer does counts too. `chrt -r 10` before the command keeps other programs off, as
-the service on a vehicle does.
+Other load on the computer affects them. `chrt -r 10` before the command keeps other programs off, as the
+service on a vehicle does.
 """
 
 from __future__ import annotations

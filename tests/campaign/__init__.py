@@ -1,1 +1,1 @@
-"""Faults in every state of the landing, many thousand seeded flights: `python -m tests.campaign`."""
+"""Fault campaign: seeded flights with faults in every state of the landing (`python -m tests.campaign`)."""

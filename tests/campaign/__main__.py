@@ -1,4 +1,4 @@
-"""Fly faults in every state of the landing, and report.
+"""Command line of the fault campaign: fly faults in every state of the landing, and report.
 
 python -m tests.campaign --flights 2000 --out out/campaign
 """

@@ -1,4 +1,4 @@
-"""Flies one plan and says what came of it."""
+"""Flight of one plan, and its outcome."""
 
 from __future__ import annotations
 

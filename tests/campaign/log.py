@@ -1,4 +1,4 @@
-"""The campaign's file: a line of JSON for each flight, in the order in which they ended."""
+"""Log file of the campaign: a line of JSON for each flight, in the order of their ends."""
 
 from __future__ import annotations
 

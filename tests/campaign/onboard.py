@@ -1,4 +1,4 @@
-"""Faults of the companion's own computer; the simulator cannot make them, for it knows no companion."""
+"""Faults of the companion's own computer, which the simulator cannot make."""
 
 from __future__ import annotations
 

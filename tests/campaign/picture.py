@@ -1,4 +1,4 @@
-"""Plan view of a flight that failed: truly safe ground, the way, where the fault began, the touchdown."""
+"""Plan view of a failed flight: truly safe ground, path, beginning of the fault, touchdown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each flight of the campaign is: which fault, in which state of the landing, where and how long."""
+"""Plans of the campaign's flights: fault, state of the landing, scene and duration."""
 
 from __future__ import annotations
 

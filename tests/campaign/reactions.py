@@ -1,6 +1,6 @@
-"""What the companion must do about each fault in each state (docs/faults.md), and whether a flight did it.
+"""Required reactions of the companion to each fault in each state (docs/faults.md), and their checks.
 
-A reaction looks at what was seen of a flight from outside and returns what was not as stated, or nothing.
+A check takes the outside observations of a flight and returns the deviations, or nothing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A flight as cheap as one can be with real packets and real MAVLink: low, short, and begun in the air."""
+"""Cheapest flight with real packets and real MAVLink: low, short, and started in the air."""
 
 from __future__ import annotations
 

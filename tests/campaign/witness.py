@@ -1,4 +1,4 @@
-"""What can be seen of a flight from outside: the truth, the modes, the words, the commands."""
+"""Outside observations of a flight: the truth, modes, texts, commands."""
 
 from __future__ import annotations
 

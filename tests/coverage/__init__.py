@@ -1,1 +1,1 @@
-"""Which branches of slz and companion the tests take, the kernels' own included (docs/testing.md)."""
+"""Branch coverage of slz and companion by the tests, including the kernels (docs/testing.md)."""

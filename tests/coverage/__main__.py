@@ -1,4 +1,4 @@
-"""`python -m tests.coverage`: run the parts under coverage, combine them, report, fail under the goal."""
+"""Coverage run: run the parts, combine them, report, fail under the goal (`python -m tests.coverage`)."""
 
 from __future__ import annotations
 

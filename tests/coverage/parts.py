@@ -1,4 +1,4 @@
-"""What is run for coverage: the suite with the compiler on, and what reaches kernels with it off."""
+"""Parts of the coverage run: the suite with the compiler on, and the tests of kernels with it off."""
 
 from __future__ import annotations
 

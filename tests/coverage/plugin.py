@@ -1,7 +1,7 @@
-"""A plugin of pytest: which test reached a line, what it cost, and an end to those that take too long.
+"""Pytest plugin that records lines and cost of each test, and ends tests beyond their time limit.
 
-Without the compiler a flight of seconds takes minutes. A test that takes more processor time than it
-may is skipped and named; what it reached until then still counts. The compiled run asks whether it passes.
+Without the compiler a flight of seconds takes minutes. A test that exceeds its processor time is skipped
+and named; the lines it reached still count. Its result is checked in the compiled run.
 """
 
 from __future__ import annotations

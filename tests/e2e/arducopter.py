@@ -1,4 +1,4 @@
-"""A real ArduCopter SITL to fly with."""
+"""Real ArduCopter SITL for flights."""
 
 from __future__ import annotations
 

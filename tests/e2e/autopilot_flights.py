@@ -1,4 +1,4 @@
-"""Flights that every real autopilot must end alike."""
+"""Flights whose outcome must be alike on every real autopilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drives Debian's Chromium, headless, over its own debugging protocol."""
+"""Driver of Debian's headless Chromium over its debugging protocol."""
 
 from __future__ import annotations
 

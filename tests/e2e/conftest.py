@@ -1,4 +1,4 @@
-"""Surveys that several modules fly over are flown once in a session."""
+"""Session fixtures: surveys that several modules share."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A real autopilot in its own simulator, its pilot, our LiDAR on it and our companion beside it.
+"""Real autopilot in its own simulator, with its pilot, the simulated LiDAR and the companion.
 
-Programs in real time, each with its own output in the flight's folder. What differs from one autopilot to
-the next is in `arducopter` and `px4`.
+Programs in real time, each with its own output in the flight's folder. Differences between autopilots are
+in `arducopter` and `px4`.
 """
 
 from __future__ import annotations

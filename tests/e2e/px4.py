@@ -1,4 +1,4 @@
-"""A real PX4 SITL to fly with, in PX4's own simulator SIH."""
+"""Real PX4 SITL for flights, in PX4's own simulator SIH."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands of docs/quickstart.md, as they stand there."""
+"""Commands of docs/quickstart.md, verbatim."""
 
 from __future__ import annotations
 

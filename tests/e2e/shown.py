@@ -1,4 +1,4 @@
-"""A page over a board that the test writes, served beside the test: no flight, hence quick."""
+"""Page over a board that the test writes, served without a flight for speed."""
 
 from __future__ import annotations
 

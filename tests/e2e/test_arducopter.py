@@ -1,4 +1,4 @@
-"""The main job on a real ArduCopter, judged by the pose that its simulator says is true."""
+"""Main mission on a real ArduCopter, judged by its simulator's true pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The main job, flown."""
+"""Main mission in the built-in simulator: survey, choice and landing."""
 
 import asyncio
 from pathlib import Path

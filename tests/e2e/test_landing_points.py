@@ -1,7 +1,7 @@
-"""A selected landing point and what stands around it, in the three scenarios of SLZ thesis 4.4.5.
+"""Obstacles around a selected landing point in three scenarios (SLZ thesis, Section 4.4.5).
 
-Edges are told within a cell and `SCATTER_M`: a ray's direction is known to 0.15 degrees, three standard
-deviations of which are 0.2 m at the 26 m from which the far edges are seen. Heights are those of the exact
+Edges are accurate to a cell and `SCATTER_M`: a ray's direction is known to 0.15 degrees, and three standard
+deviations of it are 0.2 m at the 26 m from which the far edges are seen. Heights are those of the exact
 world.
 """
 

@@ -1,4 +1,4 @@
-"""A flight on which the map's frame begins anew: landed where it was chosen, and run again bit for bit."""
+"""Flight with a change of the map's frame: landing at the chosen point, and bit-exact replay."""
 
 from __future__ import annotations
 

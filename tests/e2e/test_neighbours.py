@@ -1,4 +1,4 @@
-"""Others on the companion's line from the start."""
+"""Other MAVLink systems on the companion's link from the start."""
 
 from __future__ import annotations
 

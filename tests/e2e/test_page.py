@@ -1,6 +1,6 @@
 """The pilot's page in a real browser, over a flight in the simulator.
 
-Simulated time stands still while the browser is asked something, so that both see the same.
+Simulated time pauses while the browser is queried, so that both see the same state.
 """
 
 from __future__ import annotations

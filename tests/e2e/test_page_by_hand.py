@@ -1,4 +1,4 @@
-"""The page under fingers, keys and a companion that comes and goes: Chromium at the size of a phone."""
+"""The page under touch and keys and with companion restarts: Chromium at the size of a phone."""
 
 from __future__ import annotations
 

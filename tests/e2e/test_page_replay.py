@@ -1,4 +1,4 @@
-"""The page over a recording: its time line before a real browser."""
+"""The replay page's timeline in a real browser."""
 
 from __future__ import annotations
 

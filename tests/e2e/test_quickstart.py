@@ -1,4 +1,4 @@
-"""The quick start's own commands, run beside the built-in simulator and, on request, real autopilots."""
+"""Commands of the quick start, with the built-in simulator and, on request, real autopilots."""
 
 from __future__ import annotations
 

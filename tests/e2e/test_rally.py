@@ -1,4 +1,4 @@
-"""The companion dies in flight, and the autopilot's own RTL lands on ground that it had surveyed."""
+"""Rally points after the companion died in flight: the autopilot's RTL lands on surveyed ground."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What the sources say of their scenes holds on ours (SLZ paper 5, SLZ thesis 4.4).
+"""The sources' statements on their scenes, checked on ours (SLZ paper, Section 5; SLZ thesis, Section 4.4).
 
-By the source's rules ("source") and by ours ("default"), at the sources' resolution.
+In source and default mode, at the sources' resolution.
 """
 
 from __future__ import annotations

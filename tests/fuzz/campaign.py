@@ -1,4 +1,7 @@
-"""`python -m tests.fuzz.campaign --inputs 100000`: inputs by the million, in one process; keeps failures."""
+"""Fuzz campaign: millions of inputs in one process; keeps failures.
+
+`python -m tests.fuzz.campaign --inputs 100000`
+"""
 
 from __future__ import annotations
 

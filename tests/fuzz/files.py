@@ -1,4 +1,4 @@
-"""Files of others: clouds, recordings, captures, logs."""
+"""Fuzz harnesses of foreign files: clouds, recordings, captures, logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a parser is fuzzed by: where its inputs come from, how one is tried, and what it may raise."""
+"""Fuzz harness of a parser: source of inputs, one trial, and the exceptions it may raise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Changes inputs as the wire, the disk and an enemy do."""
+"""Mutation of inputs as by transmission, storage and attackers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every parser takes what comes: seeded inputs each, and every case ever found (`make fuzz` tries more)."""
+"""Robustness of every parser: seeded inputs, and every failure ever found (`make fuzz` tries more)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What users and browsers write: URLs, parameters, profiles, orders, requests."""
+"""Fuzz harnesses of texts from users and browsers: URLs, parameters, profiles, orders, requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comes over MAVLink, and each sensor's packets: nothing may be raised, and returns must be numbers."""
+"""Fuzz harnesses of MAVLink and sensor packets: nothing may be raised, and returns must be numbers."""
 
 from __future__ import annotations
 

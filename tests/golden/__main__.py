@@ -1,4 +1,4 @@
-"""`python -m tests.golden`: keep the numbers as they are now."""
+"""Update of the golden values to the current ones (`python -m tests.golden`)."""
 
 from __future__ import annotations
 

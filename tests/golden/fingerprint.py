@@ -1,4 +1,4 @@
-"""Every number of an answer, in a few: sums that a change of any cell moves."""
+"""Fingerprint of an answer: a few sums that any changed cell alters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small flights, surveys and frames whose numbers are kept; and what single steps make of small inputs."""
+"""Small flights, surveys and frames with golden values, and results of single steps on small inputs."""
 
 from __future__ import annotations
 

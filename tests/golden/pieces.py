@@ -1,4 +1,4 @@
-"""Single steps on many small inputs made by chance, whose numbers are kept."""
+"""Single steps on many small random inputs, with golden values."""
 
 from __future__ import annotations
 

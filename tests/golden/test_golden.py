@@ -1,7 +1,7 @@
-"""Small flights, frames and passes give the numbers that they gave before, every one.
+"""Golden values: small flights, frames and passes give the same numbers as before.
 
-What is right is for other tests to say; these say that nothing moved unasked. A change that is meant is kept
-by `python -m tests.golden`.
+Correctness is for other tests; these detect unintended changes. `python -m tests.golden` accepts an
+intended change.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A bench for the link: virtual time, real sockets, and an autopilot that can be told to misbehave."""
+"""Test bench for the link: virtual time, real sockets, and an autopilot with configurable misbehaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MAVProxy as a program, spoken to as its user does."""
+"""MAVProxy as a program, controlled through its command line."""
 
 from __future__ import annotations
 

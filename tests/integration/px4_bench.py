@@ -1,4 +1,4 @@
-"""A PX4 on the bench of the link, as far as the link and the doctor can tell."""
+"""Simulated PX4 on the link's test bench, as far as the link and the doctor can distinguish it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated sensors to driver: nothing is lost on the way but what the packets' own steps take."""
+"""Simulated sensors to driver: no return is lost except in the steps of the packet format."""
 
 from __future__ import annotations
 

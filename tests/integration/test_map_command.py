@@ -1,4 +1,4 @@
-"""`slz map`: files in, zones and maps out that other programs open and that agree with each other."""
+"""`slz map`: files in; zones and maps out, readable for other programs and consistent."""
 
 from __future__ import annotations
 

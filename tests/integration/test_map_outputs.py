@@ -1,4 +1,4 @@
-"""`slz map`: KML, classified points and the layout of the GeoTIFF, each as its readers see it."""
+"""`slz map`: KML, classified points and the GeoTIFF layout, as their readers see them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A folder of `slz map` as the ground that a flight begins with."""
+"""A folder of `slz map` as the prior of a flight."""
 
 from __future__ import annotations
 

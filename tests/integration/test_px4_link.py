@@ -1,4 +1,4 @@
-"""The link beside a PX4: it is asked for nothing that it cannot give, and its mode is seen at once."""
+"""The link with a PX4: no request that it does not support, and immediate detection of its mode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `slz map` leaves for other programs: FlatGeobuf, a table, a page without network; nearest zones."""
+"""Outputs of `slz map` for other programs: FlatGeobuf, CSV, the offline page; and nearest zones."""
 
 from __future__ import annotations
 

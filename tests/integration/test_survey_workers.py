@@ -1,4 +1,4 @@
-"""Workers of Dask find what one process finds; `-m bench`: also when they are killed."""
+"""Equality of a Dask survey with that of one process; with `-m bench` also when workers are killed."""
 
 from __future__ import annotations
 

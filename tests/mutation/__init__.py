@@ -1,1 +1,1 @@
-"""Small changes of slz, one at a time: does a test notice (docs/testing.md)."""
+"""Mutation testing of slz: whether tests detect small changes (docs/testing.md)."""

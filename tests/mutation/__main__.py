@@ -1,4 +1,7 @@
-"""`python -m tests.mutation --seed 1 --count 200`: mutants before the tests that reach them; resumable."""
+"""Mutation run: mutants against the tests that reach them; resumable.
+
+`python -m tests.mutation --seed 1 --count 200`
+"""
 
 from __future__ import annotations
 

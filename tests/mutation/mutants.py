@@ -1,4 +1,4 @@
-"""The mutants of a source file, by cosmic-ray's operators, and a seeded sample of them."""
+"""Mutants of a source file, with the operators of cosmic-ray, and a seeded sample of them."""
 
 from __future__ import annotations
 

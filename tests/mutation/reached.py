@@ -1,4 +1,4 @@
-"""Which tests reach a line, the cheapest first: from the contexts and costs that `make coverage` left."""
+"""Tests that reach a line, cheapest first, from the contexts and costs of `make coverage`."""
 
 from __future__ import annotations
 

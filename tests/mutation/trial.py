@@ -1,4 +1,4 @@
-"""A mutant before its tests: a fork that imports one module changed, uncompiled; no file is touched."""
+"""Trial of a mutant: a fork imports one changed module, uncompiled; no file is changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slow plain code of the sources' rules: every window, everything anew (SLZ paper 3.2-3.4)."""
+"""Slow reference of the sources' rules, recomputed for every window (SLZ paper, Sections 3.2 to 3.4)."""
 
 from __future__ import annotations
 

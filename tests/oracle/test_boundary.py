@@ -1,4 +1,4 @@
-"""The boundary without its collinear points encloses the same ground (SLZ paper Algorithm 2)."""
+"""Boundary without collinear points: it encloses the same ground (SLZ paper, Algorithm 2)."""
 
 from __future__ import annotations
 

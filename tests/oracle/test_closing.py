@@ -1,4 +1,4 @@
-"""Squares around cells against scipy.ndimage and plain Python."""
+"""Morphological closing by squares of cells, against scipy.ndimage and plain Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which returns have company: lists of columns, the hash table for wide clouds, and plain counting."""
+"""Voxel density filter of returns: lists of columns, the hash table for wide clouds, and plain counting."""
 
 from __future__ import annotations
 

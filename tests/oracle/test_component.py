@@ -1,4 +1,4 @@
-"""Components of bit maps many words wide are those of a plain flood, and runs begin where they begin."""
+"""Connected components of wide bitmaps, against a plain flood fill."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Window DSM and fusing of windows against lists of heights kept per cell (SLZ paper Eq. 3-5, 3.2.3)."""
+"""Window DSM and its fusion against lists of heights per cell (SLZ paper, Eq. (3) to (5), Section 3.2.3)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is found does not depend on the room that was first set aside for it."""
+"""Growable results: found items do not depend on the initial capacity."""
 
 from __future__ import annotations
 

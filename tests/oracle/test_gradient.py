@@ -1,4 +1,4 @@
-"""Slope and roughness by central differences on surfaces whose derivatives are known (SLZ paper Eq. 6-9)."""
+"""Slope and roughness by central differences on known surfaces (SLZ paper, Eq. (6) to (9))."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Histograms of heights against slow code, and the cut beyond gaps by hand."""
+"""Histograms of heights against slow code, and the cut beyond gaps against hand-made results."""
 
 from __future__ import annotations
 

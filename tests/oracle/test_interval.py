@@ -1,4 +1,4 @@
-"""The accepted heights of a window, sampled or not, are those of the written rule on the whole histogram."""
+"""Height gate of a window, sampled or not, against the written rule on the whole histogram."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lies on an island in a hole of a zone is no part of the zone, and distances do not mind it."""
+"""Islands in holes of a zone: no part of the zone, and without effect on distances."""
 
 from __future__ import annotations
 

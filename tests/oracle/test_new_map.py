@@ -1,4 +1,4 @@
-"""A move to a new zone copies the common cells and nothing else (SLZ paper 3.2.5 and Figure 2)."""
+"""Move to a new map: only the common cells are copied (SLZ paper, Section 3.2.5 and Figure 2)."""
 
 from __future__ import annotations
 

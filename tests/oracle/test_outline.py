@@ -1,4 +1,4 @@
-"""Outlines against the cells they are drawn around, judged by shapely."""
+"""Outlines of zones against their cells, judged by shapely."""
 
 from __future__ import annotations
 

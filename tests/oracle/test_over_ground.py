@@ -1,4 +1,4 @@
-"""Points over surveyed and mapped ground, by hand."""
+"""Points over surveyed and mapped ground, against hand-made results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples into cells and observations together, by hand and by a plain search."""
+"""DEM fusion of radar samples and observations, against hand-made results and a plain search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums of heights by cells are those by hand, whatever the order of the points."""
+"""Sums of heights by cell against hand-made results, for any order of the points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A block's points by row, by column and by squares of cells, against numpy."""
+"""Counts of a block's points by row, column and square of cells, against numpy."""
 
 from __future__ import annotations
 

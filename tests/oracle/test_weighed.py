@@ -1,4 +1,4 @@
-"""Robust normal equations against numpy, and points without the plane that was found."""
+"""Robust normal equations against numpy, and residual points after removal of the plane."""
 
 from __future__ import annotations
 

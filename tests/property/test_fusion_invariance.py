@@ -1,4 +1,4 @@
-"""What must not change when the world is moved or turned, for any flight and mount."""
+"""Invariance of fusion under translation and rotation of the world, for any flight and mount."""
 
 from __future__ import annotations
 

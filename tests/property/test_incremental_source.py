@@ -1,4 +1,4 @@
-"""Source mode, which searches only where the map changed, against a search of everything every time."""
+"""Incremental search of source mode, against a full search of every window."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What must hold of the default mode over any ground: invariance, monotony, and that unknown is never safe.
+"""Properties of default mode over any ground: invariance, monotony, and that unknown is never safe.
 
-All coordinates are odd multiples of 1/2048 m and cells are 0.25 m, so that no point lies on the edge of a
+All coordinates are odd multiples of 1/2048 m and cells are 0.25 m, so that no point is on the edge of a
 cell and shifts by whole cells are exact.
 """
 

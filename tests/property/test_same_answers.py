@@ -1,4 +1,4 @@
-"""The same windows give the same answers, in one thread or two, drawn bit by bit or at once."""
+"""Determinism of the pipeline: same answers in one thread or two, derived incrementally or at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Soak the companion, and say what did not stay as it was.
+"""Soak test of the companion, with a report of everything that did not stay constant.
 
 python -m tests.soak simulated --hours 24
 python -m tests.soak real --hours 2

@@ -1,4 +1,4 @@
-"""What a process holds, read again and again."""
+"""Resource gauges of a process, read periodically."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The readings over time."""
+"""Plot of the gauges' readings over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A day of flights on the simulated clock: take-off, survey, landing, rest, and again."""
+"""Day of flights on the simulated clock: take-off, survey, landing, rest, repeated."""
 
 from __future__ import annotations
 

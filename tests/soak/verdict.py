@@ -1,4 +1,4 @@
-"""Whether what was read stayed as it was."""
+"""Verdict on the gauges' readings: constant or growing."""
 
 from __future__ import annotations
 

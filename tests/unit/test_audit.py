@@ -1,4 +1,4 @@
-"""An audit that did not run is never taken for one that passed."""
+"""Distinction of an audit that could not run from one that passed."""
 
 from __future__ import annotations
 

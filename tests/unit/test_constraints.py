@@ -1,4 +1,4 @@
-"""A package that is not pinned or that some machine cannot have is named; silence is no answer."""
+"""Check of constraints: unpinned or unavailable packages are named; no answer is no success."""
 
 from __future__ import annotations
 

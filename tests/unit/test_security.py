@@ -1,4 +1,4 @@
-"""What the program promises never to do, read from its source (docs/security.md)."""
+"""Security promises of docs/security.md, checked in the source."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Boresight and time offset of the LiDAR, found from a recorded flight."""
+"""Calibration of the LiDAR's boresight and time offset from a recorded flight."""

@@ -1,4 +1,4 @@
-"""`slz calibrate`: boresight and time offset from a recorded flight."""
+"""Calibration run of `slz calibrate`: boresight and time offset from a recorded flight."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ log = logging.getLogger(__name__)
 
 MOST_RETURNS = 600_000
 MOST_POSES = 400_000  # two hours at 50 Hz
-# A correction less certain than this (degrees, ms) is not believed: the flight does not show it.
+# Largest accepted standard error (degrees, ms): beyond it the flight does not determine the correction.
 BELIEVED = np.array([0.1, 0.1, 0.1, 2.0])
 ADVICE = "fly figures of eight over ground with slopes or houses, turning, at changing height and speed"
 
 
 def run(path: Path, settings: Iterable[str]) -> dict[str, Any]:
-    """Find what to correct and return the summary.
+    """Estimate the corrections and return the summary.
 
     Raises
     ------
     UsageError
         The file is no recording, or a setting is wrong.
     CompanionError
-        The flight does not show any ground twice, or shows nothing of what is sought.
+        The flight shows no ground twice, or determines none of the corrections.
     """
     recording = Recording(path)
     parameters = recording.header.parameters(settings)
@@ -77,7 +77,7 @@ def _summary(path: Path, fit: Fit, unsure: np.ndarray[Any, Any], parameters: Par
 
 
 def _read(path: Path, recording: Recording, parameters: Parameters) -> FlownReturns:
-    """Return the flight's returns, some of them where there are many, and its poses."""
+    """Return the flight's returns, subsampled where there are many, and its poses."""
     some = Some(MOST_RETURNS)
     senses = Senses(recording.header, parameters, some.take, MOST_POSES)
     bad = 0
@@ -97,9 +97,9 @@ def _read(path: Path, recording: Recording, parameters: Parameters) -> FlownRetu
 
 
 class Some:
-    """Every so many of a flight's returns: an hour of them would not fit into memory.
+    """Systematic sample of a flight's returns, since an hour of them would not fit into memory.
 
-    parts: what is kept, in its order, `most` returns at most.
+    parts: the kept returns in order, at most `most`.
     """
 
     def __init__(self, most: int) -> None:
@@ -108,7 +108,7 @@ class Some:
         self._every, self._skip, self._count = 1, 0, 0
 
     def take(self, returns: Returns) -> None:
-        """Take a batch; once there are too many, keep every other one of all."""
+        """Add a batch; when there are too many, keep every second return of all."""
         part = returns.part(slice(self._skip, None, self._every))
         self._skip = (self._skip - len(returns)) % self._every
         self.parts.append(part)

@@ -1,4 +1,4 @@
-"""What a flight measured, placed again with another boresight and another time offset."""
+"""Georeferencing of a recorded flight's returns with a trial boresight and time offset."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class FlownReturns:
     Parameters
     ----------
     parameters
-        Mount and range gate that the correction is a correction of.
+        Range gate, and the mount that corrections are relative to.
     """
 
     def __init__(self, returns: Returns, history: PoseHistory, parameters: Parameters) -> None:
@@ -43,10 +43,10 @@ class FlownReturns:
         return np.asarray((self._stamp_ns - self._stamp_ns.min()) * 1e-9)
 
     def place(self, correction: Floats) -> Floats:
-        """Return the returns' places (n, 3).
+        """Return the georeferenced returns (n, 3).
 
-        correction: turns of the sensor about the body's forward, left and up axes (degrees), and how much
-        later the returns are stamped than they were measured (ms), at most `MOST_DELAY_MS`.
+        correction: rotations of the sensor about the body's forward, left and up axes (degrees), and the
+        delay of the stamps after the measurement (ms), at most `MOST_DELAY_MS` either way.
         """
         n = len(self)
         delay_ms = float(np.clip(correction[3], -MOST_DELAY_MS, MOST_DELAY_MS))
@@ -71,7 +71,7 @@ class FlownReturns:
         return np.asarray((distance >= p.lidar_min_m) & (distance <= p.lidar_max_m))
 
     def _have_poses(self, stamps: NDArray[np.int64], margin_ns: int) -> NDArray[np.bool_]:
-        """Tell around which stamps, to the margin, all poses are near enough and without a jump between."""
+        """Return the mask of stamps around which, within the margin, poses are dense and continuous."""
         attitude_ns, _, position_ns, positions, gap_ns = self._samples
         steady = np.zeros(max(len(attitude_ns) - 1, 0), bool)
         jumps = positions[1:, STRETCH] != positions[:-1, STRETCH]
@@ -87,13 +87,13 @@ class FlownReturns:
 
 
 def corrected(rotation_frd_from_sensor: Floats, correction: Floats) -> Floats:
-    """Return the boresight turned by small angles about the body's forward, left and up axes (degrees)."""
+    """Return the boresight rotated by small angles about the body's forward, left and up axes (degrees)."""
     turn = Rotation.from_rotvec(np.radians(correction[:3])).as_matrix()
     return np.ascontiguousarray(FRD_FROM_FLU @ turn @ FRD_FROM_FLU @ rotation_frd_from_sensor)
 
 
 def mount_angles(rotation_frd_from_sensor: Floats) -> dict[str, float]:
-    """Return the parameters of a boresight, see `companion.flight.geometry.sensor_mount`."""
+    """Return the mount parameters of a boresight, see `companion.flight.geometry.sensor_mount`."""
     yaw, pitch, roll = Rotation.from_matrix(FRD_FROM_FLU @ rotation_frd_from_sensor).as_euler(
         "ZYX", degrees=True
     )

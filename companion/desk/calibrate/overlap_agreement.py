@@ -1,11 +1,11 @@
-"""How well the returns of overlapping passes agree, and with which boresight and time offset they do best.
+"""Boresight and time-offset estimation from the agreement of overlapping passes.
 
-A wrong boresight or time offset places the same ground at other heights from another side, another height or
-another speed. Returns are gathered in cubes; where they lie in a plane, their distances from it should be the
-sensor's noise. Gauss-Newton's method lowers these distances; each cube's plane is taken out of the distances
-and of their derivatives, for it moves with what is sought.
+A wrong boresight or time offset places the same ground at other heights from another side, another height
+or another speed. Returns are grouped in cubes; where they form a plane, their distances from it should be
+the sensor's noise. Gauss-Newton minimises these distances. Each cube's plane is projected out of the
+distances and of their derivatives, since it moves with the unknowns.
 
-The navigation drifts. Its error is taken as constant over some seconds, and found as well.
+The navigation drifts. Its error is modelled as constant over some seconds, and estimated, too.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 NAMES = ("roll_deg", "pitch_deg", "yaw_deg", "delay_ms")
-STEPS = np.array([0.02, 0.02, 0.02, 0.5])  # of the derivatives
+STEPS = np.array([0.02, 0.02, 0.02, 0.5])  # of the numerical derivatives
 CUBES_M = (4.0, 2.0, 1.0)
 ROUNDS = 12
 FEWEST = 24  # returns in a cube
-PASS_S = 3.0  # two looks at a cube are two passes when so far apart in time
-FLAT = 0.15  # largest share of the middle extent that the smallest may be
-MOST_M = 0.3  # distances beyond are no noise
+PASS_S = 3.0  # two observations of a cube are two passes if they are further apart in time
+FLAT = 0.15  # largest ratio of a plane's smallest extent to its middle one
+MOST_M = 0.3  # larger distances are no noise
 TUKEY = 4.685
-BLOCK_S = 4.0  # over which the drift of the navigation is taken as constant
+BLOCK_S = 4.0  # over which the navigation error is modelled as constant
 MOST_BLOCKS = 60
-DRIFT_M = 0.3  # standard deviation of its error before any flight
+DRIFT_M = 0.3  # prior standard deviation of the navigation error
 MOST_RETURNS = 60_000
-EXPECTED = np.array([3.0, 3.0, 3.0, 50.0])  # standard deviations before any flight
-SMALLEST_SHARE = 0.1  # of a cube's returns that must be of its lesser half in time
+EXPECTED = np.array([3.0, 3.0, 3.0, 50.0])  # prior standard deviations
+SMALLEST_SHARE = 0.1  # of a cube's returns that must be of its smaller pass
 
 Place = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Outcome: correction (4,) in the units of `NAMES`, its standard errors, and how well returns agree.
+    """Result: correction (4,) in the units of `NAMES`, its standard errors, and the agreement of the returns.
 
-    before_m, after_m: robust standard deviation of the distances from the planes of the cubes of 1 m, for no
-    correction and for this one. cubes, returns: how many took part.
+    before_m, after_m: robust standard deviation of the distances from the planes of the cubes of 1 m,
+    without and with the correction. cubes, returns: numbers used.
     """
 
     correction: Floats
@@ -58,10 +58,10 @@ class TooLittleError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class _Cubes:
-    """Returns in cubes that hold a plane which two passes saw.
+    """Returns in cubes with a plane that two passes observed.
 
     index: numbers of the returns (m,). cube: the cube of each. count: of cubes. normal: of each return's
-    plane (m, 3). basis: (m, 3) 1 and the place within the plane, orthonormal within each cube.
+    plane (m, 3). basis: (m, 3) 1 and the coordinates within the plane, orthonormal within each cube.
     """
 
     index: NDArray[np.intp]
@@ -72,16 +72,16 @@ class _Cubes:
 
 
 def solve(place: Place, stamp_s: Floats, fixed: NDArray[np.bool_]) -> Fit:
-    """Return the correction that makes the returns agree best.
+    """Return the correction with the best agreement of the returns.
 
     Parameters
     ----------
     place
-        Gives the returns' places (n, 3) for a correction (4,).
+        Function from a correction (4,) to the georeferenced returns (n, 3).
     stamp_s
         Of the returns (n,).
     fixed
-        (4,), which of `NAMES` are not sought.
+        (4,), mask of the `NAMES` that are not estimated.
 
     Raises
     ------
@@ -110,10 +110,10 @@ def solve(place: Place, stamp_s: Floats, fixed: NDArray[np.bool_]) -> Fit:
 def _step(
     place: Place, stamp_s: Floats, at: Floats, side_m: float, free: NDArray[np.bool_]
 ) -> tuple[Floats, Floats]:
-    """Return Gauss-Newton's step and the covariance of what is sought.
+    """Return the Gauss-Newton step and the covariance of the estimated corrections.
 
-    Errors are taken as independent from one block of seconds to the next, not within one; what the flight
-    does not show keeps the uncertainty that it had before.
+    Errors are assumed independent between blocks of seconds, not within one; corrections that the flight
+    does not determine keep their prior uncertainty.
     """
     points = place(at)
     cubes = _gather(points, stamp_s, side_m)
@@ -151,7 +151,7 @@ def _step(
 
 
 def _gather(points: Floats, stamp_s: Floats, side_m: float) -> _Cubes:
-    """Return the cubes that hold a plane which two passes saw."""
+    """Return the cubes with a plane that two passes observed."""
     index = np.arange(len(points))
     key = np.floor(points / side_m).astype(np.int64)
     key -= key.min(axis=0)
@@ -180,7 +180,7 @@ def _gather(points: Floats, stamp_s: Floats, side_m: float) -> _Cubes:
 
 
 def _axes(points: Floats, cube: NDArray[np.intp], count: int) -> tuple[Floats, Floats, Floats]:
-    """Return variances along and directions of each cube's axes, the least first, and places in it."""
+    """Return each cube's variances along its principal axes, smallest first, the axes, and centred points."""
     n = np.bincount(cube, minlength=count)
     middle = np.column_stack([np.bincount(cube, axis, count) for axis in points.T]) / n[:, None]
     off = points - middle[cube]
@@ -198,7 +198,7 @@ def _distances(points: Floats, cubes: _Cubes) -> Floats:
 
 
 def _without_plane(values: Floats, cubes: _Cubes) -> Floats:
-    """Return values less the linear function of place that fits them best within each cube."""
+    """Return values less their least-squares linear function of position within each cube."""
     n = np.maximum(np.bincount(cubes.cube, minlength=cubes.count), 1)
     left = values - (np.bincount(cubes.cube, values, cubes.count) / n)[cubes.cube]
     for axis in (1, 2):

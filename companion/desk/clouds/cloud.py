@@ -1,4 +1,4 @@
-"""Stored clouds: files in, points in their own CRS out."""
+"""Reader of stored clouds of any supported format; points stay in their own CRS."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from companion.runtime.errors import UsageError
 class Cloud:
     """Points of one or more files.
 
-    points : (n, 3) float64, x y z in the units of `reference`, finite. gps_s : (n,) float64 or None where
-    a file has no usable time. dropped: points left out, by reason. step: distance of neighbouring coordinates
-    x or y, in units, where a file holds 32-bit floating point numbers; 0 where none does.
+    points: (n, 3) float64, x y z in the units of `reference`, finite. gps_s: (n,) float64, or None unless
+    all files have times of one clock. dropped: points left out, by reason. step: spacing of neighbouring x
+    or y coordinates, in CRS units, where a file holds 32-bit floating point numbers; 0 where none does.
     """
 
     points: NDArray[np.float64]
@@ -44,24 +44,24 @@ def read(
     progress: Callable[[float], None] = lambda share: None,
     vertical_unit: str | None = None,
 ) -> Cloud:
-    """Read files of one CRS, whatever kinds they are of.
+    """Read files of one CRS; their formats may differ.
 
     Parameters
     ----------
     files
         Paths; coordinates stay in the files' units.
     crs
-        Overrides what the files say, and says what PCD, PLY and text cannot.
+        CRS that overrides the files'; PCD, PLY and text files state none and need it.
     progress
         Called with the share of points read.
     vertical_unit
-        Unit of the heights, m, ft or us-ft: overrides what the files say.
+        Unit of the heights, m, ft or us-ft; overrides the files'.
 
     Raises
     ------
     UsageError
-        A file is missing, empty, of no known kind, truncated, corrupt, without CRS or of another CRS, or no
-        point of it is usable.
+        A file is missing, empty, of no known format, truncated, corrupt, without CRS or of another CRS, or
+        no point of it is usable.
     """
     if not files:
         raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
@@ -100,12 +100,12 @@ def read(
 
 
 def open_source(path: Path, given: Reference | None, vertical_unit: str | None = None) -> Source:
-    """Open a cloud of any kind; `given` and `vertical_unit` are the CRS and unit that the user named.
+    """Open a cloud of any format; `given` and `vertical_unit` are the user's CRS and unit of heights.
 
     Raises
     ------
     UsageError
-        It is of no known kind, it cannot be used, or nobody names its CRS.
+        Its format is unknown, it cannot be used, or neither the file nor the user states its CRS.
     """
     kind = kind_of(path)
     if kind == "las":
@@ -119,7 +119,7 @@ def open_source(path: Path, given: Reference | None, vertical_unit: str | None =
 
 
 def refuse_twice(files: Sequence[Path]) -> None:
-    """Refuse a file that is named twice: its points would count twice."""
+    """Refuse a file that is listed twice, since its points would count twice."""
     seen: set[Path] = set()
     for path in files:
         real = path.resolve()
@@ -129,7 +129,7 @@ def refuse_twice(files: Sequence[Path]) -> None:
 
 
 def refuse_mixed(sources: Sequence[Source]) -> None:
-    """Refuse files of more than one CRS, or of more than one datum of heights where they name it."""
+    """Refuse files of different CRS, or of different vertical datums where they state them."""
     first = next((source for source in sources if source.reference.vertical is not None), sources[0])
     for source in sources:
         if not source.reference.same_as(first.reference):

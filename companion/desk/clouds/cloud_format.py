@@ -1,4 +1,4 @@
-"""Which kind of cloud a file is, by its first bytes, and only text by its name."""
+"""Format detection of cloud files, by their first bytes; text by its suffix."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _PLY_LINES = (b"ply\n", b"ply\r")
 
 
 def kind_of(path: Path) -> Kind:
-    """Tell the kind of a file.
+    """Return the format of a file.
 
     Raises
     ------
     UsageError
-        Missing, unreadable, empty or of no kind that is supported.
+        Missing, unreadable, empty or of no supported format.
     """
     try:
         with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""What every kind of stored cloud gives: how many points, of which CRS, and the points, piece by piece."""
+"""Common interface of stored clouds: number of points, CRS, and chunked reading; translation of errors."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted
 
 CHUNK = 1_000_000  # points
-# What the system says of a name, or of an offset that a corrupt header tells: it says so again next time.
+# Errors due to a file's name, or to an offset in a corrupt header: they would occur again.
 LASTING = frozenset(
     {errno.ENOENT, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EINVAL, errno.EOVERFLOW}
 )
-LAZ_UNREAD = "IoError: Failed to use read"  # what lazrs makes of any error of the file it reads from
-Clock = Literal["week", "standard"]  # of GPS: since the week's beginning, or since 1980 less 1e9 s
+LAZ_UNREAD = "IoError: Failed to use read"  # lazrs reports any read error of its file so
+Clock = Literal["week", "standard"]  # GPS time: since the beginning of the week, or since 1980 less 1e9 s
 
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A piece of a file.
+    """Points of a part of a file.
 
-    points : (n, 3) float64, those to use, finite. gps_s : (n,) float64, their times, or None without a clock.
-    n_read: points of the piece, with those left out. dropped: the latter by reason.
+    points: (n, 3) float64, those to use, finite. gps_s: (n,) float64, their times, or None without a clock.
+    n_read: points of the part, including those left out. dropped: number left out, by reason.
     """
 
     points: NDArray[np.float64]
@@ -40,14 +40,14 @@ class Chunk:
 
 
 class Source(Protocol):
-    """An opened cloud whose header makes sense."""
+    """Opened cloud with a valid header."""
 
     @property
     def path(self) -> Path: ...
 
     @property
     def n_points(self) -> int:
-        """Points in the file; of text, the most there can be."""
+        """Points in the file; for text, an upper bound."""
 
     @property
     def reference(self) -> Reference: ...
@@ -57,7 +57,7 @@ class Source(Protocol):
 
     @property
     def single(self) -> bool:
-        """Whether coordinates are 32-bit floating point numbers."""
+        """True if coordinates are 32-bit floating point numbers."""
 
     def chunks(self) -> Iterator[Chunk]:
         """Read the points.
@@ -70,37 +70,37 @@ class Source(Protocol):
 
 
 def finite(points: NDArray[np.float64]) -> Chunk:
-    """Return a piece of points without clock or classes, those with NaN or infinity dropped and counted."""
+    """Return a chunk without clock or classes; points with NaN or infinity are dropped and counted."""
     keep = np.isfinite(points).all(axis=1)
     n_bad = int(len(points) - keep.sum())
     return Chunk(points if not n_bad else points[keep], None, len(points), {"not_finite": n_bad})
 
 
 def corrupt(path: Path, reason: str) -> UsageError:
-    """Return the refusal of a file that cannot be decoded."""
+    """Return the error for a file that cannot be decoded."""
     return UsageError(f"{path}: it is truncated or corrupt ({reason}): copy it again")
 
 
 def reason_of(error: BaseException) -> str:
-    """Return what a decoder raised in one short line."""
+    """Return a decoder's exception in one short line."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:160]
 
 
 def passing(error: BaseException) -> bool:
-    """Tell whether an error says nothing of the file: the disk, the network or memory failed."""
+    """Return whether an error is transient: the disk, the network or memory failed, not the file."""
     if isinstance(error, OSError):
         return error.errno is not None and error.errno not in LASTING
     return isinstance(error, MemoryError) or LAZ_UNREAD in str(error)
 
 
 def unread(path: Path, error: BaseException) -> CompanionError:
-    """Return the end of a survey for a file that may be good: no UsageError, for which it is left out."""
+    """Return the error that ends a survey for a file that may be valid; a UsageError would leave it out."""
     return CompanionError(f"{path}: reading it failed ({reason_of(error)}): run again to go on")
 
 
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
-    """Turn whatever decoders raise, Rust's panics included, into one line."""
+    """Translate any exception of decoders, including Rust's panics, into a one-line error."""
     try:
         yield
     except (CompanionError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):

@@ -1,4 +1,4 @@
-"""Coordinate reference systems of clouds: what a file says, and how long its units are."""
+"""Coordinate reference systems of clouds: those that files state, and the lengths of their units."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ BY_CRS = "name the right CRS by --crs"
 class Reference:
     """A CRS with x east and y north, and the length of its height unit.
 
-    horizontal: its two-dimensional part. unit_m: metres per unit of x and y, None for degrees.
-    vertical_m: metres per unit of z. vertical_from: who says so, `option` being `--vertical-unit`;
-    `horizontal unit` and `metre` are the convention for files that say nothing of heights (of a projected and
-    of a geographic CRS).
+    horizontal: its two-dimensional part. unit_m: metres per unit of x and y, None for degrees. vertical_m:
+    metres per unit of z. vertical_from: source of vertical_m; `option` is `--vertical-unit`, and
+    `horizontal unit` and `metre` are the convention for files that state nothing of heights (projected and
+    geographic CRS).
     """
 
     crs: CRS
@@ -55,16 +55,16 @@ class Reference:
 
     @property
     def epsg(self) -> int | None:
-        """The one code of the EPSG registry that names the CRS; None where there is none."""
+        """The EPSG code of the whole CRS; None where it has no single code."""
         return self.crs.to_epsg()
 
     @property
     def vertical(self) -> CRS | None:
-        """The CRS of the heights; None where it is not told, or they are those of an ellipsoid."""
+        """The CRS of the heights; None where it is unknown, or heights are ellipsoidal."""
         return self.crs.sub_crs_list[1] if self.crs.is_compound else None
 
     def same_as(self, other: Reference) -> bool:
-        """Tell whether coordinates of both mean the same place, heights as far as both name their datum."""
+        """Return whether horizontal CRS, height units and, where both are known, vertical datums agree."""
         mine, theirs = self.vertical, other.vertical
         return (
             self.horizontal.equals(other.horizontal, ignore_axis_order=True)
@@ -74,7 +74,7 @@ class Reference:
 
 
 def from_option(text: str, vertical_unit: str | None = None) -> Reference:
-    """Read `--crs`: anything PROJ understands, such as EPSG:2992 or EPSG:2992+6360; and `--vertical-unit`."""
+    """Parse `--crs`, in any notation of PROJ such as EPSG:2992 or EPSG:2992+6360, and `--vertical-unit`."""
     try:
         crs = CRS.from_user_input(text)
     except CRSError:
@@ -96,9 +96,9 @@ def of_header(
     Parameters
     ----------
     given
-        CRS that the user named. What the file says of its heights counts where this says nothing.
+        CRS of the user. If it states no heights, those that the file states are added.
     vertical_unit
-        Unit of the heights that the user named, a key of `UNITS_M`.
+        Unit of the heights of the user, a key of `UNITS_M`.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def of_header(
     try:
         crs = header.parse_crs(prefer_wkt=True)
         keys = geokeys.of_records(header)
-    except Exception as error:  # laspy lets errors of several libraries through
+    except Exception as error:  # laspy passes on errors of several libraries
         if given is not None:
             return given
         raise UsageError(f"{path}: its CRS cannot be read ({_line(error)}): name it by --crs") from None
@@ -126,7 +126,7 @@ def of_header(
 
 
 def _of_crs(crs: CRS, owner: str, vertical_unit: str | None, keys: GeoKeys | None = None) -> Reference:
-    """Work out the parts and units of a CRS; `owner` names it in errors."""
+    """Return the parts and units of a CRS; `owner` names it in errors."""
     keys = keys or GeoKeys({}, {})
     horizontal = _horizontal(crs)
     if not (horizontal.is_projected or horizontal.is_geographic):
@@ -144,7 +144,7 @@ def _of_crs(crs: CRS, owner: str, vertical_unit: str | None, keys: GeoKeys | Non
 
 
 def _joined(crs: CRS, heights: Heights, owner: str, unit_m: float | None) -> Reference:
-    """Return a CRS with the heights that are stated, or those of the convention."""
+    """Return a CRS with the stated heights, or with those of the convention."""
     horizontal = _horizontal(crs)
     if heights.unit_m is not None:
         vertical_m, origin = heights.unit_m, heights.origin
@@ -162,7 +162,7 @@ def _joined(crs: CRS, heights: Heights, owner: str, unit_m: float | None) -> Ref
 
 
 def _refuse_contradictions(horizontal: CRS, owner: str, keys: GeoKeys) -> None:
-    """Refuse a horizontal CRS that its own code, or GeoTIFF keys beside it, contradict."""
+    """Refuse a horizontal CRS that contradicts its own code, or the GeoTIFF keys beside it."""
     name = f"its CRS {horizontal.name!r}"
     coded = [(name, horizontal)]
     own = geokeys.crs_of(geokeys.own_code(horizontal))
@@ -194,7 +194,7 @@ def _refuse_contradictions(horizontal: CRS, owner: str, keys: GeoKeys) -> None:
 
 
 def _keyed_units(keys: GeoKeys, projected: bool) -> list[Statement]:
-    """Return what GeoTIFF keys say of the unit of x and y."""
+    """Return the units of x and y that GeoTIFF keys state."""
     key = geokeys.PROJECTED_UNIT if projected else geokeys.ANGULAR_UNIT
     code = keys.code(key)
     table = geokeys.lengths_m() if projected else geokeys.angles_rad()

@@ -1,4 +1,4 @@
-"""GeoTIFF keys of a LAS header, and the codes they hold (OGC GeoTIFF 1.1; GeoTIFF 1.0 for old ones)."""
+"""GeoTIFF keys of a LAS header and their codes (OGC GeoTIFF 1.1; GeoTIFF 1.0 for old ones)."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ PROJECTED, PROJECTED_UNIT, PROJECTED_UNIT_SIZE = 3072, 3076, 3077
 VERTICAL, VERTICAL_DATUM, VERTICAL_UNIT = 4096, 4098, 4099
 DIRECTORY, DOUBLES, WKT = 34735, 34736, 2112
 USER_DEFINED = 32767
-# Vertical codes of GeoTIFF 1.0, which name a datum but no unit, and EPSG's CRS in metres of the same datum.
+# Vertical codes of GeoTIFF 1.0, which give a datum but no unit, and the EPSG CRS in metres of the same datum.
 OLD_DATUMS = {5101: 5701, 5102: 7968, 5103: 5703, 5104: 5736, 5105: 5705, 5106: 5611}
 OLD_ELLIPSOIDS = range(5000, 5100)  # heights above an ellipsoid
 
 
 @dataclass(frozen=True, slots=True)
 class GeoKeys:
-    """Keys whose value is in the directory itself, and the doubles the others refer to."""
+    """Keys whose value is in the directory itself, and the doubles of other keys."""
 
     codes: dict[int, int]
     doubles: dict[int, float]
@@ -33,17 +33,17 @@ class GeoKeys:
         return self.codes.get(key) or None
 
     def epsg(self, key: int) -> int | None:
-        """Return the code of a key in the range of the EPSG registry."""
+        """Return the code of a key if it is in the range of the EPSG registry, else None."""
         code = self.codes.get(key, 0)
         return code if 1024 <= code <= 32766 else None
 
     def user_defined(self, key: int) -> bool:
-        """Tell whether a key is given, but holds no code of the EPSG registry."""
+        """Return whether a key is present without a code of the EPSG registry."""
         return key in self.codes and self.epsg(key) is None
 
 
 def of_records(header: Any) -> GeoKeys:
-    """Return the GeoTIFF keys among a LAS header's records, extended ones included."""
+    """Return the GeoTIFF keys among a LAS header's records, including extended ones."""
     records = [*header.vlrs, *(header.evlrs or [])]
     directory = next((r for r in records if r.record_id == DIRECTORY and hasattr(r, "geo_keys")), None)
     if directory is None:
@@ -60,26 +60,26 @@ def of_records(header: Any) -> GeoKeys:
 
 
 def has_wkt(header: Any) -> bool:
-    """Tell whether a LAS header holds a CRS as WKT."""
+    """Return whether a LAS header holds a CRS as WKT."""
     records = [*header.vlrs, *(header.evlrs or [])]
     return any(r.record_id == WKT and getattr(r, "string", "") for r in records)
 
 
 @cache
 def lengths_m() -> dict[int, float]:
-    """Return the lengths of the EPSG registry, metres by code."""
+    """Return the linear units of the EPSG registry, metres by code."""
     found = {int(one.code): one.conv_factor for one in get_units_map("EPSG", "linear").values()}
     return found | {9003: 1200 / 3937}  # the US survey foot, which the registry rounds
 
 
 @cache
 def angles_rad() -> dict[int, float]:
-    """Return the angles of the EPSG registry, radians by code."""
+    """Return the angular units of the EPSG registry, radians by code."""
     return {int(one.code): one.conv_factor for one in get_units_map("EPSG", "angular").values()}
 
 
 def crs_of(code: int | None) -> CRS | None:
-    """Return a CRS of the EPSG registry; None where there is none of this code."""
+    """Return the CRS of an EPSG code; None where the registry has none."""
     if code is None:
         return None
     try:
@@ -89,7 +89,7 @@ def crs_of(code: int | None) -> CRS | None:
 
 
 def datum_of(code: int | None) -> str | None:
-    """Return the name of a datum of the EPSG registry; None where there is none of this code."""
+    """Return the name of the datum of an EPSG code; None where the registry has none."""
     if code is None:
         return None
     try:
@@ -99,6 +99,6 @@ def datum_of(code: int | None) -> str | None:
 
 
 def own_code(crs: CRS) -> int | None:
-    """Return the EPSG code that a CRS says it has, whether the registry agrees or not."""
+    """Return the EPSG code that a CRS states, even if the registry disagrees."""
     told = crs.to_json_dict().get("id", {})
     return int(told["code"]) if told.get("authority") == "EPSG" else None

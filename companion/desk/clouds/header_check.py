@@ -1,4 +1,4 @@
-"""A first look at a file, before a library trusts the counts in its header."""
+"""Plausibility check of a LAS or LAZ header against the file's size, before a library trusts its counts."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from companion.desk.clouds.cloud_source import passing, unread
 from companion.runtime.errors import UsageError
 
 SHORTEST, SHORTEST_1_4 = 227, 375  # bytes of a LAS header (ASPRS LAS 1.4 R15, table 3)
-FORMAT_AT, COMPRESSED = 104, 0xC0  # of a point record's format, the two highest bits
-RECORD_BYTES, EXTENDED_BYTES = 54, 60  # least bytes of a variable length record and an extended one
+FORMAT_AT, COMPRESSED = 104, 0xC0  # offset of the point format, and its two highest bits
+RECORD_BYTES, EXTENDED_BYTES = 54, 60  # smallest variable length record and extended one
 
 
 def look(path: Path) -> None:
-    """Refuse a LAS or LAZ file whose header asks for more than the file holds.
+    """Refuse a LAS or LAZ file whose header refers to more than the file holds.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def look(path: Path) -> None:
     needed = header_size + records * RECORD_BYTES
     if points_at > size:
         raise UsageError(f"{path}: it is truncated, its points lie beyond its end: copy it again")
-    if chunks > size:  # lazrs would ask for memory for them, and end the program when there is none
+    if chunks > size:  # lazrs would allocate memory for them, and abort the process on failure
         raise UsageError(
             f"{path}: it is truncated or corrupt, its table names {chunks} chunks: copy it again"
         )
@@ -55,10 +55,10 @@ def look(path: Path) -> None:
 
 
 def _chunks(file: BinaryIO, head: bytes, size: int) -> int:
-    """Return how many chunks of compressed points a LAZ file tells of, 0 where it does not say.
+    """Return the number of chunks of compressed points that a LAZ file states, 0 where it states none.
 
-    Where the points begin stands the place of the table, or -1 when that is in the last eight bytes; the
-    table begins with its version and the number of chunks (LASzip, laszip.org).
+    The first 8 bytes of the points are the offset of the chunk table, or -1 if that is in the last 8 bytes
+    of the file. The table begins with its version and the number of chunks (LASzip, laszip.org).
     """
     if len(head) < SHORTEST or not head[FORMAT_AT] & COMPRESSED:
         return 0
@@ -70,7 +70,7 @@ def _chunks(file: BinaryIO, head: bytes, size: int) -> int:
 
 
 def _number(file: BinaryIO, at: int, form: str) -> int | None:
-    """Return a number somewhere in a file, None beyond its end."""
+    """Return a number at an offset of a file, None beyond its end."""
     file.seek(max(0, min(at, 2**62)))
     data = file.read(struct.calcsize(form))
     return int(struct.unpack(form, data)[0]) if len(data) == struct.calcsize(form) else None

@@ -1,4 +1,4 @@
-"""LAS and LAZ files (ASPRS LAS 1.4 R15), COPC 1.0 among them: LAZ with an index that is not needed here."""
+"""Reader of LAS and LAZ files (ASPRS LAS 1.4 R15), including COPC 1.0, whose index is not used."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
 from companion.desk.clouds.laz_reader import read_points
 from companion.runtime.errors import UsageError
 
-# ASPRS classes. Noise is no ground. Water is: but nothing can land on it, so it must stay unseen.
+# ASPRS classes. Noise is no ground. Nothing can land on water, so its points are dropped and it stays unseen.
 LOW_NOISE, HIGH_NOISE = 7, 18
-# 40 to 45 are those of the Topo-Bathy domain profile: the bed, the surface, what lies under it, no bottom.
-# 44, an object of a sea chart, may stand above the water: it stays, as evidence.
+# 40 to 45: Topo-Bathy domain profile: bed, water surface, derived surface, submerged object, no bottom.
+# 44, an object of a sea chart, may rise above the water, so it is kept as evidence.
 WATER = (9, 40, 41, 42, 43, 45)
 COPC = "copc"
-# Of LAZ 1.4 (point formats 6 to 10) only these layers are decompressed for a map; older formats have none.
+# Layers of LAZ 1.4 (point formats 6 to 10) that are decompressed for a map; older formats have no layers.
 LAYERS = (
     laspy.DecompressionSelection.XY_RETURNS_CHANNEL
     | laspy.DecompressionSelection.Z
@@ -36,9 +36,9 @@ LAYERS = (
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Points of a piece of a file by coordinate, and which of them to use.
+    """Points of a part of a file by coordinate, and the mask of those to use.
 
-    x, y, z : (n,) float64 contiguous, CRS units. keep : (n,) bool. n_read, dropped: as in `Chunk`.
+    x, y, z: (n,) float64 contiguous, CRS units. keep: (n,) bool. n_read, dropped: as in `Chunk`.
     """
 
     x: NDArray[np.float64]
@@ -60,7 +60,7 @@ class LasSource:
     single: bool = False
     seekable: bool = True
     low: tuple[float, float] | None = None
-    """Least x and y that the header tells."""
+    """Least x and y in the header."""
     high: tuple[float, float] | None = None
 
     def chunks(self) -> Iterator[Chunk]:
@@ -71,7 +71,7 @@ class LasSource:
             yield Chunk(points, gps_s, len(piece), dropped)
 
     def columns(self, first: int, stop: int) -> Iterator[Columns]:
-        """Read points `first` to `stop`, only what a map needs of them.
+        """Read points `first` to `stop`, only the fields that a map needs.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class LasSource:
                 self.path,
                 encoding_errors="replace",
                 decompression_selection=LAYERS,
-                laz_backend=[laspy.LazBackend.Lazrs],  # one core: others have workers of their own
+                laz_backend=[laspy.LazBackend.Lazrs],  # single-threaded, since other cores run workers
             ) as reader,
         ):
             if first:
@@ -104,12 +104,12 @@ class LasSource:
 
 
 def open_las(path: Path, given: Reference | None, vertical_unit: str | None = None) -> LasSource:
-    """Read and examine the header of a LAS or LAZ file; given, vertical_unit: as in `of_header`.
+    """Read and check the header of a LAS or LAZ file; given, vertical_unit: as in `of_header`.
 
     Raises
     ------
     UsageError
-        The file is empty, truncated, corrupt or without a CRS that can be used.
+        The file is empty, truncated, corrupt or without a usable CRS.
     """
     look(path)
     with translated(path), laspy.open(path, encoding_errors="replace") as reader:
@@ -151,13 +151,13 @@ def open_las(path: Path, given: Reference | None, vertical_unit: str | None = No
 
 
 def _end(header: Any, size: int) -> int:
-    """Return where the points of an uncompressed file end at the latest."""
+    """Return the latest possible end of the points of an uncompressed file."""
     extended = header.start_of_first_evlr if header.number_of_evlrs else 0
     return min([size, *(int(at) for at in (extended, header.start_of_waveform_data_packet_record) if at)])
 
 
 def pieces(path: Path, n_points: int) -> Iterator[Any]:
-    """Read a file's points, all their dimensions, a million at a time.
+    """Read a file's points with all dimensions, a million at a time.
 
     Raises
     ------
@@ -175,20 +175,20 @@ def pieces(path: Path, n_points: int) -> Iterator[Any]:
 
 
 def coordinates(piece: Any) -> NDArray[np.float64]:
-    """Return (n, 3) coordinates in the CRS of points of laspy."""
+    """Return (n, 3) CRS coordinates of a laspy point record."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.column_stack([np.asarray(piece[axis], np.float64) for axis in "xyz"])
 
 
 def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return coordinates of the points to use, and which of the piece they are; count the others."""
+    """Return the coordinates of the points to use, and their mask; count the others."""
     xyz = coordinates(piece)
     keep = _kept(piece, tuple(xyz.T), dropped)
     return xyz[keep], keep
 
 
 def _kept(piece: Any, axes: tuple[NDArray[np.float64], ...], dropped: dict[str, int]) -> NDArray[np.bool_]:
-    """Tell which points of a piece to use; count the others by reason."""
+    """Return the mask of the points to use; count the others by reason."""
     kind = np.asarray(piece.classification)
     keep = np.ones(len(kind), bool)
     for reason, bad in (

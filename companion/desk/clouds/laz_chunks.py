@@ -1,7 +1,7 @@
-"""A look at the chunks of a LAZ file, before its library asks for memory for what they claim to hold.
+"""Plausibility check of the chunks of a LAZ file, before its library allocates memory for them.
 
-In a chunk of point formats 6 to 10 a whole point comes first, then the number of points, then the bytes of
-each layer, which is a field or a few of them (LASzip 3, laszip.org). The library trusts these numbers.
+A chunk of point formats 6 to 10 begins with a whole point, then the number of points, then the bytes of
+each layer, which holds one or a few fields (LASzip 3, laszip.org). The library trusts these numbers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import lazrs
 
 from companion.runtime.errors import UsageError
 
-MOST_BYTES = 1 << 28  # of a chunk's points, for which its reader has room made; usual are 50,000 points
+MOST_BYTES = 1 << 28  # of a chunk's points, which its reader allocates; 50,000 points are usual
 LAYERED = 3  # the compressor of formats 6 to 10
 _HEAD = struct.Struct("<H")
 _ITEM = struct.Struct("<HHH")  # type, bytes, version
@@ -24,21 +24,21 @@ _LAYERS = {POINT14: 9, RGB14: 1, RGBNIR14: 2, WAVEPACKET14: 1}
 
 
 def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_points: int) -> None:
-    """Refuse chunks that claim more than their bytes, and a header with more or fewer points than they hold.
+    """Refuse chunks that claim more than their bytes, and a header whose point count differs from theirs.
 
     Parameters
     ----------
     points_at, point_bytes
-        Of the header: where the points begin, and how long one is.
+        From the header: offset of the points, and size of one.
     record
         The LASzip record.
     n_points
-        Of the header.
+        From the header.
 
     Raises
     ------
     UsageError
-        A chunk is corrupt, too large or lies beyond the file's end, or there are too few or too many of them.
+        A chunk is corrupt, too large or beyond the file's end, or there are too few or too many of them.
     """
     size = path.stat().st_size
     packing = lazrs.LazVlr(record)
@@ -48,7 +48,7 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
     with path.open("rb") as file:
         file.seek(points_at)
         table = [chunk for chunk in lazrs.read_chunk_table(file, packing) if chunk[1]]
-        held = sum(count for count, _ in table)  # of the last chunk this is what it may hold
+        held = sum(count for count, _ in table)  # for the last chunk this is its capacity
         if n_points > held:
             raise UsageError(
                 f"{path}: it is truncated or corrupt, its header tells of {n_points} points, its chunks hold"
@@ -56,7 +56,7 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
             )
         at, told, last = points_at + 8, 0, 0
         for number, (most, chunk_bytes) in enumerate(table):
-            if most * point_bytes > MOST_BYTES:  # lazrs would end the program where there is no such room
+            if most * point_bytes > MOST_BYTES:  # lazrs would abort the process if memory is short
                 raise UsageError(
                     f"{path}: its chunk {number + 1} may hold {most} points, too many to be read at once:"
                     " write it again in chunks of 50,000 points, or copy it again if it is corrupt"
@@ -66,13 +66,13 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
             if at + chunk_bytes > size or claimed > chunk_bytes:
                 raise UsageError(f"{path}: it is truncated or corrupt in chunk {number + 1}: copy it again")
             at += chunk_bytes
-    # How many points the last chunk of an older format holds only its decompression would tell: at least one.
+    # In older formats the count of the last chunk is known only after decompression: at least one.
     exact = layers or packing.uses_variable_size_chunks()
     check_none_follow(path, n_points, held - last + (min(told, last) if exact else 1) - n_points)
 
 
 def check_none_follow(path: Path, n_points: int, more: int) -> None:
-    """Refuse a file in which points follow after those of its header: among them may be an obstacle.
+    """Refuse a file with more points than its header states, since they may include an obstacle.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def check_none_follow(path: Path, n_points: int, more: int) -> None:
 
 
 def _layers(record: bytes) -> int:
-    """Return how many layers a chunk has, 0 where it has none."""
+    """Return the number of layers of a chunk, 0 where it has none."""
     if _HEAD.unpack_from(record)[0] != LAYERED:
         return 0
     (count,) = _HEAD.unpack_from(record, _ITEMS_AT)
@@ -96,7 +96,7 @@ def _layers(record: bytes) -> int:
 
 
 def _head(file: BinaryIO, at: int, layers: int) -> tuple[int, int]:
-    """Return how many points a chunk tells of, and the bytes that its layers claim."""
+    """Return the number of points that a chunk states, and the bytes that its layers claim."""
     file.seek(at)
     data = file.read(4 * (1 + layers))
     told, *claimed = struct.unpack(f"<{len(data) // 4}I", data[: len(data) // 4 * 4]) or (0,)

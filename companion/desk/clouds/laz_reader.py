@@ -1,7 +1,7 @@
-"""Reads the points of LAZ files in a process of its own.
+"""LAZ reader in a child process.
 
-Of some corrupt files the decompressor runs out of its stack or of memory, which ends the process that it runs
-in: that must not be this one. One such process serves one file after the other.
+Some corrupt files make the decompressor exhaust its stack or memory, which ends its process; the child
+protects this one. One child serves file after file.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ import numpy as np
 from companion.desk.clouds.cloud_source import CHUNK, corrupt, reason_of
 
 ROOT = Path(__file__).parents[3]
-HEAD = struct.Struct("<cQ")  # what follows, and how many bytes of it
+HEAD = struct.Struct("<cQ")  # kind of message, and its length in bytes
 POINTS, FAILED, DONE = b"P", b"F", b"D"
 
 
 class _Reader:
-    """The process, seen from this one; idle: no answer is under way."""
+    """Handle of the child process; idle: no answer is pending."""
 
     def __init__(self) -> None:
         self.idle = True
@@ -36,11 +36,11 @@ class _Reader:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             cwd=ROOT,
-            start_new_session=True,  # Ctrl-C is for this process
+            start_new_session=True,  # keeps Ctrl-C from the child
         )
 
     def read(self, path: Path) -> Iterator[bytearray]:
-        """Yield the points of a file as they are in a LAS file, some at a time."""
+        """Yield the points of a file in chunks of uncompressed LAS records."""
         questions, answers = cast(IO[bytes], self._process.stdin), cast(Any, self._process.stdout)
         self.idle = False
         questions.write(os.fsencode(path.absolute()) + b"\0")
@@ -60,11 +60,11 @@ class _Reader:
 
     @property
     def lives(self) -> bool:
-        """Whether the process is there: while idle somebody else may have ended it."""
+        """True while the process runs: it may have been killed while idle."""
         return self._process.poll() is None
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         self._process.kill()
         self._process.communicate()
 
@@ -73,7 +73,7 @@ _idle: list[_Reader] = []
 
 
 def read_points(path: Path, header: Any) -> Iterator[Any]:
-    """Yield the points of a LAZ file, all their dimensions, a million at a time, as laspy's records.
+    """Yield the points of a LAZ file with all dimensions, a million at a time, as laspy records.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def read_points(path: Path, header: Any) -> Iterator[Any]:
     finally:
         if reader.idle:
             _idle.append(reader)
-        else:  # nobody listens to the rest, or it ended
+        else:  # the answer is unfinished, or the process ended
             reader.close()
 
 
@@ -108,7 +108,7 @@ def _close() -> None:
 
 
 def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
-    """Read the files asked for, until nobody asks any more."""
+    """Read the requested files until the pipe closes."""
     asked = b""
     while some := questions.read1(4096):  # type: ignore[attr-defined]
         asked += some
@@ -118,9 +118,9 @@ def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
                 with laspy.open(Path(os.fsdecode(path)), encoding_errors="replace") as reader:
                     for piece in reader.chunk_iterator(CHUNK):
                         _answer(answers, POINTS, np.ascontiguousarray(piece.array).view(np.uint8).data)
-            except BrokenPipeError:  # nobody listens
+            except BrokenPipeError:  # the parent is gone
                 raise
-            except BaseException as error:  # Rust's panics are no Exceptions
+            except BaseException as error:  # Rust's panics do not derive from Exception
                 _answer(answers, FAILED, reason_of(error).encode())
             else:
                 _answer(answers, DONE, b"")

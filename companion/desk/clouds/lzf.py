@@ -1,7 +1,7 @@
-"""Kernel that unpacks LZF (Lehmann's format), as PCD files use it.
+"""LZF decompression kernel (Lehmann's format, as used by PCD files).
 
-A control byte below 32 is followed by that many bytes and one, as they are. Any other one tells of bytes to
-repeat: three bits of length, where seven means that the next byte adds to it, and thirteen bits of distance.
+A control byte below 32 is followed by control + 1 literal bytes. Any other control byte is a back
+reference: three bits of length, where 7 means that the next byte is added, and 13 bits of distance.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-MOST_RATIO = 100  # three bytes become 264 at most
+MOST_RATIO = 100  # three bytes become at most 264
 
 
 @kernel("int64(Array(uint8, 1, 'C', True), uint8[::1])")
 def unpack(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
-    """Unpack into `out` and return how many bytes were written; -1 if the packed bytes make no sense."""
+    """Decompress into `out` and return the number of bytes written; -1 if the input is invalid."""
     n, most = len(packed), len(out)
     i = o = 0
     while i < n:

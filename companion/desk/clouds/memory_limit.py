@@ -1,4 +1,4 @@
-"""What fits into this machine's memory, asked before it is used."""
+"""Memory limits: refusal of clouds and grids that do not fit into this machine's memory."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ SHARE = 0.7  # of the machine's memory
 MOST_CELLS = 200_000_000
 POINT_BYTES = 130  # per point at the peak of a survey, measured
 BOX_BYTES = 160  # per cell of the cloud's extent, measured
-SQUARE_BYTES = (
-    64  # per cell of the square around it: the largest array, of which untouched pages take nothing
-)
+SQUARE_BYTES = 64  # per cell of the square around it: the largest array, whose unused pages take no memory
 
 
 def total_bytes() -> int:
-    """Return the machine's memory."""
+    """Return the machine's physical memory."""
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
@@ -32,14 +30,14 @@ def check_points(n_points: int) -> None:
 
 
 def check_bytes(n_bytes: int, path: Path) -> None:
-    """Refuse a file of which a part that must be held at once does not fit."""
+    """Refuse a file with a part that must be held at once and does not fit."""
     most = int(SHARE * total_bytes())
     if n_bytes > most:
         raise UsageError(f"{path}: its {n_bytes} bytes do not fit into memory, {most} would: split it")
 
 
 def check_cells(width_m: float, height_m: float, cell_m: float, n_points: int) -> None:
-    """Refuse a grid that does not fit beside the points; say which cell would."""
+    """Refuse a grid that does not fit beside the points; the error names a cell size that would."""
     box = width_m * height_m / cell_m**2
     square = (max(width_m, height_m) / cell_m) ** 2
     memory = total_bytes()

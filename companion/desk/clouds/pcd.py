@@ -1,7 +1,7 @@
-"""PCD files of the Point Cloud Library: ascii, binary and binary_compressed (PCD 0.7).
+"""Reader of PCD files of the Point Cloud Library: ascii, binary and binary_compressed (PCD 0.7).
 
-A header of words on lines up to DATA, then lines of numbers, records, or one LZF block that holds every field
-of all points together. VIEWPOINT, where a sensor stood, is not applied: coordinates are taken as they are.
+A text header up to DATA, then lines of numbers, records, or one LZF block that holds the points field by
+field. VIEWPOINT, the sensor's pose, is not applied: coordinates stay unchanged.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ MOST_COUNT = 1 << 20  # numbers in a field
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A number of each point.
+    """A field with one number per point.
 
-    form: as NumPy writes types. offset: in the record, in bytes. column: on a line of text.
+    form: NumPy type. offset: in the record, in bytes. column: on a line of text.
     """
 
     name: str
@@ -57,7 +57,8 @@ class Field:
 class PcdSource:
     """A PCD file, see `Source`.
 
-    data: as its header says. start: where its points begin. fields: those of one number, the first of a name.
+    data: its encoding, as in the header. start: offset of the points. fields: those of one number; of equal
+    names the first.
     """
 
     path: Path
@@ -85,7 +86,7 @@ class PcdSource:
                 yield from self._unpacked(file)
 
     def records(self) -> NDArray[np.void]:
-        """Read all points with all fields of one number, (n,) records; of text all are float64.
+        """Return all points with all fields of one number, (n,) records; from text all are float64.
 
         Raises
         ------
@@ -134,12 +135,12 @@ class PcdSource:
             yield finite(_columns([axis[begin : begin + CHUNK] for axis in axes]))
 
     def _axis(self, plain: NDArray[np.uint8], offset: int, form: str) -> NDArray[Any]:
-        """Return a field of all points, which binary_compressed keeps together."""
+        """Return a field of all points from the field-by-field layout of binary_compressed."""
         size = self.n_points * np.dtype(form).itemsize
         return plain[offset * self.n_points :][:size].view(form)
 
     def _plain(self, file: BinaryIO) -> NDArray[np.uint8]:
-        """Return the unpacked points of binary_compressed."""
+        """Return the decompressed points of binary_compressed."""
         from companion.desk.clouds.lzf import MOST_RATIO, unpack
 
         head = file.read(8)
@@ -159,7 +160,7 @@ class PcdSource:
 
 
 def open_pcd(path: Path, reference: Reference) -> PcdSource:
-    """Read and examine the header of a PCD file.
+    """Read and check the header of a PCD file.
 
     Raises
     ------
@@ -213,7 +214,7 @@ def _header(file: BinaryIO, path: Path) -> dict[str, list[str]]:
 
 
 def _count(words: dict[str, list[str]], path: Path) -> int:
-    """Return how many points there are; WIDTH and HEIGHT must agree with POINTS."""
+    """Return the number of points; WIDTH and HEIGHT must agree with POINTS."""
     (width,) = _numbers(words, "WIDTH", path, [-1])[:1] or [-1]
     (height,) = _numbers(words, "HEIGHT", path, [1])[:1] or [-1]
     (points,) = _numbers(words, "POINTS", path, [width * height])[:1] or [-1]

@@ -1,4 +1,4 @@
-"""PLY files (Turk's polygon format): ascii and binary of either byte order; their vertices are the points."""
+"""Reader of PLY files (Stanford polygon format), ascii and binary of either byte order: their vertices."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class _Element:
 
 @dataclass(frozen=True, slots=True)
 class PlySource:
-    """A PLY file, see `Source`. start: where the vertices begin, of text in lines skipped from there."""
+    """A PLY file, see `Source`. start: offset of the vertices; for text, before the lines to skip."""
 
     path: Path
     n_points: int
@@ -78,7 +78,7 @@ class PlySource:
 
 
 def open_ply(path: Path, reference: Reference) -> PlySource:
-    """Read and examine the header of a PLY file.
+    """Read and check the header of a PLY file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Points as records of one size, and as lines of numbers: what PCD and PLY have in common."""
+"""Points as fixed-size records and as lines of numbers, shared by PCD and PLY."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ MOST_LINE = 1 << 16
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where a record holds its coordinates.
+    """Position of the coordinates in a record.
 
-    step: bytes of a record. offsets, formats: of x, y, z, in bytes and as NumPy writes types. columns: theirs
+    step: bytes of a record. offsets, formats: of x, y, z, in bytes and as NumPy types. columns: of x, y, z
     on a line of text.
     """
 
@@ -34,19 +34,19 @@ class Layout:
 
     @property
     def single(self) -> bool:
-        """Whether x or y is a 32-bit floating point number."""
+        """True if x or y is a 32-bit floating point number."""
         return any(np.dtype(form).itemsize == 4 for form in self.formats[:2])
 
     @property
     def dtype(self) -> np.dtype[np.void]:
-        """The record as NumPy reads it, its other fields left out."""
+        """NumPy type of the record with x, y and z only."""
         return np.dtype(
             {"names": list("xyz"), "formats": self.formats, "offsets": self.offsets, "itemsize": self.step}
         )
 
 
 def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> Layout:
-    """Return where x, y and z are among fields of (name, NumPy type, count).
+    """Return the positions of x, y and z among fields of (name, NumPy type, count).
 
     Raises
     ------
@@ -76,7 +76,7 @@ def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> Layout:
 
 
 def from_records(file: BinaryIO, layout: Layout, n_points: int, path: Path) -> Iterator[NDArray[np.float64]]:
-    """Read (n, 3) coordinates of records from where the file stands, a million at a time."""
+    """Read (n, 3) coordinates of records from the current position of the file, a million at a time."""
     left = n_points
     while left:
         n = min(left, CHUNK)
@@ -90,14 +90,14 @@ def from_records(file: BinaryIO, layout: Layout, n_points: int, path: Path) -> I
 def from_lines(
     lines: Iterator[str], columns: tuple[int, ...], separator: str | None, n_points: int, path: Path
 ) -> Iterator[NDArray[np.float64]]:
-    """Read (n, 3) coordinates from at most so many lines of numbers, a million at a time.
+    """Read (n, 3) coordinates from at most `n_points` lines of numbers, a million at a time.
 
-    Empty lines are left out. Raises `UsageError` that names the line of what is no number.
+    Empty lines are skipped. Raises `UsageError` with the first line that has no such numbers.
     """
     n = 0
     while n < n_points and (some := list(islice(lines, min(CHUNK, n_points - n)))):
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # only empty lines
+            warnings.simplefilter("ignore", UserWarning)  # warns only if all lines are empty
             try:
                 points = np.loadtxt(
                     some, np.float64, None, separator, usecols=columns, ndmin=2, quotechar='"'
@@ -109,16 +109,16 @@ def from_lines(
 
 
 def stacked(records: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return (n, 3) float64 of records with the fields x, y, z."""
+    """Return (n, 3) float64 coordinates from records with the fields x, y, z."""
     points = np.empty((len(records), 3))
-    with np.errstate(invalid="ignore"):  # of a signalling NaN
+    with np.errstate(invalid="ignore"):  # a signalling NaN raises the flag
         for k, name in enumerate("xyz"):
             points[:, k] = records[name]
     return points
 
 
 def truncated(path: Path, n: int, n_points: int) -> UsageError:
-    """Return the error of a file that holds fewer points than its header says."""
+    """Return the error for a file that holds fewer points than its header states."""
     return UsageError(f"{path}: it is truncated, {n} of {n_points} points: copy it again")
 
 

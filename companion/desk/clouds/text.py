@@ -1,9 +1,9 @@
-"""Points as text: one a line, x y z and whatever else, separated by spaces, tabs, commas or semicolons.
+"""Reader of text clouds: one point a line, x y z and other fields, with spaces, tabs, commas or semicolons.
 
 The first line that is no comment may name the columns; without names the first three are x, y and z. Lines
-that begin with # or // are comments, but one of them before the points may name the columns too, as
-CloudCompare writes it. A lone whole number before the points is their count. Commas may be decimal ones where
-something else separates the fields. Only x, y and z need be numbers.
+that begin with # or // are comments; one of them before the points may also name the columns, as
+CloudCompare writes it. A lone whole number before the points is their count. Commas may be decimal ones
+where something else separates the fields. Only x, y and z need be numbers.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from companion.runtime.errors import UsageError
 
 COMMENTS = ("#", "//")
 BLOCK = 1 << 20  # bytes
-EXAMINED = 1000  # lines looked at for decimal commas among separating ones
-FOOT_SAME = 1e-5  # names of columns do not tell the two feet apart
+EXAMINED = 1000  # lines searched for decimal commas beside separating ones
+FOOT_SAME = 1e-5  # names of columns do not distinguish the two feet
 
 
 @dataclass(frozen=True, slots=True)
 class Beginning:
-    """What comes before the points. skipped: lines. count: of points, as a line of its own tells it."""
+    """Lines before the points. skipped: number of lines. count: of points, if a line of its own states it."""
 
     skipped: int
     columns: tuple[int, ...]
@@ -48,7 +48,7 @@ class Beginning:
 
 @dataclass(frozen=True, slots=True)
 class TextSource:
-    """A file of text, see `Source`."""
+    """A text file, see `Source`."""
 
     path: Path
     n_points: int
@@ -83,13 +83,13 @@ class TextSource:
 
 
 def open_text(path: Path, reference: Reference) -> TextSource:
-    """Find the columns of a file of text.
+    """Find the columns of a text file.
 
     Raises
     ------
     UsageError
-        No line is a point, names leave out x, y or z or contradict the units of the CRS, columns in degrees
-        have no names, or commas are both decimal and separating.
+        No line is a point, names lack x, y or z or contradict the units of the CRS, columns in degrees have
+        no names, or commas are both decimal and separating.
     """
     with translated(path), path.open("rb") as file:
         begin = _beginning(file, path)
@@ -114,7 +114,7 @@ def open_text(path: Path, reference: Reference) -> TextSource:
 
 def _beginning(file: BinaryIO, path: Path) -> Beginning:
     names: list[str] = []
-    named = False  # by a line of its own, not by a comment
+    named = False  # named in a line of its own, not in a comment
     count: int | None = None
     for skipped, line in enumerate(_text(file, path)):
         words = line.strip()
@@ -148,14 +148,14 @@ def _numbers(fields: list[str], columns: tuple[int, ...]) -> bool:
 
 
 def _with_points(lines: list[str], begin: Beginning) -> tuple[list[str], bool, bool]:
-    """Return x;y;z of lines with decimal points, whether some had commas, and whether some had points."""
+    """Return lines of x;y;z with decimal points, whether any had commas, and whether any had points."""
     out, commas, dots = [], False, False
     for line in lines:
         if not line.strip():
             continue
         fields = split(line, begin.separator)
         if max(begin.columns) >= len(fields):
-            out.append(line)  # which is refused by name
+            out.append(line)  # the parser refuses it and names it
             continue
         wanted = [fields[k] for k in begin.columns]
         found = [DECIMAL_COMMA.fullmatch(field) is not None for field in wanted]
@@ -171,7 +171,7 @@ def _with_points(lines: list[str], begin: Beginning) -> tuple[list[str], bool, b
 
 
 def _refuse_units(path: Path, begin: Beginning, reference: Reference) -> None:
-    """Refuse names of columns with other units than those of the CRS, such as Z[m] where z is in feet."""
+    """Refuse column names with units that differ from the CRS, such as Z[m] where z is in feet."""
     for column, unit in zip(begin.columns, ("x", "y", "z"), strict=True):
         stated = without_unit(begin.names[column])[1] if begin.names else None
         if stated is None or (unit == "z" and reference.vertical_from == "option"):

@@ -1,4 +1,4 @@
-"""Fields of a line of text: separators, decimal commas, names of columns and their units."""
+"""Field parsing of text lines: separators, decimal commas, column names and their units."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]")
 
 
 def separator_of(line: str) -> str | None:
-    """Return what separates the fields of a line; None for spaces or tabs."""
+    """Return the separator of a line's fields; None for whitespace."""
     if ";" in line:
         return ";"
     if "\t" in line.strip():
         return "\t" if all(field.strip() for field in line.strip().split("\t")) else None
     if "," not in line or sum(number(word) is not None for word in line.split()) >= 3:
-        return None  # commas are decimal ones
+        return None  # commas are decimal
     return ","
 
 
 def split(line: str, separator: str | None) -> list[str]:
-    """Return the fields of a line, without spaces and quotes around them."""
+    """Return the fields of a line without surrounding spaces and quotes."""
     line = line.strip()
     if '"' in line and separator is not None:
         fields = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
@@ -40,7 +40,7 @@ def split(line: str, separator: str | None) -> list[str]:
 
 
 def number(field: str) -> float | None:
-    """Return the number that a field is, with a decimal point or comma; None if it is none."""
+    """Return the value of a field with a decimal point or comma; None if it is no number."""
     if DECIMAL_COMMA.fullmatch(field):
         field = field.replace(",", ".")
     try:
@@ -50,10 +50,10 @@ def number(field: str) -> float | None:
 
 
 def names_decimal_commas(line: str, separator: str | None) -> bool:
-    """Tell whether a line separated by commas has decimal commas too, by fractions such as 002.
+    """Return whether a comma-separated line also has decimal commas, recognised by fractions such as 002.
 
-    `1,5, 2,5, 3,5` has them; so has `500000,251,5000000,013,100,002`, since nobody writes a whole number
-    with a zero first.
+    `1,5, 2,5, 3,5` has them; so does `500000,251,5000000,013,100,002`, since whole numbers have no leading
+    zeros.
     """
     if separator != ",":
         return False
@@ -66,14 +66,14 @@ def names_decimal_commas(line: str, separator: str | None) -> bool:
 
 
 def columns_of(names: list[str]) -> tuple[int, ...] | None:
-    """Return the columns of x, y and z by their names; None if one of them is missing or there twice."""
+    """Return the columns of x, y and z by their names; None if one of them is missing or duplicate."""
     plain = [without_unit(name)[0] for name in names]
     found = [[k for k, name in enumerate(plain) if name in wanted] for wanted in NAMES]
     return tuple(places[0] for places in found) if all(len(places) == 1 for places in found) else None
 
 
 def without_unit(name: str) -> tuple[str, float | None]:
-    """Return the name of a column in lower case without the unit behind it, and that unit's metres."""
+    """Return a column's name in lower case without its unit, and the unit in metres or None."""
     name = name.lower()
     found = _UNIT.fullmatch(name)
     if found is None or found[2] not in LENGTHS_M:

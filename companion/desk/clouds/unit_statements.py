@@ -1,4 +1,4 @@
-"""Statements of a file about a unit or a datum, and contradictions among them."""
+"""Statements of a file about units and datums, and the detection of contradictions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pyproj.exceptions import CRSError, ProjError
 from companion.runtime.errors import UsageError
 
 SAME = 1e-6  # relative; the international and the US survey foot differ by 2e-6
-APART_M = 1.0  # coordinates of one place that differ by more are of two projections
+APART_M = 1.0  # a larger difference of one position's coordinates means two projections
 ELLIPSOID = "an ellipsoid"
 AMBIGUOUS = {"NAD83": "North American Datum 1983"}  # an alias of several datums in the registry
 
@@ -23,7 +23,7 @@ AMBIGUOUS = {"NAD83": "North American Datum 1983"}  # an alias of several datums
 class Statement:
     """A unit, a datum or both, as one part of a file states them.
 
-    who: the part, as errors name it. unit: metres (or radians); datum: its name; None where not stated.
+    who: the part, as errors name it. unit: metres (or radians). datum: its name. None where not stated.
     """
 
     who: str
@@ -32,7 +32,7 @@ class Statement:
 
 
 def refuse_units(owner: str, of: str, stated: Sequence[Statement], remedy: str) -> None:
-    """Raise `UsageError` where two statements name units of different length."""
+    """Raise `UsageError` where two statements have units of different length."""
     told = [one for one in stated if one.unit is not None]
     for one in told[1:]:
         first = told[0]
@@ -44,7 +44,7 @@ def refuse_units(owner: str, of: str, stated: Sequence[Statement], remedy: str) 
 
 
 def refuse_datums(owner: str, of: str, stated: Sequence[Statement], remedy: str) -> None:
-    """Raise `UsageError` where two statements name different datums that PROJ knows."""
+    """Raise `UsageError` where two statements have different datums that PROJ knows."""
     told = [one for one in stated if one.datum is not None and _known(one.datum) is not None]
     for one in told[1:]:
         first = told[0]
@@ -56,7 +56,7 @@ def refuse_datums(owner: str, of: str, stated: Sequence[Statement], remedy: str)
 
 
 def refuse_projections(owner: str, one: tuple[str, CRS], other: tuple[str, CRS], remedy: str) -> None:
-    """Raise `UsageError` where two CRS of one datum place the same coordinates differently."""
+    """Raise `UsageError` where two projected CRS map one position to different coordinates."""
     area = other[1].area_of_use or one[1].area_of_use
     if area is None or not (one[1].is_projected and other[1].is_projected):
         return
@@ -84,7 +84,7 @@ def _metres(crs: CRS, lon: float, lat: float) -> tuple[float, float]:
 
 
 def _known(name: str) -> str | None:
-    """Return the registry's name of a datum, without case, spaces and marks; None of an unknown one."""
+    """Return the EPSG name of a datum without case, spaces and punctuation; None for an unknown one."""
     if name == ELLIPSOID:
         return name
     spaced = AMBIGUOUS.get(name, name.replace("_", " "))
@@ -101,7 +101,7 @@ def _plain(name: str) -> str:
 
 
 def unit_name(length_m: float) -> str:
-    """Return the name that GDAL gives a length."""
+    """Return the unit's name as in GDAL, else the length in metres."""
     for name, metres in (("m", 1.0), ("ft", 0.3048), ("US survey foot", 1200 / 3937)):
         if abs(length_m / metres - 1) < 1e-7:
             return name

@@ -1,4 +1,4 @@
-"""Heights of a file: their unit and datum, as its CRS, its GeoTIFF keys and the user state them."""
+"""Unit and datum of a file's heights, as its CRS, its GeoTIFF keys and the user state them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from companion.desk.clouds.geokeys import GeoKeys
 from companion.desk.clouds.unit_statements import ELLIPSOID, Statement, refuse_datums, refuse_units
 from companion.runtime.errors import UsageError
 
-UNITS_M = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}  # of --vertical-unit
+UNITS_M = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}  # values of --vertical-unit
 AXES = {
     "m": VerticalCSAxis.GRAVITY_HEIGHT,
     "ft": VerticalCSAxis.GRAVITY_HEIGHT_FT,
@@ -28,11 +28,11 @@ Origin = Literal["crs", "geokeys", "option", "horizontal unit", "metre"]
 
 @dataclass(frozen=True, slots=True)
 class Heights:
-    """What is known of the heights of a file.
+    """Unit and datum of the heights of a file.
 
-    unit_m: metres per unit, None where nothing states it. origin: who states it. vertical: the CRS of the
-    datum, in whatever unit; None of an ellipsoid's or unknown heights. datum: its name.
-    stated: whether anything is.
+    unit_m: metres per unit, None where nothing states it. origin: source of the unit. vertical: the CRS of
+    the datum, in any unit; None for ellipsoidal or unknown heights. datum: its name. stated: whether either
+    is known.
     """
 
     unit_m: float | None
@@ -46,7 +46,7 @@ class Heights:
 
 
 def unit_of_option(text: str) -> float:
-    """Return the metres of `--vertical-unit`.
+    """Return the metres per unit of `--vertical-unit`.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def unit_of_option(text: str) -> float:
 
 
 def heights_of(crs: CRS | None, keys: GeoKeys, owner: str, option: str | None) -> Heights:
-    """Return what a CRS, GeoTIFF keys and `--vertical-unit` state of the heights.
+    """Return the heights that a CRS, GeoTIFF keys and `--vertical-unit` state.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def heights_of(crs: CRS | None, keys: GeoKeys, owner: str, option: str | None) -
 
 
 def with_heights(crs: CRS, horizontal: CRS, heights: Heights, unit_m: float) -> CRS:
-    """Return a CRS whose vertical part is that of heights in a unit, or which has none."""
+    """Return a CRS with the vertical part of `heights` in the given unit, or without one."""
     own = _vertical(crs)
     if own is not None and abs(own.axis_info[-1].unit_conversion_factor / unit_m - 1) < 1e-6:
         return crs
@@ -107,7 +107,7 @@ def with_heights(crs: CRS, horizontal: CRS, heights: Heights, unit_m: float) -> 
 
 
 def _in_unit(vertical: CRS, unit_m: float) -> CRS | None:
-    """Return a vertical CRS, its heights in another unit; None where PROJ has no axis of it."""
+    """Return a vertical CRS in another unit; None where PROJ has no axis of that unit."""
     if abs(vertical.axis_info[0].unit_conversion_factor / unit_m - 1) < 1e-6:
         return vertical
     unit = next((name for name, metres in UNITS_M.items() if abs(metres / unit_m - 1) < 1e-6), None)
@@ -118,7 +118,7 @@ def _in_unit(vertical: CRS, unit_m: float) -> CRS | None:
 
 
 def _vertical(crs: CRS) -> CRS | None:
-    """Return the part of a CRS that has the heights: a vertical one, or a three-dimensional one."""
+    """Return the part of a CRS that has the heights: a vertical or three-dimensional one."""
     if crs.is_bound and crs.source_crs is not None:
         return _vertical(crs.source_crs)
     if crs.is_compound:
@@ -134,7 +134,7 @@ def _statement(who: str, crs: CRS) -> Statement:
 
 
 def _of_crs(crs: CRS | None) -> list[tuple[Statement, CRS | None]]:
-    """Return what a CRS and the code that it says it has state, and the CRS of either."""
+    """Return the statements of a CRS and of its own EPSG code, each with its CRS."""
     own = None if crs is None else _vertical(crs)
     if own is None:
         return []
@@ -148,12 +148,12 @@ def _of_crs(crs: CRS | None) -> list[tuple[Statement, CRS | None]]:
 
 
 def _of_code(keys: GeoKeys, owner: str, option: str | None) -> list[tuple[Statement, CRS | None]]:
-    """Return what the GeoTIFF key of the vertical CRS states, and its CRS.
+    """Return the statement of the GeoTIFF key of the vertical CRS, and its CRS.
 
     Raises
     ------
     UsageError
-        The code is unknown, and the user does not name the unit.
+        The code is unknown, and the user gives no unit.
     """
     code = keys.epsg(geokeys.VERTICAL)
     if code is None:

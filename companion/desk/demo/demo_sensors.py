@@ -1,4 +1,4 @@
-"""The sensors that `slz demo` flies with, and the parameters that go with each."""
+"""Sensors of `slz demo`, with their parameters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from companion.runtime.errors import UsageError
 
 @dataclass(frozen=True, slots=True)
 class DemoSensor:
-    """A sensor: its name, that of the simulated one, its URL's kind, a radar beside it, its parameters."""
+    """A sensor: its name, its name in the simulator, its URL's kind, an additional radar, its parameters."""
 
     name: str
     simulated: str
@@ -18,14 +18,14 @@ class DemoSensor:
     settings: tuple[str, ...] = ()
 
     def settings_for(self, scene: str) -> tuple[str, ...]:
-        """Return the parameters to fly a scene with, each as `name=value`."""
+        """Return the parameters for a scene, each as `name=value`."""
         dusty = scene == "dust_out" and self.kind == "livox"
         return (*self.settings, *(DUSTY if dusty else ()))
 
 
 DUSTY = ("dust_reach_m=9",)
-# A radar's heights scatter more than a LiDAR's, and it looks to the side: below 6 m it sees too little, and
-# the state that was verified last holds, as in dust.
+# A radar's heights are noisier than a LiDAR's, and it looks to the side: below 6 m it sees too little, and
+# the last verified state applies, as in dust.
 RADAR = ("range_noise_m=0.04", "height_noise_m=0.12", "relief_m=0.35", "commit_height_m=6", "dust_height_m=6")
 ALONG_THE_VEHICLE = (
     *("lidar_x_m=0", "lidar_z_m=0.1", "lidar_pitch_deg=0", "lidar_min_m=1", "lidar_max_m=300"),
@@ -40,7 +40,7 @@ SENSORS = (
 
 
 def sensor_named(name: str) -> DemoSensor:
-    """Return a sensor by its name.
+    """Return the sensor of a name.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`slz demo`: the simulator and the companion, joined by nothing but the wire and a clock."""
+"""Demonstration flight of `slz demo`: simulator and companion, coupled only by messages and a clock."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out")
 TAKEOFF_M = {"dust_out": 40.0}
-"""Height to take off to, where it is not 30 m: above the dust."""
+"""Take-off height by scene, where it is not 30 m: above the dust."""
 START_LIMIT_S = 180.0
 SETTLE_S = 3.0
 CAR_BELOW_M = 200.0
@@ -49,7 +49,7 @@ CAR_BELOW_M = 200.0
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to fly: scene, seed, pace, folder, and who gets in the way."""
+    """Options of a demonstration: scene, seed, speed, folder, intruder, sensor and limits."""
 
     scene: str
     seed: int
@@ -71,10 +71,10 @@ def fly(
     live: bool,
     front: Front | None = None,
 ) -> dict[str, Any]:
-    """Fly one simulated mission and return its summary, measured against the simulator's truth.
+    """Fly one simulated mission and return its summary, evaluated against the simulator's truth.
 
-    live: show how far it is. front: where the pilot's page is served. A signal ends the companion in order
-    and the simulator at once; nothing is judged or drawn then.
+    live: show the progress. front: server of the pilot's page. A signal ends the companion in order and the
+    simulator at once; nothing is evaluated or drawn then.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def fly(
     CompanionError
         The simulator does not start or dies.
     Interrupted
-        A signal came.
+        A signal arrived.
     """
     check(plan)
     output_folder.prepare(plan.out)
@@ -119,7 +119,7 @@ def fly(
 
 
 def check(plan: Plan) -> None:
-    """Refuse what the simulator would, before it is started: raise `UsageError`."""
+    """Raise `UsageError` for options that the simulator would refuse, before it is started."""
     if plan.scene not in SCENES:
         raise UsageError(f"--scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
     for option, value, low, high in (
@@ -151,7 +151,7 @@ def _is_car(intruder: str) -> bool:
 
 
 def table(summary: dict[str, Any]) -> Table:
-    """Return the summary as a person reads it."""
+    """Return the summary as a table for the terminal."""
     good = summary["landed"] and summary["touchdown_safe"]
     verdict = "landed on safe ground" if good else "did NOT land on safe ground"
     shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
@@ -174,7 +174,7 @@ def table(summary: dict[str, Any]) -> Table:
 
 @dataclass(frozen=True, slots=True)
 class _Simulator:
-    """The simulator's process, the port of its clock, and where it sends to."""
+    """The simulator's process, the port of its clock, and the ports it sends to."""
 
     process: subprocess.Popen[str]
     clock_port: int
@@ -191,7 +191,7 @@ def _run(
     interrupts: Interrupts,
     front: Front | None,
 ) -> tuple[Companion, float]:
-    """Fly on simulated time; return the companion after it stopped and the simulated seconds."""
+    """Fly on simulated time; return the stopped companion and the simulated seconds."""
     with interrupts.held():
         client = LockstepClient(simulator.clock_port)
         loop = LockstepLoop(client.advance)
@@ -239,7 +239,7 @@ async def _mission(
 
 
 async def _watch(companion: Companion, plan: Plan, status: Status, interrupts: Interrupts) -> None:
-    """Show how far it is; stop the companion when it has landed, the time is up or a signal came."""
+    """Show the progress; stop the companion after landing, at the time limit or on a signal."""
     loop = asyncio.get_running_loop()
     start, wall = loop.time(), time.perf_counter()
     while companion.executive.phase is not Phase.LANDED and loop.time() - start < plan.limit_s:
@@ -261,7 +261,7 @@ async def _watch(companion: Companion, plan: Plan, status: Status, interrupts: I
 
 @contextlib.contextmanager
 def _truth_folder(interrupts: Interrupts) -> Iterator[Path]:
-    """Make a folder for the simulator's truth; it is gone afterwards."""
+    """Yield a temporary folder for the simulator's truth; it is removed afterwards."""
     folders: list[Path] = []
 
     def remove() -> None:
@@ -281,7 +281,7 @@ def _truth_folder(interrupts: Interrupts) -> Iterator[Path]:
 def _simulator(
     plan: Plan, parameters: Parameters, truth: Path, interrupts: Interrupts
 ) -> Iterator[_Simulator]:
-    """Start the simulator in a process of its own; it does not outlive the block."""
+    """Run the simulator in a child process; it is killed at the end of the block."""
     mavlink_port, lidar_port, radar_port = _free_udp_ports(3)
     command = [
         sys.executable, "-m", "sitl",
@@ -313,7 +313,7 @@ def _simulator(
     interrupts.leftovers.append(kill)
     try:
         with interrupts.held():
-            # In a process group of its own a Ctrl-C of the terminal does not reach it: it is ended from here.
+            # Its own process group keeps the terminal's Ctrl-C from it: it is ended from here.
             processes.append(
                 subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, process_group=0
@@ -329,7 +329,7 @@ def _simulator(
 
 
 def _ready(process: subprocess.Popen[str]) -> int:
-    """Return the clock's port from the line that says the simulator is ready."""
+    """Return the clock's port from the simulator's ready line."""
     line = process.stdout.readline() if process.stdout else ""
     try:
         return int(json.loads(line)["lockstep"])

@@ -39,12 +39,12 @@ def save_terrain(
     path
         PNG file to write.
     layer
-        `dsm`: shaded height. `slope`: degrees, the safe limit where blue turns to orange. `safe`: zones by
+        `dsm`: shaded height. `slope`: degrees, blue below the safe limit and orange above. `safe`: zones by
         certainty over shaded ground.
     zones
-        Best first; numbered, the largest at least.
+        Best first; the largest are numbered.
     parameters
-        Thresholds of certainty and slope; the table's defaults where None.
+        Thresholds of certainty and slope; defaults where None.
     """
     _save(path, Picture(maps, tuple(zones), parameters or Parameters()), layer, title, marks)
 
@@ -77,7 +77,7 @@ def save_flight(
 ) -> list[Path]:
     """Write dsm.png, slope.png and safe.png of a flight and return their paths.
 
-    path_enu_m: (n, 3), its first point the take-off. The points are (3,). Map frame; None is left out.
+    path_enu_m: (n, 3), from the take-off. The points are (3,). All in the map frame; None is not drawn.
     """
     path = path_enu_m if path_enu_m is not None and len(path_enu_m) else None
     marks = Marks(path, None if path is None else path[0], chosen_enu_m, touchdown_enu_m)

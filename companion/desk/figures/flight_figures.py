@@ -1,4 +1,4 @@
-"""Maps of a flight that has ended, as PNG."""
+"""Pictures of a finished flight's maps, as PNG."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from companion.flight.landing.situation import Phase
 
 
 def draw_flight(companion: Companion, out: Path) -> dict[str, str]:
-    """Draw a flight's maps into a folder; return the files."""
+    """Draw a flight's maps into a folder; return the files by name."""
     maps = companion.maps
     if maps is None:
         return {}

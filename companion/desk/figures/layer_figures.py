@@ -1,4 +1,4 @@
-"""One drawing for each map: surface, slope, safe ground."""
+"""Drawings of the map layers: surface, slope, safe ground."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from slz import SAFE, UNKNOWN, Zone
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# The sources ask for dark green, light green and red (SLZ thesis 4.3); these differ in lightness as well,
-# and red zones carry no other green beside them that a colour-blind eye could take them for.
+# The sources use dark green, light green and red (SLZ thesis, Section 4.3). These also differ in lightness,
+# so that colour-blind readers can distinguish red zones from green ones.
 CERTAIN, LESS_CERTAIN, UNCERTAIN = "#1b7837", "#a6d96a", "#d7301f"
 SAFE_ELSEWHERE, NO_DATA = "#d9e8d3", "#ffffff"
 MOST_LABELS = 40
-COVERED = 0.02  # of the map's length: a mark this near to a number hides it
-BESIDE_PT = (9, 7)  # right of a mark and above it
+COVERED = 0.02  # of the map's length: a mark nearer to a number than this hides it
+BESIDE_PT = (9, 7)  # offset right of a mark and above it
 SLOPE_TOP_DEG = 40.0
 
 
@@ -120,9 +120,9 @@ def _outline(axes: Axes, picture: Picture, colour: str) -> None:
 
 
 def draw_numbers(axes: Axes, picture: Picture, marks: Marks) -> None:
-    """Write the number of every zone at its landing point, or beside a mark that stands there.
+    """Write the ID of every zone at its landing point, or beside a mark that would cover it.
 
-    Where there are many zones, the largest get their numbers.
+    Only the `MOST_LABELS` largest zones are numbered.
     """
     from matplotlib.patheffects import withStroke
 

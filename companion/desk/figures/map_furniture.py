@@ -1,4 +1,4 @@
-"""What stands on every map: title, axes, scale bar, and the marks of a flight."""
+"""Map furniture: title, axes, scale bar, and the marks of a flight."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATH, CHOSEN, TAKE_OFF, TOUCHDOWN = "#2166ac", "#ffd92f", "#ffffff", "#e7298a"
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """What is drawn over a map: points (3,) and a path (n, 3) in the map frame."""
+    """Marks drawn over a map: points (3,) and a path (n, 3) in the map frame."""
 
     path_enu_m: Floats | None = None
     take_off_enu_m: Floats | None = None
@@ -78,7 +78,7 @@ def draw_frame(axes: Axes, picture: Picture, title: str) -> None:
 
 
 def _scale_bar(axes: Axes, picture: Picture) -> None:
-    """Draw a bar of a round length, about a sixth of the width, in the lower left corner."""
+    """Draw a bar of a round length, at most a sixth of the width, in the lower left corner."""
     width = picture.extent_m[0]
     power = 10.0 ** math.floor(math.log10(width / 6))
     length = max(f * power for f in (1, 2, 5) if f * power <= width / 6)

@@ -1,4 +1,4 @@
-"""Maps thinned to what a screen shows, shaded by a low sun."""
+"""Maps at screen resolution with hillshade."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from scipy import ndimage
 from params import Parameters
 from slz import TerrainMaps, Zone, zone_mask
 
-MOST_PIXELS = 2400  # on a side; larger maps are thinned before they are drawn
-FILL_CELLS = 2  # cells without a return this near to one take its height, in pictures only
+MOST_PIXELS = 2400  # on a side; larger maps are subsampled before drawing
+FILL_CELLS = 2  # gaps up to this distance from a return take its height, in pictures only
 FLAT = 0.7  # light on flat ground
 
 
 class Picture:
-    """Maps thinned to what a screen shows, and what all pictures need of them."""
+    """Maps subsampled to screen resolution, with the values that all pictures share."""
 
     def __init__(self, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters) -> None:
         self.maps, self.zones, self.parameters = maps, zones, parameters
@@ -33,7 +33,7 @@ class Picture:
         self.shade = shade(self.height_m, self.cell_m)
 
     def zone_cells(self, zone: Zone) -> tuple[NDArray[np.bool_], tuple[slice, slice]]:
-        """Return the thinned cells of a zone and where they lie in the picture."""
+        """Return the subsampled cells of a zone, cropped, and their slices in the picture."""
         whole = zone_mask((zone,), self.maps.box)[:: self.step, :: self.step]
         rows, cols = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
         if not len(rows):
@@ -50,7 +50,7 @@ class Picture:
 
 
 def filled(height_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return heights with the nearest one put into small gaps, for the eye."""
+    """Return heights with small gaps filled from the nearest cell, for display."""
     unknown = np.isnan(height_m)
     if unknown.all() or not unknown.any():
         return height_m
@@ -61,7 +61,7 @@ def filled(height_m: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def shade(height_m: NDArray[np.float32], cell_m: float) -> NDArray[np.float64]:
-    """Return the light from the north-west at 45 degrees, 0 to 1; flat and unknown ground at 0.7."""
+    """Return the hillshade, light from the north-west at 45 degrees, 0 to 1; flat and unknown ground: 0.7."""
     level = np.nanmedian(height_m) if np.isfinite(height_m).any() else 0.0
     known = np.where(np.isnan(height_m), level, height_m)
     if min(known.shape) < 2:

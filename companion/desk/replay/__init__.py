@@ -1,1 +1,1 @@
-"""Recorded flights, run again."""
+"""Replay of recorded flights."""

@@ -1,4 +1,4 @@
-"""A flight that another program recorded, through the same fusion, windows and pipeline as in flight."""
+"""Replay of another program's recording through the fusion, windows and pipeline of a flight."""
 
 from __future__ import annotations
 
@@ -23,41 +23,41 @@ Act = Callable[[], None]
 
 
 class Feed(Protocol):
-    """Files that hold what a flight measured."""
+    """Source of a recorded flight's measurements."""
 
     @property
     def cut(self) -> str:
-        """Why the end of a file is missing, empty where all are whole; known at the end."""
+        """Reason for the missing end of a file, empty where all are complete; known at the end."""
 
     @property
     def bad(self) -> int:
-        """Messages that could not be read."""
+        """Number of messages that could not be read."""
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        """Return every datum in its order: its time (ns), and what hands it over."""
+        """Yield every measurement in order: its time (ns), and the call that hands it over."""
 
     def told(self) -> dict[str, Any]:
-        """Return what was chosen and counted, for JSON."""
+        """Return the chosen sources and the counts, for JSON."""
 
 
 class Rerun:
-    """Takes poses and returns, and maps.
+    """Fusion and mapping of a feed's poses and returns.
 
     Parameters
     ----------
     frame
-        Of the map; if None, the first position becomes its origin. Far from it another one begins.
+        Of the map; if None, the first position becomes its origin. Far from it a new frame begins.
 
     Attributes
     ----------
     history
-        The vehicle's poses; to be filled from outside.
+        The vehicle's poses; filled by the feed.
     standing
-        The vehicle stands on the ground, and sees it at grazing angles only: nothing is mapped.
+        The vehicle is on the ground, and sees it at grazing angles only: nothing is mapped.
     standing_scans
         Scans made meanwhile.
     returns, span_ns
-        Returns taken, and the oldest and newest stamp of them.
+        Number of returns, and their oldest and newest stamp.
     poses_ns
         Oldest and newest time that has poses; None without any.
     """
@@ -80,44 +80,44 @@ class Rerun:
         self._fresh: Report | None = None
 
     def take(self, act: Act, mapping: bool = True) -> Report | None:
-        """Take a datum of a feed; return what came of a window that it completed."""
+        """Hand over a measurement of a feed; return the report of a window that it completed, else None."""
         self._mapping, self._fresh = mapping, None
         act()
         return self._fresh
 
     def finish(self) -> Report | None:
-        """Map what waits for the rest of its window."""
+        """Map the incomplete last window."""
         self._fresh = None
         self._process(self._windower.flush())
         return self._fresh
 
     def maps(self) -> TerrainMaps | None:
-        """Return the maps as they are now."""
+        """Return the current maps."""
         return self._pipeline.maps()
 
     @property
     def vehicle(self) -> VehicleState:
-        """Nothing: another program's recording tells poses only."""
+        """An empty state: another program's recording holds poses only."""
         return VehicleState()
 
     @property
     def pipeline(self) -> Pipeline:
-        """What maps, now."""
+        """The current pipeline."""
         return self._pipeline
 
     def add_returns(self, returns: Returns) -> None:
-        """Take a batch of returns."""
+        """Add a batch of returns."""
         if len(returns):
             self._note(returns.stamp_ns)
             self.assembler.add(returns)
 
     def add_placed(self, scan: Scan) -> None:
-        """Take returns that somebody else placed, in the frame of `history`."""
+        """Add returns that another program georeferenced, in the frame of `history`."""
         self._note(scan.stamp_ns)
         self._on_scan(scan)
 
     def _note(self, stamp_ns: NDArray[np.int64]) -> None:
-        """Keep what spans of time there are."""
+        """Update the number of returns and the spans of returns and poses."""
         oldest, newest = int(stamp_ns.min()), int(stamp_ns.max())
         first, last = self.span_ns or (oldest, newest)
         self.span_ns = min(first, oldest), max(last, newest)
@@ -126,7 +126,7 @@ class Rerun:
         if posed_ns is not None:
             self.poses_ns = (posed_ns if self.poses_ns is None else self.poses_ns[0]), posed_ns
 
-    # ---- what comes of it -----------------------------------------------------------------------
+    # ---- mapping --------------------------------------------------------------------------------
 
     def _on_scan(self, scan: Scan) -> None:
         why = "the position estimate jumped"

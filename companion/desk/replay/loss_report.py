@@ -1,4 +1,4 @@
-"""Sentences on what a replay lost and why, and on why it found nothing."""
+"""Report sentences on lost measurements of a replay and on empty results."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Counts = Mapping[str, Any]
 
 
 def lost_for_time(source: Counts, returns: Counts) -> list[str]:
-    """Return a sentence for each kind of return that was lost, or not de-skewed, for its time or its pose's.
+    """Return a sentence for each kind of loss that is due to times or poses: returns lost or not de-skewed.
 
     Parameters
     ----------
     source
-        What a feed tells.
+        `Feed.told`.
     returns
         `Rerun.returns` as `read`, and the assembler's statistics.
     """
@@ -55,7 +55,7 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
 
 
 def why_nothing(feed: Feed, rerun: Rerun) -> str:
-    """Return why no return could be placed."""
+    """Return the reason why no return could be georeferenced."""
     others = [*absent(feed.told()), *([f"{feed.bad} messages cannot be read"] if feed.bad else [])]
     if not rerun.returns or rerun.span_ns is None:
         return "; ".join(["it holds no return of the LiDAR", *others])
@@ -77,7 +77,7 @@ def why_nothing(feed: Feed, rerun: Rerun) -> str:
 
 
 def why_no_zone(outcome: Outcome, maps: TerrainMaps | None, parameters: Parameters) -> str:
-    """Return what the map holds in place of a zone."""
+    """Return the areas seen, judged and safe, as the reason why there is no zone."""
     if not outcome.windows:
         return "no window was mapped"
     if outcome.failed == outcome.windows or maps is None:
@@ -94,7 +94,7 @@ def why_no_zone(outcome: Outcome, maps: TerrainMaps | None, parameters: Paramete
 
 
 def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
-    """Return what became of measurements that are not on the map, for an empty one."""
+    """Return the reasons why measurements are not on the map, for an empty one."""
     counts = rerun.assembler.statistics()
     reasons = {
         "out_of_range": "out of range (lidar_min_m, lidar_max_m)",
@@ -115,7 +115,7 @@ def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
 
 
 def absent(source: Counts) -> list[str]:
-    """Return how many measurements of packets or clouds were no return, or none that can be read."""
+    """Return counts of packets' or clouds' measurements without a return, and of unreadable packets."""
     packets = source.get("packets", {})
     zeros = packets.get("no_return", 0) + source.get("points_without_return", 0)
     doubtful = packets.get("low_confidence", 0) + source.get("points_of_low_confidence", 0)

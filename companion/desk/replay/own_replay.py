@@ -1,4 +1,4 @@
-"""Runs a recorded flight through the same code again: the same bytes in, the same zones out."""
+"""Bit-exact replay of a flight recorded by slz, through the same code as in flight."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from slz.window import join
 
 log = logging.getLogger(__name__)
 
-MOST_SCANS = 4000  # kept for the windows to come, three minutes
+MOST_SCANS = 4000  # kept for later windows: three minutes
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of a replay.
+    """Counts and path of a replay.
 
-    windows: processed. same, other: reports equal to the flight's to the last bit, and not. first_other_ns:
-    stamp of the first that is not. without_scans: windows of which scans were missing. failed: windows at
-    which the pipeline raised. lost: messages that the recorder had to drop. bad: messages that could not be
-    read. path_enu_m: where the sensor was, in the frame of the newest window.
+    windows: processed. same, other: reports equal to the flight's to the last bit, and different ones.
+    first_other_ns: stamp of the first different one. without_scans: windows with missing scans. failed:
+    windows at which the pipeline raised. lost: messages that the recorder dropped. bad: unreadable
+    messages. path_enu_m: positions of the sensor, in the frame of the newest window.
     """
 
     windows: int = 0
@@ -50,7 +50,7 @@ class Outcome:
     _frame: LocalFrame | None = None
 
     def fly(self, sensor_enu_m: NDArray[np.float64], frame: LocalFrame) -> None:
-        """Lengthen the path; the one so far follows into another frame."""
+        """Append a position to the path; a new frame converts the earlier path."""
         if self._frame is not None and self._frame != frame and self.path_enu_m:
             self.path_enu_m = list(frame.enu_m(*self._frame.lla(self.path_enu_m).T))
         self._frame = frame
@@ -58,17 +58,17 @@ class Outcome:
 
 
 class Replay:
-    """A flight run again, message by message.
+    """Replay of a flight, message by message.
 
-    The windows are those that the flight's pipeline took: which scans the busy program passed over is part of
-    what happened.
+    Windows are the ones that the flight's pipeline processed, since the scans that the busy program skipped
+    are part of the flight.
 
     Parameters
     ----------
     header
         The recording's.
     parameters
-        To run with; the flight's give the flight's zones.
+        Parameters of the run; those of the flight reproduce its zones.
     """
 
     def __init__(self, header: Header, parameters: Parameters) -> None:
@@ -83,7 +83,7 @@ class Replay:
         self.outcome = Outcome()
 
     def take(self, message: Raw, mapping: bool = True) -> Report | None:
-        """Take the next message; return what came of it if it was a window, and windows are to be mapped."""
+        """Process the next message; return the report if it was a window that is mapped, else None."""
         try:
             if message.topic == journal.REPORT:
                 self._compare(message.data)
@@ -97,7 +97,7 @@ class Replay:
         return None
 
     def maps(self) -> TerrainMaps | None:
-        """Return the maps as they are now."""
+        """Return the current maps."""
         return self._pipeline.maps()
 
     @property
@@ -107,15 +107,15 @@ class Replay:
 
     @property
     def vehicle(self) -> VehicleState:
-        """What the autopilot said of the vehicle so far."""
+        """The vehicle's state, from the autopilot's messages up to now."""
         return self._senses.vehicle
 
     @property
     def pipeline(self) -> Pipeline:
-        """What maps, now."""
+        """The current pipeline."""
         return self._pipeline
 
-    # ---- what happened --------------------------------------------------------------------------
+    # ---- recorded events ------------------------------------------------------------------------
 
     def _on_returns(self, returns: Returns) -> None:
         self._assembler.add(returns)
@@ -150,7 +150,7 @@ class Replay:
         return self.report
 
     def _compare(self, document: bytes) -> None:
-        if not self._document:  # not run again
+        if not self._document:  # its window was not replayed
             return
         if document == self._document:
             self.outcome.same += 1

@@ -1,4 +1,4 @@
-"""Plays a recording at a pace that may change, in a thread: pause, go on, go to a second of the flight."""
+"""Playback of a recording in a thread, with variable speed, pause and seek."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ class Playing(Protocol):
 
 
 class Player:
-    """Takes the steps of a recording when their time has come.
+    """Runs the steps of a recording at their times.
 
-    To go back it begins anew and runs up to the second asked for as fast as it can, so that the maps are
-    those of that second.
+    To seek backwards it starts again and runs up to the requested second as fast as possible, so that the
+    maps are those of that second.
 
     Parameters
     ----------
     begin
-        Opens the recording: what runs, and its steps.
+        Opens the recording: returns the run and its steps.
     on_step
-        Called after every step with what runs, the second of the flight, the step's stamp (ns) and the report
-        that came of it, None for none.
+        Called after every step with the run, the second of the flight, the step's stamp (ns) and its report
+        or None.
     on_begin
-        Called when it begins, also anew.
+        Called at every start of a run.
 
     Attributes
     ----------
     at_s, length_s
-        Second of the flight; the longest one seen or known.
+        Second of the flight; the largest one reached or known.
     speed
-        Seconds of flight in a second; 0 holds.
+        Seconds of flight per second; 0 pauses.
     ended
-        Whether the last step was taken.
+        Whether the last step has run.
     """
 
     def __init__(
@@ -68,27 +68,27 @@ class Player:
         self._wake = threading.Condition()
         self._target_s: float | None = None
         self._closed = False
-        self._anchor = (0.0, 0.0)  # second of the flight, and when that was
+        self._anchor = (0.0, 0.0)  # second of the flight, and its monotonic time
         self.at_s, self.length_s, self.speed = 0.0, length_s, speed
         self.ended = False
 
     # ---- control, from any thread ---------------------------------------------------------------
 
     def set_speed(self, speed: float) -> None:
-        """Go on at a speed, or hold with 0."""
+        """Set the speed; 0 pauses."""
         with self._wake:
             self.speed = speed
             self._anchor = self.at_s, time.monotonic()
             self._wake.notify()
 
     def go_to(self, at_s: float) -> None:
-        """Go to a second of the flight."""
+        """Seek to a second of the flight."""
         with self._wake:
             self._target_s = at_s
             self._wake.notify()
 
     def close(self) -> None:
-        """Let `run` return."""
+        """Make `run` return."""
         with self._wake:
             self._closed = True
             self._wake.notify()
@@ -96,7 +96,7 @@ class Player:
     # ---- the thread -----------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Play until closed; at the end wait to be sent back."""
+        """Play until closed; at the end wait for a seek backwards."""
         while not self._closed:
             self._on_begin()
             self.ended, self.at_s = False, 0.0
@@ -117,7 +117,7 @@ class Player:
         self.ended = True
 
     def _is_due(self, at_s: float) -> bool:
-        """Wait for a second of the flight; false when it must begin anew or end."""
+        """Wait for a second of the flight; return False when the run must restart or end."""
         with self._wake:
             while not self._closed:
                 now = time.monotonic()

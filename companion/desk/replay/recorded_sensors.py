@@ -1,4 +1,4 @@
-"""What the vehicle measured, from a recording: its poses, and its returns on the companion's clock."""
+"""Recorded sensors: poses and returns of a recording, decoded as in flight, on the companion's clock."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ ORDERS = ("COMMAND_LONG", "COMMAND_INT")
 
 
 class Senses:
-    """The same decoders and clocks as in flight, fed with what was recorded.
+    """Decoders and clocks of a flight, fed with recorded messages.
 
     Parameters
     ----------
     on_returns
-        Called with every batch, as the driver calls it.
+        Called with every batch, as in the driver.
     capacity
-        Poses kept.
+        Number of poses kept.
 
     Attributes
     ----------
@@ -63,11 +63,11 @@ class Senses:
 
     @property
     def vehicle(self) -> VehicleState:
-        """What the autopilot said of the vehicle so far."""
+        """The vehicle's state, from the autopilot's messages up to now."""
         return self._inbox.followed
 
     def take(self, message: Raw) -> WindowEvent | None:
-        """Take the next message; return the window's event if it is one.
+        """Process the next message; return its event if it is a window's, else None.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Senses:
                     frame = self._reader.decode(bytearray(message.data))
                 except (mavlink.MAVError, struct.error, TypeError, ValueError, IndexError) as error:
                     raise BadRecordError(f"a MAVLink frame cannot be read: {error}") from None
-                if frame.get_type() in ORDERS:  # what the operator asked for, the windows tell
+                if frame.get_type() in ORDERS:  # the windows' events hold the operator's orders
                     return None
                 if self._inbox.take(frame, message.at_ns) and self._ranges is not None:
                     self._ranges.take(frame, message.at_ns)

@@ -1,4 +1,4 @@
-"""Reads a recording in the order in which it was written, up to where it ends, however it ended."""
+"""Reader of recordings in the order of writing, up to their end, even if it is cut off."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from params import ParameterError, Parameters
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a recording says of itself: kind of sensor, parameters, time of day less the companion's clock.
+    """Metadata of a recording: kind of sensor, parameters, time of day less the companion's clock.
 
-    lidar_setup: the sensor's own description, where its packets alone do not tell. scans: how many there
-    were before the recording was begun. system, remembered: the vehicle's as far as it was known by then, and
-    the one of the run before (`VehicleIdentity`).
-    gated: positions were held back until one came with a fix (`PositionGate`).
+    lidar_setup: the sensor's description, where its packets do not suffice. scans: number of scans before
+    the recording began. system, remembered: the vehicle's, as far as it was known by then, and that of the
+    previous run (`VehicleIdentity`). gated: positions were held back until one came with a fix
+    (`PositionGate`).
     """
 
     lidar: str
@@ -38,19 +38,19 @@ class Header:
     gated: bool = False
 
     def parameters(self, settings: Iterable[str] = ()) -> Parameters:
-        """Return the flight's parameters, some replaced by `name=value`.
+        """Return the flight's parameters, with those of `settings` (`name=value`) replaced.
 
         Raises
         ------
         ParameterError
-            A setting is wrong, or does not go with the others.
+            A setting is wrong, or contradicts the others.
         """
         return params.load("quadcopter", settings, self.values)
 
 
 @dataclass(frozen=True, slots=True)
 class Raw:
-    """One message that a replay needs, on the companion's clock."""
+    """One raw message, stamped with the companion's clock."""
 
     topic: str
     at_ns: int
@@ -63,9 +63,9 @@ class Recording:
     Attributes
     ----------
     header
-        What it says of itself.
+        Its metadata.
     cut
-        Why its end is missing, empty where it is whole; known once all messages were read.
+        Reason for the missing end, empty where it is complete; known once all messages were read.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class Recording:
         self.header = header
 
     def messages(self) -> Iterator[Raw]:
-        """Return the messages that a replay needs, in the order of the flight."""
+        """Yield the messages for a replay, in the order of the flight."""
         offset_ns = self.header.clock_offset_ns
         for record in self._records():
             if isinstance(record, Raw):
@@ -114,7 +114,7 @@ class Recording:
             self.cut = "" if whole else "it ends in the middle, as after a loss of power"
         except UsageError:
             raise
-        except Exception as error:  # of mcap, and of whatever unpacks its chunks
+        except Exception as error:  # raised by mcap, or by the decompressors of its chunks
             self.cut = "" if whole else f"it is damaged or cut off: {error}"
 
     def _header(self, metadata: dict[str, str]) -> Header:

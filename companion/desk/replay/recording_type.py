@@ -1,4 +1,4 @@
-"""Which kind of recording a file is, and what belongs beside it."""
+"""Recording type of a file, and the opening of other programs' recordings with their companion files."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ BESIDE_LOG = "a capture (.pcap), a georeferenced cloud (.laz), or a folder of .p
 
 @dataclass(frozen=True, slots=True)
 class Beside:
-    """What a recording of another program needs besides itself.
+    """Options for a recording of another program.
 
-    points: topic of the points, or what lies beside a log. poses: topics. lidar: kind of the sensor.
-    origin: latitude, longitude, altitude where a local frame begins. profile: of the parameters. system: the
-    vehicle's in a log of several. vertical_unit: of the heights of a cloud beside a log.
+    points: topic of the points, or path of the points of a log. poses: topics. lidar: kind of the sensor.
+    origin: latitude, longitude, altitude of the local frame's origin. profile: of the parameters. system:
+    ID of the vehicle in a log of several. vertical_unit: of the heights of a cloud.
     """
 
     points: str | None = None
@@ -54,7 +54,7 @@ class Beside:
 
 
 def kind_of(path: Path) -> Kind:
-    """Tell the kind of a recording: by name, and an MCAP file of ROS by its profile."""
+    """Return the type of a recording, from its name; for MCAP from the file's profile."""
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in (".db3", ".bag"):
         return "bag"
@@ -69,7 +69,7 @@ def opened(path: Path, settings: Iterable[str], beside: Beside) -> tuple[Feed, R
     Raises
     ------
     UsageError
-        It cannot be used, or what it needs besides is missing, wrong or too much.
+        It cannot be used, or an option is missing, wrong or superfluous.
     """
     settings = tuple(settings)
     parameters = params.load(beside.profile, settings)
@@ -131,10 +131,10 @@ def _frame(text: str) -> LocalFrame:
 
 
 def _profile(path: Path) -> str:
-    """Return what an MCAP file says of its maker's conventions, empty where it says nothing."""
+    """Return the profile of an MCAP file, empty where it has none or cannot be read."""
     try:
         with path.open("rb") as file:
             first = next(iter(StreamReader(file).records), None)
             return str(getattr(first, "profile", ""))
     except (OSError, McapError, ValueError, RuntimeError, EOFError, MemoryError):
-        return ""  # whoever reads it will say why
+        return ""  # its reader will report the error

@@ -1,4 +1,4 @@
-"""The page over a recording: the same views, with a time line in place of orders."""
+"""Web page of a replay: the views of a flight, with a timeline in place of orders."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ SHOW_S = 0.1
 
 
 class ReplayDesk:
-    """Takes the time line's orders and refuses all others."""
+    """Handler of the timeline's commands; it refuses all others."""
 
     def __init__(self, player: Player) -> None:
         self._player = player
 
     async def carry_out(self, order: Command) -> Reply:
-        """Do it, or say why not."""
+        """Run a command, or refuse it with a reason."""
         if not isinstance(order, Replay):
             return Reply(False, "this is a replay: nothing flies")
         if order.speed is not None:
@@ -51,7 +51,7 @@ class ReplayDesk:
 
 
 class ReplayPage:
-    """Plays a recording before browsers.
+    """Player of a recording with a web page.
 
     Raises
     ------
@@ -61,7 +61,7 @@ class ReplayPage:
 
     def __init__(self, path: Path, settings: Iterable[str], beside: Beside, speed: float) -> None:
         self._path, self._settings, self._beside = path, tuple(settings), beside
-        playing, _ = self._begin()  # so that what is wrong with the file is said at once
+        playing, _ = self._begin()  # opened now, so that an unusable file is refused at once
         self.board = Board(playing.parameters)
         self.player = Player(self._begin, self._on_step, self._on_begin, _length_s(path), speed or 1.0)
         self._shown_s = 0.0
@@ -125,14 +125,14 @@ def show(
     speed: float,
     handled_by: Callable[[Callable[[], None]], AbstractContextManager[None]],
 ) -> None:
-    """Show a recording until a signal ends it.
+    """Serve a recording's page until a signal arrives.
 
     Raises
     ------
     UsageError
-        The recording or a setting is of no use.
+        The recording or a setting cannot be used.
     Interrupted
-        A signal came.
+        A signal arrived.
     """
     page = ReplayPage(path, settings, beside, speed)
 
@@ -149,7 +149,7 @@ def show(
 
 
 def _length_s(path: Path) -> float:
-    """Return the length of one of our recordings, 0 where it is not told."""
+    """Return the length of a recording of slz; 0 where the file does not state it."""
     try:
         with path.open("rb") as file:
             summary = make_reader(file).get_summary()

@@ -1,4 +1,4 @@
-"""`slz replay`: a recorded flight, run again, our own or another program's."""
+"""Replay run of `slz replay`: a flight recorded by slz or by another program."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from params import Parameters
 from slz import Report, TerrainMaps
 from slz.warm_up import warm_up
 
-Step = tuple[int, Callable[[bool], Report | None]]  # time (ns), and what takes it: to be mapped or not
+Step = tuple[int, Callable[[bool], Report | None]]  # time (ns), and the call; its argument: whether to map
 
 
 def run(
@@ -42,18 +42,18 @@ def run(
     out
         Folder for the maps at the end.
     speed
-        Seconds of flight in a second; 0 as fast as possible.
+        Seconds of flight per second; 0 as fast as possible.
     span_s
-        Windows from and until so many seconds after the recording's beginning; those before are not mapped.
+        First and last second to map, from the beginning of the recording.
     step
-        Told of every window: seconds since the beginning, and what was found.
+        Called for every window: seconds since the beginning, and a line on its result.
     beside
-        What a recording of another program needs.
+        Options for a recording of another program.
 
     Raises
     ------
     UsageError
-        The recording or a setting is of no use, or the folder cannot be written.
+        The recording or a setting cannot be used, or the folder cannot be written.
     """
     settings = tuple(settings)
     if kind_of(path) != "own":
@@ -111,7 +111,7 @@ def _run_others(
 def _play(
     steps: Iterator[Step], speed: float, span_s: tuple[float, float], step: Callable[[float, str], None]
 ) -> bool:
-    """Take all steps within a span, at a speed; return whether there was any."""
+    """Run all steps within a span, at a speed; return whether there was any."""
     begun_ns: int | None = None
     started_s = time.monotonic()
     for at_ns, take in steps:

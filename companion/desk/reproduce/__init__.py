@@ -1,4 +1,4 @@
-"""`slz reproduce`: the sources' scenes and tables, with ours beside them."""
+"""Reproduction of the sources' scenes and tables beside results of slz (`slz reproduce`)."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ GROWING = (ENTRANCE, BY_SCENE["mountains"])
 def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
     """Run every case and section, write the page and its pictures, and return the figures for JSON.
 
-    Flown surveys are kept in `out/surveys` and used again.
+    Flown surveys are cached in `out/surveys`.
 
     Parameters
     ----------
     only
-        Cases, scenarios and instruments (flash, radar) whose name holds this text; all when empty.
+        Text that the names of cases, scenarios and instruments (flash, radar) must contain; empty for all.
 
     Raises
     ------
     UsageError
-        The folder cannot be written, or no case is called so.
+        The folder cannot be written, or no name contains the text.
     """
     cases = [case for case in CASES if only in case.name]
     if not cases and not any(only in name for name in instrument_data.NAMES):
@@ -66,7 +66,7 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
 
 
 def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -> list[Section]:
-    """Return the page's sections in their order; a further one is a module with a function `section`."""
+    """Return the page's sections in order; each is the result of a module's function `section`."""
     surveys = out / "surveys"
     rooms = [scenario for scenario in SCENARIOS if only in scenario.name]
     growing = [scenario for scenario in GROWING if only in scenario.name]
@@ -109,7 +109,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
 
 
 def _against_truth(outcomes: Sequence[Outcome], out: Path) -> Section:
-    """Return Eq. (20) and the maps of every case."""
+    """Return the section of the area errors, SLZ paper, Eq. (20), and the maps of every case."""
     pictures = [
         (o.case.name, save_maps(out / o.case.folder, o.maps, o.report.zones, o.parameters)) for o in outcomes
     ]

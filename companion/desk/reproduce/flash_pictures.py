@@ -17,7 +17,7 @@ DPI = 110
 
 
 def images(file: Path, image: FlashImage) -> Path:
-    """Draw intensity and range (Flash Fig. 5)."""
+    """Draw intensity and range (Flash paper, Figure 5)."""
     figure = Figure((11, 4.6), layout="constrained")
     for axes, values, title, bar in (
         (figure.add_subplot(1, 2, 1), image.measured.intensity, "intensity", "counts"),
@@ -31,7 +31,7 @@ def images(file: Path, image: FlashImage) -> Path:
 
 
 def dem(file: Path, heights_m: F64, grid: Grid, peaks_m: F64) -> Path:
-    """Draw the DEM and its histogram (Flash Fig. 7)."""
+    """Draw the DEM and its histogram (Flash paper, Figure 7)."""
     figure = Figure((11, 4.6), layout="constrained")
     axes = figure.add_subplot(1, 2, 1)
     shown = axes.imshow(heights_m, origin="lower", extent=_extent(grid), cmap="viridis")
@@ -49,7 +49,7 @@ def dem(file: Path, heights_m: F64, grid: Grid, peaks_m: F64) -> Path:
 
 
 def segments(file: Path, maps: dict[float, F64]) -> Path:
-    """Draw classified maps by xi (Flash Fig. 8)."""
+    """Draw classified maps by xi (Flash paper, Figure 8)."""
     figure = Figure((11, 4.8), layout="constrained")
     for k, (xi, mean_m) in enumerate(maps.items(), start=1):
         axes = figure.add_subplot(1, len(maps), k)
@@ -61,7 +61,7 @@ def segments(file: Path, maps: dict[float, F64]) -> Path:
 
 
 def hazards(file: Path, dem_m: F64, grid: Grid, found: tuple[Hazard, ...]) -> Path:
-    """Draw the DEM of the whole pit with the hazards reported."""
+    """Draw the DEM of the whole pit with the reported hazards."""
     figure = Figure((8.5, 7.5), layout="constrained")
     axes = figure.add_subplot(1, 1, 1)
     shown = axes.imshow(dem_m, origin="lower", extent=_extent(grid), cmap="RdBu_r", vmin=-1, vmax=1)

@@ -1,4 +1,7 @@
-"""The flash LiDAR's table and figures (Flash Table 1, Fig. 5, 7 and 8), ours beside them."""
+"""Flash LiDAR section: the source's table and figures beside results of slz.
+
+Flash paper, Table 1 and Figures 5, 7 and 8.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,7 @@ def _map(
 
 
 def _score(data: dict[str, Any], found: tuple[Hazard, ...]) -> dict[str, Any]:
-    """Compare hazards with the truth: rocks, domes and boxes by the list, craters by the exact heights."""
+    """Compare hazards with the truth: rocks, domes and boxes from the list, craters from exact heights."""
     from scipy import ndimage
 
     top = data["truth_m"].astype(np.float64)

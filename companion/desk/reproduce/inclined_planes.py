@@ -1,4 +1,4 @@
-"""Slope of inclined planes under noise, by the sources' gradient and by the plane fit."""
+"""Slope errors on noisy inclined planes, for the sources' gradient and for the plane fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HALF_M = 20.0
 
 @dataclass(frozen=True, slots=True)
 class SlopeError:
-    """Root mean square error of the slope over the cells that got one, and the share of cells that did."""
+    """RMS error of the slope over the cells that have one, and the share of such cells."""
 
     slope_deg: float
     gradient_rms_deg: float
@@ -29,7 +29,7 @@ class SlopeError:
 def slope_errors(
     density_per_m2: float = 20.0, noise_m: float = 0.02, cell_m: float = 0.2, seed: int = 1
 ) -> list[SlopeError]:
-    """Measure both methods on planes of known slope."""
+    """Return the errors of both methods on planes of known slope."""
     found = []
     for slope in SLOPES_DEG:
         cloud = _plane(slope, density_per_m2, noise_m, seed)

@@ -1,5 +1,4 @@
-"""Raw data of the flash LiDAR and the radar, as the simulator records them, and their sections of the
-page."""
+"""Raw data of the flash LiDAR and the radar from the simulator, and their sections of the page."""
 
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ LONGEST_S = 1800.0
 
 
 def sections(names: list[str], out: Path, progress: Callable[[str], None]) -> list[Section]:
-    """Return the sections of the instruments named, after the simulator recorded what they need."""
+    """Return the sections of the named instruments, recording their data first where needed."""
     build = {"flash": flash_section.section, "radar": radar_section.section}
     found = []
     for name in names:
@@ -32,7 +31,7 @@ def sections(names: list[str], out: Path, progress: Callable[[str], None]) -> li
 
 
 def _recorded(name: str, folder: Path) -> dict[str, Any]:
-    """Return the arrays of an instrument's recording, made anew where there is none."""
+    """Return the arrays of an instrument's recording, made by the simulator if the file is missing."""
     file = folder / f"{name}_seed{SEED}.npz"
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)

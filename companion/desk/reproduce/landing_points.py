@@ -1,4 +1,4 @@
-"""What stands around a landing point, in three scenarios (SLZ thesis 4.4.5, Figures 4-16 to 4-19)."""
+"""Obstacles around a landing point in three scenarios (SLZ thesis, Section 4.4.5, Figures 4-16 to 4-19)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ HORIZON_COLUMNS = (
 
 
 def section(places: Sequence[Place], out: Path, surveys: Path, progress: Callable[[str], None]) -> Section:
-    """Select the point of every place in both modes, and compare what is listed around it with the truth."""
+    """Select the point of every place in both modes, and compare its obstacles and horizon with the truth."""
     rows: list[tuple[str, ...]] = []
     horizons: list[tuple[str, ...]] = []
     pictures: list[Pictures] = []
@@ -164,7 +164,7 @@ def _draw_map(watched: Watched, file: Path) -> None:
 
 
 def _middle(obstacle: Obstacle, maps: TerrainMaps) -> tuple[float, float]:
-    """Return the middle of an obstacle's box if it is high there, else its highest place."""
+    """Return the middle of an obstacle's box if the ground there is high, else its highest place."""
     west, south, east, north = obstacle.extent_m
     middle = (west + east) / 2, (south + north) / 2
     row, col = maps.grid.index(*middle)

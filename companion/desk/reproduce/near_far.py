@@ -1,4 +1,4 @@
-"""Near and far mode in one flight, and what is chosen window by window (SLZ thesis 4.4.4, Figure 4-14)."""
+"""Near and far mode in one flight, window by window (SLZ thesis, Section 4.4.4, Figure 4-14)."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ CLIMBS = (
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """What was reported in a flight, window by window, and both maps at its end."""
+    """Reports of a flight, window by window, and both maps at its end."""
 
     reports: tuple[Report, ...]
     path_enu_m: NDArray[np.float64]
@@ -91,7 +91,7 @@ class Flown:
 
 
 def section(climbs: Sequence[Climb], out: Path, surveys: Path, progress: Callable[[str], None]) -> Section:
-    """Fly every climb in both modes; tell what was chosen, and draw both maps' zones as one picture."""
+    """Fly every climb in both modes, list the chosen modes, and draw both maps' zones as one picture."""
     rows: list[tuple[str, ...]] = []
     pictures: list[Pictures] = []
     figures: dict[str, Any] = {}
@@ -135,7 +135,7 @@ def _run(case: Case, surveys: Path) -> Flown:
 
 
 def _about(path_enu_m: NDArray[np.float64], grid: Grid) -> Box:
-    """Return the cells of a grid within a box about a path."""
+    """Return the cells of a grid within a box around a path."""
     west, south = (path_enu_m[:, :2].min(axis=0) - AROUND_M).tolist()
     east, north = (path_enu_m[:, :2].max(axis=0) + AROUND_M).tolist()
     (row0, col0), (row1, col1) = grid.index(west, south), grid.index(east, north)
@@ -143,7 +143,7 @@ def _about(path_enu_m: NDArray[np.float64], grid: Grid) -> Box:
 
 
 def _changes(reports: Sequence[Report]) -> int:
-    """Return how often near and far mode changed."""
+    """Return the number of changes between near and far mode."""
     far = [report.choice.far for report in reports]
     return sum(a != b for a, b in itertools.pairwise(far))
 
@@ -181,7 +181,7 @@ def _draw_map(flown: Flown, file: Path) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    whole = flown.near if flown.parameters.mode == "source" else flown.far  # which reaches farther
+    whole = flown.near if flown.parameters.mode == "source" else flown.far  # the one that reaches farther
     picture = Picture(whole, (), flown.parameters)
     figure = Figure(figsize=(9.0, 9.5), dpi=130, layout="constrained")
     axes = figure.add_subplot()
@@ -219,7 +219,7 @@ def _draw_zones(axes: Axes, zones: tuple[Zone, ...], maps: TerrainMaps, colour: 
     layer = np.zeros((rows, cols, 4))
     layer[mask] = to_rgba(colour, alpha)
     axes.imshow(layer, origin="lower", extent=bounds, interpolation="nearest")
-    fine = max(1, min(10, 2000 // max(rows, cols)))  # so that a line about large cells keeps their corners
+    fine = max(1, min(10, 2000 // max(rows, cols)))  # so that the contour of large cells keeps their corners
     padded = np.pad(mask.repeat(fine, axis=0).repeat(fine, axis=1), 1).astype(np.float32)
     x = maps.west_m + (np.arange(fine * cols + 2) - 0.5) * cell / fine
     y = maps.south_m + (np.arange(fine * rows + 2) - 0.5) * cell / fine

@@ -1,4 +1,4 @@
-"""The three places where the sources land, and what is found around each (SLZ thesis 4.4.5)."""
+"""The three landing places of the sources, and their surroundings (SLZ thesis, Section 4.4.5)."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from params import Parameters
 from slz import Box, SelectedPoint, Surroundings, TerrainMaps
 
 ABOVE_DEG, BELOW_DEG = 7.0, 1.0
-"""Errors of the horizon that count: too high costs a way in, too low hides an obstacle. Noise of 0.12 m on
-the ground at the footprint's edge, 1 m away, looks 7 degrees high."""
+"""Tolerated errors of the horizon: too high costs an approach, too low hides an obstacle. Noise of 0.12 m on
+the ground at the footprint's edge, 1 m away, appears 7 degrees high."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A landing point: where it lies, over which survey, and the settings of each mode."""
+    """A landing point: its position, its survey, and the settings of each mode."""
 
     name: str
     survey: Survey
@@ -77,7 +77,7 @@ PLACES = (
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """A selected point after a survey, what truly stands around it, and the map about it."""
+    """A selected point after a survey, the true obstacles around it, and the map about it."""
 
     place: Place
     mode: str
@@ -94,7 +94,7 @@ class Watched:
 
     @property
     def pairs(self) -> list[Pair]:
-        """Return what stands in a named region, with what was found of it."""
+        """Return the true obstacles in named regions, each with the obstacle found for it."""
         return [pair for pair in self.truth.pairs(self.surroundings) if pair.true.where]
 
     @property
@@ -106,7 +106,7 @@ class Watched:
 
     @property
     def too_low(self) -> int:
-        """Return how many sectors have a horizon below the truth; unseen ones are not."""
+        """Return the number of sectors with a horizon below the truth; unseen sectors do not count."""
         return int((self.surroundings.horizon_deg < self.true_horizon_deg(-1.0) - BELOW_DEG).sum())
 
     @property
@@ -120,7 +120,7 @@ class Watched:
 
 
 def watch(place: Place, mode: str, surveys: Path, recording: Recording | None = None) -> Watched:
-    """Fly over a place, select its point before the last window, and return what is reported of it."""
+    """Fly over a place, select its point before the last window, and return its surroundings and truth."""
     recording = recording or fly(place.survey, surveys)
     pipeline, parameters = begin(place.case(mode))
     windows = list(recording.windows())

@@ -19,7 +19,7 @@ DPI = 110
 
 
 def figure_2(file: Path, tilts_deg: Sequence[float], altitude_m: float) -> Path:
-    """Draw the height error against the baseline by look angle and tilt (Radar Fig. 2)."""
+    """Draw the height error against the baseline by look angle and tilt (Radar letter, Figure 2)."""
     figure = Figure((13, 4.2), layout="constrained")
     baselines = np.linspace(0.1, 1.2, 221)
     for k, tilt in enumerate(tilts_deg, start=1):
@@ -36,7 +36,7 @@ def figure_2(file: Path, tilts_deg: Sequence[float], altitude_m: float) -> Path:
 
 
 def phases(file: Path, images: Sequence[Interferogram]) -> Path:
-    """Draw phase without the flat Earth, and coherence, of every observation (Radar Fig. 5)."""
+    """Draw phase without the flat Earth, and coherence, of every observation (Radar letter, Figure 5)."""
     figure = Figure((14, 7), layout="constrained")
     for k, image in enumerate(images):
         for row, (values, title, limits) in enumerate(
@@ -52,7 +52,7 @@ def phases(file: Path, images: Sequence[Interferogram]) -> Path:
 
 
 def dems(file: Path, heights_m: Sequence[F64], grid: Grid) -> Path:
-    """Draw the DEM of every observation (Radar Fig. 6)."""
+    """Draw the DEM of every observation (Radar letter, Figure 6)."""
     figure = Figure((14, 3.8), layout="constrained")
     for k, height in enumerate(heights_m):
         axes = figure.add_subplot(1, len(heights_m), k + 1)
@@ -64,7 +64,7 @@ def dems(file: Path, heights_m: Sequence[F64], grid: Grid) -> Path:
 
 
 def result(file: Path, height_m: F64, truth_m: F64, even: NDArray[np.bool_], grid: Grid) -> Path:
-    """Draw the fused DEM, the truth, and the errors (Radar Fig. 7)."""
+    """Draw the fused DEM, the truth, and the errors (Radar letter, Figure 7)."""
     figure = Figure((14, 4), layout="constrained")
     for k, (values, title) in enumerate(((height_m, "fused; white: unknown"), (truth_m, "truth")), start=1):
         axes = figure.add_subplot(1, 3, k)

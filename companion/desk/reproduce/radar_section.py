@@ -1,4 +1,4 @@
-"""The radar's figures (Radar Fig. 2 and 4 to 7), ours beside them."""
+"""Radar section: the source's figures beside results of slz (Radar letter, Figures 2 and 4 to 7)."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ TILTS_DEG = (0.0, 45.0, 90.0)
 BASELINES_M = (0.48, 0.5, 0.57)
 EVEN_M = 0.35
 LETTER_COHERENCE = 0.6
-"""Without the filter level ground has a coherence of 0.4 to 0.75: the limit of the flight leaves next to
-nothing."""
+"""Without the filter, level ground has a coherence of 0.4 to 0.75, so the limit used in flight would leave
+almost nothing."""
 
 FIGURE_2 = (
     "Standard deviation of heights by Eq. (3) and (4), cm, least to greatest over look angles of 30 to 60 "
@@ -110,13 +110,13 @@ def _rms(dem: RadarDem, truth: F64, even: NDArray[np.bool_]) -> float | None:
 
 
 def _span(tilt_deg: float, baseline_m: float) -> list[float | None]:
-    """Return the least and the greatest error (cm) over the look angles, None where nothing is coherent."""
+    """Return the smallest and largest error (cm) over the look angles, None where nothing is coherent."""
     errors = 100 * height_error_m(Interferometer(baseline_m=baseline_m, tilt_deg=tilt_deg), ALTITUDE_M, LOOKS)
     return [round(float(e), 1) if np.isfinite(e) else None for e in (errors.min(), errors.max())]
 
 
 def _dice(looks: int) -> tuple[int, float, float]:
-    """Return the standard deviation of thrown phases and that of Eq. (3)."""
+    """Return the number of looks, the standard deviation of simulated phases, and Radar letter, Eq. (3)."""
     gamma = float(coherence(Interferometer(), ALTITUDE_M, np.radians(45.0)))
     rng = np.random.default_rng(1)
     thrown = (rng.normal(size=(2, 5000, looks, 2)) @ np.array([1, 1j])) / np.sqrt(2)

@@ -1,4 +1,4 @@
-"""Whether ground called safe with a certainty is safe as often as that says (reliability diagram)."""
+"""Reliability diagram of the certainty: share of truly safe cells by certainty."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 EDGES = (0.0, 0.01, 0.05, *(round(0.1 * i, 1) for i in range(1, 10)), 0.95, 0.99, 0.999, 1.0)
-FEWEST = 50  # cells of a bin below which its share says nothing
+FEWEST = 50  # cells of a bin below which its share is not significant
 TEXT = (
     "All known cells of 0.2 m of the surveys above that lie 3 m or more within the surveyed extent, by their "
     "certainty: its mean, and the share of them that is truly safe, which are alike where it is calibrated. "
@@ -43,9 +43,9 @@ class Bins:
     def of(
         cls, certainty: NDArray[Any], truly_safe: NDArray[np.bool_], called_safe: NDArray[np.bool_]
     ) -> Self:
-        """Count cells, given (n,) each; a bin holds its lower bound, the last one both."""
+        """Count cells, given (n,) each; a bin includes its lower bound, the last one both."""
         n = len(EDGES) - 1
-        # Bounds of float32, so that a certainty of 0.99 counts as one.
+        # Bounds in float32, so that a certainty of 0.99 equals the bound of 0.99.
         number = np.searchsorted(np.array(EDGES, np.float32), certainty.astype(np.float32), "right") - 1
         number = number.clip(0, n - 1)
 
@@ -77,7 +77,7 @@ class Bins:
 
     @property
     def share(self) -> NDArray[np.float64]:
-        """Return the share truly safe of each bin, NaN where empty."""
+        """Return the share of truly safe cells of each bin, NaN where empty."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.true / self.cells)
 
@@ -97,7 +97,7 @@ def count(recording: Recording, maps: TerrainMaps) -> Bins:
 
 
 def section(counted: Mapping[str, Bins], out: Path) -> Section:
-    """Tell how reliable the certainty is over all surveys, and draw it for each and for all.
+    """Return the calibration error over all surveys, with a diagram of each survey and of all.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins) -> None:
 
 
 def _drawn(bins: Bins) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return mean and share, NaN where cells are few, within what the wide-ended axes show."""
+    """Return mean and share, NaN for bins of few cells, clipped to the range of the logit axes."""
     many = bins.cells >= FEWEST
     x, y = (np.where(many, v, np.nan).clip(1.5e-4, 1 - 1.5e-4) for v in (bins.mean, bins.share))
     return x, y

@@ -1,4 +1,4 @@
-"""One page of tables and pictures, as Markdown and as HTML."""
+"""Page of tables and pictures, as Markdown and as HTML."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ STYLE = (
 )
 
 WIDTH = {1: "80%", 2: "49%", 4: "49%"}
-"""Of a picture, by how many stand together."""
+"""Width of a picture, by the number of pictures in its group."""
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table: its heading, what it says, column names and rows of text."""
+    """A table: its heading, explanation, column names and rows of text."""
 
     title: str
     text: str
@@ -32,12 +32,12 @@ class Table:
 
 
 Pictures = tuple[str, list[Path]]
-"""A heading and the files under it, which lie below the page's folder."""
+"""A heading and its files, which are below the page's folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What one part of the reproduction adds to the page, and its figures for JSON by name."""
+    """Tables and pictures of one part of the reproduction, and its figures for JSON by name."""
 
     tables: list[Table]
     pictures: list[Pictures]
@@ -45,7 +45,7 @@ class Section:
 
 
 def scene_table(outcomes: Sequence[Outcome]) -> Table:
-    """Return Eq. (20) and its kin by scene."""
+    """Return the table of area errors, SLZ paper, Eq. (20), safety errors and times by scene."""
     rows: list[tuple[str, ...]] = [
         (
             o.case.name,
@@ -78,7 +78,7 @@ def scene_table(outcomes: Sequence[Outcome]) -> Table:
 
 
 def slope_table(errors: Sequence[SlopeError]) -> Table:
-    """Return the error of the slope of planes."""
+    """Return the table of slope errors on planes."""
     rows: list[tuple[str, ...]] = [
         (
             f"{e.slope_deg:.0f}°",
@@ -98,7 +98,7 @@ def slope_table(errors: Sequence[SlopeError]) -> Table:
 
 
 def write(folder: Path, sections: Sequence[Section]) -> list[Path]:
-    """Write index.md and index.html into a folder: all tables, then all pictures, which lie beneath it."""
+    """Write index.md and index.html into a folder: all tables, then all pictures."""
     tables = [table for section in sections for table in section.tables]
     pictures = [group for section in sections for group in section.pictures]
     files = [folder / "index.md", folder / "index.html"]

@@ -1,6 +1,7 @@
 """The sources' scenes at the sources' resolution: 1 m near, 10 m far, with the helicopter's profile.
 
-SLZ paper 5 and SLZ thesis 4.4. Surveys are sparse and fast, so that all of them fly within a minute.
+SLZ paper, Section 5, and SLZ thesis, Section 4.4. Surveys are sparse and fast, so that all of them fly
+within a minute.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ from companion.desk.reproduce.survey_recording import Survey
 
 MODES = ("source", "default")
 ONE_MAP = ("far_speed_ms=500", "far_height_m=10000")
-"""Surveys are flown faster than far mode begins, to be short; the map with cells of `cell_m` is meant."""
+"""Keeps near mode on: surveys are flown fast to be short, but use the map with cells of `cell_m`."""
 NO_ID_REUSE = "repeat_ratio=1"
-"""No share of a boundary exceeds this, so no zone takes an old one's place."""
+"""No share of a boundary exceeds this, so no zone reuses an old ID."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """One scene as the sources saw it.
+    """One scene as in the sources.
 
-    settings: in both modes. default: in default mode, beside those. no_filter_m: side of the least square a
-    zone must hold where the filter for room to land counts as off.
+    settings: in both modes. default: additional ones in default mode. no_filter_m: side of the smallest
+    square of a zone when the filter for room to land counts as off.
     """
 
     name: str
@@ -67,7 +68,7 @@ def _near(
     )
 
 
-# The simulated sensor reaches 60 m on grass: this is as high as it sees the meadows from.
+# The simulated sensor reaches 60 m on grass, so this is the greatest height that still shows the meadows.
 _FAR = Survey(
     "hill",
     (-190.0, -190.0, 190.0, 190.0),
@@ -82,11 +83,11 @@ _FAR = Survey(
 )
 
 SCENARIOS = (
-    # From 46 m south of the stadium's middle on: north of the trees beyond the street.
+    # Begins 46 m south of the stadium's middle, north of the trees beyond the street.
     Scenario(
         "1 stadium", _near("stadium", (-120.0, -46.0, 200.0, 110.0)), settings=("min_boundary_points=80",)
     ),
-    # The road is 8 m wide and cars stand on both sides: a footprint of 3 m leaves nothing between them.
+    # The road is 8 m wide with cars on both sides, so a footprint of 3 m leaves nothing between them.
     Scenario(
         "2 road and yards",
         _near("streets", (-80.0, -60.0, 80.0, 60.0), speed_ms=20.0, point_rate_hz=50_000),
@@ -102,7 +103,7 @@ SCENARIOS = (
         _near("dense", (-100.0, -100.0, 100.0, 100.0), spacing_m=16.0),
         settings=("min_boundary_points=50",),
     ),
-    # 200 boundary points of 1 m are 20 of 10 m.
+    # 200 boundary points at 1 m correspond to 20 at 10 m.
     Scenario(
         "5 hill",
         _FAR,
@@ -118,4 +119,4 @@ ENTRANCE = Scenario(
     _near("stadium", (60.0, -42.0, 115.0, -2.0), spacing_m=40.0, speed_ms=8.0, point_rate_hz=100_000),
     settings=("zone_m=400",),
 )
-"""One line over the entrance: seven windows, each of which adds a little to one zone."""
+"""One line over the entrance: seven windows, and each adds a little to one zone."""

@@ -1,4 +1,4 @@
-"""The sources' scenes: what they say of each, and what the pipeline finds there."""
+"""The sources' scenes as test cases, with the sources' figures, and their runs through the pipeline."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from slz import Pipeline, Report, TerrainMaps, zone_mask
 
 Settings = tuple[str, ...]
 
-# The sources' figures (SLZ paper 4, SLZ thesis 4): Eq. (20) and time per second of LiDAR.
+# The sources' figures (SLZ paper, Section 4; SLZ thesis, Section 4): Eq. (20), and time per second of LiDAR.
 PAPER_AREA_ERROR = 0.287
 PAPER_MS = 600.0
 FINE = Survey("stadium", (-100.0, -10.0, 20.0, 90.0))
@@ -25,7 +25,7 @@ FINE = Survey("stadium", (-100.0, -10.0, 20.0, 90.0))
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run: a survey, a profile with settings, and the greatest Eq. (20) it may have."""
+    """One run: a survey, a profile with settings, and the limit of its area error, SLZ paper, Eq. (20)."""
 
     name: str
     survey: Survey
@@ -35,13 +35,13 @@ class Case:
 
     @property
     def folder(self) -> str:
-        """Return the name as a folder's."""
+        """Return the name as that of a folder."""
         return self.name.replace(" ", "_").replace(",", "")
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run found."""
+    """Result of a run."""
 
     case: Case
     scores: Scores
@@ -62,7 +62,7 @@ class Outcome:
 
     @property
     def covered_m2(self) -> float:
-        """Return the area of all zones together; zones of the source's rules overlap."""
+        """Return the area of the union of all zones; zones of the source's rules overlap."""
         covered = zone_mask(self.report.zones, self.maps.box).sum()
         return float(covered) * self.maps.grid.cell_m**2
 
@@ -110,7 +110,7 @@ def begin(case: Case) -> tuple[Pipeline, Parameters]:
 
 
 def run(case: Case, folder: Path) -> tuple[Outcome, Recording]:
-    """Fly a case, or take it from the folder, and put it through the pipeline window by window."""
+    """Fly a case, or load its recording from the folder, and process it window by window."""
     recording = fly(case.survey, folder)
     pipeline, parameters = begin(case)
     report, ms, ids = None, [], set()

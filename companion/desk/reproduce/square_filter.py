@@ -1,4 +1,4 @@
-"""Zones without and with the filter for room to land, scene by scene (SLZ paper 5.2, Figures 11 and 12)."""
+"""Zones with and without the filter for room to land (SLZ paper, Section 5.2, Figures 11 and 12)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _row(without: Outcome, found: Outcome) -> tuple[str, ...]:
 
 
 def _size(outcome: Outcome) -> str:
-    """Return length and width of the box around the largest zone."""
+    """Return width and height (m) of the box around the largest zone."""
     if not outcome.report.zones:
         return "none"
     rows, cols = max(outcome.report.zones, key=lambda zone: zone.area_m2).box.shape

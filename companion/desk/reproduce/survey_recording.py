@@ -1,4 +1,4 @@
-"""Surveys flown by the simulator, as files: returns placed with the true pose, and the truth below them."""
+"""Recordings of surveys flown by the simulator: returns placed with the true pose, and the truth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WINDOW_CHUNKS = 10
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What to fly: options of `python -m sitl.flown_survey`."""
+    """Options of `python -m sitl.flown_survey`."""
 
     scene: str
     extent_m: tuple[float, float, float, float]
@@ -71,7 +71,7 @@ class Recording:
     description: str
 
     def windows(self) -> Iterator[Window]:
-        """Yield windows of one second; the sensor is where it was at their end, as in flight."""
+        """Yield windows of one second; the sensor's position is that at their end, as in flight."""
         start = np.concatenate([[0], np.cumsum(self.count)])
         for chunk in range(0, len(self.count), WINDOW_CHUNKS):
             last = min(chunk + WINDOW_CHUNKS, len(self.count))
@@ -89,7 +89,7 @@ class Recording:
 
 
 def fly(survey: Survey, folder: Path) -> Recording:
-    """Have the simulator fly a survey; a file that is already there is used again.
+    """Fly a survey with the simulator; an existing recording is reused.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What truly stands around a point, from the exact heights of a survey, and how what was found compares."""
+"""True obstacles and horizon around a point, from a survey's exact heights, compared with the found ones."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from companion.desk.reproduce.survey_recording import Recording
 from slz import Surroundings
 
 SECTORS = 36
-LEAST_M, BULGE = 0.3, 0.02  # what rises over the point's ground by this and so much of the distance stands
+LEAST_M, BULGE = 0.3, 0.02  # obstacles rise over the point's ground by LEAST_M + BULGE * distance
 
 Extent = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Something that stands: west, south, east and north edge, height over the point's ground, place."""
+    """True obstacle: west, south, east and north edge, height over the point's ground, area, region."""
 
     extent_m: Extent
     height_m: float
@@ -30,14 +30,14 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Something that truly stands, and what was found of it: extent and height, None where nothing was."""
+    """True obstacle, with extent and height of the one found for it, None where there is none."""
 
     true: Standing
     found: tuple[Extent, float] | None
 
     @property
     def edge_error_m(self) -> float:
-        """Return the greatest error of the four edges."""
+        """Return the largest error of the four edges."""
         if self.found is None:
             return math.inf
         return max(abs(a - b) for a, b in zip(self.found[0], self.true.extent_m, strict=True))
@@ -69,7 +69,7 @@ class Around:
         return self._recording.regions
 
     def highest_m(self, region: str) -> float:
-        """Return the height of the highest thing in a rectangular region over the point's ground."""
+        """Return the largest height in a rectangular region, over the point's ground."""
         return float(np.nanmax(np.where(self._inside(region), self._over, np.nan)))
 
     def _inside(self, region: str) -> NDArray[np.bool_]:
@@ -79,7 +79,7 @@ class Around:
         return np.asarray((x >= west) & (x <= east) & (y >= south) & (y <= north))
 
     def standing(self, least_m2: float = 2.0) -> list[Standing]:
-        """Return the groups of touching raised cells of at least an area, the nearest first."""
+        """Return the 8-connected groups of raised cells of at least an area, the nearest first."""
         raised = self._held & (self._over > LEAST_M + BULGE * self._way)
         label, count = ndimage.label(raised, np.ones((3, 3)))
         found = []
@@ -98,12 +98,12 @@ class Around:
         return float(west), float(south), float(east), float(north)
 
     def _where(self, cells: NDArray[np.bool_]) -> str:
-        """Return the names of the rectangular regions that hold a tenth of some cells or more."""
+        """Return the names of the rectangular regions that hold at least a tenth of the cells."""
         names = [name for name in self.regions if self._inside(name)[cells].mean() >= 0.1]
         return " and ".join(name.replace("_", " ") for name in names)
 
     def horizon_deg(self, near_m: float, spare_deg: float = 0.0) -> NDArray[np.float64]:
-        """Return (36,) elevation angles by bearing, each sector wider by `spare_deg` on both sides."""
+        """Return (36,) elevation angles by bearing; each sector is widened by `spare_deg` on both sides."""
         use = self._held & (self._way >= near_m)
         angle = np.degrees(np.arctan2(self._over[use], self._way[use]))
         bearing = np.degrees(np.arctan2(self._east[use], self._north[use]))
@@ -117,7 +117,7 @@ class Around:
         return out
 
     def pairs(self, found: Surroundings, least_m2: float = 2.0) -> list[Pair]:
-        """Return what truly stands beside the listed obstacle whose box shares most with its own."""
+        """Return each true obstacle with the listed one whose box overlaps most with its own."""
         out = []
         for item in self.standing(least_m2):
             shared = [_shared_m2(obstacle.extent_m, item.extent_m) for obstacle in found.obstacles]
@@ -130,9 +130,10 @@ class Around:
         return out
 
     def phantoms(self, found: Surroundings, spare_m: float) -> int:
-        """Return how many listed obstacles have nothing that stands within their box and `spare_m` of it.
+        """Return the number of listed obstacles without anything raised within `spare_m` of their box.
 
-        A pole or wire may pass between the heights at the cells' centres; the relief of the footprint has it.
+        A pole or wire may pass between the heights at the cells' centres; the relief of the footprint shows
+        it.
         """
         raised = (self._over > LEAST_M) | (self._recording.relief_m > LEAST_M)
         count = 0

@@ -1,4 +1,4 @@
-"""How maps and zones compare with the truth below them."""
+"""Comparison of maps and zones with the simulator's truth."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Over the surveyed extent less a margin of 3 m.
+    """Scores over the surveyed extent less a margin of 3 m.
 
-    area_error: Eq. (20) of the SLZ paper. false_safe: truly unsafe cells called safe, as a share of the cells
-    that are not unknown. recall: truly safe cells called safe. slope_rms_deg: over the truly safe cells.
+    area_error: SLZ paper, Eq. (20). false_safe: truly unsafe cells called safe, as a share of the known
+    cells. recall: share of the truly safe cells that are called safe. slope_rms_deg: over the truly safe
+    cells.
     """
 
     computed_m2: float
@@ -67,7 +68,7 @@ def compare(
 
 
 def truth_at(recording: Recording, grid: Grid, box: Box) -> tuple[Mask, Mask]:
-    """Return which cells of a map are truly safe, and which lie in the extent less its margin."""
+    """Return masks of the truly safe cells of a map, and of those in the extent less its margin."""
     truth = _Truth(recording, grid, box)
     return np.asarray(truth.of(recording.safe, 0) == 1), truth.inside
 

@@ -1,4 +1,4 @@
-"""Flash Table 1: Gaussian pulses with noise through the ranging of the flight."""
+"""Ranging errors of noisy Gaussian pulses, with the ranging used in flight (Flash paper, Table 1)."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ LAST = 700
 MEAN_OF_NORMAL, STD_OF_NORMAL = (2 / np.pi) ** 0.5, (1 - 2 / np.pi) ** 0.5
 
 Cell = tuple[float, float]
-"""Mean and standard deviation of the size of the error, cm."""
+"""Mean and standard deviation of the absolute error, cm."""
 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One level of noise: what the source prints, and ours, cm.
+    """Errors at one level of noise, cm: the source's, and those of slz.
 
-    waveform : pixel by pixel, polynomial and likelihood. image : the same after the 9-point median. bound :
-    an unbiased estimator at the Cramér-Rao bound of one waveform. pooled : of nine waveforms together.
+    waveform: pixel by pixel, polynomial and likelihood. image: after the 9-point median. bound: an unbiased
+    estimator at the Cramér-Rao bound of one waveform. pooled: of nine waveforms together.
     """
 
     share: float
@@ -39,12 +39,12 @@ class Level:
 
 
 def levels(seed: int = 1) -> list[Level]:
-    """Return a frame of 128 x 128 waveforms for each level of the source."""
+    """Return the errors over a frame of 128 x 128 waveforms for each level of the source."""
     return [_level(share, source, seed) for share, source in zip(LEVELS, SOURCE_CM, strict=True)]
 
 
 def _level(share: float, source: Cell, seed: int) -> Level:
-    """Measure a plane tilted by one sample across the image: pulses at every phase of the clock."""
+    """Measure a plane tilted by one sample across the image, so that pulses have every phase of the clock."""
     camera = FlashCamera(baseline_counts=8000.0, noise_counts=share * COUNTS, saturated_counts=60_000)
     middle = (camera.n_samples - 2) / 2
     peak = np.broadcast_to(middle + np.linspace(-0.5, 0.5, camera.cols), (camera.rows, camera.cols))

@@ -1,4 +1,4 @@
-"""Time per window (SLZ paper 5.5, Figure 17)."""
+"""Processing time per window (SLZ paper, Section 5.5, Figure 17)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COLUMNS = ("scene", "windows", "median", "p99", "greatest", "SLZ paper")
 
 
 def section(outcomes: Sequence[Outcome], out: Path) -> Section:
-    """Plot every window's time, and say how the greatest compares."""
+    """Plot every window's time, and tabulate median, p99 and maximum beside the source's limit."""
     rows: list[tuple[str, ...]] = [
         (
             outcome.case.name,

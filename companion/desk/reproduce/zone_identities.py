@@ -1,4 +1,4 @@
-"""Numbers of a zone that grows, with and without the rule that reuses them (SLZ paper 5.3)."""
+"""IDs of a growing zone, with and without the rule that reuses them (SLZ paper, Section 5.3)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COLUMNS = ("scene", "windows", "IDs without reuse", "IDs, source's rule", "IDs, 
 def section(
     scenarios: Sequence[Scenario], out: Path, surveys: Path, progress: Callable[[str], None]
 ) -> Section:
-    """Run every scenario without reuse, by the source's rule and in default mode."""
+    """Run every scenario without reuse, with the source's rule and in default mode."""
     rows: list[tuple[str, ...]] = []
     pictures: list[Pictures] = []
     ids: dict[str, list[int]] = {}

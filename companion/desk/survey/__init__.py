@@ -1,4 +1,4 @@
-"""Stored clouds: `slz map`. What it needs is read when it is asked for: `slz nearest` needs none of it."""
+"""Surveys of stored clouds (`slz map`). Imports are lazy because `slz nearest` needs none of them."""
 
 from __future__ import annotations
 

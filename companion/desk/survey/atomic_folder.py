@@ -1,4 +1,4 @@
-"""Folders of results that are not yet whole."""
+"""Output folder of a survey: exclusive lock, all-or-nothing results, and a work folder for resuming."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from companion.runtime.interrupt import Interrupted
 log = logging.getLogger(__name__)
 
 WORK = ".slz-survey"
-WORTH_BYTES = 200_000_000  # of work done; less is done again sooner than it is explained
+WORTH_BYTES = 200_000_000  # of finished work; less is faster to repeat than to explain to the user
 
 
 def look(out: Path) -> None:
-    """Refuse a folder that is a file before minutes are spent; it is made when something is written."""
+    """Refuse an output path that is a file, before minutes are spent; the folder itself is made later."""
     there = next(part for part in (out, *out.parents) if part.exists())
     if not there.is_dir():
         raise UsageError(f"--out {out}: {there} is a file: name a folder")
@@ -29,7 +29,7 @@ def look(out: Path) -> None:
 
 @contextmanager
 def claimed(out: Path) -> Iterator[None]:
-    """Make a folder, and keep other runs out of it; if nothing comes to lie in it, it is removed again.
+    """Make a folder and lock it against other runs; remove the folders made here if they end up empty.
 
     Raises
     ------
@@ -43,9 +43,9 @@ def claimed(out: Path) -> Iterator[None]:
         _lock(folder, out)
         yield
     finally:
-        os.close(folder)  # which unlocks it, as the end of the process does
+        os.close(folder)  # releases the lock; the end of the process would, too
         for part in made:
-            with suppress(OSError):  # results lie in it
+            with suppress(OSError):  # it holds results
                 part.rmdir()
 
 
@@ -54,19 +54,19 @@ def _lock(folder: int, out: Path) -> None:
         fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise UsageError(f"--out {out}: another run writes to it: wait for it, or name another") from None
-    except OSError as error:  # of a file system that has no locks
+    except OSError as error:  # the file system has no locks
         log.debug("no lock on %s: %s", out, error)
 
 
 @contextmanager
 def unfinished(out: Path) -> Iterator[Path]:
-    """Make a folder within `out` for results that are not yet whole; nothing of it is left behind."""
+    """Yield a temporary folder within `out` for incomplete results; it is removed at the end."""
     with tempfile.TemporaryDirectory(prefix=".slz-map-", dir=out, ignore_cleanup_errors=True) as folder:
         yield Path(folder)
 
 
 def finish(written: list[Path], out: Path) -> list[Path]:
-    """Move whole results to where they belong, all of them, whatever signal comes; return where they are."""
+    """Move complete results into `out`, all of them even if a signal arrives; return their paths."""
     try:
         for path in written:
             path.replace(out / path.name)
@@ -80,17 +80,17 @@ def finish(written: list[Path], out: Path) -> list[Path]:
 
 @contextmanager
 def work_folder(out: Path) -> Iterator[Path]:
-    """Give the folder in `out` in which a survey keeps what it has done, to be taken up by the next run.
+    """Yield the folder within `out` of a survey's intermediate files, from which the next run resumes.
 
-    It is removed when the survey is done. When an error or a signal ends the survey it is kept, unless it was
-    not there before and little was done. A process that is killed leaves it in any case.
+    It is removed when the survey is done. After an error or a signal it is kept, unless this run made it
+    and less than `WORTH_BYTES` are in it. A killed process always leaves it.
     """
     folder = out / WORK
     before = folder.exists()
     folder.mkdir(exist_ok=True)
     try:
         yield folder
-    except UsageError:  # of a manifest that differs: not ours to remove
+    except UsageError:  # its manifest belongs to another survey: keep it
         if not before:
             shutil.rmtree(folder, ignore_errors=True)
         raise

@@ -1,4 +1,4 @@
-"""A cloud through the pipeline: one window, on a map that holds it all."""
+"""Survey of a cloud in one window, on a map that holds all of it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from slz import Pipeline, Report, TerrainMaps, Window
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What the pipeline made of a cloud."""
+    """Result of the pipeline for a cloud."""
 
     report: Report
     maps: TerrainMaps
@@ -32,7 +32,7 @@ class Survey:
 
 
 def survey(cloud: Cloud, parameters: Parameters) -> Survey:
-    """Feed a cloud to the pipeline as one window.
+    """Process a cloud with the pipeline as one window.
 
     Raises
     ------
@@ -53,19 +53,19 @@ def survey(cloud: Cloud, parameters: Parameters) -> Survey:
     pipeline = Pipeline(own, (0.0, 0.0))
     report = pipeline.process(_window(points, cloud.gps_s, keep, metric))
     maps = pipeline.maps()
-    assert maps is not None  # noqa: S101 - of few points none is an outlier, and most never are
+    assert maps is not None  # noqa: S101 - outlier removal never removes all points
     dropped = cloud.dropped | {"stray": int((~keep).sum()), "outlier": report.n_points - report.n_used}
     return Survey(report, maps, metric, own, density, dropped)
 
 
 def _fitted(parameters: Parameters, density: float, extent_m: float) -> Parameters:
-    """Return parameters whose map and ages hold the whole cloud, beyond the table's limits."""
+    """Return parameters whose map, ages and memory fit the whole cloud, beyond the table's limits."""
     p = parameters
-    halves = math.ceil(extent_m / 2 / p.cell_m) + 3  # the origin is half a cloud from either edge, to a cell
+    halves = math.ceil(extent_m / 2 / p.cell_m) + 3  # the origin is in the middle, within a cell
     own: dict[str, Any] = {
         "zone_m": 2 * halves * p.cell_m,
         "max_age_s": 1e12,
-        "memory_mb": 64 + (2 * halves + 128) ** 2 * 64 / 2**20,  # never used up: all of the cloud is kept
+        "memory_mb": 64 + (2 * halves + 128) ** 2 * 64 / 2**20,  # more than is used: all points are kept
     }
     if "coverage_m" not in p.model_fields_set:
         own["coverage_m"] = coverage_for(density, p.cell_m, p.coverage_m, p.min_square_m)
@@ -80,7 +80,7 @@ def _window(
     keep: NDArray[np.bool_],
     metric: Metric,
 ) -> Window:
-    """Return all points as one window, in the order of their time where they have one."""
+    """Return all points as one window, in time order where they have finite times."""
     stamp_ns = np.arange(len(points_m), dtype=np.int64) * 1000
     if gps_s is not None:
         time_s = gps_s[keep]

@@ -1,4 +1,4 @@
-"""What a survey found, however it was made: zones, maps to be read in parts, and counts."""
+"""Survey result, common to all methods: zones, maps that can be read in parts, and counts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
 
 
 class Maps(Protocol):
-    """Layers of a raster, read over boxes of it: height_m, slope_deg, roughness, certainty and state."""
+    """Raster layers readable by box: height_m, slope_deg, roughness, certainty and state."""
 
     @property
     def grid(self) -> Grid: ...
@@ -31,7 +31,7 @@ class Maps(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Maps held in memory; row and column 0 are those of their box."""
+    """Maps in memory; row and column 0 are the first of their box."""
 
     maps: TerrainMaps
 
@@ -46,7 +46,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True)
 class Drawings:
-    """Files of the maps: GeoTIFFs, and the picture of the ground (PNG)."""
+    """Files written from the maps: GeoTIFFs, and the picture of the ground (PNG)."""
 
     rasters: Sequence[Path]
     ground: Path
@@ -54,12 +54,12 @@ class Drawings:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """Zones, the best first, and what is told of the survey.
+    """Zones of a survey, the best first, with its maps, parameters and counts.
 
-    shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the largest
-    safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe, unsafe,
-    unknown. step: as in `Cloud`. drawings: of the maps, where they are made already.
-    skipped: files left out, and why.
+    shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the
+    largest safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe,
+    unsafe, unknown. step: as in `Cloud`. drawings: files of the maps, if they are written already. skipped:
+    files left out, and the reasons.
     """
 
     metric: Metric
@@ -83,7 +83,7 @@ class Findings:
 
 
 def of_window(found: Survey, n_read: int, step: float) -> Findings:
-    """Return what the pipeline found in a cloud of one window."""
+    """Return the findings of a cloud that was processed in one window."""
     zones, maps = found.report.zones, found.maps
     outlines_m = [zone_polygon(zone, maps.grid) for zone in zones]
     rows, cols = maps.state.shape

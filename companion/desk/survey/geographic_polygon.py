@@ -12,9 +12,9 @@ from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 
 
 def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:
-    """Return the polygons in longitude and latitude, outer rings anticlockwise (RFC 7946 3.1.6).
+    """Return the polygons in longitude and latitude, outer rings anticlockwise (RFC 7946, 3.1.6).
 
-    Those that cross the date line are cut along it (3.1.9); those around a pole are left as they are.
+    Polygons that cross the date line are cut along it (3.1.9); polygons around a pole are unchanged.
     """
 
     def to_degrees(local_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -26,7 +26,7 @@ def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:
 
 
 def _cut(polygon: Polygon) -> list[Polygon]:
-    """Return a polygon in degrees, or its parts on either side of the date line if it crosses that."""
+    """Return a polygon in degrees, or its parts on either side of the date line if it crosses the line."""
     lon = shapely.get_coordinates(polygon.exterior)[:, 0]
     if float(np.ptp(lon)) <= 180:
         return [polygon]

@@ -1,4 +1,4 @@
-"""The largest square of a zone, and where it lies."""
+"""Centre of the largest square of a zone."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slz.kernels.polygons.contour import squares
 def square_centre(zone: Zone, maps: TerrainMaps) -> tuple[float, float]:
     """Return east and north of the centre of the largest square of the zone's safe cells.
 
-    Of several the one nearest to the zone's landing point is taken. The maps' box must hold the zone.
+    Of equal squares the one nearest to the zone's landing point is used. The maps' box must hold the zone.
     """
     down, right = zone.box.row0 - maps.box.row0, zone.box.col0 - maps.box.col0
     rows, cols = zone.cells.shape
@@ -21,11 +21,11 @@ def square_centre(zone: Zone, maps: TerrainMaps) -> tuple[float, float]:
 
 
 def centre_of(zone: Zone, safe: NDArray[np.uint8], grid: Grid) -> tuple[float, float]:
-    """Return the same, given which cells of the zone's box are safe ones of it."""
+    """Return the centre of the largest square, given the zone's safe cells within its box."""
     side = squares(np.ascontiguousarray(safe))
     largest = int(side.max())
     last_row, last_col = np.nonzero(side == largest)
-    # A square ends with its last row and column, so its centre lies half a side before their far edge.
+    # A square ends with its last row and column, so its centre is half a side before their far edge.
     north = grid.south_m + (last_row + 1 - largest / 2 + zone.box.row0) * grid.cell_m
     east = grid.west_m + (last_col + 1 - largest / 2 + zone.box.col0) * grid.cell_m
     nearest = int(np.argmin((east - zone.best.enu_m[0]) ** 2 + (north - zone.best.enu_m[1]) ** 2))

@@ -1,4 +1,4 @@
-"""Local metres along the axes of a CRS, so that the maps' cells are cells of the CRS."""
+"""Local metric coordinates along the axes of a CRS, so that the maps' cells are cells of the CRS."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from companion.desk.clouds.crs import Reference
 from companion.runtime.errors import UsageError
 from slz import LocalFrame
 
-EXACT = 0.002  # a CRS whose unit is this near to its length on the ground keeps its own unit
-UNEVEN = 0.01  # most that the length of a unit may change across a cloud
-HALF_WAY_M = 2.0e7  # round the Earth
+EXACT = 0.002  # relative error up to which the nominal unit of a CRS is kept as its length on the ground
+UNEVEN = 0.01  # maximum relative change of a unit's length across a cloud
+HALF_WAY_M = 2.0e7  # half of the Earth's circumference
 Floats = NDArray[np.float64]
 
 
@@ -25,11 +25,11 @@ Floats = NDArray[np.float64]
 class Metric:
     """Metres from an origin in a CRS: x along its easting, y along its northing, z up.
 
-    One unit of x is x_m metres on the map, one of y is y_m, one of z is z_m. A projected CRS keeps its own
-    unit's length, so that a cell of 0.5 m is one of 0.5 m in the file, while `area_factor` says how many
-    square metres of ground (on the ellipsoid) a square metre of the map is. Where the two differ by more
-    than 0.2 % (degrees, Web Mercator), metres are those on the ground. wgs84_error_m: how exact PROJ knows
-    the step to WGS-84 to be; None where it does not.
+    One unit of x is x_m metres on the map, one of y is y_m, one of z is z_m. A projected CRS keeps the
+    nominal length of its unit, so that a cell of 0.5 m is one of 0.5 m in the file; `area_factor` is the
+    ratio of ground area (on the ellipsoid) to map area. Where nominal and true lengths differ by 0.2 % or
+    more, and in degrees, metres are those on the ground (Web Mercator, for example). wgs84_error_m:
+    accuracy of the transformation to WGS-84 as PROJ states it; None where PROJ states none.
     """
 
     reference: Reference
@@ -61,13 +61,13 @@ class Metric:
 
 
 def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Metric:
-    """Return the local metres of a cloud that lies between two corners, the origin on a corner of a cell.
+    """Return the local metres of a cloud between two corners, with the origin on a corner of a cell.
 
     Raises
     ------
     UsageError
-        The corners are not on the Earth, or the cloud is so large that its units differ in length, as it
-        seems to be where coordinates begin anew at 180 degrees.
+        The corners are not on the Earth, or a unit's length varies too much across the cloud. The latter
+        includes clouds whose coordinates wrap at 180 degrees.
     """
     half_way = 180.0 if reference.unit_m is None else HALF_WAY_M / reference.unit_m
     if high[0] > low[0] + half_way:
@@ -77,7 +77,7 @@ def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Met
         )
     try:
         to_wgs84 = Transformer.from_crs(reference.horizontal, "EPSG:4326", always_xy=True)
-    except ProjError:  # of another celestial body
+    except ProjError:  # a CRS of another celestial body
         raise UsageError(
             f"{reference.name}: it is not tied to the Earth: name another CRS by --crs"
         ) from None
@@ -107,7 +107,7 @@ def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Met
 
 
 def _accuracy_m(used: Transformer) -> float | None:
-    """Return the accuracy of the operation a transformer used last."""
+    """Return the accuracy (m) of the operation that the transformer used last; None where PROJ has none."""
     try:
         accuracy = float(used.get_last_used_operation().accuracy)
     except ProjError:  # from WGS-84 to itself
@@ -143,7 +143,7 @@ def _lengths(reference: Reference, centre: Floats, low: Floats, high: Floats) ->
 
 
 def _length(transformer: Transformer, geod: Geod, x: float, y: float, dx: float, dy: float) -> float:
-    """Return the metres on the ground per unit, along the axis of the step."""
+    """Return the metres on the ground per unit along the axis of the step; NaN off the Earth."""
     try:
         lon, lat = transformer.transform([x - dx, x + dx], [y - dy, y + dy], errcheck=True)
     except ProjError:

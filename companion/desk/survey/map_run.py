@@ -1,4 +1,4 @@
-"""`slz map`: from files to zones, maps and pictures."""
+"""Survey run of `slz map`: from files to zones, maps and pictures."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from params import Parameters
 log = logging.getLogger(__name__)
 
 Progress = Callable[[str, float], None]
-MOST_DRAWN = 4_000_000  # cells of which pictures are drawn; larger surveys have the page only
+MOST_DRAWN = 4_000_000  # cells up to which pictures are drawn; larger surveys have the page only
 MOST_DRAWN_ZONES = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is asked for beside files and parameters.
+    """Options of a survey besides files and parameters.
 
-    crs overrides the CRS of the files, and names that of files that cannot. classified: write the points with
-    their classes, too. tile_m: side of a tile, which changes no result. engine: who carries out the tasks.
-    vertical_unit: unit of the heights (m, ft, us-ft), whatever the files say.
+    crs overrides the CRS of the files, and gives that of formats that state none. classified: also write
+    the points with their classes. tile_m: side of a tile, which changes no result. engine: executor of the
+    tasks. vertical_unit: unit of the heights (m, ft, us-ft), which overrides the files.
     """
 
     crs: str | None = None
@@ -55,19 +55,19 @@ def run(
 ) -> dict[str, Any]:
     """Survey clouds, write zones, GeoTIFF and pictures, and return the summary for JSON.
 
-    The folder gets all results at the end, or none. Work that was interrupted is taken up again when the same
-    survey is run again.
+    The folder gets all results at the end, or none. An interrupted survey resumes when it is run again with
+    the same arguments.
 
     Parameters
     ----------
     files
         Clouds of one CRS, see `companion.desk.clouds.cloud_format`.
     out
-        Folder, made where there is none.
+        Folder, made if it is missing.
     parameters
-        `coverage_m` and `max_zones` follow the cloud where nobody set them.
+        `coverage_m` and `max_zones` are fitted to the cloud unless they were set.
     progress
-        Called with what is done next and the share that is done.
+        Called with the name of the next step and the share that is done.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _in_tiles(
 def _in_one_window(
     files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
 ) -> dict[str, Any]:
-    """Survey by the sources' rules, which know windows but no tiles."""
+    """Survey by the sources' rules, which use windows and no tiles."""
     if plan.tile_m is not None or not isinstance(plan.engine, InProcess):
         raise UsageError(
             "mode=source maps one window in one piece: leave --tile-m, --workers, --scheduler out"

@@ -1,4 +1,4 @@
-"""`slz nearest`: the surveyed zones nearest to a position, from the spatial index of zones.fgb."""
+"""Nearest-zone query over the spatial index of zones.fgb (`slz nearest`)."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ EARTH = Geod(ellps="WGS84")
 def nearest(
     folder: Path, lat: float, lon: float, radius_m: float | None = None, most: int = 10
 ) -> dict[str, Any]:
-    """Return the zones that hold a position, then those whose landing points are nearest, the nearest first.
+    """Return the zones that hold a position, then the others by distance to their landing points.
 
     Parameters
     ----------
     folder
-        Where `slz map` wrote its results.
+        Results of `slz map`.
     radius_m
-        Only zones that hold the position or whose landing points lie this near; by default as far as it takes
-        to find `most`.
+        Largest distance of landing points; zones that hold the position always count. By default the radius
+        grows until `most` zones are found.
 
     Returns
     -------
     Zones with distance_m and bearing_deg (from the position to the landing point) and holds (whether the
-    position lies in the zone); no_zone, why there is none; query_ms.
+    position is in the zone); no_zone, the reason why there is none; query_ms.
 
     Raises
     ------
     UsageError
-        The position is not on the Earth, the radius is no length, or there is no survey in the folder, or a
-        damaged one.
+        The position is not on the Earth, the radius is no length, or the folder holds no survey or a damaged
+        one.
     """
     if not (-90 <= lat <= 90 and -180 <= lon <= 180):
         raise UsageError(f"{lat}, {lon} is no position: latitude, then longitude, in degrees")
@@ -70,16 +70,16 @@ def nearest(
 
 
 def _within(path: Path, lat: float, lon: float, reach_m: float) -> list[dict[str, Any]]:
-    """Return the zones that hold a place, then those whose landing points lie within a distance of it."""
+    """Return the zones that hold a position, then those whose landing points are within a distance of it."""
     north = reach_m / METRES_PER_DEGREE
     shrink = math.cos(math.radians(min(abs(lat) + north, 89.9)))
     east = min(north / shrink, 180.0)
-    # A box that would reach over the date line takes in all longitudes.
+    # A box across the date line is widened to all longitudes.
     west_lon, east_lon = (lon - east, lon + east) if lon - east >= -180 and lon + east <= 180 else (-180, 180)
     box = (west_lon, max(lat - north, -90.0), east_lon, min(lat + north, 90.0))
     try:
         rows, outlines = zones_within(path, box)
-    except Exception as error:  # GDAL's errors come as several kinds, some of them not its own
+    except Exception as error:  # GDAL raises several kinds of exceptions, some of them not its own
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         raise UsageError(f"{path}: it is damaged ({reason}): survey again") from None
     here = shapely.Point(lon, lat)

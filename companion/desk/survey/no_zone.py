@@ -1,4 +1,4 @@
-"""Reason why a survey has no zone."""
+"""Reason for a survey without zones."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def reason(found: Findings) -> str | None:
 
 
 def _unsafe(found: Findings) -> str:
-    """Return how much of the unsafe ground is too steep; of large surveys by a sample of cells."""
+    """Return how much of the unsafe ground is too steep; in large surveys from a sample of cells."""
     limit, step = found.parameters.safe_slope_deg, step_of(found.maps.grid)
     unsafe = thinned(found.maps, "state", step) == UNSAFE
     n = int(np.count_nonzero(unsafe))

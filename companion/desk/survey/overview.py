@@ -1,4 +1,4 @@
-"""A small picture of the ground of a survey, whatever its size: shaded heights and what is known."""
+"""Overview picture of a survey's ground at reduced resolution: hillshade, tinted by state."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ SAFE_TINT, UNSAFE_TINT = (0.85, 0.91, 0.83), (0.93, 0.87, 0.80)
 
 
 def thinned(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
-    """Return every `step`-th row and column of a layer, row 0 the southernmost."""
+    """Return every `step`-th row and column of a layer; row 0 is the southernmost."""
     rows, cols = maps.grid.rows, maps.grid.cols
     strip, wide = (most // step * step or step for most in (STRIP, WIDE))
     bands = []
     for row in range(0, rows, strip):
         boxes = [Box(row, min(row + strip, rows), col, min(col + wide, cols)) for col in range(0, cols, wide)]
-        # A copy each: a view would keep all cells that were read.
+        # Copies, since a view would keep all cells that were read in memory.
         parts = [maps.read(name, box)[::step, ::step].copy() for box in boxes]
         bands.append(np.concatenate(parts, axis=1))
     return np.concatenate(bands)
 
 
 def step_of(grid: Grid) -> int:
-    """Return how many cells one pixel of the picture stands for along a side."""
+    """Return the number of cells per pixel of the picture along a side."""
     return max(1, math.ceil(max(grid.rows, grid.cols) / MOST_PIXELS))
 
 
 def ground_png(maps: Maps) -> bytes:
-    """Return a PNG, north up."""
+    """Return the overview as PNG, north up."""
     from PIL import Image
 
     step = step_of(maps.grid)

@@ -1,4 +1,4 @@
-"""How dense a cloud is, and how wide a gap in it says nothing."""
+"""Point density of a cloud, and the width of gaps that chance alone explains at that density."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLOCK_M = 5.0
-EMPTY = 0.005  # share of squares without a return, at random, that counts as covered all the same
+EMPTY = 0.005  # share of squares that may be empty by chance in ground that counts as covered
 
 
 def density_per_m2(points_m: NDArray[np.float64]) -> float:
-    """Return the median density of the ground that holds points, from blocks of 5 m; 0 without points."""
+    """Return the median density over the blocks of 5 m that hold points; 0 without points."""
     if not len(points_m):
         return 0.0
     blocks = np.floor((points_m[:, :2] - points_m[:, :2].min(axis=0)) / BLOCK_M).astype(np.int64)
@@ -21,10 +21,10 @@ def density_per_m2(points_m: NDArray[np.float64]) -> float:
 
 
 def coverage_for(density: float, cell_m: float, least_m: float, most_m: float) -> float:
-    """Return the width of gaps that chance alone leaves in so dense a cloud, in an odd number of cells.
+    """Return the width (m) of gaps that chance alone leaves at this density, an odd number of cells.
 
-    Returns fall as a Poisson process: a square of side w is empty with probability exp(-density w²).
-    Never below `least_m`, and never above `most_m`: ground with wider gaps stays unknown.
+    Returns fall as a Poisson process: a square of side w is empty with probability exp(-density w²). The
+    width is at least `least_m`. It is at most `most_m`: ground with wider gaps stays unknown.
     """
     if density <= 0:
         return least_m

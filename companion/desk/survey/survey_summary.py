@@ -1,4 +1,4 @@
-"""What a survey says of itself, for JSON."""
+"""JSON summary of a survey."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from companion.desk.survey.no_zone import reason
 from params import Parameters
 
 COARSE = 0.25  # of a cell
-WGS84_ERROR_M = 2.0  # greater ones are worth a warning to whoever lands by latitude and longitude
+WGS84_ERROR_M = 2.0  # greater errors get a warning, since vehicles land by latitude and longitude
 
 
 def summary(
     files: Sequence[Path], found: Findings, described: list[dict[str, Any]], outputs: list[Path]
 ) -> dict[str, Any]:
-    """Return the JSON object of a survey but for its duration; it holds no NaN."""
+    """Return the JSON object of a survey, without its duration and without NaN."""
     reference = found.metric.reference
     return {
         "files": [str(path) for path in files],
@@ -46,7 +46,7 @@ def summary(
 
 
 def _coarse(found: Findings) -> list[str]:
-    """Say so when 32-bit coordinates are too large to be exact to a quarter of a cell."""
+    """Return a warning if the spacing of 32-bit coordinates exceeds a quarter of a cell."""
     step_m = found.step * max(found.metric.x_m, found.metric.y_m)
     if step_m <= COARSE * found.parameters.cell_m:
         return []
@@ -54,7 +54,7 @@ def _coarse(found: Findings) -> list[str]:
 
 
 def _warnings(found: Findings) -> list[str]:
-    """Say what the user must know before he trusts the zones."""
+    """Return the warnings that the user needs in order to judge the zones."""
     own, warnings = found.parameters, []
     default = Parameters.model_fields["coverage_m"].default
     if own.coverage_m > default:

@@ -1,4 +1,4 @@
-"""What is told of every zone: a row of the summary and a feature of zones.geojson."""
+"""Zone attributes: a row of the summary and the properties of a feature of zones.geojson."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from slz import Zone
 
 
 def rows(findings: Findings) -> list[dict[str, Any]]:
-    """Return one JSON object a zone, the best first; why: what places it behind the one before.
+    """Return one JSON object a zone, the best first; why: the reason it ranks behind the one before.
 
     lat, lon, elevation_m: the landing point, WGS-84 and metres above the cloud's vertical datum.
     square_centre: [lon, lat] of the largest safe square. Areas and lengths are those on the ground.

@@ -1,4 +1,4 @@
-"""What is recorded: files by their content, without what must differ from run to run."""
+"""Recording of answers: files by content, without run-dependent values."""
 
 from __future__ import annotations
 

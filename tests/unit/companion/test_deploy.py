@@ -1,4 +1,4 @@
-"""What is installed on a vehicle: the files are where the service looks, and a second run changes nothing."""
+"""Installation on a vehicle: files where the service expects them, and idempotence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What PX4 acknowledges and then does otherwise is never sent to it (docs/mavlink.md)."""
+"""Commands that PX4 acknowledges but executes otherwise are never sent (docs/mavlink.md)."""
 
 from __future__ import annotations
 

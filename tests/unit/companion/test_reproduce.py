@@ -1,4 +1,4 @@
-"""Figures of a survey against its truth, on a truth made by hand, and the page they end in."""
+"""Figures of a survey against a hand-made truth, and the page of the reproduction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the program can say to a pilot, from its source: every text of STATUSTEXT, alarms and refusals."""
+"""Texts to the pilot, extracted from the source: STATUSTEXT, alarms and refusals."""
 
 from __future__ import annotations
 

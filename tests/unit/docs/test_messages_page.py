@@ -1,4 +1,4 @@
-"""docs/messages.md tells of every text that the program can say, and of none that it cannot."""
+"""Completeness of docs/messages.md: every text that the program can send, and no other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names and numbers on the pages are those of the program."""
+"""Names and numbers on the documentation pages, against the program."""
 
 from __future__ import annotations
 

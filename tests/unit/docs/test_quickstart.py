@@ -1,4 +1,4 @@
-"""The quick start says what works: commands, options, parameters and ports, as the tests fly them."""
+"""Commands, options, parameters and ports of the quick start, against the tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limit of processor time: what takes longer is skipped and named, what does not is left alone."""
+"""Limit of processor time: slower tests are skipped and named, others are unaffected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mutants: what is sampled, what is none, and that a kernel's is seen by the kernels that call it."""
+"""Mutants: sampling, exclusions, and visibility of a kernel's mutant to calling kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters: what is accepted, what is refused, and in which words."""
+"""Parameters: accepted and refused values, and the texts of refusals."""
 
 from pathlib import Path
 

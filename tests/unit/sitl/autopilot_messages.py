@@ -1,4 +1,4 @@
-"""Frames as a running autopilot sends them, for what follows it."""
+"""MAVLink frames as sent by a running autopilot, for tests of their receivers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicle, estimator and autopilot over flat ground, spoken to with messages."""
+"""Vehicle, estimator and autopilot over flat ground, controlled by messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flat world and a vehicle that hovers over it, for sensors under test."""
+"""Flat world and a vehicle that hovers over it, for tests of sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages that make no sense: refused, counted, and never the end of the simulation."""
+"""Invalid messages: refused and counted, without ending the simulation."""
 
 import math
 

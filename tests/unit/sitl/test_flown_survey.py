@@ -1,4 +1,4 @@
-"""A flown survey lies on the world it was flown over."""
+"""Agreement of a flown survey with the world below it."""
 
 from __future__ import annotations
 

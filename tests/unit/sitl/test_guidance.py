@@ -1,4 +1,4 @@
-"""Guided targets, the way home, and what a landing does without its target."""
+"""Guided targets, the return flight, and landing without a target."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The clock as a service: one byte, one step, one answer."""
+"""Lockstep clock service: one byte, one step, one answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulation that runs by itself keeps to real time, and on a busy computer its clocks do."""
+"""Pace of a free-running simulation: real time, also for its clocks on a busy computer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scenes: reproducible, with a safe home, and the sizes the stadium must have."""
+"""Scenes: reproducible, with a safe home, and the required dimensions of the stadium."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulator as a program ends at once on SIGTERM and SIGINT, whatever it is doing."""
+"""Immediate end of the simulator program on SIGTERM and SIGINT, in any state."""
 
 from __future__ import annotations
 

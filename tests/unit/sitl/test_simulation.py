@@ -1,4 +1,4 @@
-"""Everything together under one clock, in this process, and the program around it."""
+"""Whole simulation under one clock, in this process and as a program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sockets and terminals carry bytes, keep frames whole and survive their peers."""
+"""Sockets and terminals: bytes carried, frames kept whole, loss of peers survived."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground made by hand, one height per cell, and windows of it."""
+"""Hand-made ground, one height per cell, and windows of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Window length and resolution that follow density, height and speed (SLZ paper and thesis, future work)."""
+"""Window length and resolution, adapted to density, height and speed (SLZ paper and thesis, future work)."""
 
 from __future__ import annotations
 

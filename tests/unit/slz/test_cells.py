@@ -1,4 +1,4 @@
-"""Lengths in whole cells, cells of a window in those of all ground, and which of equal places is taken."""
+"""Cell arithmetic: whole cells of lengths, cells of a window in the grid, and choice among equal cells."""
 
 from __future__ import annotations
 

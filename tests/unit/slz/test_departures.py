@@ -1,4 +1,4 @@
-"""The rows of docs/sources.md: what the sources' rules make of a danger, and what the default's do."""
+"""Departures of docs/sources.md: the result of the sources' rules and of default mode in each danger."""
 
 from __future__ import annotations
 

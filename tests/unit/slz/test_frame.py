@@ -1,4 +1,4 @@
-"""How far the sources' spherical origin compensation is off (SLZ thesis Eq. 3.15-3.16 and 4.1-4.2)."""
+"""Error of the sources' spherical origin compensation (SLZ thesis, Eq. (3.15), (3.16), (4.1), (4.2))."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields that are worked out when they are first read, once."""
+"""Lazy fields: computed at first access, once."""
 
 from __future__ import annotations
 

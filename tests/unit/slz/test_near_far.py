@@ -1,4 +1,4 @@
-"""Two maps of different cells: which windows go where, and which zones are reported (SLZ thesis 4.3.1)."""
+"""Near and far map of different cells: their windows and reported zones (SLZ thesis, Section 4.3.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pipeline on ground whose answer is known."""
+"""Pipeline on ground with known results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground surveyed before the flight is known at once, and any live return goes before it."""
+"""Prior from a survey: known at once, and overridden by any live return."""
 
 from __future__ import annotations
 

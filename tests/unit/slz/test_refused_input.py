@@ -1,4 +1,4 @@
-"""Input of the wrong form is refused in one line that says what is wrong."""
+"""Refusal of malformed input in one line that states the fault."""
 
 from __future__ import annotations
 

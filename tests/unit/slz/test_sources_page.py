@@ -1,4 +1,4 @@
-"""The tests that docs/sources.md names are there."""
+"""Existence of the tests that docs/sources.md names."""
 
 from __future__ import annotations
 

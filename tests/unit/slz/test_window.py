@@ -1,4 +1,4 @@
-"""Which scans make a window: time stamps decide, wherever time began, and never the arrival."""
+"""Windows of scans: formed by time stamps, from any epoch, never by arrival."""
 
 from __future__ import annotations
 

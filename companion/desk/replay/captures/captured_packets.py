@@ -1,4 +1,4 @@
-"""A capture of the LiDAR's packets, beside a telemetry log."""
+"""LiDAR packets of a network capture, as the points of a telemetry log."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.flight.sensors.packet_identification import lookalike
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.runtime.errors import UsageError
 
-LOOKED_AT = 2000  # datagrams, to tell the sensor
+LOOKED_AT = 2000  # datagrams examined to identify the sensor
 BATCH_NS = 10_000_000
 
 
@@ -26,12 +26,13 @@ class CapturedPackets:
     Parameters
     ----------
     lidar
-        Kind of the sensor as in its URL, `ouster?meta=FILE` with its description; None: told by its packets.
+        Kind of the sensor as in its URL, `ouster?meta=FILE` with its description; None: identified from its
+        packets.
 
     Raises
     ------
     UsageError
-        The file cannot be used, or the sensor is not known.
+        The file cannot be used, or the sensor is unknown.
     """
 
     def __init__(self, path: Path, lidar: str | None) -> None:
@@ -68,7 +69,7 @@ class CapturedPackets:
         yield at_ns, partial(stream.flush, at_ns)
 
     def _kind(self, path: Path) -> str:
-        """Return the kind of sensor that most packets are of."""
+        """Return the most frequent kind of sensor among the first packets."""
         kinds = Counter(lookalike(datagram.data) for datagram in islice(self._capture.datagrams(), LOOKED_AT))
         n_udp = kinds.total()
         del kinds[None]
@@ -80,7 +81,7 @@ class CapturedPackets:
 
 
 class _Eye:
-    """Sees the packets, decoded in batches as the driver does."""
+    """Decoder of captured packets in batches, as in the driver."""
 
     def __init__(self, stream: PacketStream) -> None:
         self._stream = stream

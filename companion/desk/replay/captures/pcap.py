@@ -1,4 +1,4 @@
-"""UDP datagrams of a capture, pcap or pcapng, put together where the network cut them up."""
+"""UDP datagrams of a capture (pcap or pcapng), with IPv4 fragments reassembled."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from companion.desk.replay.captures import pcapng
 from companion.runtime.errors import UsageError
 
 UDP = 17
-UNFINISHED = 64  # datagrams whose other fragments are waited for
+UNFINISHED = 64  # incomplete datagrams kept at most
 RAW = frozenset({12, 14, 101, 228, 229})  # link types that begin with IP
 LOOPBACK = frozenset({0, 108})  # after four bytes of address family
 
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """at_ns: when it was captured, since 1970. host: address of the sender."""
+    """UDP datagram. at_ns: capture time since 1970. host: address of the sender."""
 
     at_ns: int
     host: str
@@ -29,14 +29,14 @@ class Datagram:
 
 
 class Capture:
-    """A file of captured packets.
+    """A capture file.
 
     Attributes
     ----------
     cut
-        Why its end is missing; known once all was read.
+        Reason for the missing end, or empty; known once the file was read.
     other, bad
-        Packets that are no UDP, and those that cannot be read.
+        Number of packets that are no UDP, and of unreadable ones.
 
     Raises
     ------
@@ -60,14 +60,14 @@ class Capture:
             raise UsageError(f"{path}: it is no pcap or pcapng file") from None
 
     def datagrams(self) -> Iterator[Datagram]:
-        """Return the UDP datagrams in the order of the file."""
+        """Yield the UDP datagrams in the order of the file."""
         pieces = _Fragments()
         self.other = self.bad = 0
         with self._path.open("rb") as file:
             for link, at_ns, frame in self._frames(file):
                 try:
                     found = pieces.add(_network(link, frame))
-                except Exception:  # dpkt lets errors of any kind through
+                except Exception:  # dpkt passes on errors of any kind
                     self.bad += 1
                     continue
                 if found is None:
@@ -76,21 +76,21 @@ class Capture:
                     yield Datagram(at_ns, found[0], found[1])
 
     def _frames(self, file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-        """Return link type, time since 1970 (ns) and bytes of every frame."""
+        """Yield link type, time since 1970 (ns) and bytes of every frame."""
         frames = pcapng.packets(file) if self._next_generation else _of_one_interface(file)
         while True:
             try:
                 frame = next(frames)
             except StopIteration:
                 return
-            except Exception as error:  # dpkt lets errors of struct and of itself through
+            except Exception as error:  # dpkt raises errors of struct and its own
                 self.cut = f"{self._path.name} is damaged or cut off: {error!r}"
                 return
             yield frame
 
 
 def _of_one_interface(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """Return the frames of the older format, whose link type its header tells for all."""
+    """Yield the frames of the older format, whose header has one link type for all."""
     asked = _Asked(file)
     reader = dpkt.pcap.Reader(asked)
     link = reader.datalink()
@@ -101,7 +101,7 @@ def _of_one_interface(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
 
 
 class _Asked:
-    """A file that knows whether it gave less than it was asked for last; dpkt does not look."""
+    """File that records whether its last read was short, which dpkt does not check."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -114,7 +114,7 @@ class _Asked:
 
 
 def _network(link: int, frame: bytes) -> Any:
-    """Return the IP packet of a frame; None if it is none."""
+    """Return the IP packet of a frame; None if there is none."""
     if link == dpkt.pcap.DLT_EN10MB:
         return dpkt.ethernet.Ethernet(frame).data
     if link == dpkt.pcap.DLT_LINUX_SLL:
@@ -129,13 +129,13 @@ def _network(link: int, frame: bytes) -> Any:
 
 
 class _Fragments:
-    """Puts the fragments of IPv4 datagrams together (RFC 791)."""
+    """Reassembly of IPv4 fragments (RFC 791)."""
 
     def __init__(self) -> None:
         self._waiting: OrderedDict[tuple[bytes, bytes, int], dict[int, tuple[bytes, bool]]] = OrderedDict()
 
     def add(self, packet: Any) -> tuple[str, bytes] | None:
-        """Return the sender and data of a UDP datagram that this packet is or completes."""
+        """Return sender and data of the UDP datagram that this packet is or completes; else None."""
         if isinstance(packet, dpkt.ip6.IP6):
             return (packet.src.hex(), bytes(packet.data.data)) if packet.nxt == UDP else None
         if not isinstance(packet, dpkt.ip.IP) or packet.p != UDP:

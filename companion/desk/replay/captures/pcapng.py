@@ -1,8 +1,8 @@
-"""Packets of a pcapng file, each with the link type and the clock of its own interface.
+"""Reader of pcapng files; each packet has the link type and the clock of its own interface.
 
-A file is one or more sections of blocks: type, length, body, length again, of the byte order that the header
-of the section tells. Interface descriptions come before the packets that refer to them; `if_tsresol` says
-what their times count, `if_tsoffset` from which second on (IETF draft-ietf-opsawg-pcapng).
+A file is one or more sections of blocks: type, length, body, and the length repeated, in the byte order of
+the section's header. Interface descriptions precede the packets that refer to them; `if_tsresol` is the
+resolution of their times, `if_tsoffset` their epoch in seconds (IETF draft-ietf-opsawg-pcapng).
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ MICROSECONDS = 6
 
 
 class DamagedError(ValueError):
-    """The blocks contradict themselves, or the file ends within one."""
+    """Contradictory blocks, or a file that ends within one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """link: type of its frames. per_second: what its times count. offset_s: when they begin, since 1970."""
+    """Capture interface. link: type of its frames. per_second: clock ticks. offset_s: epoch since 1970."""
 
     link: int
     per_second: int
     offset_s: int
 
     def since_1970_ns(self, count: int) -> int:
-        """Return a time of this interface in ns since 1970."""
+        """Convert a time of this interface to ns since 1970."""
         return self.offset_s * 1_000_000_000 + count * 1_000_000_000 // self.per_second
 
 
 def packets(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """Return link type, time since 1970 (ns) and frame of every packet that has a time.
+    """Yield link type, time since 1970 (ns) and frame of every packet that has a time.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def packets(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
 
 
 def _block(file: BinaryIO, head: bytes, order: str) -> tuple[str, int, bytes]:
-    """Return byte order, type and body of the block that begins with eight bytes."""
+    """Return byte order, type and body of the block with these first eight bytes."""
     if head[:4] == MAGIC:
         magic = file.read(4)
         if magic not in ORDERS:
@@ -85,7 +85,7 @@ def _block(file: BinaryIO, head: bytes, order: str) -> tuple[str, int, bytes]:
 
 
 def _interface(body: bytes, order: str) -> Interface:
-    """Return what the body of an interface description tells."""
+    """Parse the body of an interface description."""
     (link,) = struct.unpack_from(order + "H", body)
     per_second, offset_s, at = 10**MICROSECONDS, 0, 8
     while at + 4 <= len(body):

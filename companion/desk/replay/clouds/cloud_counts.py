@@ -1,4 +1,4 @@
-"""Counts of a recording's clouds, and of their points that were left out."""
+"""Counts of a recording's clouds, and of the points that were left out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from companion.desk.replay.clouds.point_cloud import Decoded
 
 @dataclass(slots=True)
 class CloudCounts:
-    """Clouds, those whose points have all one time, and points left out by reason; see `Decoded`, `Cloud`."""
+    """Counts of clouds, of those without point times, and of omitted points; see `Decoded`, `Cloud`."""
 
     clouds: int = 0
     clouds_without_point_times: int = 0
@@ -28,7 +28,7 @@ class CloudCounts:
         self.points_of_low_confidence += doubtful
 
     def told(self, clock: PointClock | str) -> dict[str, Any]:
-        """Return the counts and what the times of points mean, or why they are not used, for JSON."""
+        """Return the counts and the meaning of point times, or the reason they are unused, for JSON."""
         known = isinstance(clock, PointClock)
         times = {"point_times": str(clock) if known else None, "why_no_point_times": "" if known else clock}
         return asdict(self) | times

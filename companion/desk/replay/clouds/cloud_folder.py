@@ -1,4 +1,4 @@
-"""A folder of PCD files, one of each scan and named by its time, beside a telemetry log."""
+"""Folder of PCD scans named by their times, as the points of a telemetry log."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from companion.runtime.errors import UsageError
 class CloudFolder:
     """Scans in the sensor's axes (forward, left, up); see `LoggedPoints`.
 
-    Points have the time of their file's name, and their own where a field tells it as in the clouds of a bag.
+    Points have the time of their file's name, or their own time if a field holds it as in the clouds of a
+    bag.
 
     Raises
     ------
     UsageError
-        There is none, or a name is no time.
+        The folder holds no scan, or a name is no time.
     """
 
     cut = ""
@@ -58,4 +59,4 @@ def _read(stamp_ns: int, path: Path) -> Cloud:
     return Cloud(stamp_ns, "", open_pcd(path, _NOWHERE).records())
 
 
-_NOWHERE = from_option("EPSG:4326")  # a reader wants one; the points are the sensor's
+_NOWHERE = from_option("EPSG:4326")  # the reader requires a CRS, though the points are in the sensor's axes

@@ -1,8 +1,8 @@
-"""GPS times of stored clouds as times of day, dated by the log of the same flight.
+"""GPS times of stored clouds as times of day, resolved with the log of the same flight.
 
-A LAS header says whether times count from the beginning of the GPS week or, less 1e9 s, from 1980. Writers
-set that bit wrong, let the week's count run on over its end or begin anew, and write seconds since 1970 or
-whole GPS time. Only one of these meanings puts the times into the flight.
+A LAS header states whether times count from the beginning of the GPS week or, less 1e9 s, from 1980. Some
+writers set that bit wrong, let the week's count run past its end or restart it, or write seconds since 1970
+or whole GPS time. Only one of these meanings puts the times into the flight.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from companion.desk.clouds.cloud_source import Clock
 from companion.desk.replay.time_of_day import time_of_day
 
 GPS_EPOCH_S = 315_964_800  # 1980-01-06 since 1970
-# From a time of day on (s since 1970), GPS time is so far ahead of UTC (IERS Bulletin C).
+# Leap seconds: GPS time minus UTC from a time of day on (s since 1970; IERS Bulletin C).
 LEAPS_S = (
     (1_136_073_600, 14),
     (1_230_768_000, 15),
@@ -26,9 +26,9 @@ LEAPS_S = (
     (1_483_228_800, 18),
 )
 WEEK_S = 604_800
-STANDARD_LESS_S = 1_000_000_000  # standard GPS time of LAS is given less this
+STANDARD_LESS_S = 1_000_000_000  # offset that standard GPS time of LAS has subtracted
 MOST_S = 9_000_000_000  # since 1970: the year 2255
-MARGIN_S = 60  # the clocks of log and sensor may differ by so much
+MARGIN_S = 60  # largest difference between the clocks of log and sensor
 NAMES = {
     "standard": "standard GPS time",
     "week": "seconds of the GPS week",
@@ -39,10 +39,10 @@ NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Dated:
-    """Times of points.
+    """Resolved times of points.
 
-    kind: what they count, one of `NAMES`. stamp_ns : (n,) int64 since 1970, zero where it does not fit.
-    fits : (n,) bool, whether a time lies within the flight.
+    kind: their meaning, one of `NAMES`. stamp_ns: (n,) int64 since 1970, zero where not in the flight.
+    fits: (n,) bool, whether a time is within the flight.
     """
 
     kind: str
@@ -58,9 +58,9 @@ def dated(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) ->
     gps_s
         (n,) times as stored.
     clock
-        What the header says of them; preferred where another meaning fits no better.
+        Meaning by the header; preferred where another one fits no better.
     span_ns
-        First and last time of the log, since 1970. The week is chosen for each point by itself.
+        First and last time of the log, since 1970. The week is chosen for each point separately.
     """
     middle_s = sum(span_ns) // 2_000_000_000
     first_s, last_s = (edge * 1e-9 - middle_s for edge in span_ns)
@@ -71,12 +71,12 @@ def dated(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) ->
         if best is None or np.count_nonzero(fits) > np.count_nonzero(best.fits):
             after_ns = np.rint(np.where(fits, after_s, 0.0) * 1e9).astype(np.int64)
             best = Dated(kind, np.where(fits, after_ns + middle_s * 1_000_000_000, 0), fits)
-    assert best is not None  # noqa: S101 - there are meanings
+    assert best is not None  # noqa: S101 - `_meanings` is never empty
     return best
 
 
 def first_by_header(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> str:
-    """Return the first of the times as the header means them, for an error; at least one must be finite."""
+    """Return the first time in the header's meaning, for an error; at least one must be finite."""
     first_s = float(np.nanmin(np.where(np.isfinite(gps_s), gps_s, np.nan)))
     if clock == "week":
         return f"{first_s:.0f} s of a GPS week"
@@ -91,7 +91,7 @@ def _leap_s(at_s: int) -> int:
 def _meanings(
     gps_s: NDArray[np.float64], clock: Clock, middle_s: int
 ) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Return meanings, the header's first, and times in them after the middle of the flight (s)."""
+    """Yield meanings, the header's first, and the times in them relative to the middle of the flight (s)."""
     since_1980_s = middle_s - GPS_EPOCH_S + _leap_s(middle_s)
     begins_s = {"standard": since_1980_s - STANDARD_LESS_S, "gps": since_1980_s, "unix": middle_s}
     for kind in sorted(NAMES, key=lambda kind: kind != clock):

@@ -1,9 +1,9 @@
-"""Unit and epoch of the times that points of recorded clouds carry, judged over many clouds.
+"""Unit and epoch of per-point times in recorded clouds, inferred from many clouds.
 
 Drivers write a point's time in seconds, milliseconds, microseconds or nanoseconds, or as a share of the
-sweep, since 1970 or since the cloud's stamp, and name neither. The span of the times of one cloud, against
-the time from cloud to cloud, tells the unit: a sweep never lasts a thousand times as long. What stays unknown
-is not used.
+sweep, since 1970 or since the cloud's stamp, and state neither. The span of the times of one cloud,
+compared with the period of the clouds, determines the unit, since a sweep never lasts a thousand periods.
+Times of unknown meaning are not used.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from numpy.typing import NDArray
 
 Values = NDArray[np.generic]
 UNITS_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
-# Least and greatest span of a cloud, in periods of the clouds: thinned recordings, and several sweeps in one
-# cloud. Their quotient is far below 1000, so that no two units fit and a strange span fits none.
+# Smallest and largest span of a cloud, in periods of the clouds: thinned recordings, several sweeps in one
+# cloud. Their ratio is far below 1000, so that two units never fit and an implausible span fits none.
 LEAST_SHARE, MOST_SHARE = 1 / 30, 4.0
-PERIOD_NS = 100_000_000.0  # of a sensor where the stamps do not tell it
+PERIOD_NS = 100_000_000.0  # assumed where the stamps do not show the period
 QUANTILES = (
     0.02,
     0.1,
     0.5,
     0.9,
     0.98,
-)  # garbage in a few per cent of the points does not move the middle three
-BETWEEN = 0.8  # of the span lies between the second and the fourth
-WHOLE = (0.9, 1.05)  # span of times that are shares of the sweep
+)  # the middle three are robust to garbage in a few per cent of the points
+BETWEEN = 0.8  # share of the span between the second and the fourth
+WHOLE = (0.9, 1.05)  # range of the span of times that are shares of the sweep
 SLACK = 0.02
-STEADY = 0.2  # part of a period by which regular clouds differ
-LATE_NS = 1e9  # a stamp of the host is at most so far from the sensor's times since 1970
-REACH = 1.5  # spans or periods from the stamp to the middle of a cloud
-APART = 2.0  # spans from the middle of a cloud to any of its points
+STEADY = 0.2  # relative deviation from the period up to which clouds count as regular
+LATE_NS = 1e9  # largest difference between the host's stamp and the sensor's times since 1970
+REACH = 1.5  # largest distance from the stamp to the middle of a cloud, in spans or periods
+APART = 2.0  # largest distance from the middle of a cloud to a point, in spans
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +46,11 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class PointClock:
-    """What the times of points of a recording mean.
+    """Meaning of the points' times of a recording.
 
-    field: where they are. unit: its name, "sweep" for shares of it. unit_ns: its length. absolute: since
-    1970, not since the cloud's stamp. reach_ns: farthest that the middle of a cloud is from its stamp.
-    apart_ns: farthest that a point is from the middle of its cloud.
+    field: field that holds them. unit: its name, "sweep" for shares of it. unit_ns: its length. absolute:
+    since 1970, not since the cloud's stamp. reach_ns: largest distance of the middle of a cloud from its
+    stamp. apart_ns: largest distance of a point from the middle of its cloud.
     """
 
     field: str
@@ -64,9 +64,9 @@ class PointClock:
         return f"{self.field}: {self.unit} since {'1970' if self.absolute else 'the stamp'}"
 
     def stamps(self, values: Values, stamp_ns: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
-        """Return times (ns since 1970) of the points of a cloud, and which of them are sound, each (n,).
+        """Return times (ns since 1970) of the points of a cloud, and the mask of plausible ones, each (n,).
 
-        None where the times of most points are not what they are in the rest of the recording.
+        None where most times of the cloud do not fit the rest of the recording.
         """
         after_ns = _after_ns(values, self.unit_ns, stamp_ns if self.absolute else 0)
         finite = np.isfinite(after_ns)
@@ -81,25 +81,25 @@ class PointClock:
 
 
 def sample(values: Values, stamp_ns: int) -> Sample | None:
-    """Return what tells the unit of the times of a cloud; None where none of them is finite."""
+    """Return the time quantiles of a cloud, from which the unit is inferred; None without a finite time."""
     times = values.astype(np.float64)
     times = times[np.isfinite(times)]
     if not len(times):
         return None
-    with np.errstate(over="ignore", invalid="ignore"):  # garbage may be as far as numbers go
+    with np.errstate(over="ignore", invalid="ignore"):  # garbage may reach the limits of floats
         quantiles = np.quantile(times, QUANTILES)
     return Sample(stamp_ns, tuple(map(float, quantiles)))
 
 
 def judge(field: str, samples: Sequence[Sample], stamps_ns: Iterable[int]) -> PointClock | str:
-    """Return what the times in a field mean, or why that cannot be known.
+    """Return the clock of the times in a field, or the reason it cannot be known.
 
     Parameters
     ----------
     samples
         Of several clouds, at least one.
     stamps_ns
-        Of all clouds looked at, which tell the time from cloud to cloud.
+        Of all clouds examined; they give the period of the clouds.
     """
     quantiles = np.array([one.quantiles for one in samples])
     spans = (quantiles[:, 3] - quantiles[:, 1]) / BETWEEN
@@ -126,7 +126,7 @@ def judge(field: str, samples: Sequence[Sample], stamps_ns: Iterable[int]) -> Po
 def _unit(
     span: float, quantiles: NDArray[np.float64], gaps_ns: NDArray[np.float64]
 ) -> tuple[str, float] | None:
-    """Return name and length (ns) of the unit in which clouds have a span."""
+    """Return name and length (ns) of the unit that fits the clouds' span; None if there is none."""
     period_ns = _period_ns(gaps_ns)
     low, high = float(np.median(quantiles[:, 0])), float(np.median(quantiles[:, 4]))
     shares = WHOLE[0] <= span <= WHOLE[1] and low >= -1 - SLACK and high <= 1 + SLACK
@@ -141,11 +141,11 @@ def _unit(
 
 
 def _period_ns(gaps_ns: NDArray[np.float64]) -> float:
-    """Return the time from cloud to cloud: a long one, as several sensors may share a topic."""
+    """Return the period of the clouds: a high quantile of the gaps, as several sensors may share a topic."""
     return float(np.quantile(gaps_ns, 0.9, method="higher")) if len(gaps_ns) else PERIOD_NS
 
 
 def _after_ns(values: Values, unit_ns: float, since_ns: int) -> NDArray[np.float64]:
-    """Return times after a time of day, subtracted in their own unit so as to lose no digit."""
+    """Return times relative to `since_ns` (ns), subtracted in their own unit to keep precision."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray((values.astype(np.float64) - since_ns / unit_ns) * unit_ns)

@@ -1,4 +1,4 @@
-"""Clouds of a recording as batches of returns, from records such as those of sensor_msgs/PointCloud2."""
+"""Decoding of recorded clouds (sensor_msgs/PointCloud2 and similar records) into batches of returns."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from companion.flight.sensors.returns import Returns
 
 # PointField.datatype
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-# What drivers call a point's time: Velodyne, Ouster, Hesai and RoboSense, Livox, Nebula.
+# Names of a point's time in drivers: Velodyne, Ouster, Hesai and RoboSense, Livox, Nebula.
 TIMES = ("time", "t", "timestamp", "offset_time", "time_stamp", "time_offset")
 INTENSITIES = ("intensity", "reflectivity")
 RINGS = ("ring", "line", "channel")
-JUDGED, LOOKED_AT = 50, 500  # clouds with points, and all, by which their times are judged
+JUDGED, LOOKED_AT = 50, 500  # clouds examined at most: with times, and all
 
 Table = NDArray[np.void]
 
 
 class BadCloudError(ValueError):
-    """A point cloud contradicts itself; says how."""
+    """A point cloud that contradicts itself, and how."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Cloud:
     """A recorded cloud.
 
     stamp_ns: of its message, since 1970. frame: name of the frame of its points. table: (n,) records.
-    doubtful: points left out because the sensor says so.
+    doubtful: number of points left out because the sensor flags them.
     """
 
     stamp_ns: int
@@ -44,10 +44,11 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """Returns of a cloud in the order of their times.
+    """Returns of a cloud in time order.
 
-    timed: they have times of their own; else all have the cloud's stamp. no_return: points without a
-    measurement, left out. false_times: returns left out because their time is far from those of their cloud.
+    timed: they have times of their own; else all have the cloud's stamp. no_return: number of points
+    without a measurement, left out. false_times: number of returns left out because their time is far from
+    the cloud's.
     """
 
     returns: Returns
@@ -66,7 +67,7 @@ def decode(table: Table, stamp_ns: int, clock: PointClock | None) -> Decoded:
     stamp_ns
         The cloud's.
     clock
-        Meaning of the points' times; None if they have none that can be used.
+        Meaning of the points' times; None if they have no usable times.
     """
     xyz = coordinates(table)
     real = is_return(xyz)
@@ -86,7 +87,7 @@ def decode(table: Table, stamp_ns: int, clock: PointClock | None) -> Decoded:
 
 
 def clock_of(clouds: Iterable[Cloud]) -> PointClock | str:
-    """Return what the times of points of a recording's first clouds mean, or why they cannot be used."""
+    """Return the clock of the points' times, from a recording's first clouds, or the reason there is none."""
     samples: dict[str, list[Sample]] = {}
     stamps_ns: list[int] = []
     for cloud in islice(clouds, LOOKED_AT):
@@ -114,7 +115,7 @@ def coordinates(table: Table) -> NDArray[np.float32]:
 
 
 def is_return(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Tell which of (n, 3) points were measured: where nothing was, drivers write NaN or zeros."""
+    """Return the mask of measured points, of (n, 3): drivers write NaN or zeros for no return."""
     return np.asarray(np.isfinite(xyz).all(axis=1) & xyz.any(axis=1))
 
 
@@ -132,7 +133,7 @@ def table_of(message: Any) -> Table:
     for field in message.fields:
         form = TYPES.get(int(field.datatype))
         if form is None or int(field.count) > 1:
-            continue  # a vector, or of a kind that does not matter
+            continue  # a vector, or of an unused type
         if int(field.offset) + np.dtype(form).itemsize > step:
             raise BadCloudError(f"its field {field.name} lies outside of its points of {step} bytes")
         fields[str(field.name)] = order + form, int(field.offset)
@@ -157,7 +158,7 @@ def table_of(message: Any) -> Table:
 
 
 def _bytes(table: Table, wanted: tuple[str, ...]) -> NDArray[np.uint8]:
-    """Return the first of the fields wanted as bytes, zero where there is none."""
+    """Return the first present field of `wanted` as bytes, zero where there is none."""
     name = next((name for name in wanted if name in (table.dtype.names or ())), None)
     if name is None:
         return np.zeros(len(table), np.uint8)

@@ -1,8 +1,8 @@
-"""Times in the names of files: seconds since 1970 and a fraction, or one whole number.
+"""Time stamps in file names: seconds since 1970 with a fraction, or one whole number.
 
-After a whole number of seconds some programs write decimals and others nanoseconds (or milliseconds,
-microseconds) without leading zeros: 899.11149430 is 899.011149430. The fractions of all files together tell
-which: decimals without trailing zeros, or whole numbers without leading ones.
+After a whole number of seconds some programs write decimals, others nanoseconds (or milliseconds,
+microseconds) without leading zeros: 899.11149430 is 899.011149430. The fractions of all files together
+distinguish them: decimals lack trailing zeros, whole numbers lack leading ones.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from pathlib import Path
 
 from companion.runtime.errors import UsageError
 
-# What a whole number since 1970 counts, by its digits in this century.
+# Unit of a whole number since 1970, from its number of digits in this century.
 UNITS_NS = {10: 1_000_000_000, 13: 1_000_000, 16: 1_000, 19: 1}
 NAME = re.compile(r"(\d{10,19})(?:[._](\d{1,9}))?")
 EXAMPLE = "1763000000.123456789.pcd, seconds since 1970"
-WHOLE_DIGITS = frozenset({3, 6, 9})  # of the greatest whole number of ms, us, ns in a second
-EITHER = WHOLE_DIGITS | {1, 2}  # digits of every fraction that mean the same in both readings, or are plain
+WHOLE_DIGITS = frozenset({3, 6, 9})  # digits of the largest whole number of ms, us, ns in a second
+EITHER = WHOLE_DIGITS | {1, 2}  # lengths that are unambiguous if all fractions share them
 
 
 def stamps_of(paths: Sequence[Path]) -> list[int]:
-    """Return the times that files are named by, ns since 1970.
+    """Return the times in the names of files, ns since 1970.
 
     Raises
     ------
     UsageError
-        A name is no time, or it cannot be told what the fractions of seconds are.
+        A name is no time, or the meaning of the fractions is ambiguous.
     """
     parts = [_parts(path) for path in paths]
     digits = _whole_digits(paths, [fraction for _, fraction in parts if fraction])
@@ -44,7 +44,7 @@ def _parts(path: Path) -> tuple[int, str]:
 
 
 def _whole_digits(paths: Sequence[Path], fractions: list[str]) -> int | None:
-    """Return how many digits the whole numbers in place of decimals may have; None for decimals."""
+    """Return the number of digits of a full second if fractions are whole numbers; None for decimals."""
     lengths = {len(fraction) for fraction in fractions}
     if not lengths or (len(lengths) == 1 and lengths <= EITHER):
         return None

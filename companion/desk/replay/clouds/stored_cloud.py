@@ -1,4 +1,4 @@
-"""A georeferenced cloud (LAS, LAZ) beside a telemetry log: placed points, with their times."""
+"""Georeferenced cloud (LAS, LAZ) with point times, as the points of a telemetry log."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ SCAN_NS = 50_000_000
 class StoredCloud:
     """Points of FILE.laz; see `LoggedPoints`.
 
-    Heights are taken to be above the datum that the vehicle's altitudes are above, the mean sea level.
+    Heights are assumed to be above mean sea level, the datum of the vehicle's altitudes.
 
     Parameters
     ----------
     span_ns
         First and last time of day of the flight's log.
     vertical_unit
-        Unit of the heights that the user named, m, ft or us-ft: overrides what the file says.
+        Unit of the heights of the user, m, ft or us-ft; overrides the file's.
 
     Raises
     ------
     UsageError
-        The file cannot be used, its points have no times, or none of these lies within the flight.
+        The file cannot be used, its points have no times, or none of them is within the flight.
     """
 
     cut = ""

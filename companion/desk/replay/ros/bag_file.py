@@ -1,4 +1,4 @@
-"""Messages of a ROS 1 or ROS 2 bag, by the library rosbags."""
+"""Reader of ROS 1 and ROS 2 bags, based on the library rosbags."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from companion.runtime.errors import UsageError
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 CLOUDS = (CLOUD, *livox_message.MESSAGES)
-# Packages of the types that are read, and of what these are made of.
+# Packages of the types that are read, and of their fields.
 PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_interfaces")
 
 
 class BagFile:
     """A folder, .db3, .mcap or .bag.
 
-    Types are read as the bag defines them; where it only names a type, or defines it illegibly, the library's
-    own definition serves. Types of other packages are not looked at.
+    Types are read as the bag defines them; where it only names a type, or its definition cannot be parsed,
+    the library's own definition is used. Types of other packages are ignored.
 
     Attributes
     ----------
     types
         Type of each topic that has messages.
     bad
-        Messages that could not be read so far.
+        Number of unreadable messages up to now.
     cut
-        Why its end is missing; known once all was read.
+        Reason for the missing end, or empty; known once all was read.
 
     Raises
     ------
@@ -48,9 +48,9 @@ class BagFile:
             self._store = _store(reader.connections, self._ros2)
 
     def messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
-        """Return times of recording and of the header (ns), topic and message, in the order of recording.
+        """Yield times of recording and of the header (ns), topic and message, in the order of recording.
 
-        A cloud, of whatever type, is a `Cloud`.
+        A cloud of any type is a `Cloud`.
         """
         self.bad, self.cut = 0, ""
         with self._opened() as reader:
@@ -61,7 +61,7 @@ class BagFile:
                     connection, at_ns, raw = next(raws)
                 except StopIteration:
                     return
-                except Exception as error:  # of SQLite, MCAP, LZ4, Zstandard
+                except Exception as error:  # raised by SQLite, MCAP, LZ4 or Zstandard
                     self.cut = f"it is damaged or cut off: {_line(error)}"
                     return
                 try:
@@ -69,7 +69,7 @@ class BagFile:
                     stamp_ns = _stamp_ns(message) or at_ns
                     if isinstance(message, Cloud):
                         message = replace(message, stamp_ns=stamp_ns)
-                except Exception:  # whatever the generated code stumbles over
+                except Exception:  # the generated code may raise anything
                     self.bad += 1
                     continue
                 yield at_ns, stamp_ns, connection.topic, message
@@ -94,7 +94,7 @@ class BagFile:
         try:
             reader: Any = rosbag2.Reader(self._path) if self._ros2 else rosbag1.Reader(self._path)
             reader.open()
-        except Exception as error:  # of YAML, SQLite, MCAP and the library
+        except Exception as error:  # raised by YAML, SQLite, MCAP or the library
             raise UsageError(f"{self._path}: it is no ROS bag, or damaged ({_line(error)})") from None
         try:
             yield reader
@@ -103,7 +103,7 @@ class BagFile:
 
 
 def _store(connections: Sequence[Any], ros2: bool) -> Any:
-    """Return the definitions of all types that are read: the library's, replaced by those of the bag."""
+    """Return the type store: the library's definitions, replaced by those of the bag."""
     from rosbags.typesys import Stores, get_typestore
 
     standard = get_typestore(Stores.ROS2_HUMBLE if ros2 else Stores.ROS1_NOETIC)
@@ -116,13 +116,13 @@ def _store(connections: Sequence[Any], ros2: bool) -> Any:
             own |= _defined(connection)
     try:
         store.register(kept | own)
-    except Exception:  # whatever a damaged definition leads to
+    except Exception:  # a damaged definition may raise anything
         return plain
     return store
 
 
 def _defined(connection: Any) -> dict[str, Any]:
-    """Return the types that a connection defines by a text; none where it has no text, or no legible one."""
+    """Return the types that a connection's text defines; none without a text that can be parsed."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
@@ -136,7 +136,7 @@ def _defined(connection: Any) -> dict[str, Any]:
                 found |= get_types_from_idl(part.split("\n", 1)[1] if part.startswith("IDL: ") else part)
         else:
             return {}
-    except Exception:  # of the parser
+    except Exception:  # raised by the parser
         return {}
     _, fields = found.get(connection.msgtype, ([], []))
     return found if fields else {}

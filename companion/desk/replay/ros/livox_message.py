@@ -1,8 +1,8 @@
-"""Messages livox_ros_driver/CustomMsg and livox_ros_driver2/CustomMsg, from their serialised bytes.
+"""Parser of livox_ros_driver/CustomMsg and livox_ros_driver2/CustomMsg from serialised bytes.
 
 A header, uint64 timebase, uint32 point_num, uint8 lidar_id, uint8[3] rsvd, CustomPoint[] points; a point is
 uint32 offset_time (ns), float32 x, y, z (m), uint8 reflectivity, tag, line. ROS 1 packs them without gaps,
-ROS 2 aligns each number to its own size (CDR). The points become one array, without an object of each.
+ROS 2 aligns each number to its own size (CDR). The points become one array, without an object per point.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from companion.desk.replay.clouds.point_cloud import BadCloudError, Cloud, Table
 from companion.flight.sensors.decoders.livox_points import DOUBTFUL
 
-# Packages whose tags are of the Mid-360's kind, and those of older sensors, whose tags count returns.
+# The message whose tags are those of the Mid-360, and those of older sensors, whose tags count returns.
 MID360 = "livox_ros_driver2/msg/CustomMsg"
 MESSAGES = (MID360, "livox_ros_driver/msg/CustomMsg", "livox_interfaces/msg/CustomMsg")
 FIELDS = ("offset_time", "x", "y", "z", "reflectivity", "tag", "line")
@@ -26,12 +26,12 @@ LITTLE = 1
 
 
 def parse(raw: bytes, kind: str, ros2: bool) -> Cloud:
-    """Return the points of a message; of the Mid-360 without those of low confidence, as in flight.
+    """Return the points of a message; for the Mid-360 without those of low confidence, as in flight.
 
     Raises
     ------
     BadCloudError
-        It is shorter than it says.
+        It is shorter than it states.
     """
     try:
         cloud = _aligned(memoryview(raw)[4:], "<" if raw[1] == LITTLE else ">") if ros2 else _packed(raw)
@@ -44,7 +44,7 @@ def parse(raw: bytes, kind: str, ros2: bool) -> Cloud:
 
 
 def _packed(raw: bytes) -> Cloud:
-    """Read the serialisation of ROS 1."""
+    """Parse the serialisation of ROS 1."""
     _, seconds, nanoseconds, length = struct.unpack_from("<IIII", raw)
     at = 16 + length
     frame = raw[16:at].decode()
@@ -54,7 +54,7 @@ def _packed(raw: bytes) -> Cloud:
 
 
 def _aligned(body: memoryview, order: str) -> Cloud:
-    """Read the serialisation of ROS 2, after its encapsulation."""
+    """Parse the serialisation of ROS 2, after its encapsulation."""
     seconds, nanoseconds, length = struct.unpack_from(order + "iII", body)
     at = 12 + length
     frame = bytes(body[12:at]).rstrip(b"\0").decode()
@@ -64,7 +64,7 @@ def _aligned(body: memoryview, order: str) -> Cloud:
 
 
 def _table(data: bytes | memoryview, n: int, step: int, order: str) -> Table:
-    """Return n points that are so many bytes apart; the last has none behind it."""
+    """Return n points at a stride of `step` bytes; the last has no padding."""
     needed = (n - 1) * step + POINT_BYTES if n else 0
     if len(data) < needed:
         raise ValueError(f"{n} points are not in {len(data)} bytes")

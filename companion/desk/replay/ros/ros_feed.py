@@ -1,4 +1,4 @@
-"""A flight from a ROS bag: its clouds and its poses."""
+"""Feed of a ROS bag: its clouds and its poses."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ LOCAL = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
 )
-# What a message raises whose definition, stored in the bag, is damaged or not that of its type.
+# Raised by a message whose definition in the bag is damaged or not that of its type.
 MISSHAPEN = (AttributeError, ValueError, TypeError, OverflowError, IndexError)
 LEVEL_MOUNT = {f"lidar_{name}": 0.0 for name in ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")}
 
 
 class RosFeed:
-    """A flight from a bag.
+    """Feed of a flight from a bag.
 
     Parameters
     ----------
     points
-        Topic of the clouds; None takes the only one.
+        Topic of the clouds; None selects the only one.
     poses
-        Topic of the poses, or of fixes and of orientations; none takes the only ones.
+        Topic of the poses, or of fixes and of orientations; none selects the only ones.
 
     Attributes
     ----------
     is_local
-        Poses are metres from an origin that the bag does not tell.
+        Poses are metres from an origin that the bag does not state.
     body_points
-        The points are in the axes of the body already, by the names of their frames.
+        The points are in the body's axes already, according to the names of their frames.
 
     Raises
     ------
     UsageError
-        The bag cannot be read, or the topics are not there, not told or of another type.
+        The bag cannot be read, or the topics are absent, ambiguous or of another type.
     """
 
     def __init__(self, path: Path, points: str | None, poses: Sequence[str]) -> None:
@@ -96,7 +96,7 @@ class RosFeed:
             self._bad += 1
 
     def _compare_frames(self) -> bool:
-        """Tell whether points are in the body's axes; refuse points that are placed already."""
+        """Return whether points are in the body's axes; refuse points that are georeferenced already."""
         cloud = next(iter(self._bag.messages((self._points,))), None)
         pose = next(iter(self._bag.messages(self._poses[:1])), None)
         if cloud is None or pose is None:

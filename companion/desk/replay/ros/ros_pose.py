@@ -1,7 +1,7 @@
-"""Poses of ROS messages, as the autopilot would tell them.
+"""Conversion of ROS pose messages to the poses of an autopilot.
 
-ROS counts in east, north, up and forward, left, up (REP 103); our poses turn forward, right, down into north,
-east, down. Few publishers tell a velocity in axes that are sure, so that it is taken from the places around.
+ROS uses east, north, up and forward, left, up (REP 103); poses here rotate forward, right, down to north,
+east, down. Few publishers state the axes of velocities reliably, so velocities are derived from positions.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 def ned_from_frd(x: float, y: float, z: float, w: float) -> Wxyz:
-    """Return the quaternion w, x, y, z of body to north-east-down of one of ROS, body to east-north-up."""
-    # half a turn about the diagonal of north and east, then the body's half a turn about forward
+    """Return the quaternion w, x, y, z of FRD body to NED, from that of ROS, FLU body to ENU."""
+    # half a turn about the diagonal of north and east, then half a turn of the body about forward
     a, b, c, d = _product((0.0, HALF, HALF, 0.0), (w, x, y, z))
     return _product((a, b, c, d), (0.0, 1.0, 0.0, 0.0))
 
 
 class LocalPoses:
-    """Hands poses of a local frame (PoseStamped, Odometry) to a history whose map frame begins there."""
+    """Adapter of local-frame poses (PoseStamped, Odometry) to a history whose map frame has their origin."""
 
     def __init__(self, history: PoseHistory) -> None:
         self._history = history
-        self._frame = history.frame  # the map's may be another one later
+        self._frame = history.frame  # kept, since the map's frame may change later
         self._velocity = _Velocity(self._placed)
         self.refused = 0
 
     def take(self, message: Any, stamp_ns: int) -> None:
-        """Take a message."""
+        """Add the pose of a message."""
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         place = pose.position.x, pose.position.y, pose.position.z
         q = pose.orientation
@@ -47,7 +47,7 @@ class LocalPoses:
         self._history.add_attitude(stamp_ns, ned_from_frd(q.x, q.y, q.z, q.w), ZERO)
 
     def finish(self) -> None:
-        """Hand on the last place."""
+        """Add the last position."""
         self._velocity.finish()
 
     def _placed(self, stamp_ns: int, place: Place, velocity_enu: Place) -> None:
@@ -59,7 +59,7 @@ class LocalPoses:
 
 
 class GlobalPoses:
-    """Hands fixes (NavSatFix) and orientations (Imu) to a history."""
+    """Adapter of fixes (NavSatFix) and orientations (Imu) to a history."""
 
     def __init__(self, history: PoseHistory) -> None:
         self._history = history
@@ -68,7 +68,7 @@ class GlobalPoses:
         self.refused = 0
 
     def take(self, message: Any, stamp_ns: int) -> None:
-        """Take a message of either kind."""
+        """Add the fix or orientation of a message."""
         if hasattr(message, "latitude"):
             self._fix(message, stamp_ns)
             return
@@ -79,7 +79,7 @@ class GlobalPoses:
         self._history.add_attitude(stamp_ns, ned_from_frd(q.x, q.y, q.z, q.w), ZERO)
 
     def finish(self) -> None:
-        """Hand on the last fix."""
+        """Add the last fix."""
         self._velocity.finish()
 
     def _fix(self, message: Any, stamp_ns: int) -> None:
@@ -87,7 +87,7 @@ class GlobalPoses:
         if message.status.status == NO_FIX or not _sound(*lla) or abs(lla[0]) > 90 or abs(lla[1]) > 180:
             self.refused += 1
             return
-        if self._scale is None:  # metres of a degree, good enough for velocities
+        if self._scale is None:  # metres per degree, exact enough for velocities
             self._scale = 111_320 * math.cos(math.radians(lla[0])), 111_320, 1.0
         metres = lla[1] * self._scale[0], lla[0] * self._scale[1], lla[2]
         self._velocity.add(stamp_ns, lla, metres)
@@ -98,7 +98,7 @@ class GlobalPoses:
 
 
 class _Velocity:
-    """Waits for the place that follows, for a velocity from both neighbours."""
+    """Central-difference velocity: each position waits for its successor."""
 
     def __init__(self, placed: Callable[[int, Place, Place], None]) -> None:
         self._placed = placed
@@ -106,7 +106,7 @@ class _Velocity:
         self._last: tuple[int, Place, Place] | None = None
 
     def add(self, stamp_ns: int, place: Place, metres: Place) -> None:
-        """Take a place, in what units it is handed on, and in metres east, north, up."""
+        """Add a position, in the units of the callback and in metres east, north, up."""
         if self._last is not None:
             last_ns, last_place, last_metres = self._last
             if stamp_ns <= last_ns:
@@ -117,7 +117,7 @@ class _Velocity:
         self._last = stamp_ns, place, metres
 
     def finish(self) -> None:
-        """Hand on the last place, with the velocity that led to it."""
+        """Pass on the last position, with the velocity from its predecessor."""
         if self._last is not None and self._before is not None:
             stamp_ns, place, metres = self._last
             self._placed(stamp_ns, place, _rate(self._before[1], metres, stamp_ns - self._before[0]))

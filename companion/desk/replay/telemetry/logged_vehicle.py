@@ -1,4 +1,4 @@
-"""The vehicle of a telemetry log, which a ground station may have kept of several."""
+"""Vehicle selection in a telemetry log, which may hold several vehicles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from companion.runtime.errors import UsageError
 
 
 def vehicle_of(path: Path, log: TelemetryLog, named: int | None) -> int | None:
-    """Return the system of the only aircraft of a log, or the one that was named; None if there is none.
+    """Return the system ID of a log's only aircraft, or the named one; None if there is none.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def vehicle_of(path: Path, log: TelemetryLog, named: int | None) -> int | None:
 
 
 def tells_fix(log: TelemetryLog, system: int | None) -> bool:
-    """Tell whether the vehicle's autopilot says in a log what its position is worth."""
+    """Return whether the vehicle's autopilot reports the quality of its position in a log."""
     said = log.only(
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,

@@ -1,4 +1,4 @@
-"""A telemetry log, and beside it what the LiDAR measured, aligned by the time of day of both."""
+"""Feed of a telemetry log and separately recorded LiDAR points, merged by their times of day."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ from companion.flight.link.wire.codec import Codec
 
 
 class LoggedPoints(Protocol):
-    """What a LiDAR measured on a flight of which there is a log."""
+    """LiDAR measurements of a flight that has a log."""
 
     @property
     def cut(self) -> str:
-        """Why its end is missing, empty where it is whole; known at the end."""
+        """Reason for the missing end, empty where it is complete; known at the end."""
 
     @property
     def bad(self) -> int:
-        """Pieces that could not be read."""
+        """Number of unreadable parts."""
 
     def told(self) -> dict[str, Any]:
-        """Return what was chosen and counted, for JSON."""
+        """Return the chosen sources and the counts, for JSON."""
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        """Return every piece in its order: its time of day (ns), and what hands it over."""
+        """Yield every part in order: its time of day (ns), and the call that hands it over."""
 
 
 class TelemetryFeed:
-    """A flight from FLIGHT.tlog and what lies beside it.
+    """Feed of FLIGHT.tlog and its points.
 
     Parameters
     ----------
     system
-        The vehicle's, None if the log holds none.
+        ID of the vehicle, None if the log holds none.
     tells_fix
-        The log says whether positions are to be believed.
+        The log states whether positions can be trusted.
     """
 
     def __init__(
@@ -83,11 +83,11 @@ class TelemetryFeed:
 
 
 class _Ear:
-    """Hears the vehicle; a log without quaternions has angles, which say the same."""
+    """Handler of logged messages; without quaternions in the log it converts ATTITUDE's angles."""
 
     def __init__(self, inbox: Inbox, rerun: Rerun) -> None:
         self._inbox, self._rerun = inbox, rerun
-        self._quaternions = False  # of the autopilot: those of a gimbal say nothing of the vehicle
+        self._quaternions = False  # only the autopilot's: a gimbal's are not the vehicle's attitude
 
     def __call__(self, logged: Logged) -> None:
         message, kind = logged.message, logged.message.get_type()
@@ -103,7 +103,7 @@ class _Ear:
 
 
 def quaternion_of(message: Any) -> Any:
-    """Return ATTITUDE as ATTITUDE_QUATERNION of the same sender: yaw, pitch, roll about z, y, x."""
+    """Convert ATTITUDE to ATTITUDE_QUATERNION of the same sender: yaw, pitch, roll about z, y, x."""
     (cr, sr), (cp, sp), (cy, sy) = (
         (math.cos(angle / 2), math.sin(angle / 2)) for angle in (message.roll, message.pitch, message.yaw)
     )

@@ -1,6 +1,6 @@
-"""MAVLink telemetry logs, as ground stations write them: a time of day, then a frame, again and again.
+"""Reader of MAVLink telemetry logs of ground stations: repeated pairs of a time of day and a frame.
 
-The time is microseconds since 1970, eight bytes, the most significant first.
+The time is microseconds since 1970 in eight bytes, big-endian.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SIGNED = 0x01
 
 @dataclass(frozen=True, slots=True)
 class Logged:
-    """at_ns: when the ground station took it, since 1970."""
+    """Logged message. at_ns: reception by the ground station, since 1970."""
 
     at_ns: int
     message: Any
@@ -38,9 +38,9 @@ class TelemetryLog:
     Attributes
     ----------
     bad
-        Frames and stretches that could not be read.
+        Number of frames and stretches that could not be read.
     cut
-        Why its end is missing; known once all was read.
+        Reason for the missing end, or empty; known once all was read.
 
     Raises
     ------
@@ -56,11 +56,11 @@ class TelemetryLog:
             raise UsageError(f"{path}: it is no MAVLink telemetry log")
 
     def messages(self) -> Iterator[Logged]:
-        """Return the messages in the order of the file."""
+        """Yield the messages in the order of the file."""
         yield from self._all(None)
 
     def only(self, *message_ids: int) -> Iterator[Logged]:
-        """Return the messages of some types, which is much quicker than all."""
+        """Yield the messages of some types, which is much quicker than all."""
         yield from self._all(frozenset(message_ids))
 
     def _all(self, only: frozenset[int] | None) -> Iterator[Logged]:
@@ -73,7 +73,7 @@ class TelemetryLog:
                 yield from self._read(data, only)
         except OSError as error:
             raise UsageError(f"{self._path}: cannot be read: {error.strerror or error}") from None
-        except ValueError:  # of mmap
+        except ValueError:  # raised by mmap
             raise UsageError(f"{self._path}: it is empty") from None
 
     def _read(self, data: mmap.mmap, only: frozenset[int] | None) -> Iterator[Logged]:
@@ -107,7 +107,7 @@ class TelemetryLog:
 
 
 def _frame_bytes(data: mmap.mmap, at: int) -> int | None:
-    """Return the length of the frame behind the stamp that begins at `at`; None if there is none."""
+    """Return the length of the frame after the stamp at `at`; None if there is none."""
     head = data[at : at + STAMP.size + 3]
     (at_us,) = STAMP.unpack_from(head)
     if not EARLIEST_US < at_us < LATEST_US or len(head) < STAMP.size + 3:
@@ -121,7 +121,7 @@ def _frame_bytes(data: mmap.mmap, at: int) -> int | None:
 
 
 def _decoded(decoder: Any, frame: bytes) -> Any:
-    """Return the message of a frame; None if it is damaged or of a kind that the dialect does not know."""
+    """Return the message of a frame; None if it is damaged or unknown to the dialect."""
     try:
         return decoder.decode(bytearray(frame))
     except (mavlink.MAVError, struct.error, ValueError, TypeError):

@@ -1,7 +1,7 @@
-"""The points of a survey once more, each with the class of the ground it fell on: LAZ 1.4.
+"""Classified point cloud: the survey's points with the class of the ground they fell on, LAZ 1.4.
 
-Classes 64 to 255 of ASPRS LAS 1.4 are the user's; only point formats 6 to 10 have them, so points of older
-formats are written in the one that holds as much. The class that the input gave is kept in the dimension
+ASPRS LAS 1.4 reserves classes 64 to 255 for the user. Only point formats 6 to 10 have them, so points of
+older formats are written in the equivalent newer one. The input's class is kept in the dimension
 `source_class`.
 """
 
@@ -23,9 +23,9 @@ from companion.desk.survey.local_metres import Metric
 from slz import SAFE, UNSAFE, Box
 
 SAFE_CLASS, UNSAFE_CLASS, UNKNOWN_CLASS = 64, 65, 66
-NEWER = {0: 6, 1: 6, 2: 7, 3: 7, 4: 9, 5: 10}  # point formats of LAS 1.4 that hold those before
+NEWER = {0: 6, 1: 6, 2: 7, 3: 7, 4: 9, 5: 10}  # the point format of LAS 1.4 that replaces each older one
 SOURCE_CLASS = "source_class"
-# Records that are made anew: CRS, extra bytes, LAZ, and the index of COPC, which the new order breaks.
+# Records that are not copied: CRS, extra bytes and LAZ are rewritten, and the COPC index would be invalid.
 MADE = frozenset({2111, 2112, 34735, 34736, 34737, 4, 22204, 1})
 SCALE_M, SCALE_DEG = 1e-3, 1e-9  # of points that had no scale
 SCAN_ANGLE = 0.006  # degrees, unit of formats 6 to 10
@@ -34,10 +34,10 @@ SQUARE = 1024  # cells read at a time
 
 
 def write_classified(folder: Path, files: Sequence[Path], maps: Maps, metric: Metric) -> list[Path]:
-    """Write classified.laz, of several files classified-1-NAME.laz and so on, and return their paths.
+    """Write classified.laz, or classified-1-NAME.laz and so on for several files; return their paths.
 
-    Coordinates, scales and all dimensions of LAS input stay; other input gets scales of a millimetre (1e-9
-    degrees). Every point of a file is written, those too that the survey left out.
+    LAS input keeps its coordinates, scales and all dimensions; other input gets scales of a millimetre
+    (1e-9 degrees). All points of a file are written, including those that the survey left out.
     """
     written = []
     for k, path in enumerate(files, start=1):
@@ -53,13 +53,13 @@ def write_classified(folder: Path, files: Sequence[Path], maps: Maps, metric: Me
 
 
 def classes(points: NDArray[np.float64], maps: Maps, metric: Metric) -> NDArray[np.uint8]:
-    """Return the classes (n,) of points (n, 3) of the CRS by the cells they fall on."""
+    """Return the classes (n,) of points (n, 3) of the CRS, from the cells they fall on."""
     local, grid = metric.local(points), maps.grid
     row, col = (
         np.floor((local[:, axis] - edge) / grid.cell_m)
         for axis, edge in ((1, grid.south_m), (0, grid.west_m))
     )
-    inside = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)  # NaN is not
+    inside = (row >= 0) & (row < grid.rows) & (col >= 0) & (col < grid.cols)  # NaN compares false
     found = np.full(len(points), UNKNOWN_CLASS, np.uint8)
     state = _state_at(row[inside].astype(np.int64), col[inside].astype(np.int64), maps)
     found[inside] = np.select([state == SAFE, state == UNSAFE], [SAFE_CLASS, UNSAFE_CLASS], UNKNOWN_CLASS)
@@ -67,7 +67,7 @@ def classes(points: NDArray[np.float64], maps: Maps, metric: Metric) -> NDArray[
 
 
 def _state_at(row: NDArray[np.int64], col: NDArray[np.int64], maps: Maps) -> NDArray[np.uint8]:
-    """Return the state of cells, of which only the squares are read that hold some."""
+    """Return the states of cells (n,), reading only the squares of the map that hold any of them."""
     out = np.empty(len(row), np.uint8)
     if not len(row):
         return out
@@ -88,7 +88,7 @@ def _of_las(out: Path, source: LasSource, maps: Maps, metric: Metric) -> None:
     header = _header(NEWER.get(old.point_format.id, old.point_format.id), old.scales, old.offsets, metric)
     header.global_encoding.gps_time_type = old.global_encoding.gps_time_type
     extra = [d for d in old.point_format.extra_dimensions if d.name != SOURCE_CLASS]
-    # laspy tells the value for no data in the record, but not in the dimension.
+    # laspy has the no-data value in the record, but not in the dimension.
     records = [one for vlr in old.vlrs.get("ExtraBytesVlr") for one in vlr.extra_bytes_structs]
     no_data = {one.format_name(): one.no_data for one in records}
     header.add_extra_dims(
@@ -104,15 +104,15 @@ def _of_las(out: Path, source: LasSource, maps: Maps, metric: Metric) -> None:
 
 
 def _copied(piece: Any, header: Any, found: NDArray[np.uint8]) -> Any:
-    """Return points of laspy with all their dimensions and other classes."""
+    """Return a laspy point record with all dimensions of the input and the new classes."""
     new = laspy.ScaleAwarePointRecord.zeros(len(piece), header=header)
     ours, extra = set(new.point_format.dimension_names), set(new.point_format.extra_dimension_names)
     for name in piece.point_format.dimension_names:
-        if name in extra:  # as it is stored: its scale is the same, and a way there and back rounds
+        if name in extra:  # the raw integers, since scaling and unscaling would round
             new.array[name] = piece.array[name]
         elif name in ours:
             new[name] = piece[name]
-        else:  # scan_angle_rank, the only one that is called otherwise now
+        else:  # scan_angle_rank, the only dimension that was renamed
             new["scan_angle"] = np.round(np.asarray(piece[name], np.float64) / SCAN_ANGLE).astype(np.int16)
     new[SOURCE_CLASS] = piece.classification
     new.classification = found
@@ -132,7 +132,7 @@ def _of_others(out: Path, source: Source, maps: Maps, metric: Metric) -> None:
 
 
 def _representable(source: Source, header: Any) -> Iterator[NDArray[np.float64]]:
-    """Return points without those so far astray that the format cannot hold them."""
+    """Yield points, without those too far from the offsets for the format's 32-bit integers."""
     most = np.iinfo(np.int32).max * np.asarray(header.scales)
     for chunk in source.chunks():
         yield chunk.points[(np.abs(chunk.points - header.offsets) < most).all(axis=1)]

@@ -1,4 +1,4 @@
-"""The zones as FlatGeobuf: a file with a spatial index, read in parts by GIS programs and `slz nearest`."""
+"""FlatGeobuf output of the zones, with a spatial index for GIS programs and `slz nearest`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Degrees = tuple[float, float, float, float]
 
 
 def write_flatgeobuf(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
-    """Write the zones as multipolygons with holes in WGS-84, with what `zones.rows` says of them."""
+    """Write the zones as multipolygons with holes in WGS-84; `zone_table.rows` has their fields."""
     columns = [
         *(np.array([row[name] for row in described], np.int64) for name in COUNTS),
         *(np.array([_number(row[name]) for row in described], np.float64) for name in NUMBERS),

@@ -1,4 +1,4 @@
-"""The maps as Cloud Optimized GeoTIFF, in the CRS and units of the cloud."""
+"""Cloud Optimized GeoTIFF output of the maps, in the CRS and units of the cloud."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CACHE_MB = 128  # of GDAL
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """A map as it is written: of which layer, in which unit, and what its cells mean."""
+    """GeoTIFF layer: its name, the map layer it is read from, its unit and the meaning of its cells."""
 
     name: str
     of: str
@@ -43,7 +43,7 @@ class Layer:
 
 
 def layers(metric: Metric, source_mode: bool) -> tuple[Layer, ...]:
-    """Return what is written of a survey.
+    """Return the layers that are written.
 
     dsm: height in the cloud's own vertical unit and datum. slope: degrees. roughness: rms residual about
     the plane of the footprint, metres; in source mode the gradient of the slope map, degrees. These are
@@ -59,9 +59,10 @@ def layers(metric: Metric, source_mode: bool) -> tuple[Layer, ...]:
 
 
 def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
-    """Write a map, north up, with overviews where it is larger than a tile; those of the state invent none.
+    """Write a map, north up, with overviews where it is larger than a tile.
 
-    It is read and written window by window, so memory does not grow with the map.
+    Overviews of the state take the nearest cell, so that no new value appears. Reading and writing goes
+    window by window, so memory does not grow with the map.
 
     Raises
     ------
@@ -91,16 +92,16 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
             ) as file:
                 for window in _windows(rows, cols):
                     found = values(window)
-                    if _known(layer, found):  # else it stays sparse
+                    if _known(layer, found):  # unknown blocks stay sparse
                         place = Window(window.col0, rows - window.row1, *found.shape[::-1])
                         file.write(np.ascontiguousarray(found[::-1]), 1, window=place)
                 file.set_band_description(1, layer.meaning)
                 if layer.unit:
                     file.set_band_unit(1, layer.unit)
-                # Here, where nothing is compressed yet: the COG's driver would compress them twice.
+                # Built before compression, since the COG driver would compress them twice.
                 file.build_overviews(_factors(rows, cols), _resampling(layer))
             _optimize(unfinished, path, layer)
-    except CPLE_BaseError as error:  # GDAL's own, which a full disk ends in
+    except CPLE_BaseError as error:  # raised by GDAL when the disk is full
         raise OSError(str(error)) from None
     finally:
         unfinished.unlink(missing_ok=True)
@@ -122,7 +123,7 @@ def _windows(rows: int, cols: int) -> Iterator[Box]:
 
 
 def _known(layer: Layer, values: NDArray[Any]) -> bool:
-    """Tell whether anything is known of a window."""
+    """Return whether any cell of a window is known."""
     return not (np.isnan(values) if layer.is_float else values == UNKNOWN).all()
 
 
@@ -135,7 +136,7 @@ def _values(layer: Layer, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
 
 
 def _factors(rows: int, cols: int) -> list[int]:
-    """Return by how much each overview is smaller, up to the first that fits into a tile."""
+    """Return the reduction factor of each overview, up to the first that fits into a tile."""
     return [2**k for k in range(1, max(0, math.ceil(math.log2(max(rows, cols) / TILE))) + 1)]
 
 

@@ -1,4 +1,4 @@
-"""The zones as KML 2.3 (OGC 12-007r2), for Google Earth and ground stations."""
+"""KML 2.3 output of the zones (OGC 12-007r2), for Google Earth and ground stations."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 
-NAMESPACE = "http://www.opengis.net/kml/2.2"  # that of 2.3 too
-# Red, green, blue of the ranks, the best first; those behind the last share its colour.
+NAMESPACE = "http://www.opengis.net/kml/2.2"  # 2.3 uses it, too
+# RGB of the ranks, the best first; all later ranks have the last colour.
 COLOURS = ("1a9850", "66bd63", "a6d96a", "fdae61", "f46d43", "d73027")
 FILL, LINE = "80", "ff"  # opacity
 TOLD = (
@@ -34,7 +34,7 @@ TOLD = (
 def write_kml(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
     """Write each zone as a polygon with holes and its landing point as a placemark, on the ground.
 
-    shapes: in longitude and latitude. described: `zones.rows`, the best first.
+    shapes: in longitude and latitude. described: `zone_table.rows`, the best first.
     """
     root = Xml.Element("kml", xmlns=NAMESPACE)
     document = Xml.SubElement(root, "Document")
@@ -90,7 +90,7 @@ def _polygon(parent: Xml.Element, part: Polygon) -> None:
 
 
 def _table(row: dict[str, Any]) -> str:
-    """Return the description, a table in HTML; what is not known is left out."""
+    """Return the description as an HTML table; unknown values are left out."""
     lines = [
         f"<tr><td>{title}</td><td>{html.escape(str(row[key]))} {unit}</td></tr>"
         for key, title, unit in TOLD

@@ -1,4 +1,4 @@
-"""All files of a survey."""
+"""Writer of all output files of a survey."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from companion.desk.survey.zone_table import write_geojson
 
 
 def rasters(folder: Path, found: Findings) -> list[Path]:
-    """Write all maps, or move what was written of them, and return their paths."""
+    """Write all maps, or move those written already, and return their paths."""
     if found.drawings is not None:
         return [path.replace(folder / path.name) for path in found.drawings.rasters]
     layers = geotiff.layers(found.metric, found.parameters.mode == "source")

@@ -1,4 +1,4 @@
-"""The zones as one page that needs no network: a map to pan and zoom, and a table."""
+"""Self-contained HTML page of the zones: a map with pan and zoom, and a table; needs no network."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from companion.desk.survey.local_metres import Metric
 from companion.desk.survey.overview import ground_png, step_of
 
 TEMPLATE = Path(__file__).with_name("page.html")
-MOST_ZONES = 3000  # the best are drawn; the files hold all
+MOST_ZONES = 3000  # only the best are drawn; the files hold all
 MOST_CORNERS = 400_000  # of all outlines together
 TOLERANCE_M = 0.5
 DIGITS = 2
 
 
 def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]]) -> None:
-    """Write the page; of very many zones it shows the best and says so."""
+    """Write the page; beyond `MOST_ZONES` zones it shows the best and says so."""
     maps, p = found.maps, found.parameters
     png = ground_png(maps) if found.drawings is None else found.drawings.ground.read_bytes()
     points_m = [zone.best.enu_m[:2] - (maps.grid.west_m, maps.grid.south_m) for zone in found.zones]
@@ -54,7 +54,7 @@ def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]])
 
 
 def _zones(shown: Sequence[tuple[MultiPolygon, dict[str, Any]]]) -> list[dict[str, Any]]:
-    """Return rows with their rings in metres, of so few corners that a browser draws them all."""
+    """Return rows with their rings in metres, simplified so that a browser can draw all corners."""
     corners = sum(shapely.get_num_coordinates(outline) for outline, _ in shown)
     scale = max(1.0, corners / MOST_CORNERS)
     return [
@@ -81,7 +81,7 @@ def _point(local_m: np.ndarray) -> list[float]:
 def _corners(maps: Maps, metric: Metric) -> list[list[float]]:
     """Return longitude and latitude of the north-west, north-east, south-west and south-east corner.
 
-    Beyond the date line longitudes go on from 180 degrees.
+    Across the date line longitudes continue beyond 180 degrees.
     """
     grid = maps.grid
     places = [[x, y] for y in (grid.north_m, grid.south_m) for x in (grid.west_m, grid.east_m)]

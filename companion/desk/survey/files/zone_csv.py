@@ -1,4 +1,4 @@
-"""Tables of a survey: zones.csv, one row a zone, and survey.json, what was done."""
+"""Survey tables: zones.csv, one row a zone, and survey.json with files, parameters and counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from companion.desk.survey.findings import Findings
 
 
 def write_csv(path: Path, described: Sequence[dict[str, Any]]) -> None:
-    """Write the zones, the best first; what is not known is empty."""
+    """Write the zones, the best first; unknown values are empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, FIELDS, extrasaction="ignore")
         table.writeheader()
@@ -21,7 +21,7 @@ def write_csv(path: Path, described: Sequence[dict[str, Any]]) -> None:
 
 
 def write_survey(path: Path, files: Sequence[Path], found: Findings) -> None:
-    """Write what a reader of the maps must know: files, parameters, heights, counts."""
+    """Write survey.json: the files, parameters, heights and counts that readers of the maps need."""
     reference = found.metric.reference
     document = {
         "files": [str(path) for path in files],

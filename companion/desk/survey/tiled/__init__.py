@@ -1,1 +1,1 @@
-"""Surveys of any size: points sorted into blocks on disk, maps drawn tile by tile, zones joined across."""
+"""Out-of-core surveys: points sorted into blocks on disk, maps derived per tile, zones joined across them."""

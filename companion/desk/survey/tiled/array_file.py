@@ -1,4 +1,4 @@
-"""Files of arrays that are whole or absent, and are read in parts."""
+"""Array file with atomic creation and memory-mapped reading."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIGNED = 64  # bytes
-LENGTH = 8  # bytes of the number before the directory
+LENGTH = 8  # bytes of the number before the JSON directory: its size
 
 
 def write(path: Path, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, Any] | None = None) -> None:
-    """Write arrays and notes (JSON) to a file that appears under its name only when it is whole."""
+    """Write arrays and notes (JSON) to a file that appears under its name only when it is complete."""
     directory: dict[str, Any] = {"notes": dict(notes or {}), "arrays": {}}
     at = 0
     for name, values in arrays.items():
@@ -33,9 +33,9 @@ def write(path: Path, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, An
 
 
 def read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return a file's arrays, of which only those parts are read that somebody looks at, and its notes.
+    """Return a file's arrays, memory-mapped, and its notes.
 
-    What somebody writes to them stays in memory: the kernels take no read-only arrays.
+    The mapping is copy-on-write, so changes stay in memory: the kernels accept no read-only arrays.
     """
     with path.open("rb") as file:
         length = int.from_bytes(file.read(LENGTH), "little")
@@ -50,9 +50,9 @@ def read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 
 class whole:  # noqa: N801 - a context manager used as a function
-    """Give a name to write under; what was written gets its own name at the end, or is removed.
+    """Context manager of a temporary name: renamed to the final name on success, removed on error.
 
-    Two processes that write the same file do not meet: each has a name of its own until the end.
+    Each name is unique, so two processes may write the same file at once.
     """
 
     def __init__(self, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How dense a survey is: squares of about five metres, counted block by block."""
+"""Median point density of a tiled survey, from counts over squares of about five metres."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from companion.desk.survey.tiled.lattice import block_box
 from slz import Box
 from slz.kernels.survey.point_binning import BLOCK, BLOCK_BITS, count_squares
 
-Tally = dict[int, int]  # how many squares hold so many points
+Tally = dict[int, int]  # number of squares by their number of points
 
 
 def square_bits(cell_m: float) -> int:
-    """Return log2 of the cells along the side of a square: about `BLOCK_M`, and whole ones in a block."""
+    """Return log2 of the cells along a square's side: about `BLOCK_M`, a whole number of squares a block."""
     return min(BLOCK_BITS, max(0, round(math.log2(BLOCK_M / cell_m))))
 
 
 def tally(paths: Sequence[Path], tile: Box, whole: Box, cell_m: float) -> Tally:
-    """Count the points of every square of a tile's blocks; strays' squares are left out."""
+    """Return the histogram of points per square over a tile's blocks, without squares outside the survey."""
     bits = square_bits(cell_m)
     side = BLOCK >> bits
     squares: dict[tuple[int, int], np.ndarray] = {}
@@ -44,7 +44,7 @@ def tally(paths: Sequence[Path], tile: Box, whole: Box, cell_m: float) -> Tally:
 
 
 def per_m2(tallies: Sequence[Tally], cell_m: float) -> float:
-    """Return the median density of the ground that holds points; 0 without points."""
+    """Return the median density (points/m²) of the squares that hold points; 0 without points."""
     found: Counter[int] = Counter()
     for one in tallies:
         found.update(one)

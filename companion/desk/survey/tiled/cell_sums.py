@@ -1,4 +1,4 @@
-"""Points of a box of cells, from the sorted files that hold some, joined to sums by cell."""
+"""Per-cell sums over a box of cells, joined from the sorted files that hold points of it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Sums:
 
 
 def segments(paths: Sequence[Path], box: Box) -> Iterator[Segment]:
-    """Return the points of all blocks that touch a box, file by file."""
+    """Yield the points of all blocks that touch a box, file by file."""
     for path in paths:
         arrays, _ = array_file.read(path)
         blocks, ends = arrays["blocks"], arrays["ends"]
@@ -75,11 +75,11 @@ def gathered(
     Parameters
     ----------
     whole
-        The survey's box, which holds some of the inner one; points beyond it are astray.
+        The survey's box, which overlaps the inner one; points beyond it are strays.
     interval
-        Heights believed; points beyond it count when so many lie together as `outliers.CLOUD_GROUP` asks.
-        Distances are between the centres of cells, and the radius is longer by a cell's diagonal: rather too
-        many count than too few, since what counts is an obstacle.
+        Trusted heights. Points outside it count if they are in a group as `outliers.CLOUD_GROUP` defines it.
+        Distances are between the centres of cells, and the radius is longer by a cell's diagonal: an outlier
+        that counts adds a false obstacle, whereas a point lost could hide a true one.
     """
     box = common(grown(inner, margin), whole)
     rows, cols = box.shape
@@ -108,7 +108,7 @@ def gathered(
 
 
 def _beyond(part: Segment, offset: Box, interval: tuple[int, int]) -> NDArray[np.int64]:
-    """Return (n, 3) row, col and height of the points whose height is not believed."""
+    """Return (n, 3) row, column and height of the points outside the trusted heights."""
     heights = np.asarray(part.heights)
     held = np.flatnonzero((heights < interval[0]) | (heights > interval[1]))
     cells = part.cells[held].astype(np.int64)
@@ -128,7 +128,7 @@ def _join_groups(
     total: NDArray[np.int64],
     extreme: NDArray[np.int32],
 ) -> int:
-    """Join those points beyond the interval that are in a group; return how many of the inner box are not."""
+    """Join the points beyond the interval that are in a group; return the number of lone inner ones."""
     points = points[_in(points, around)]
     places = points * np.array([cell_m, cell_m, UNIT_M])
     grouped = in_a_group(places, radius_m, LEAST)

@@ -1,6 +1,6 @@
-"""What all points together say: where the survey lies, which heights are believed, how dense it is.
+"""Census of all points: extent of the survey, trusted heights, and counts.
 
-All of it is counted, so that it is the same in whatever order the pieces come.
+Everything is counted in whole numbers, so the result does not depend on the order of the pieces.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from companion.desk.survey.tiled.lattice import UNIT_M
 from slz import Box
 from slz.kernels.points.histogram import ends_of
 
-GAP_BINS = 4  # of an empty gap
+GAP_BINS = 4  # bins of height per empty gap
 MOST_OUTLIERS = 0.002  # share of the points at either end, see `slz.points.outliers.gap_interval`
 EVERYTHING = (-(2**31), 2**31 - 1)
 Ints = NDArray[np.int64]
@@ -27,10 +27,11 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Census:
-    """What is known of all points before anything is drawn.
+    """Totals over all points, known before any map is derived.
 
-    box: cells of the survey, without strays. interval: lowest and highest height believed, in `UNIT_M`; what
-    lies beyond must be in a group. lowest: the lowest height of all. n_read, dropped: as in `Chunk`.
+    box: cells of the survey, without strays. interval: lowest and highest trusted height, in `UNIT_M`;
+    points outside it count only in groups. lowest: the lowest height of all. n_read, dropped: as in
+    `Chunk`.
     """
 
     box: Box
@@ -41,7 +42,7 @@ class Census:
 
 
 def take(paths: Iterable[Path], bin_m: float) -> Census:
-    """Count the points of sorted files, of which one at least holds some."""
+    """Return the census of sorted files; at least one must hold points."""
     rows, cols, bins = (_Tally() for _ in range(3))
     dropped: Counter[str] = Counter()
     n_read, low, high = 0, EVERYTHING[1], EVERYTHING[0]
@@ -59,7 +60,7 @@ def take(paths: Iterable[Path], bin_m: float) -> Census:
 
 
 class _Tally:
-    """Adds up counts by number."""
+    """Sum of counts by number."""
 
     def __init__(self) -> None:
         self.count: Counter[int] = Counter()
@@ -74,7 +75,7 @@ class _Tally:
 
 
 def _reach(lines: Ints) -> tuple[int, int]:
-    """Return the first line and the one after the last that are not astray, see `stray_points`."""
+    """Return the first line and the one after the last without strays, see `stray_points`."""
     number, count = lines.T
     below = np.cumsum(count)
     median = number[np.searchsorted(below, (below[-1] + 1) // 2)]
@@ -88,7 +89,7 @@ def _reach(lines: Ints) -> tuple[int, int]:
 
 
 def _interval(bins: Ints, units: float, low: int, high: int) -> tuple[int, int]:
-    """Return the heights believed by the rule of `slz.points.outliers.gap_interval`, in bins from zero."""
+    """Return the trusted heights by the rule of `slz.points.outliers.gap_interval`, in bins from zero."""
     number, count = bins.T
     dense = np.zeros(number[-1] - number[0] + 1, np.int64)
     dense[number - number[0]] = count

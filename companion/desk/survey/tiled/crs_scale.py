@@ -1,4 +1,4 @@
-"""How long a unit of the CRS is: known before the points are sorted, or found by sorting them twice."""
+"""Length of the CRS's units: known before the points are sorted, or found by sorting them twice."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from companion.runtime.errors import UsageError
 
 
 def first_guess(sources: Sequence[Source], cell_m: float) -> Lattice:
-    """Return the lattice of a projected CRS, whose units keep their length; else that of some point."""
+    """Return the lattice of a projected CRS, whose units have a fixed length; else one scaled at a point."""
     reference = sources[0].reference
     if reference.unit_m is not None:
         return Lattice(reference.unit_m, reference.unit_m, reference.vertical_m, cell_m)
     middle = _middle_of_header(sources[0])
     try:
         metric = None if middle is None else _metric_at(reference, middle, cell_m)
-    except UsageError:  # headers hold whatever was left there: the points count
+    except UsageError:  # a header's box may be invalid: use the points
         metric = None
     metric = metric or _metric_at(reference, _any_point(sources[0]), cell_m)
     return Lattice(metric.x_m, metric.y_m, metric.z_m, cell_m)
@@ -36,7 +36,7 @@ def _metric_at(reference: Reference, place: tuple[float, float], cell_m: float) 
 
 
 def _middle_of_header(source: Source) -> tuple[float, float] | None:
-    """Return the middle of the bounding box that a header names, if it names one of numbers."""
+    """Return the centre of the header's bounding box, if it has a finite one."""
     if not isinstance(source, LasSource) or source.low is None or source.high is None:
         return None
     x, y = (source.low[0] + source.high[0]) / 2, (source.low[1] + source.high[1]) / 2

@@ -1,7 +1,7 @@
-"""The maps of a tile, drawn block by block from the points of the tile and of a margin around it.
+"""Map derivation of a tile, block by block, from the points of the tile and of a margin around it.
 
-A block is drawn from its own evidence and that of `Reach.margin` cells around it, always of just so many, so
-the sums behind a plane are added up from the same cell on whatever tile the block lies in.
+A block is derived from its own evidence and that of exactly `Reach.margin` cells around it. Plane sums thus
+start at the same cell on any tile, and the result is the same to the last bit.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Maps = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """A square of blocks to draw: its box, the sorted files with points in reach, and the file it becomes."""
+    """A square of blocks: its box, the sorted files with points in reach, and the output file."""
 
     row: int
     col: int
@@ -40,7 +40,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What all tiles share: the survey's box, heights believed, the zero of heights, and the parameters."""
+    """Values that all tiles share: the survey's box, trusted heights, the zero of heights, the parameters."""
 
     whole: Box
     interval: tuple[int, int]
@@ -49,11 +49,11 @@ class Ground:
 
 
 def draw_tile(tile: Tile, ground: Ground) -> dict[str, Any]:
-    """Draw a tile and write its maps over the common cells of its box and the survey's.
+    """Derive a tile's maps and write them over the common cells of its box and the survey's.
 
     Returns
     -------
-    Notes: box, n_used, n_outliers and the number of cells by state. A tile that is there is not drawn anew.
+    Notes: box, n_used, n_outliers and the number of cells by state. The file of an earlier run is reused.
     """
     if tile.drawn.exists():
         return array_file.read(tile.drawn)[1]
@@ -81,7 +81,7 @@ def draw_tile(tile: Tile, ground: Ground) -> dict[str, Any]:
 
 
 def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, maps: Maps) -> None:
-    """Draw one block into the maps of a box; where nothing was seen nothing is drawn."""
+    """Derive one block into the maps of a box; a block without points is skipped."""
     p = ground.parameters
     wide = grown(block, margin)
     held = common(wide, sums.box)

@@ -1,4 +1,4 @@
-"""The cells of a survey: counted from the zero of its CRS, so that no tile, file or stray moves them."""
+"""Cell lattice of a survey, counted from the zero of its CRS: independent of tiles, files and strays."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from slz import Box
 from slz.kernels.survey.point_binning import BLOCK
 
-UNIT_M = 1e-4  # of heights, kept as 32-bit whole numbers: up to 214 km
+UNIT_M = 1e-4  # of heights, stored as 32-bit integers: up to 214 km
 MOST_HEIGHT_M = 20_000.0  # no ground, cloud or aircraft with a LiDAR is higher or deeper
 
 
@@ -16,8 +16,8 @@ MOST_HEIGHT_M = 20_000.0  # no ground, cloud or aircraft with a LiDAR is higher 
 class Lattice:
     """Metres per unit of x, y and z of the CRS, and the side of a cell (m).
 
-    Cell (row, col) holds y from row * cell_m / y_m on and x from col * cell_m / x_m on. Blocks are squares of
-    `BLOCK` cells, tiles squares of blocks; both begin at cell (0, 0).
+    Cell (row, col) covers y from row * cell_m / y_m and x from col * cell_m / x_m. Blocks are squares of
+    `BLOCK` cells, tiles are squares of blocks; both begin at cell (0, 0).
     """
 
     x_m: float
@@ -26,7 +26,7 @@ class Lattice:
     cell_m: float
 
     def document(self) -> dict[str, Any]:
-        """Return what goes into a manifest."""
+        """Return the JSON object for a manifest."""
         return asdict(self)
 
 
@@ -36,17 +36,17 @@ def block_box(row: int, col: int) -> Box:
 
 
 def grown(box: Box, cells: int) -> Box:
-    """Return a box with a margin."""
+    """Return a box grown by a margin."""
     return Box(box.row0 - cells, box.row1 + cells, box.col0 - cells, box.col1 + cells)
 
 
 def common(a: Box, b: Box) -> Box:
-    """Return the cells of both boxes; it may be empty."""
+    """Return the intersection of two boxes; it may be empty."""
     return Box(max(a.row0, b.row0), min(a.row1, b.row1), max(a.col0, b.col0), min(a.col1, b.col1))
 
 
 def within(inner: Box, outer: Box) -> tuple[slice, slice]:
-    """Return where a box lies in the array of a box around it."""
+    """Return the slices of a box in the array of a box around it."""
     return (
         slice(inner.row0 - outer.row0, inner.row1 - outer.row0),
         slice(inner.col0 - outer.col0, inner.col1 - outer.col0),

@@ -1,4 +1,4 @@
-"""What a tiled survey found, as all outputs want it."""
+"""Conversion of a tiled survey's result to the findings that all outputs use."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slz.zones.ranking import rank
 
 
 def of_tiles(surveyed: Surveyed) -> Findings:
-    """Return the zones of a survey, ranked, and its maps in their tiles."""
+    """Return the findings: ranked zones, and maps read from their tiles."""
     by_id = {one.zone.id: one for one in surveyed.found}
     zones = rank((one.zone for one in surveyed.found), surveyed.parameters)
     ranked = [by_id[zone.id] for zone in zones]
@@ -47,7 +47,7 @@ def of_tiles(surveyed: Surveyed) -> Findings:
 
 
 def whole_maps(findings: Findings) -> TerrainMaps:
-    """Return all maps in memory, for pictures; the slope's standard error and the relief are not kept."""
+    """Return all maps in memory, for pictures; the slope's standard error and the relief are NaN."""
     maps, grid = findings.maps, findings.maps.grid
     box = grid.everything
     nothing = np.full(box.shape, np.nan, np.float32)

@@ -1,4 +1,4 @@
-"""What is to be done: the files, cut into pieces; the manifest of the work folder; the tiles."""
+"""Work plan of a tiled survey: files cut into pieces, the manifest of the work folder, the tiles."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from slz import Box
 from slz.kernels.survey.point_binning import BLOCK
 
 PIECE = 4_000_000  # points sorted at a time
-VERSION = 2  # of the files in a work folder
+VERSION = 2  # version of the files in a work folder
 TILE_CELLS = 1024
-DRAWN = ("tiles", "zones", "drawings")  # folders of what is made from the sorted points
+DRAWN = ("tiles", "zones", "drawings")  # folders of files made from the sorted points
 MANIFEST, USED = "manifest.json", "used.json"
 
 
 @dataclass(frozen=True, slots=True)
 class Skipped:
-    """A file that was left out, and why."""
+    """A file that was left out, and the reason."""
 
     path: Path
     reason: str
@@ -47,7 +47,7 @@ class Skipped:
 def opened(
     files: Sequence[Path], crs: str | None, vertical_unit: str | None = None
 ) -> tuple[list[Source], list[Skipped]]:
-    """Open clouds of one CRS; those that cannot be used are left out, when any can.
+    """Open clouds of one CRS; unusable files are left out if any other is usable.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def pieces(
 ) -> list[Piece]:
     """Cut LAS and LAZ files into pieces; other files, and those with an index (COPC), are one piece.
 
-    Their names come from their files' places among all files, whichever of these can be opened this time.
+    Names of pieces depend on the file's position among all files, not on which files could be opened.
     """
     place = {path: k for k, path in enumerate(files)}
     out: list[Piece] = []
@@ -98,7 +98,7 @@ def pieces(
 
 
 def tile_side(tile_m: float | None, cell_m: float) -> int:
-    """Return the cells along the side of a tile: whole blocks, as many as metres ask for."""
+    """Return the cells along a tile's side: the number of whole blocks that covers `tile_m`."""
     if tile_m is None:
         return TILE_CELLS
     if not (math.isfinite(tile_m) and tile_m > 0):
@@ -114,7 +114,7 @@ def manifest(
     side: int,
     vertical_unit: str | None = None,
 ) -> dict[str, Any]:
-    """Return what the files of a work folder depend on."""
+    """Return everything that the files of a work folder depend on."""
     states = [(path.resolve(), path.stat()) for path in files]
     return {
         "version": VERSION,
@@ -130,7 +130,7 @@ def manifest(
 
 
 def claim(folder: Path, wanted: dict[str, Any]) -> bool:
-    """Make a work folder, or take up the one that an interrupted survey left; tell whether there was one.
+    """Make a work folder, or resume that of an interrupted survey; return whether there was one.
 
     Raises
     ------
@@ -158,15 +158,15 @@ def claim(folder: Path, wanted: dict[str, Any]) -> bool:
 
 
 def begin(folder: Path, used: Sequence[Path]) -> None:
-    """Note which sorted files the maps are drawn from; maps drawn from others are removed.
+    """Record the sorted files that the maps are derived from; remove maps derived from others.
 
-    A file that an earlier run could not read may be read now: what was drawn without it is wrong.
+    A file that an earlier run could not read may be readable now; maps without it would be wrong.
     """
     path = folder / USED
     wanted = json.dumps([str(one.relative_to(folder)) for one in used])
     if path.exists() and path.read_text("utf-8") == wanted:
         return
-    path.unlink(missing_ok=True)  # first: a removal that is cut short is begun anew
+    path.unlink(missing_ok=True)  # first, so that an interrupted removal is repeated
     for part in DRAWN:
         if (folder / part).exists():
             shutil.rmtree(folder / part)
@@ -176,7 +176,7 @@ def begin(folder: Path, used: Sequence[Path]) -> None:
 
 
 def tiles(layout: Layout, sources: Sequence[Path], margin: int) -> list[Tile]:
-    """Return the tiles on which points lie, each with the sorted files that hold points in its reach."""
+    """Return the tiles that hold points, each with the sorted files that hold points in its reach."""
     reach: dict[Key, set[Path]] = {}
     held: set[Key] = set()
     for path in sources:
@@ -198,7 +198,7 @@ def tiles(layout: Layout, sources: Sequence[Path], margin: int) -> list[Tile]:
 
 
 def spacing(sources: Sequence[Source], box: Box, lattice: Lattice) -> float:
-    """Return how far neighbouring 32-bit coordinates lie apart (CRS units); 0 where none are such."""
+    """Return the distance between neighbouring 32-bit coordinates (CRS units); 0 if all are 64-bit."""
     if not any(source.single for source in sources):
         return 0.0
     largest = max(

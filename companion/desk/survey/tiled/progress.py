@@ -1,19 +1,19 @@
-"""How far a survey is, and when it will be done."""
+"""Progress and remaining time of a survey."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
-SOON_S = 5.0  # before so much has passed no time left is told
+SOON_S = 5.0  # no remaining time is reported before this
 
 Tell = Callable[[str, float], None]
 
 
 class Progress:
-    """Tells what is being done, the share that is done and the time left.
+    """Reporter of the current step, the completed share and the remaining time.
 
-    Steps have shares of the whole; what an earlier run had done does not count for the time left.
+    Every step has a share of the whole; work done by an earlier run does not count for the remaining time.
     """
 
     def __init__(self, tell: Tell, clock: Callable[[], float] = time.monotonic) -> None:
@@ -25,14 +25,14 @@ class Progress:
         self._total = 1
 
     def step(self, what: str, share: float, total: int, done: int = 0) -> None:
-        """Begin a step of so many tasks, some of which were done in an earlier run."""
+        """Begin a step of `total` tasks; an earlier run completed `done` of them."""
         self._from, self._to = self._to, min(1.0, self._to + share)
         self._what, self._total = what, max(1, total)
         self._resumed += (self._to - self._from) * done / self._total
         self.at(0)
 
     def at(self, count: int) -> None:
-        """Tell that so many tasks of the step are done."""
+        """Report that `count` tasks of the step are done."""
         share = self._from + (self._to - self._from) * min(1.0, count / self._total)
         passed = self._clock() - self._began
         own = share - self._resumed
@@ -43,7 +43,7 @@ class Progress:
 
 
 def _words(seconds: float) -> str:
-    """Return a time in two figures."""
+    """Return a duration with its unit."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     if seconds < 5400:

@@ -1,4 +1,4 @@
-"""Points of a piece of a file, sorted into blocks: the first of the steps, and the only one that decodes."""
+"""Sorting of a piece of a file into blocks: the first step of a survey, and the only one that decodes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from companion.desk.survey.tiled.lattice import MOST_HEIGHT_M, UNIT_M, Lattice
 from companion.runtime.errors import UsageError
 from slz.kernels.survey.point_binning import BLOCK, by_block, count_heights, count_lines, place, rehash
 
-MOST_BLOCKS = 1 << 12  # to begin with
+MOST_BLOCKS = 1 << 12  # initial capacity
 Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Points `first` to `stop` of a file, and the file that holds them sorted."""
+    """Points `first` to `stop` of a file, and the path of its sorted file."""
 
     number: int
     path: Path
@@ -39,17 +39,18 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of a piece: why it could not be read, or None."""
+    """Result of sorting a piece: the reason it could not be read, or None."""
 
     number: int
     broken: str | None
 
 
 def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> Outcome:
-    """Sort the points of a piece and write them; a piece that is there already is left as it is.
+    """Sort the points of a piece and write them; an existing sorted file is kept.
 
-    The file holds, by block: blocks (n, 2) row and col, ends (n,), low and high (n,) of the heights; cells
-    and heights of the points; how many lie in each row and column of cells, and in each bin of heights.
+    The file holds, by block: blocks (n, 2) row and column, ends (n,), low and high (n,) of the heights;
+    cells and heights of the points; the number of points in each row and column of cells, and in each bin
+    of heights.
     """
     if piece.sorted.exists():
         return Outcome(piece.number, None)
@@ -76,7 +77,7 @@ def _columns(source: Source, piece: Piece) -> Iterator[Columns]:
 
 
 class _Sorter:
-    """Takes points and gives them back by block."""
+    """Counting sort of points by block."""
 
     def __init__(self, lattice: Lattice) -> None:
         self._scales = (
@@ -93,7 +94,7 @@ class _Sorter:
         self._dropped: Counter[str] = Counter()
 
     def add(self, columns: Columns) -> None:
-        """Take points."""
+        """Add points; those beyond the lattice's range count as strays."""
         size = len(columns.x)
         cell, height, block = np.empty(size, np.uint16), np.empty(size, np.int32), np.empty(size, np.int32)
         n = -1
@@ -110,7 +111,7 @@ class _Sorter:
         self._parts.append((cell[:n], height[:n], block[:n]))
 
     def _widen(self) -> None:
-        """Make room for four times as many blocks."""
+        """Quadruple the capacity for blocks."""
         old = self._blocks[: self._n_blocks]
         self._blocks = np.zeros((4 * len(self._blocks), 2), np.int64)
         self._blocks[: len(old)] = old
@@ -118,7 +119,7 @@ class _Sorter:
         rehash(self._blocks, self._n_blocks, self._slots)
 
     def sorted(self, bin_m: float) -> tuple[Arrays, dict[str, Any]]:
-        """Return the arrays of a sorted file, blocks in the order of rows and columns, and its notes."""
+        """Return the arrays and notes of a sorted file, blocks in the order of rows and columns."""
         cell, height, block = (np.concatenate([part[k] for part in self._parts]) for k in range(3))
         self._parts.clear()
         order = np.lexsort(self._blocks[: self._n_blocks].T[::-1])
@@ -145,7 +146,7 @@ class _Sorter:
 
 
 def _bins(heights: NDArray[np.int32], bin_m: float) -> NDArray[np.int64]:
-    """Return (n, 2) the numbers of bins of height that hold points, and how many."""
+    """Return (n, 2) numbers of the height bins that hold points, and their counts."""
     units = bin_m / UNIT_M
     first, last = (int(np.floor(edge / units)) for edge in (-MOST_HEIGHT_M / UNIT_M, MOST_HEIGHT_M / UNIT_M))
     count = np.zeros(last - first + 1, np.int64)
@@ -155,7 +156,7 @@ def _bins(heights: NDArray[np.int32], bin_m: float) -> NDArray[np.int64]:
 
 
 def _lines(blocks: NDArray[np.int64], ends: NDArray[np.int64], cells: NDArray[np.uint16]) -> Arrays:
-    """Return (n, 2) the rows, and the columns, of cells that hold points, and how many."""
+    """Return (n, 2) numbers of the rows, and of the columns, of cells that hold points, and their counts."""
     lines: list[dict[int, NDArray[np.int64]]] = [{}, {}]
     begin = 0
     for (row, col), end in zip(blocks.tolist(), ends.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""Who carries out the tasks of a survey: this process, or workers of Dask."""
+"""Task executors of a survey: this process, or Dask workers."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 R = TypeVar("R")
-AHEAD = 3  # tasks of each worker that are handed out at a time
-MOST_DEATHS = 10  # of workers at one task, before it is taken for the task's fault
+AHEAD = 3  # tasks submitted ahead per worker
+MOST_DEATHS = 10  # of workers at one task, before the task is blamed
 WORKER_MEMORY = "1GiB"
 CONNECT_S = 10.0
 
 
 class Engine(Protocol):
-    """Carries out tasks that may be repeated: what a task leaves is a file, whole or absent."""
+    """Executor of repeatable tasks: each task's output is a file that is complete or absent."""
 
     def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
-        """Call the task with every item, and what all share; return items and results as they come.
+        """Call the task with every item and the shared arguments; return items and results as they complete.
 
-        Workers begin at once, while the caller does something else; this process, when it is asked.
+        Workers start at once and run beside the caller; the in-process executor runs on iteration.
         """
 
 
 class InProcess:
-    """One task after the other, here."""
+    """Sequential executor in this process."""
 
     def each(self, task: Callable[..., R], items: Sequence[T], *shared: Any) -> Iterator[tuple[T, R]]:
         for item in items:
@@ -40,7 +40,7 @@ class InProcess:
 
 
 class Distributed:
-    """Tasks on the workers of a Dask scheduler. What a worker that dies was at is done by another."""
+    """Executor on the workers of a Dask scheduler. Another worker repeats the task of a worker that died."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -78,7 +78,7 @@ class Distributed:
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def process_ids(self) -> list[int]:
-        """Return the numbers of the workers' processes."""
+        """Return the process IDs of the workers."""
         return sorted(self._client.run(os.getpid).values())
 
 
@@ -96,12 +96,12 @@ def _translated(error: Exception) -> Exception:
 
 @contextmanager
 def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
-    """Return who carries out the tasks: a scheduler's workers, so many processes here, or this process.
+    """Yield the executor: a scheduler's workers, `workers` local processes, or this process.
 
     Raises
     ------
     UsageError
-        Dask is not installed, no scheduler answers, or both were asked for.
+        Dask is not installed, no scheduler answers, or both were requested.
     CompanionError
         A worker could not be started.
     """
@@ -117,12 +117,12 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
         import distributed
     except ImportError:
         raise UsageError("--workers and --scheduler need Dask: pip install 'slz[survey]'") from None
-    logging.getLogger("distributed").setLevel(logging.WARNING)  # importing it has set a level of its own
+    logging.getLogger("distributed").setLevel(logging.WARNING)  # the import sets a level of its own
     settings = {
         "distributed.scheduler.allowed-failures": MOST_DEATHS,
         "distributed.worker.multiprocessing-method": "spawn",
         "distributed.comm.timeouts.connect": "10s",
-        # By default Dask has workers give every array that comes and goes back to the system.
+        # By default Dask makes workers return the memory of every short-lived array to the system.
         **{f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()},
     }
     with dask.config.set(settings):
@@ -143,7 +143,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
                         n_workers=workers,
                         threads_per_worker=1,
                         memory_limit=WORKER_MEMORY,
-                        dashboard_address="127.0.0.1:0",  # None would take port 8787 all the same
+                        dashboard_address="127.0.0.1:0",  # None would still take port 8787
                         scheduler_kwargs={"dashboard": False},
                         host="127.0.0.1",
                         silence_logs="CRITICAL",

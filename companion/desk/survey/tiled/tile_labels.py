@@ -1,8 +1,8 @@
-"""Connected safe ground of a tile, and of all tiles: labels joined over the borders by union-find.
+"""Connected components of safe ground per tile, joined across the borders of tiles by union-find.
 
-A tile is labelled alone. Of every label its extent is kept, whether and where a safe square of the least side
-ends in it, and the labels along the tile's four edges. Two labels that touch over a border, corners included,
-are one zone; so is what these touch.
+Each tile is labelled alone. Every label's record has its extent, the first cell at which a safe square of
+the least side ends, and the labels along the tile's four edges. Labels that touch across a border, corners
+included, belong to one zone, transitively.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class TileLabels:
-    """What is known of the labels 1 to n of a tile.
+    """Records of the labels 1 to n of a tile.
 
-    extent : (n, 4) row0, row1, col0, col1, counted as the lattice does. first : (n,) row * 2^32 + column,
-    from the survey's corner, of the first cell in raster order at which a safe square ends, or `NONE`. edges:
-    labels along the south, north, west and east edge of the tile, 0 where not safe.
+    extent: (n, 4) row0, row1, col0, col1 of the lattice. first: (n,) row * 2^32 + column, from the survey's
+    corner, of the first cell in raster order at which a safe square ends, or `NONE`. edges: labels along
+    the south, north, west and east edge of the tile, 0 where not safe.
     """
 
     key: Key
@@ -43,7 +43,7 @@ class TileLabels:
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """A zone to be: its extent, its first square's cell, and its labels by tile."""
+    """Candidate zone: its extent, its first square's cell, and its labels by tile."""
 
     extent: Box
     first: int
@@ -51,13 +51,13 @@ class Joined:
 
 
 def labelled(state: NDArray[np.uint8]) -> Labels:
-    """Return the labels of safe cells, corners touch too; the same state always has the same labels."""
+    """Return the labels of safe cells, 8-connected; the same state always has the same labels."""
     label, _ = ndimage.label(state == SAFE, np.ones((3, 3)))
     return np.asarray(label, np.int32)
 
 
 def label_tile(layout: Layout, key: Key, least_side: int) -> TileLabels:
-    """Label a tile; squares are sought with the cells before it, from which they may come."""
+    """Label a tile; squares may begin in cells of the tiles before it, so those are read, too."""
     store, box = Store(layout), layout.held(key)
     local = layout.local(box)
     label = labelled(store.state(local))
@@ -111,7 +111,7 @@ def joined(tiles: Mapping[Key, TileLabels]) -> list[Joined]:
 
 
 def _links(tiles: Mapping[Key, TileLabels], keys: Iterable[Key], start: Mapping[Key, int]) -> Iterable[Ints]:
-    """Return the pairs of labels that touch over a border, numbered through all tiles."""
+    """Yield the pairs of labels that touch across a border, numbered through all tiles."""
     for row, col in keys:
         _, north, _, east = tiles[row, col].edges
         at = start[row, col]
@@ -128,7 +128,7 @@ def _links(tiles: Mapping[Key, TileLabels], keys: Iterable[Key], start: Mapping[
 
 
 def _touching(mine: Labels, theirs: Labels) -> Ints:
-    """Return the pairs (less 1) of labels of two edges side by side, corners included."""
+    """Return the pairs (less 1) of labels of two adjacent edges that touch, corners included."""
     pairs = [np.empty((0, 2), np.int64)]
     for shift in (-1, 0, 1):
         a = mine[max(0, -shift) : len(mine) - max(0, shift)]
@@ -139,14 +139,14 @@ def _touching(mine: Labels, theirs: Labels) -> Ints:
 
 
 class Members:
-    """Tells which cells of a window belong to a zone, from the labels of the tiles."""
+    """Membership masks of zones, from the labels of the tiles."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._labels: dict[Key, Labels] = {}
 
     def cells(self, zone: Joined, window: Box) -> NDArray[np.uint8]:
-        """Return 1 for the cells of a window (lattice) that are the zone's."""
+        """Return 1 for the cells of a window (lattice) that belong to the zone, else 0."""
         layout = self._store.layout
         out = np.zeros(window.shape, np.uint8)
         for key, numbers in zone.parts:

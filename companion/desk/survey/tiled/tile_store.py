@@ -1,4 +1,4 @@
-"""The drawn tiles of a survey, read in any window."""
+"""Tile store: random access to the derived maps of a survey over any window."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from slz import UNKNOWN, Box, Grid
 from slz.grid import read_at
 from slz.terrain.terrain_view import UnboundedTerrain
 
-HELD = 8  # tiles whose files stay mapped: 22 MB each at most, which count as memory of the worker
+HELD = 8  # tiles whose files stay mapped: at most 22 MB each, which count as the worker's memory
 Key = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the tiles are: folder of their files, cells along a side, the survey's box and its cells' side.
+    """Layout of the tiles: folder of their files, cells along a side, the survey's box, and the cell size.
 
-    The window of all cells has its south-west corner at 0, 0 m: cell (whole.row0, whole.col0).
+    In local metres, the south-west corner of the survey is (0, 0): that of cell (whole.row0, whole.col0).
     """
 
     folder: Path
@@ -41,11 +41,11 @@ class Layout:
         return Box(row * self.side, (row + 1) * self.side, col * self.side, (col + 1) * self.side)
 
     def held(self, key: Key) -> Box:
-        """Return the cells of a tile that are of the survey."""
+        """Return the cells of a tile that are within the survey."""
         return common(self.box(key), self.whole)
 
     def local(self, box: Box) -> Box:
-        """Return a box of the lattice as `grid` counts it."""
+        """Return a box of the lattice in rows and columns of `grid`."""
         row, col = self.whole.row0, self.whole.col0
         return Box(box.row0 - row, box.row1 - row, box.col0 - col, box.col1 - col)
 
@@ -59,7 +59,7 @@ class Layout:
 
     @property
     def grid(self) -> Grid:
-        """The raster of the whole survey; its row and column 0 are the box's first."""
+        """The raster of the whole survey; its row and column 0 are the first of its box."""
         return Grid(0.0, 0.0, self.cell_m, *self.whole.shape)
 
 
@@ -71,7 +71,7 @@ class Store(UnboundedTerrain):
     _open: OrderedDict[Key, tuple[Box, dict[str, NDArray[Any]]] | None] = field(default_factory=OrderedDict)
 
     def tile(self, key: Key) -> tuple[Box, dict[str, NDArray[Any]]] | None:
-        """Return the cells a tile holds (lattice) and its layers; None where there is none."""
+        """Return a tile's cells (lattice) and its layers; None where there is none."""
         if key in self._open:
             self._open.move_to_end(key)
             return self._open[key]
@@ -86,7 +86,7 @@ class Store(UnboundedTerrain):
         return found
 
     def read(self, name: str, box: Box) -> NDArray[Any]:
-        """Return a copy of a layer over a box; where nothing was drawn it is NaN, the state 255."""
+        """Return a copy of a layer over a box; outside all tiles NaN, certainty 0 and state 255."""
         whole = self.layout.whole
         wanted = Box(
             box.row0 + whole.row0, box.row1 + whole.row0, box.col0 + whole.col0, box.col1 + whole.col0
@@ -104,7 +104,7 @@ class Store(UnboundedTerrain):
                 out[within(part, wanted)] = layers[name][within(part, held)]
         return out
 
-    # ---- what `slz.zones.description.describe` asks of a terrain -------------------------------------------
+    # ---- terrain interface used by `slz.zones.description.describe` ----------------------------------------
 
     @property
     def grid(self) -> Grid:

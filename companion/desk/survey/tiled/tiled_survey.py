@@ -1,4 +1,4 @@
-"""A survey of any size, step by step: sort, count, draw, join, describe."""
+"""Out-of-core survey, step by step: sort, count, derive, join, describe."""
 
 from __future__ import annotations
 
@@ -37,24 +37,21 @@ from slz import Box
 from slz.terrain.derive import reach_of
 from slz.zones.detection import side_in_cells
 
-SORTED_BYTES = 6.5  # on disk for a point
+SORTED_BYTES = 6.5  # on disk per point
 LEAST_SHARES = {
     "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
 }  # fmt: skip
-MOST_CELLS = 4 * 10**12  # 0.08 bytes on disk for each of which nothing is known: 320 GB
+MOST_CELLS = 4 * 10**12  # an unknown cell takes 0.08 bytes on disk: 320 GB in all
 MOST_LINES = 2**31 - 1  # rows or columns of a raster of GDAL
 MOST_ZONES = 10**9
-MOST_HELD = 40_000_000  # cells of a survey whose zones keep theirs in memory, for pictures
+MOST_HELD = 40_000_000  # cells of a survey up to which zones keep their cell masks in memory, for pictures
 T = TypeVar("T")
 R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
 class Surveyed:
-    """What a survey found, and where its maps lie. found: in the order of their IDs, from 1 on.
-
-    drawings: of its maps, in the work folder.
-    """
+    """Result of a tiled survey. found: in the order of their IDs, from 1 on. drawings: in the work folder."""
 
     layout: Layout
     drawings: Drawings
@@ -73,7 +70,7 @@ class Surveyed:
 
 
 class Survey:
-    """One survey in a work folder; whatever of it is there already is not done again."""
+    """One survey in a work folder; finished work found there is reused."""
 
     def __init__(
         self,
@@ -96,7 +93,7 @@ class Survey:
         self.stage_ms: dict[str, float] = {}
 
     def run(self) -> Surveyed:
-        """Carry the survey out.
+        """Run the survey.
 
         Raises
         ------
@@ -116,7 +113,7 @@ class Survey:
         layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
         density, p = self._fitted(layout, sorted_)
         drawn = self._drawn(layout, sorted_, census, metric, p)
-        drawings, begun = self._drawings(layout, metric)  # workers write them beside all that follows
+        drawings, begun = self._drawings(layout, metric)  # workers write them during the next steps
         self._zones(layout, p)
         self._follow("writing", begun, len(drawings.rasters) + 1)
         rows, cols = layout.whole.shape
@@ -143,13 +140,13 @@ class Survey:
     def _each(
         self, what: str, task: Callable[..., Any], items: Sequence[T], done: int, *shared: Any
     ) -> list[tuple[T, Any]]:
-        """Carry out the tasks of a step and tell how far it is."""
+        """Run the tasks of a step and report its progress."""
         return self._follow(what, self._engine.each(task, items, *shared), len(items), done)
 
     def _follow(
         self, what: str, begun: Iterator[tuple[T, R]], total: int, done: int = 0
     ) -> list[tuple[T, R]]:
-        """Wait for the tasks of a step and tell how far it is."""
+        """Wait for the tasks of a step and report its progress."""
         began = time.perf_counter()
         self._progress.step(what, LEAST_SHARES[what], total, done)
         results = []
@@ -163,14 +160,14 @@ class Survey:
     def _sorted(
         self, sources: Sequence[Source], lattice: Lattice
     ) -> tuple[list[Path], Census, Metric, list[plan.Skipped]]:
-        """Sort all points; twice where only they tell how long a unit of the CRS is."""
+        """Sort all points; twice where only the points determine the length of the CRS's units."""
         paths, census, broken = self._sort(sources, lattice, "sorted")
         metric = metric_of(sources[0], census, lattice)
         if (metric.x_m, metric.y_m) != (lattice.x_m, lattice.y_m):
             lattice = replace(lattice, x_m=metric.x_m, y_m=metric.y_m)
             for path in paths:
                 path.unlink(missing_ok=True)
-            again = f"sorted-{lattice.x_m!r}-{lattice.y_m!r}"  # other files in use have another middle
+            again = f"sorted-{lattice.x_m!r}-{lattice.y_m!r}"  # other usable files have another centre
             paths, census, broken = self._sort(sources, lattice, again)
         box, cell_m = census.box, lattice.cell_m
         origin = (
@@ -224,7 +221,7 @@ class Survey:
         return total
 
     def _drawings(self, layout: Layout, metric: Metric) -> tuple[Drawings, Iterator[Any]]:
-        """Begin with the files of the maps."""
+        """Start the tasks that write the GeoTIFFs and the picture."""
         folder = self._work / "drawings"
         layers = [
             (folder / f"{layer.name}.tif", layer) for layer in geotiff.layers(metric, source_mode=False)
@@ -236,7 +233,7 @@ class Survey:
         return Drawings([path for path, _ in layers], picture), chain[Any](rasters, pictures)
 
     def _zones(self, layout: Layout, p: Parameters) -> None:
-        """Join the safe ground of all tiles and work out every zone."""
+        """Join the safe ground of all tiles and describe every zone."""
         keys = sorted(tuple(map(int, path.stem.split("_"))) for path in layout.folder.glob("*.tile"))
         least = side_in_cells(p.min_square_m, layout.grid)
         pairs = self._each("joining", _labelled, [(layout, key, least) for key in keys], 0)
@@ -245,7 +242,7 @@ class Survey:
         self._each("zones", describe_zones, work, done, layout, p)
 
     def _check_room(self, sources: Sequence[Source]) -> None:
-        """Refuse what does not fit on the disk, before hours are spent."""
+        """Refuse clouds too large for the disk, before hours are spent."""
         need = SORTED_BYTES * sum(source.n_points for source in sources)
         free = shutil.disk_usage(
             next(part for part in (self._work, *self._work.parents) if part.exists())
@@ -258,7 +255,7 @@ class Survey:
 
 
 def _check_cells(box: Box, cell_m: float) -> None:
-    """Refuse a survey whose maps would have too many cells, before any is drawn."""
+    """Refuse a survey whose maps would have too many cells, before any map is derived."""
     rows, cols = box.shape
     excess = max(rows * cols / MOST_CELLS, (max(rows, cols) / MOST_LINES) ** 2)
     if excess > 1:
@@ -283,7 +280,7 @@ def _write_picture(path: Path, maps: Store) -> None:
 
 
 def _without_cells(found: Found) -> Found:
-    """Return a zone without what grows with its area; its outline and boundary grow with its rim."""
+    """Return a zone without its cells, which grow with its area; outline and boundary grow with its rim."""
     return replace(found, zone=replace(found.zone, cells=found.zone.cells[:0, :0]))
 
 
@@ -296,7 +293,7 @@ def _labelled(asked: tuple[Layout, Any, int]) -> Any:
 
 
 def _empty(pieces: Sequence[Piece]) -> dict[Path, str]:
-    """Return the files none of whose points can be used, and why."""
+    """Return the files without any usable point, and the reasons."""
     used: Counter[Path] = Counter()
     read: Counter[Path] = Counter()
     dropped: dict[Path, Counter[str]] = {}

@@ -1,7 +1,7 @@
-"""Zones of a survey, each worked out whole from the tiles it lies on, whatever they are.
+"""Zone description across tiles: each zone is computed whole from all tiles it covers.
 
-A zone whose extent holds more than `MOST_CELLS` cells is cut along lines of a fixed lattice, so that it fits
-into memory and its parts are the same on any tiles; each part that holds a safe square is a zone.
+A zone whose extent holds more than `MOST_CELLS` cells is cut along lines of a fixed lattice. It then fits
+into memory, and its parts are the same for any tile size; each part that holds a safe square is a zone.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ NOWHERE = np.full(3, np.nan)
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """Zones to be worked out together, and the file they become."""
+    """Zones to be described together, and their output file."""
 
     zones: tuple[Joined, ...]
     done: Path
 
 
 def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
-    """Work out zones, write them to their file and return how many there are."""
+    """Describe zones, write them to their file and return their number."""
     if work.done.exists():
         return len(load(work.done))
     store = Store(layout)
@@ -49,9 +49,9 @@ def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
 
 
 def batches(zones: Sequence[Joined], folder: Path, most_cells: int = MOST_CELLS // 4) -> list[Work]:
-    """Return zones in batches of like size, those of one tile together, the largest first.
+    """Return zones in batches of similar size, those of one tile together, the largest batch first.
 
-    A batch begun last keeps the other workers waiting for as long as it takes.
+    A large batch that started last would keep the other workers waiting.
     """
     found: list[tuple[int, list[Joined]]] = []
     batch: list[Joined] = []
@@ -70,7 +70,7 @@ def batches(zones: Sequence[Joined], folder: Path, most_cells: int = MOST_CELLS 
 
 
 def _found(zone: Joined, store: Store, members: Members, parameters: Parameters) -> Iterator[Found]:
-    """Return the zone, or the parts of one too large that hold a safe square."""
+    """Yield the zone, or those parts of a too large one that hold a safe square."""
     layout = store.layout
     windows = list(_windows(zone.extent))
     least = side_in_cells(parameters.min_square_m, layout.grid)
@@ -103,6 +103,6 @@ def _windows(extent: Box) -> Iterator[Box]:
 
 
 def _first(candidate: Candidate, least: int) -> int:
-    """Return the first cell at which a safe square of a candidate ends, as `label.TileLabels` counts them."""
+    """Return the first cell at which a safe square of a candidate ends, numbered as in `TileLabels.first`."""
     rows, cols = np.nonzero(squares(candidate.component) >= least)
     return ((int(rows[0]) + candidate.box.row0) << 32) + int(cols[0]) + candidate.box.col0

@@ -1,4 +1,4 @@
-"""Zones that were worked out, in a file: arrays and JSON, so that nothing in it can run."""
+"""Zone file: described zones as arrays and JSON, from which no code can run (unlike pickle)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ARRAYS = ("cells", "boundary_cells", "corners_enu_m")
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A zone worked out. first: its place in the order of IDs. cut: whether it is part of a greater one."""
+    """A described zone. first: its sort key in the order of IDs. cut: whether it is part of a larger zone."""
 
     first: int
     zone: Zone
@@ -43,7 +43,7 @@ class Found:
 
 
 def save(path: Path, zones: Sequence[Found]) -> None:
-    """Write zones; their obstacles are only counted."""
+    """Write zones; obstacles are stored only as a count."""
     arrays: dict[str, NDArray[Any]] = {}
     notes = []
     for number, found in enumerate(zones):
@@ -68,7 +68,7 @@ def save(path: Path, zones: Sequence[Found]) -> None:
 
 
 def load(path: Path) -> list[Found]:
-    """Read what `save` wrote."""
+    """Read a zone file."""
     arrays, notes = array_file.read(path)
     return [_found(number, arrays, told) for number, told in enumerate(notes["zones"])]
 
@@ -84,5 +84,5 @@ def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -
     )
     east, north = told["square_centre_m"]
     polygon = shapely.from_wkb(arrays[f"{number} polygon"].tobytes())
-    assert isinstance(polygon, MultiPolygon)  # noqa: S101 - it was written so
+    assert isinstance(polygon, MultiPolygon)  # noqa: S101 - `save` writes no other type
     return Found(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"])

@@ -1,4 +1,4 @@
-"""The command line: what it refuses, in which words and with which exit code."""
+"""Command line: refusals, their texts and exit codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`slz bench`: what it says of a small flight, and what it says of bad input."""
+"""`slz bench`: its report on a small flight, and on bad input."""
 
 from __future__ import annotations
 

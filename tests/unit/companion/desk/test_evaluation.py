@@ -1,4 +1,4 @@
-"""How a simulated flight went, against truth files made by hand."""
+"""Evaluation of a simulated flight against hand-made truth files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the application does with the executive's orders, without sockets."""
+"""Execution of the executive's orders by the application, without sockets."""
 
 import asyncio
 from collections.abc import AsyncIterator

@@ -1,4 +1,4 @@
-"""Far from the map's origin another frame begins, and what is kept of places follows."""
+"""Change of the map's frame far from its origin, with conversion of the kept positions."""
 
 from __future__ import annotations
 

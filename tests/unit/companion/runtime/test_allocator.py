@@ -1,4 +1,4 @@
-"""Pages of memory are taken from the system once, not once a window."""
+"""Memory pages, taken from the system once, not once a window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The time of day beside the companion's clock."""
+"""Time of day relative to the companion's clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a signal does: once, in the main thread, and put off where it must be."""
+"""Signal handling: once, in the main thread, and deferred where required."""
 
 from __future__ import annotations
 

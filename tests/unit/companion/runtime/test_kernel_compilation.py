@@ -1,4 +1,4 @@
-"""Kernels are compiled before anything else where none are yet, or where they are old."""
+"""Compilation of kernels before anything else where they are missing or outdated."""
 
 from __future__ import annotations
 

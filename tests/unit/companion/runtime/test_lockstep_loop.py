@@ -1,4 +1,4 @@
-"""The event loop on simulated time."""
+"""Event loop on simulated time."""
 
 import asyncio
 import socket

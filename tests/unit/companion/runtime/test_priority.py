@@ -1,4 +1,4 @@
-"""The real-time class is taken where it is allowed, for one thread, and given back."""
+"""Real-time scheduling: used where allowed, for one thread, and given back."""
 
 from __future__ import annotations
 

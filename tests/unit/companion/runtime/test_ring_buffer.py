@@ -1,4 +1,4 @@
-"""The newest rows are kept, in order, and no more memory is taken for them."""
+"""Ring buffer: the newest rows in order, in constant memory."""
 
 from __future__ import annotations
 

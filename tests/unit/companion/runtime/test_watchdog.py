@@ -1,4 +1,4 @@
-"""What systemd is told, at the other end of its socket."""
+"""Notifications to systemd, received at the other end of its socket."""
 
 from __future__ import annotations
 

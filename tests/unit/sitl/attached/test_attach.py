@@ -1,4 +1,4 @@
-"""`slz sim --autopilot`, its refusals."""
+"""`slz sim --autopilot`: refusals."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The LiDAR alone, on a vehicle that another simulator flies."""
+"""LiDAR alone, on a vehicle that another simulator flies."""
 
 from __future__ import annotations
 

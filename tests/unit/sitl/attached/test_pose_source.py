@@ -1,4 +1,4 @@
-"""What a pose is read from, and when a pose is refused."""
+"""Pose sources of an attached LiDAR, and refused poses."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The sensor's clock beside a simulator that is too slow, stops, or speaks late."""
+"""Sensor clock with a simulator that is too slow, stops, or reports late."""
 
 import numpy as np
 import pytest

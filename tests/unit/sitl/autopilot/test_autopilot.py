@@ -1,4 +1,4 @@
-"""The simulated autopilot against what was measured on ArduCopter."""
+"""Simulated autopilot against measurements of ArduCopter."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The estimate errs by as much, and as slowly, as its configuration says."""
+"""Errors of the simulated estimator: size and rate as configured."""
 
 import numpy as np
 import pytest

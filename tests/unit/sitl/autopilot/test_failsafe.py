@@ -1,4 +1,4 @@
-"""What makes the simulated autopilot take the vehicle, what it says, and when it gives it back."""
+"""Failsafes of the simulated autopilot: triggers, texts, and return of control."""
 
 from __future__ import annotations
 

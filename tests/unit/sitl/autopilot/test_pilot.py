@@ -1,4 +1,4 @@
-"""The scripted ground station: everything it does is a message, and it gives up on nothing."""
+"""Scripted ground station: acts by messages only, and retries everything."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dead reckoning without GPS, and what the filter and the receiver say of it."""
+"""Dead reckoning without GPS, and the reports of filter and receiver."""
 
 import math
 

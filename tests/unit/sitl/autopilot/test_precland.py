@@ -1,4 +1,4 @@
-"""Which landing targets are believed, from when, for how long, and where they are put."""
+"""Accepted landing targets: their beginning, duration and position."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Obstacles told by OBSTACLE_DISTANCE and its 3D kin: arming, and how GUIDED keeps away from them."""
+"""Obstacles from OBSTACLE_DISTANCE and OBSTACLE_DISTANCE_3D: arming, and avoidance in GUIDED."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Channels, overrides of them, and what the sticks move."""
+"""Radio channels, their overrides, and the effect of the sticks."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What the simulated autopilot reports of its health, as ArduCopter does."""
+"""Health reports of the simulated autopilot, as those of ArduCopter."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the messages of the simulated autopilot say, and when it was so."""
+"""Telemetry of the simulated autopilot: contents and times."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A reboot, an estimate that moves, a pilot, and others on the line."""
+"""Faults of the autopilot: reboot, moved estimate, pilot's input, other systems on the link."""
 
 from __future__ import annotations
 

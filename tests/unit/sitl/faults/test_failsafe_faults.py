@@ -1,4 +1,4 @@
-"""The pilot's stick, and faults that the autopilot answers by a failsafe of its own."""
+"""The pilot's stick, and faults that trigger a failsafe of the autopilot."""
 
 from __future__ import annotations
 

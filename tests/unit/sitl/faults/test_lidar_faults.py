@@ -1,4 +1,4 @@
-"""Packets of a LiDAR that fails, as the program on board would read them."""
+"""Packets of a failing LiDAR, as the companion receives them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What becomes of datagrams on a spoilt line."""
+"""Datagrams on a faulty link."""
 
 from __future__ import annotations
 

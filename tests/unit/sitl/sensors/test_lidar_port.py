@@ -1,4 +1,4 @@
-"""A simulated LiDAR behind its socket or line: what a program at the other end finds there."""
+"""Simulated LiDAR behind its socket or serial line, seen from the other end."""
 
 from __future__ import annotations
 

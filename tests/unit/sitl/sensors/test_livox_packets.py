@@ -1,4 +1,4 @@
-"""Packets read back with a plain struct reader, field by field from the protocol document."""
+"""Livox packets, decoded with a plain struct reader, field by field from the protocol document."""
 
 from __future__ import annotations
 

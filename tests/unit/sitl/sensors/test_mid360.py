@@ -1,4 +1,4 @@
-"""The simulated Mid-360: its frame, its timing, its errors, and what motion does to a scan."""
+"""Simulated Mid-360: its frame, its timing, its errors, and the effect of motion on a scan."""
 
 from __future__ import annotations
 

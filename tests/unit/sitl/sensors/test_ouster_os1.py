@@ -1,4 +1,4 @@
-"""The simulated Ouster: packets as the manual has them, time and mount."""
+"""Simulated Ouster: packets as in the manual, time and mount."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated VLP-16: packets as the manual has them, time, mount, and what dual mode adds."""
+"""Simulated VLP-16: packets as in the manual, time, mount, and dual mode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The truth about safe ground, against a plane fit done cell by cell, and as files."""
+"""Truth about safe ground, against a plane fit cell by cell, and as files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulator's wires with a key: only signed frames pass."""
+"""Signed links of the simulator: only signed frames pass."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The router takes messages the way ArduPilot does, over links as good or bad as asked for."""
+"""Message router with ArduPilot's rules, over links of configurable quality."""
 
 from __future__ import annotations
 

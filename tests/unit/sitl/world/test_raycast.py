@@ -1,4 +1,4 @@
-"""Rays against surfaces whose distance is known in closed form, and the grid against brute force."""
+"""Ray casting against surfaces of known distance, and the grid against brute force."""
 
 from __future__ import annotations
 

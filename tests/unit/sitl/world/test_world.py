@@ -1,4 +1,4 @@
-"""The world: heights, movers, and what it refuses."""
+"""World model: heights, moving objects, and refusals."""
 
 from __future__ import annotations
 

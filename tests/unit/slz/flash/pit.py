@@ -1,4 +1,4 @@
-"""The simulated flash LiDAR over the borrow pit, and what it should have found there."""
+"""Simulated flash LiDAR over the borrow pit, with the hazards to be found there."""
 
 from __future__ import annotations
 

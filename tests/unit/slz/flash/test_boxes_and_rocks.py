@@ -1,4 +1,4 @@
-"""The chain from the simulated instrument over the borrow pit to hazards; the two share no code."""
+"""Chain from the simulated instrument over the borrow pit to hazards; the two share no code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Triage, the median filter, and from pixels to the map."""
+"""Image stage of the flash LiDAR: triage, median filter, and pixels to map points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The segmentation, hazards and histogram on drawn maps."""
+"""Segmentation, hazards and histogram on drawn maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames written down by the formula: Gaussian pulses, white noise, rings turned at random."""
+"""Synthetic frames: Gaussian pulses, white noise, randomly rotated ring buffers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Operations on words: the plain forms that stand for machine instructions uncompiled say the same."""
+"""Word operations of bitmaps: plain forms against the machine instructions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A component's edge is followed in the same way wherever its columns lie in the words of the bit map."""
+"""Boundary tracing of a component, independent of its columns' position in the bitmap's words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Of places equally far from everything unsafe, all are told, by rows and then by columns."""
+"""Order of cells equally far from everything unsafe: all are returned, by rows, then columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled kernels that are kept are those of today's sources, of the kernels that they call too."""
+"""Cache of compiled kernels: valid only for the current sources, including called kernels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which returns of a window can be used at all."""
+"""Range gate: usable returns of a window."""
 
 from __future__ import annotations
 

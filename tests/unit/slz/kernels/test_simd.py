@@ -1,4 +1,4 @@
-"""Sixteen numbers at a time are what NumPy makes of them, wherever they lie and whatever they are."""
+"""SIMD operations against NumPy, for any alignment and values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The selected landing point: which map decides, what outlives a map, when it warns (SLZ thesis 4.3.2)."""
+"""Selected landing point: deciding map, state beyond a map, and warnings (SLZ thesis, Section 4.3.2)."""
 
 from __future__ import annotations
 

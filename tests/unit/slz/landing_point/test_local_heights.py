@@ -1,4 +1,4 @@
-"""Heights around the vehicle: both maps together, unknown stays unknown, what drove off is gone."""
+"""Heights around the vehicle from both maps: unknown stays unknown, departed objects disappear."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands around a landing point, in the three scenes of SLZ thesis 4.4.5 and as geometry says."""
+"""Obstacles around a landing point, in three scenes (SLZ thesis, Section 4.4.5) and by geometry."""
 
 from __future__ import annotations
 

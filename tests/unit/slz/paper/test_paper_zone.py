@@ -1,4 +1,4 @@
-"""What source mode says of a zone whose every cell is known: counts, certainty, obstacles, room, boundary.
+"""Zone statistics of source mode on known cells: counts, certainty, obstacles, room, boundary.
 
 Cells of 1 m with one return in the middle of each. A slope needs the four neighbours, so the outermost ring
 of the ground has none, a raised block has slopes on both sides of its rim, and a missing cell leaves five

@@ -1,4 +1,4 @@
-"""Memory for the next window is made ready between windows, which changes nothing but the time."""
+"""Prefaulted memory for the next window: it changes nothing but the time."""
 
 from __future__ import annotations
 

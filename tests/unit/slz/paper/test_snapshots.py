@@ -1,4 +1,4 @@
-"""Copies of a map stay what the map was, however it changes and whatever they share."""
+"""Snapshots of a map: unaffected by later changes, though they share memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sums of heights by cell do not depend on how much ground a window covers."""
+"""Sums of heights by cell, independent of the extent of a window."""
 
 from __future__ import annotations
 

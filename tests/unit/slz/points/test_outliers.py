@@ -1,4 +1,4 @@
-"""Returns that were alone count where something returns one again and again, and nowhere else."""
+"""Outlier removal: lone returns count only where returns recur."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A window is laid onto the map; what stands or moves on the ground has no part in it."""
+"""Registration of a window to the map, robust to standing and moving objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The landing site seen by the simulated radar from four sides, and what the SLZ stages make of it."""
+"""Landing site, observed by the simulated radar from four sides, and the result of the SLZ stages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From complex images to a DEM, with the simulated radar, and several observations together."""
+"""DEM from complex images of the simulated radar, and fusion of observations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the flat Earth alone does to the phase is taken off, by plain trigonometry of the track."""
+"""Flat-Earth phase removal, against trigonometry of the track."""
 
 from __future__ import annotations
 

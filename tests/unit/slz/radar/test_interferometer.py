@@ -1,4 +1,4 @@
-"""Geometry and accuracy of the interferometer, against plain trigonometry, differences and dice."""
+"""Geometry and accuracy of the interferometer, against trigonometry, differences and random samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole radar: four flights around the landing site, fused, through the ordinary SLZ stages."""
+"""Whole radar chain: four flights around the landing site, fused, through the ordinary SLZ stages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Certainty is a probability: it falls towards each limit and with every gap; unknown ground has none."""
+"""Certainty as a probability: it falls towards each limit and with every gap; unknown ground has none."""
 
 from __future__ import annotations
 

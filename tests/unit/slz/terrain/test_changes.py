@@ -1,4 +1,4 @@
-"""Of what changed, the tiles nearest to the vehicle come first."""
+"""Order of changed tiles: nearest to the vehicle first."""
 
 from __future__ import annotations
 

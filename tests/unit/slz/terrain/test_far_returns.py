@@ -1,4 +1,4 @@
-"""What is seen from afar, high above or deep below counts where it shows a hazard."""
+"""Far, high and deep returns: they count where they show a hazard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a long, far or odd flight leaves of the maps: their size, their time, and what they give out."""
+"""Maps after long, far or unusual flights: their size, their time, and their output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands in or beside unseen ground neither makes it seen nor makes an obstacle of level ground."""
+"""Objects in or beside unseen ground: they neither make it seen nor turn level ground into an obstacle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was seen long ago, or often, does not hide what stands there now."""
+"""Old or frequent evidence: it does not hide new obstacles."""
 
 from __future__ import annotations
 

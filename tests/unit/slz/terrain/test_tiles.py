@@ -1,4 +1,4 @@
-"""Memory follows the ground seen, within a budget, and never at the cost of the chosen point."""
+"""Memory of tiles: proportional to seen ground, within a budget, never at the cost of the chosen point."""
 
 from __future__ import annotations
 

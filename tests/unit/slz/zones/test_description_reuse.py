@@ -1,4 +1,4 @@
-"""What is told of a zone is the same whether or not what was known of its tiles is used again."""
+"""Reuse of a zone's cached tile statistics: the description is the same without it."""
 
 from __future__ import annotations
 

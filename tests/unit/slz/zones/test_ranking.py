@@ -1,4 +1,4 @@
-"""Which zone comes first, and why the others do not; and where in a zone to land."""
+"""Ranking of zones with reasons, and the landing point within a zone."""
 
 from __future__ import annotations
 

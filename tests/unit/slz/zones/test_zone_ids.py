@@ -1,4 +1,4 @@
-"""Which zone is which: the sources' filter of repeated zones, and the default's IDs from map to map."""
+"""Identity of zones: the sources' filter of repeated zones, and default mode's IDs from map to map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cells of zones within a box, whichever way box and zone overlap."""
+"""Cells of zones within a box, for any overlap of box and zone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How high an obstacle of a zone stands: over the zone's own ground around it."""
+"""Height of a zone's obstacles over the zone's own ground around them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`slz calibrate`: what it says of a flight, and of one that shows nothing."""
+"""`slz calibrate`: its report of a flight, and of one that determines nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Planted errors of boresight and time are found from simulated flights, or not guessed."""
+"""Recovery of planted boresight and time errors from simulated flights; undetermined ones are not guessed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Of many returns as many are kept as fit, evenly over the flight, while they come."""
+"""Systematic sample of returns: bounded, and even over the flight."""
 
 from __future__ import annotations
 

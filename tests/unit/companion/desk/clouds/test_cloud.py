@@ -1,4 +1,4 @@
-"""What is read of LAS and LAZ files, and what is refused, in one line."""
+"""Reading of LAS and LAZ files, and refusals in one line."""
 
 from __future__ import annotations
 

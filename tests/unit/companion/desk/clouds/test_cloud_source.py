@@ -1,4 +1,4 @@
-"""Errors that tell of a file are told apart from those of the disk, the network or memory."""
+"""Distinction of errors in a file from those of the disk, the network or memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units come from the CRS, never from a guess."""
+"""Units from the CRS, never from a guess."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The process that reads LAZ files: its points are laspy's, and its end is nobody else's."""
+"""LAZ reader process: its points are laspy's, and its death affects no other process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text as programs write it: decimal commas, counts, quotes, units in names, words beside the numbers."""
+"""Text clouds of real programs: decimal commas, counts, quotes, units in names, words beside the numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A short flight over the simulator's ground, as other programs and ours record flights."""
+"""Short flight over the simulator's ground, in the recording formats of slz and other programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What poses and returns of another program's recording become: windows, maps, and where they begin anew."""
+"""Windows and maps from poses and returns of another program's recording, and restarts of the map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Flights far from their first position and beside latitude 0, longitude 0: their maps against the truth."""
+"""Flights far from their first position and near latitude 0, longitude 0: their maps against the truth."""
 
 from __future__ import annotations
 

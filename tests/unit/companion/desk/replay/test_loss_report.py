@@ -1,4 +1,4 @@
-"""What a replay says of returns that it lost, and of a map without a zone."""
+"""Report of a replay on lost returns, and on a map without a zone."""
 
 from __future__ import annotations
 

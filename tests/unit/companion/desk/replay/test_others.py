@@ -1,4 +1,4 @@
-"""Flights that other programs recorded: bags, telemetry logs with captures; and what is none of them."""
+"""Flights recorded by other programs: bags, telemetry logs with captures; and unusable files."""
 
 from __future__ import annotations
 

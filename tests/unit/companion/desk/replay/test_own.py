@@ -1,4 +1,4 @@
-"""A flight of our own, run again: the same zones, and what a recording may lack."""
+"""Replay of a flight recorded by slz: the same zones, and incomplete recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording is held, sped up and sent back."""
+"""Player of a recording: pause, speed and seek."""
 
 import threading
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What the vehicle measured is heard again as in flight, and what no decoder takes costs itself only."""
+"""Recorded sensors: decoded as in flight; undecodable messages affect only themselves."""
 
 from typing import Any
 

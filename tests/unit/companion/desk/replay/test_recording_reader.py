@@ -1,4 +1,4 @@
-"""Recordings that are none, or not whole."""
+"""Recordings that are invalid or incomplete."""
 
 from pathlib import Path
 

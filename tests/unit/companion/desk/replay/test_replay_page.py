@@ -1,4 +1,4 @@
-"""The page over a recording, without a browser: its time line, what it puts up, and that nothing flies."""
+"""Replay page without a browser: its timeline, its board, and the refusal of orders."""
 
 from __future__ import annotations
 

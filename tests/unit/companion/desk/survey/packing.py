@@ -1,4 +1,4 @@
-"""PCD, PLY, text and COPC files of given points, written plainly after their formats' descriptions."""
+"""Writers of PCD, PLY, text and COPC files of given points, directly from their formats' specifications."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results come to lie in a folder all together or not at all, and work is kept that is worth keeping."""
+"""Output folder: all results or none, and work kept only if it is worth keeping."""
 
 from __future__ import annotations
 

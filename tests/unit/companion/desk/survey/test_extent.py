@@ -1,4 +1,4 @@
-"""Strays, density, coverage and memory: what decides how large a map is and how much of it is known."""
+"""Extent of a survey: strays, density, coverage and memory."""
 
 from __future__ import annotations
 

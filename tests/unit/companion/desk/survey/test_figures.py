@@ -1,4 +1,4 @@
-"""Pictures are written whatever the maps hold, and show what they are told to."""
+"""Pictures of any maps, and their contents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Polygons hold the zone's cells and no others: valid, holes kept, in degrees."""
+"""Geographic polygons: exactly the zone's cells, valid, with holes, in degrees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PCD, PLY, text and COPC: what is read of them, and what is refused in one line."""
+"""Reading of PCD, PLY, text and COPC, and refusals in one line."""
 
 from __future__ import annotations
 

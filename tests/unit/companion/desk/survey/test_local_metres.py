@@ -1,4 +1,4 @@
-"""Local metres are metres on the ground, along the axes of the CRS."""
+"""Local metres: lengths on the ground, along the axes of the CRS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A survey without a zone says why, in one sentence."""
+"""Reason for a survey without a zone, in one sentence."""
 
 from __future__ import annotations
 

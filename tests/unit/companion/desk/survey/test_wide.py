@@ -1,4 +1,4 @@
-"""Maps are written in windows whose size does not follow the survey's, and which change no byte."""
+"""Windowed writing of maps: the window's size is independent of the survey's, and changes no byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A cloud in one window: what somebody set is kept, and times that tell nothing do no harm."""
+"""Cloud in one window: user's settings are kept, and useless times are ignored."""
 
 from __future__ import annotations
 

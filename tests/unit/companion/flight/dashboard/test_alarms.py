@@ -1,4 +1,4 @@
-"""What the pilot must not overlook stands as long as its reason does."""
+"""Alarms for the pilot: shown as long as their reason exists."""
 
 from typing import Any
 

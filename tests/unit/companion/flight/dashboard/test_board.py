@@ -1,4 +1,4 @@
-"""The board between the companion and the page: what is put up there, and what is not."""
+"""Board between companion and page: published values, and withheld ones."""
 
 from __future__ import annotations
 

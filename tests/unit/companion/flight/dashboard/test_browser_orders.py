@@ -1,4 +1,4 @@
-"""What a browser may send."""
+"""Orders that a browser may send."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Strangers at the page's door, from other addresses of this computer over real sockets."""
+"""Intruders at the page's port, from other addresses of this computer over real sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a browser gets of the maps is what the maps hold."""
+"""Map blocks for a browser: equal to the maps."""
 
 import gzip
 

@@ -1,4 +1,4 @@
-"""Orders of the page take the same way as MAVLink's."""
+"""Orders of the page, handled in the same way as MAVLink's."""
 
 import json
 from collections.abc import AsyncIterator

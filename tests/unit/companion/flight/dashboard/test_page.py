@@ -1,4 +1,4 @@
-"""The page as an optional part: it fails alone, and comes back."""
+"""The page as an optional part: isolated failure, and restart."""
 
 import asyncio
 import urllib.request

@@ -1,4 +1,4 @@
-"""The page over real sockets: what it serves, what it refuses, and that nobody waits for a browser."""
+"""The page over real sockets: served and refused requests, and no waiting for browsers."""
 
 import asyncio
 import contextlib

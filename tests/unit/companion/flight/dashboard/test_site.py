@@ -1,4 +1,4 @@
-"""The page's loop beside a pipeline that computes, on simulated time; and what it answers."""
+"""The page's loop beside a busy pipeline, on simulated time, and its answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one browser is sent, and that it is sent once."""
+"""Data sent to one browser, each item once."""
 
 from __future__ import annotations
 

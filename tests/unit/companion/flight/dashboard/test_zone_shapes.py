@@ -1,4 +1,4 @@
-"""Zones as the page draws them: how sure, and each outline made once."""
+"""Zones for the page: their certainty classes, and outlines computed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The autopilot's parameters in flight: what is read when, what is told, and what is never called fine."""
+"""The autopilot's parameters in flight: times of reading, reports, and values that are never called fine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the doctor makes of what it measured, with its remedies."""
+"""The doctor's findings from measurements, with remedies."""
 
 from __future__ import annotations
 

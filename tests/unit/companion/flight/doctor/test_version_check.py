@@ -1,4 +1,4 @@
-"""The firmware's version, from its packed form to what doctor says."""
+"""Firmware version: from its packed form to the doctor's text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Flights whose pose is known at every instant, and the histories an autopilot would report of them."""
+"""Flights with a known pose at every instant, and the pose histories of an autopilot on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches and poses arrive as a script; scans come out when poses bracket them."""
+"""Assembly of scans from scripted batches and poses, once poses bracket them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fast, turning vehicle scans comes out as it is."""
+"""De-skewing of scans from a fast, turning vehicle."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""An autopilot whose clock loses time, or whose messages are late, and what is placed by its poses.
+"""Georeferencing with an autopilot whose clock loses time, or whose messages are late.
 
-A vehicle flies north at 10 m/s past one stone, which is all that its LiDAR sees. Wherever stamps of poses and
-returns do not belong together the stone is elsewhere on the map.
+A vehicle flies north at 10 m/s past one stone, the only object that its LiDAR sees. Wherever stamps of
+poses and returns do not match, the stone is elsewhere on the map.
 """
 
 from __future__ import annotations

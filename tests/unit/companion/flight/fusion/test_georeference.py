@@ -1,4 +1,4 @@
-"""Returns of a moving, turning vehicle land where the world is."""
+"""Georeferencing of returns from a moving, turning vehicle."""
 
 from __future__ import annotations
 

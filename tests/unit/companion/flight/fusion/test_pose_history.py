@@ -1,4 +1,4 @@
-"""Interpolation against the flight that made the samples, and what is refused."""
+"""Pose interpolation against the sampled flight, and refusals."""
 
 from __future__ import annotations
 

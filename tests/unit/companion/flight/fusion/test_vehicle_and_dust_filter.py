@@ -1,4 +1,4 @@
-"""The vehicle itself, rain and dust are dropped and counted."""
+"""Filter of the vehicle's own returns, rain and dust, with counts."""
 
 from __future__ import annotations
 

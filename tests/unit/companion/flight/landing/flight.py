@@ -1,4 +1,4 @@
-"""A point mass that obeys orders, so that the executive can be flown without a simulator."""
+"""Point mass that obeys orders, to fly the executive without a simulator."""
 
 from __future__ import annotations
 

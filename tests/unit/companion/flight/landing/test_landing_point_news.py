@@ -1,4 +1,4 @@
-"""The pilot hears of the selected point once, and again whenever its state changes."""
+"""News of the selected point to the pilot: once, and at every change of its state."""
 
 from __future__ import annotations
 

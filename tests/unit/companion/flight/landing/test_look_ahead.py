@@ -1,4 +1,4 @@
-"""The vehicle stops before what stands in its way."""
+"""Stop before obstacles in the vehicle's way."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""MAV_CMD_USER_1: which order each number is, and which points are none."""
+"""MAV_CMD_USER_1: orders by number, and invalid points."""
 
 from __future__ import annotations
 

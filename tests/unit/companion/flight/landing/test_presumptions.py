@@ -1,4 +1,4 @@
-"""What each stage of a landing presumes of the vehicle: the table, and each reaction of it flown."""
+"""Presumptions of each stage of a landing about the vehicle: the table, and each reaction flown."""
 
 import numpy as np
 import pytest

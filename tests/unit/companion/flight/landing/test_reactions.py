@@ -1,4 +1,4 @@
-"""What the executive does when something fails: each reaction that docs/reactions.md states."""
+"""Reactions of the executive to failures, as stated in docs/reactions.md."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A companion that is started again in flight: what was left, and what becomes of the landing under way."""
+"""Restart of the companion in flight: the remaining state, and the landing under way."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Messages as they would arrive: with a sender and a sequence number."""
+"""Messages as received: with a sender and a sequence number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the autopilot says of its own health, as measured on ArduCopter and PX4."""
+"""Health reports of the autopilot, as measured on ArduCopter and PX4."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Our commands: retried, counted, ended by an answer; as scripts of time and acknowledgements."""
+"""Outgoing commands: retried, counted, ended by an answer; as scripts of time and acknowledgements."""
 
 from __future__ import annotations
 

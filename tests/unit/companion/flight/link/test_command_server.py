@@ -1,4 +1,4 @@
-"""Commands to us: only our own, answered always, carried out once."""
+"""Incoming commands: only those addressed to the companion, always answered, executed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Messages that concern somebody else, or say too little yet, call for nothing."""
+"""Messages of other systems, or with too little content, which are ignored."""
 
 from __future__ import annotations
 

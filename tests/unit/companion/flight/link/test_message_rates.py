@@ -1,4 +1,4 @@
-"""Streams are asked for once, again when they stay away, and not for ever at full pace."""
+"""Requests of streams: once, repeated when absent, with decreasing frequency."""
 
 from __future__ import annotations
 

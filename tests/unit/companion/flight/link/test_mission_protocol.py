@@ -1,4 +1,4 @@
-"""Rally transfers, message by message, on a clock of their own."""
+"""Rally transfers, message by message, on a scripted clock."""
 
 from __future__ import annotations
 

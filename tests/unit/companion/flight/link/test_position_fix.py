@@ -1,4 +1,4 @@
-"""The first position is believed only with a fix, where the autopilot tells of one."""
+"""Trust in the first position: only with a fix, where the autopilot reports one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a silent link swallowed is told again: calls before warnings, each once, with its age."""
+"""Repetition of texts lost on a silent link: calls before warnings, each once, with its age."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which of several MAVLink systems is the vehicle."""
+"""Identification of the vehicle among several MAVLink systems."""
 
 from __future__ import annotations
 

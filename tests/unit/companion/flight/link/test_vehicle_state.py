@@ -1,4 +1,4 @@
-"""The vehicle's state follows from its messages, and nothing else."""
+"""Vehicle state, derived from its messages only."""
 
 from __future__ import annotations
 

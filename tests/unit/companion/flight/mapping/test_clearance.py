@@ -1,4 +1,4 @@
-"""Height over ground and what is in the way, from map and fresh returns together."""
+"""Height over ground and obstacles ahead, from map and fresh returns together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pipeline's thread: windows in, reports out, failures withdrawn."""
+"""Pipeline thread: windows in, reports out, reports withdrawn after failures."""
 
 import asyncio
 import threading

@@ -1,4 +1,4 @@
-"""What must hold of a report, each broken once."""
+"""Invariants of a report, each violated once."""
 
 from __future__ import annotations
 

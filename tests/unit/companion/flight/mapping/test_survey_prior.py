@@ -1,4 +1,4 @@
-"""A survey's rasters about the vehicle: turned against north, and beyond the projection's reach."""
+"""Prior from a survey's rasters: rotated against north, and beyond the projection's area."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A pose for the tests of the outputs, its rotation made by SciPy, not by what is tested."""
+"""Pose for tests of the outputs, with a rotation from SciPy, independent of the tested code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a stream: its rate, how far its intervals are off, how old its poses were."""
+"""Statistics of a stream: its rate, the deviation of its intervals, the age of its poses."""
 
 from __future__ import annotations
 

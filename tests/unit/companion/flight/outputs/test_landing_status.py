@@ -1,4 +1,4 @@
-"""The status stream: names that fit, numbers that the documentation explains, nothing that is unknown."""
+"""Status stream: names that fit, numbers that the documentation explains, no unknown values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LANDING_TARGET: each autopilot's own frame, angles as it reads them, nothing from an old pose."""
+"""LANDING_TARGET: each autopilot's frame and angle convention, nothing from an old pose."""
 
 from __future__ import annotations
 

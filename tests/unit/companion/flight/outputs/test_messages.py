@@ -1,4 +1,4 @@
-"""Texts and setpoints as they go over the wire."""
+"""Texts and setpoints in their wire format."""
 
 from __future__ import annotations
 

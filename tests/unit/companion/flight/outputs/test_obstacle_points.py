@@ -1,4 +1,4 @@
-"""OBSTACLE_DISTANCE_3D: ArduPilot's only frame, one stamp a batch, nothing that it would drop."""
+"""OBSTACLE_DISTANCE_3D: ArduPilot's only frame, one stamp a batch, no points that it would drop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The streams, message by message, without sockets or waiting: what each autopilot gets, and when nothing."""
+"""Output streams, message by message, without sockets or waiting, for each autopilot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording holds of a flight, and what it says of what it could not hold."""
+"""Contents of a flight's recording, and its reports of losses."""
 
 from __future__ import annotations
 

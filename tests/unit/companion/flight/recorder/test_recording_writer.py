@@ -1,4 +1,4 @@
-"""The file of a recording: bounded, never in the way, and readable whatever ended it."""
+"""Recording file: bounded, never blocking, and readable after any end."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Event scripts for the sensor's clock: stamps and arrivals in, offsets out; nothing waits."""
+"""Clock offset of a sensor: scripts of stamps and arrivals; nothing waits."""
 
 from __future__ import annotations
 

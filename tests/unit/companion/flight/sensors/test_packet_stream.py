@@ -1,4 +1,4 @@
-"""What becomes of any sensor's packets: clock jumps, repetition, order, and sensors of the wrong kind."""
+"""Packet stream of any sensor: clock jumps, repetition, order, and sensors of the wrong kind."""
 
 from __future__ import annotations
 

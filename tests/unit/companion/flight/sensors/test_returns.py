@@ -1,4 +1,4 @@
-"""What a batch of returns refuses."""
+"""Refusals of a batch of returns."""
 
 from __future__ import annotations
 

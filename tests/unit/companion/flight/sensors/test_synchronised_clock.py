@@ -1,4 +1,4 @@
-"""Event scripts for a sensor's clock that follows this computer's: stamps and arrivals in, offsets out."""
+"""Offset of a sensor clock that follows this computer's: scripts of stamps and arrivals."""
 
 from __future__ import annotations
 

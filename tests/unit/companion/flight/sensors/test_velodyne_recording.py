@@ -1,4 +1,4 @@
-"""A real VLP-16's packets against the cloud that another decoder (nebula) made of them."""
+"""Packets of a real VLP-16 against the cloud of another decoder (nebula)."""
 
 from __future__ import annotations
 

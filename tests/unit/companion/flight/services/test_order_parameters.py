@@ -1,4 +1,4 @@
-"""Orders as parameters, as a ground station sets them."""
+"""Orders as parameters, set by a ground station."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rally points: which zones, when, and never at the cost of the pilot's own."""
+"""Rally points: selected zones, times of upload, and preservation of the pilot's own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the services remember, and when the vehicle gets rally points at all."""
+"""Memory of the services, and the conditions for rally points."""
 
 from __future__ import annotations
 

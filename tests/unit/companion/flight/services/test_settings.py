@@ -1,4 +1,4 @@
-"""Values that outlive the program, and those that take effect at once."""
+"""Persistent settings, and those that take effect at once."""
 
 from __future__ import annotations
 

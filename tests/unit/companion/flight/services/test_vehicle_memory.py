@@ -1,4 +1,4 @@
-"""The vehicle's system outlives the program."""
+"""Persistence of the vehicle's system ID."""
 
 from __future__ import annotations
 

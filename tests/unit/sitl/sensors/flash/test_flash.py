@@ -1,4 +1,4 @@
-"""The simulated flash LiDAR: what its raw frames hold, read with nothing of the processing."""
+"""Simulated flash LiDAR: contents of its raw frames, read independently of the processing."""
 
 from __future__ import annotations
 

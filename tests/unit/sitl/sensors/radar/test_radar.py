@@ -1,4 +1,4 @@
-"""The simulated radar: backscatter by surface, and what its images hold."""
+"""Simulated radar: backscatter by surface, and contents of its images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Captures of the network: frames of every kind of link, fragments, and what is no datagram."""
+"""Network captures: frames of every link type, fragments, and packets that are no datagrams."""
 
 from __future__ import annotations
 

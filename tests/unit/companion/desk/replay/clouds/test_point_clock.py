@@ -1,4 +1,4 @@
-"""Times of points: unit and epoch are judged over a recording, and garbage costs only itself."""
+"""Unit and epoch of point times, inferred over a recording and robust to garbage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bags whose definitions of types are missing, illegible or beside the point."""
+"""Bags with missing, illegible or irrelevant type definitions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Livox's CustomMsg, from bags of ROS 1 and ROS 2 and from bytes that are none."""
+"""Livox's CustomMsg, from bags of ROS 1 and ROS 2 and from invalid bytes."""
 
 from __future__ import annotations
 

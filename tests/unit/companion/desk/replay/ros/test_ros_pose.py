@@ -1,4 +1,4 @@
-"""Poses of ROS messages: what is handed on, with which velocity, and what is refused."""
+"""Poses of ROS messages: converted poses, derived velocities, and refusals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Telemetry logs of more than one system: whose poses place the LiDAR."""
+"""Vehicle selection in telemetry logs of more than one system."""
 
 from __future__ import annotations
 

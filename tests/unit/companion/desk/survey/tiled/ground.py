@@ -1,4 +1,4 @@
-"""A survey of 220 m x 170 m that no tile holds whole: fields, a ditch, boxes, a wire and strays."""
+"""Survey of 220 m x 170 m, larger than any tile: fields, a ditch, boxes, a wire and strays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evidence of cells does not depend on the order of points, and is what slow code makes of them."""
+"""Evidence of cells: independent of the order of points, and equal to slow code."""
 
 from __future__ import annotations
 

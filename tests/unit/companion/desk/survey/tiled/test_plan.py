@@ -1,4 +1,4 @@
-"""What a survey is cut into, and what of an earlier one it takes up."""
+"""Work plan of a survey: its pieces, and reuse of an earlier run's work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""However a survey is cut up, it finds the same to the last bit."""
+"""Bit-exact results of a survey for any division into tiles, workers and pieces."""
 
 from __future__ import annotations
 

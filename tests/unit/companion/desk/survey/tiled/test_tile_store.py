@@ -1,4 +1,4 @@
-"""Drawn tiles as one raster: read over any window, and labelled as if no border ran through them."""
+"""Derived tiles as one raster: read over any window, and labelled without effect of borders."""
 
 from __future__ import annotations
 

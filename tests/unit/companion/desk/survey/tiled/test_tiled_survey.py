@@ -1,4 +1,4 @@
-"""A tiled survey is refused, resumed and told of as it should be."""
+"""Tiled survey: refusals, resumption and reports."""
 
 from __future__ import annotations
 

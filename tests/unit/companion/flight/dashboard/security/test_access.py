@@ -1,4 +1,4 @@
-"""Who may look and who may give orders."""
+"""Access rights of viewers and of users who may give orders."""
 
 from pathlib import Path
 

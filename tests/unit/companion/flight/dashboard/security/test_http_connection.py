@@ -1,4 +1,4 @@
-"""When a connection is let go, look by look."""
+"""Closing of connections, check by check."""
 
 from __future__ import annotations
 

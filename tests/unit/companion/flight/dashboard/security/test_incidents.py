@@ -1,4 +1,4 @@
-"""What strangers try is logged: how often and from where, and seldom."""
+"""Rate-limited log of strangers' attempts: count and origin."""
 
 from __future__ import annotations
 

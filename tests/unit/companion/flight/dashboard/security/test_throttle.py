@@ -1,4 +1,4 @@
-"""How the delay of wrong tokens grows, and whom it concerns."""
+"""Growth of the delay after wrong tokens, and the clients it applies to."""
 
 from __future__ import annotations
 

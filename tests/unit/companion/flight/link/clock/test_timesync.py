@@ -1,4 +1,4 @@
-"""TimeSync recovers offset and drift through delay, loss, jumps and reboots; scripts, no sockets."""
+"""TimeSync: recovery of offset and drift through delay, loss, jumps and reboots; scripts, no sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Streams, servers and serial lines as channels: what they take, and how they end."""
+"""Streams, servers and serial lines as channels: their data, and their ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""URLs as pymavlink writes them; faults in one line."""
+"""URLs in pymavlink's notation; faults in one line."""
 
 from __future__ import annotations
 

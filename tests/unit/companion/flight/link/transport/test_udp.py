@@ -1,4 +1,4 @@
-"""A UDP socket as a channel: whom it answers, and what ends it."""
+"""UDP socket as a channel: its peers, and its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The codec finds every valid frame, counts the rest, and raises nothing."""
+"""MAVLink codec: every valid frame is found, the rest counted, and nothing raised."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Signed links: pymavlink's own signing is the other end."""
+"""Signed links, with pymavlink's signing at the other end."""
 
 from __future__ import annotations
 

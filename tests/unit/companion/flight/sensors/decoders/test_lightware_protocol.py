@@ -1,4 +1,4 @@
-"""LightWare's protocol, against the simulated sensor's side of it."""
+"""LightWare's protocol, against the simulated sensor."""
 
 from __future__ import annotations
 

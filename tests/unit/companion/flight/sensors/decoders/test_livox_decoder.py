@@ -1,4 +1,4 @@
-"""The decoder against packets built from the protocol document, and against garbage."""
+"""Livox decoder against packets built from the protocol document, and against garbage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The handshake with a Mid-360, against the simulated sensor's side of it."""
+"""Handshake with a Mid-360, against the simulated sensor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The decoder against packets built from the manual, against a real recording, and against garbage."""
+"""Ouster decoder against packets built from the manual, a real recording, and garbage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The decoder against packets built from the manual, and against garbage."""
+"""Velodyne decoder against packets built from the manual, and against garbage."""
 
 from __future__ import annotations
 
