@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "engine", "run"]
 
-WHERE = {"Plan": "command", "run": "command", "engine": "tiled.engine"}
+WHERE = {"Plan": "map_run", "run": "map_run", "engine": "tiled.task_engine"}
 
 
 def __getattr__(name: str) -> Any:

@@ -10,7 +10,8 @@ from tests import REPOSITORY
 
 DOCS = REPOSITORY / "docs"
 TABLE = {row.mavlink for row in params.rows()} | {"SLZ_SELECT", "SLZ_DO"}
-TOLD = set(re.findall(r"SLZ_\w+", (REPOSITORY / "companion/flight/outputs/landing_status.py").read_text("utf-8")))
+STATUS = REPOSITORY / "companion/flight/outputs/landing_status.py"
+TOLD = set(re.findall(r"SLZ_\w+", STATUS.read_text("utf-8")))
 ENVIRONMENT = set(re.findall(r"SLZ_\w+", (REPOSITORY / "deploy/slz.env").read_text("utf-8")))
 
 

@@ -65,7 +65,7 @@ class Layout:
 
 @dataclass(slots=True)
 class Store(UnboundedTerrain):
-    """Reads layers over boxes counted from the survey's own corner, as `Layout.grid` counts them."""
+    """Reader of layers over boxes counted from the survey's corner, as in `Layout.grid`; it caches tiles."""
 
     layout: Layout
     _open: OrderedDict[Key, tuple[Box, dict[str, NDArray[Any]]] | None] = field(default_factory=OrderedDict)
