@@ -46,7 +46,7 @@ chown root:slz /etc/slz /etc/slz/slz.env
 chmod 0750 /etc/slz
 
 install -d /opt/slz
-for part in companion slz params sitl docs pyproject.toml constraints.txt README.md; do
+for part in companion slz params sitl docs pyproject.toml constraints.txt README.md LICENSE NOTICE; do
     rm -rf "/opt/slz/$part"
     cp -r "$here/$part" "/opt/slz/$part"
 done
