@@ -1,4 +1,4 @@
-"""Where in a zone to land, and whether a selected landing point (SLP) is still safe (SLZ thesis 4.3.2)."""
+"""Landing point of a zone, and state of the selected landing point (SLP; SLZ thesis, section 4.3.2)."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 
 class Readable(Protocol):
-    """Maps of a grid, wherever they are kept, see `EvidenceTerrain`."""
+    """Terrain maps of a grid, however they are stored, see `EvidenceTerrain`."""
 
     of_the_sources: ClassVar[bool]
-    """Whether a cell is safe or not, none unknown, and outside the grid there is nothing."""
+    """Source mode: every cell is safe or unsafe, none unknown, and the maps end at the edge of the grid."""
 
     @property
     def grid(self) -> Grid: ...
@@ -45,11 +45,11 @@ class Readable(Protocol):
 Terrain: TypeAlias = "EvidenceTerrain | SourceTerrain | Readable"
 Judge = Literal["near", "far", "none"]
 MOST_OBSTACLES = 64
-BULGE = 0.02  # how much ground rises over its plane, per metre of distance
+BULGE = 0.02  # allowed rise of the ground over its plane, per metre of distance
 
 
 class PointState(Enum):
-    """What is known of a selected point."""
+    """State of a selected point."""
 
     SAFE = "safe"
     UNSAFE = "unsafe"
@@ -60,10 +60,10 @@ class PointState(Enum):
 class SelectedPoint:
     """State of the selected landing point after a window.
 
-    judged_by: which map decided; "none" when neither has it, and the state is then the last one known (SLZ
-    thesis 4.3.2.2), unknown if there was none. height_m is the ground's height at the point. slope_deg,
-    relief_m, certainty are those of the footprint at it; NaN where unknown. surroundings: None where nothing
-    is known.
+    judged_by: the map that decided; "none" when neither covers the point: the state is then the last one
+    known (SLZ thesis, section 4.3.2.2), or unknown if there was none. height_m: height of the ground at the
+    point. slope_deg, relief_m, certainty: of the footprint at the point, NaN where unknown. surroundings:
+    None where nothing is known.
     """
 
     enu_m: NDArray[np.float64]
@@ -84,10 +84,10 @@ class SelectedPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Widest:
-    """The cells of a zone farthest from everything that is not the zone, and what the maps say of them.
+    """Cells of a zone with the greatest clearance, with their slope and certainty.
 
-    cells: (n, 2) of the grid. distance2: to the nearest cell outside, in cells, squared. slope_deg: 90 where
-    there is none.
+    cells: (n, 2) rows and columns of the grid. distance2: squared distance to the nearest cell outside the
+    zone, in cells. slope_deg: 90 where unknown.
     """
 
     cells: NDArray[np.int64]
@@ -116,15 +116,15 @@ def best_point(
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone.
+    """Return the point of a zone with the greatest clearance.
 
-    Of points whose clearance differs by less than half a cell the most certain, then the least steep, then
-    the nearest to the vehicle is taken.
+    Among points whose clearance differs by less than half a cell, the most certain wins, then the least
+    steep, then the nearest to the vehicle.
 
     Parameters
     ----------
     square_side
-        Of the zone's largest square, in cells.
+        Side of the zone's largest square, in cells.
     """
     grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
     place = grid.west_m, grid.south_m, grid.cell_m
@@ -144,7 +144,7 @@ def best_point(
 
 
 def ground_m(terrain: Terrain, cell: Box) -> float:
-    """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
+    """Return the height of the ground at a cell; without one, the median of its nearest known neighbours."""
     for radius in range(4):
         heights = terrain.layer("height_m", _around(cell, radius, terrain))
         known = heights[np.isfinite(heights)]
@@ -160,12 +160,13 @@ def judge(
     parameters: Parameters,
     before: SelectedPoint | None,
 ) -> SelectedPoint:
-    """Judge a selected point anew: it is safe only when every cell within the touchdown error is safe.
+    """Return the state of a selected point: safe only if every cell within the touchdown error is safe.
 
-    Where the near map has it, that one decides, else the far map (SLZ thesis 4.3.2.3). In source mode a map
-    that any window went into has what lies in its own window, and a point that both windows left behind keeps
-    its last state (4.3.2.2). Else a map has what was measured there and has not aged; the tiles of the point
-    are kept, so its state survives too, but not for ever.
+    The near map decides where it covers the point, else the far map (SLZ thesis, section 4.3.2.3). In source
+    mode one cell decides: a map covers its own grid once a window was fused into it, and a point outside both
+    grids keeps its last state (SLZ thesis, section 4.3.2.2). In default mode a map covers what was measured
+    and has not aged out. The terrain keeps the tiles of the point, so its state survives a move of the grid
+    until the evidence ages out.
     """
     maps: tuple[tuple[Judge, Terrain | None], ...] = (("near", near), ("far", far))
     for name, terrain in maps:
@@ -191,7 +192,7 @@ def judge(
 
 
 def unknown(enu_m: NDArray[np.float64], height_m: float = math.nan) -> SelectedPoint:
-    """Return a point of which no map says anything."""
+    """Return the state of a point that no map covers."""
     nan = math.nan
     return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
 
@@ -202,19 +203,19 @@ def _cell(enu_m: NDArray[np.float64], terrain: Terrain) -> Box:
 
 
 def _of_the_sources(terrain: Terrain) -> TypeGuard[SourceTerrain]:
-    """Tell source mode's maps from others, without their kernels where there are none of them."""
+    """Return whether maps are those of source mode, without importing its kernels where they are absent."""
     return terrain.of_the_sources
 
 
 def _around(cell: Box, reach: int, terrain: Terrain) -> Box:
-    """Return a box about a cell; evidence lies outside its window too."""
+    """Return a box around a cell; only source mode's maps end at the edge of their grid."""
     if _of_the_sources(terrain):
         return cell.grown(reach, terrain.grid)
     return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
 
 
 def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> PointState | None:
-    """Return what a map says of a point, None where it does not have it."""
+    """Return the state of a point in one map, None where the map does not cover it."""
     if _of_the_sources(terrain):
         cell = _cell(enu_m, terrain)
         if terrain.seen.empty or not terrain.grid.holds(cell.row0, cell.col0):
@@ -232,10 +233,10 @@ def _state(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters)
 
 
 def surroundings(enu_m: NDArray[np.float64], terrain: Terrain, parameters: Parameters) -> Surroundings:
-    """Return what stands within `surround_m` of a point, over the plane of the ground about it.
+    """Return the obstacles within `surround_m` of a point, and its horizon.
 
-    The ground is what is safe and joined to the point's own cell, or all that is safe where that one is not.
-    An obstacle is what rises over the plane by more than the relief limit and 2 % of the distance.
+    Obstacles rise over the plane of the ground by more than the relief limit plus 2 % of the distance. The
+    ground is the safe component of the point's own cell, or every safe cell where that cell is not safe.
     """
     grid, reach = terrain.grid, math.ceil(parameters.surround_m / terrain.grid.cell_m)
     cell = _cell(enu_m, terrain)
@@ -268,7 +269,7 @@ def _tops(terrain: Terrain, box: Box) -> NDArray[np.float32]:
 
 
 def _view(terrain: Terrain, box: Box) -> NDArray[np.float32]:
-    """Return what may stand in the way: mean heights where the ground is safe, elsewhere tops."""
+    """Return the heights that may block the view: mean heights on safe ground, tops elsewhere."""
     return np.where(terrain.state(box) == SAFE, terrain.layer("height_m", box), _tops(terrain, box))
 
 
@@ -286,7 +287,7 @@ def _plane(
     ground: NDArray[np.bool_],
     level_m: float,
 ) -> NDArray[np.float64]:
-    """Return the plane through the ground, or the level where there is too little ground for one."""
+    """Return the plane fitted to the ground, or the level where fewer than 30 cells of ground are known."""
     use = ground & np.isfinite(height)
     if int(use.sum()) < 30:
         return np.full(height.shape, level_m)
@@ -301,7 +302,7 @@ def horizon_towards(
     terrain: Terrain,
     parameters: Parameters,
 ) -> float:
-    """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
+    """Return the elevation angle (deg) of the highest obstacle within 15 degrees of the way to the sensor."""
     if not (is_known(enu_m) and is_known(sensor_enu_m)):
         return float("nan")
     east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
@@ -317,7 +318,7 @@ def horizon_towards(
 
 
 def _ahead(box: Box, cell: Box, reach: int, east: float, north: float) -> Box:
-    """Return the part of a box about a cell that may hold what is within 45 degrees of a direction."""
+    """Return the part of a box around a cell that may hold cells within 45 degrees of a direction."""
     bearing = math.atan2(east, north)
     edges = (bearing - math.pi / 4, bearing + math.pi / 4)
     axes = [k * math.pi / 2 for k in range(-4, 5) if edges[0] <= k * math.pi / 2 <= edges[1]]
