@@ -1,4 +1,4 @@
-"""Height gate of source mode: histogram outlier removal (SLZ paper, section 3.2.1; SLZ thesis, section 3.3.1.1)."""
+"""Height gate of source mode: histogram outlier removal (SLZ paper, section 3.2.1)."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def interval(
     bins: int,
     threshold: float,
 ) -> tuple[float, float]:
-    """Return the accepted heights of n points not dropped (SLZ paper, section 3.2.1).
+    """Return the accepted heights of n points not dropped (SLZ thesis, section 3.3.1.1).
 
     The sources give 300 bins and a threshold of 0.9, and do not say how the accepted interval is formed. Here
     an end bin is sparse when it holds less than (1 - threshold) of the mean bin population. Sparse end bins

@@ -56,7 +56,7 @@ def measure(
     holes: Bits,
     blocks_held: NDArray[np.bool_],
 ) -> tuple[int, int, int, int]:
-    """Return the safe and unknown cells of a content (counts), and sums of slope and roughness of the safe ones.
+    """Return counts of safe and unknown cells of a content, and sums of slope and roughness of the safe ones.
 
     The sums are in units of 1 / SUM_UNIT. `blocks` caches them for whole words and is recomputed where it is
     OLD (see `fuse`). `safe_inside` receives the safe cells of the content, `holes` its known cells that are
