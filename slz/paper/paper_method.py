@@ -1,4 +1,4 @@
-"""The map of one resolution in source mode: its window, its terrain and the zones found in it."""
+"""Map of one resolution in source mode: grid, terrain and zones."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Points = NDArray[np.float64]
 
 
 class SourceMap:
-    """Terrain and zones of one resolution; parameters are those of `slz.default_method.ZoneMap`."""
+    """Terrain and zones of one resolution; parameters as in `slz.default_method.ZoneMap`."""
 
     tiles = None
     n_without_tile = n_evicted = 0
@@ -47,11 +47,11 @@ class SourceMap:
         self._search = SourceSearch(terrain, side_in_cells(p.min_square_m, terrain.grid), least)
 
     def take(self, returns: Returns) -> int:
-        """Fuse returns placed in this map's grid with the terrain; return how many there are."""
+        """Fuse returns placed in this map's grid with the terrain; return how many were used."""
         return self.terrain.take(returns)
 
     def move(self, east_m: float, north_m: float) -> None:
-        """Move the window to a point outside it (SLZ paper 3.2.5); the common part is copied."""
+        """Move the grid to a point outside it; the common part is copied (SLZ paper, section 3.2.5)."""
         old = self.terrain.grid
         down, right = old.index(east_m, north_m)
         grid = replace(
@@ -68,7 +68,7 @@ class SourceMap:
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
     def find(self, sensor_enu_m: Points) -> None:
-        """Search the total map for zones, name and rank them."""
+        """Search the total map for zones, identify and rank them."""
         found = self._search.update()
         if found is self._found and not self._names.changed:
             return
