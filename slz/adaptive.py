@@ -1,4 +1,4 @@
-"""Adaptive window length and resolution from density, height and speed (SLZ paper and thesis, future work)."""
+"""Adaptive window length and resolution, from density, height, speed (SLZ paper and thesis, future work)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map of one resolution in default mode: its window, its terrain and the zones found in it."""
+"""Map of one resolution in default mode: grid, terrain and zones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ZoneMap:
     Parameters
     ----------
     centre_enu_m
-        East and north of the window's centre (SLZ paper 3.1.2).
+        East and north of the grid's centre (SLZ paper, section 3.1.2).
     numbers
         IDs for new zones.
     """
@@ -42,25 +42,25 @@ class ZoneMap:
         self._names = ZoneTracker(numbers)
         self.zones: tuple[Zone, ...] = ()
         self._candidates: tuple[Candidate, ...] = ()
-        self._contents: dict[int, Content] = {}  # of the zones, by ID
+        self._contents: dict[int, Content] = {}  # of the zones, keyed by ID
         self.n_without_tile = self.n_evicted = 0
 
     @property
     def tiles(self) -> Tiles:
-        """The evidence."""
+        """Evidence of the map."""
         return self.terrain.tiles
 
     def take(
         self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
     ) -> bool:
-        """Add a window's points and search the terrain; tell whether the map's window was moved for that.
+        """Add a window's points and search the terrain; return whether the map's grid was moved before.
 
         Parameters
         ----------
         points_enu_m
-            (n, 3), in the map's heights (`tiles.datum_m`); the sensor's place is in those of the frame.
+            (n, 3), in stored heights (over `tiles.datum_m`); the sensor position is in the frame's heights.
         like
-            Evidence whose zero of heights the points have, by default its own.
+            Evidence whose datum the points refer to, by default its own.
         """
         moved = self._follow(sensor_enu_m)
         terrain = self.terrain
@@ -78,7 +78,7 @@ class ZoneMap:
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
     def _follow(self, sensor_enu_m: Points) -> bool:
-        """Move the window when it must (SLZ paper 3.2.5); tell whether it was moved."""
+        """Move the grid if required (SLZ paper, section 3.2.5); return whether it was moved."""
         old = self.terrain.grid
         centre = self._next_centre(sensor_enu_m, old)
         if centre is None:
@@ -93,17 +93,17 @@ class ZoneMap:
         return True
 
     def _next_centre(self, sensor_enu_m: Points, grid: Grid) -> tuple[float, float] | None:
-        """Return the centre of the new zone, or None to stay.
+        """Return the centre of the new grid, or None to stay.
 
-        The window moves to the vehicle, when it comes nearer to an edge than a quarter of the zone, so that
-        one far return does not throw the map away.
+        The grid moves to the vehicle when the vehicle is nearer to an edge than a quarter of the zone. It
+        does not move for a single far return, which would discard the map.
         """
         east, north = float(sensor_enu_m[0]), float(sensor_enu_m[1])
         room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
         return (east, north) if room < self._parameters.zone_m / 4 else None
 
     def at_level(self, level: int) -> None:
-        """Draw the map at another level of the pyramid; zones keep their IDs."""
+        """Derive the map at another level of the pyramid; zones keep their IDs."""
         if self.terrain.level != level:
             self._become(self.terrain.at_level(level))
 
@@ -113,7 +113,7 @@ class ZoneMap:
         self.terrain = terrain
 
     def _search(self) -> tuple[Candidate, ...]:
-        """Search the total map for what may be zones."""
+        """Return the candidate zones of the total map."""
         p, terrain = self._parameters, self.terrain
         seen = terrain.seen
         if seen.empty:
@@ -125,7 +125,7 @@ class ZoneMap:
         )
 
     def name(self, sensor_enu_m: Points) -> None:
-        """Name, describe and rank the zones found."""
+        """Assign IDs to the zones found, describe and rank them."""
         p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
 
         def described(candidate: Candidate, zone_id: int) -> Zone:
@@ -139,10 +139,10 @@ class ZoneMap:
 def far_parameters(parameters: Parameters) -> Parameters:
     """Return the parameters of the far map.
 
-    The sources change the cell only. In default mode the evidence has cells a quarter of `far_cell_m` wide,
-    from which coarser levels are drawn; a footprint spans three cells at least, gaps of a cell count as seen
-    and the limit on a zone's boundary follows the cell, so that the far map finds where it is worth to look
-    closer. What it calls safe is no place to land before the near map says so too.
+    The sources change only the cell. In default mode the evidence has cells of a quarter of `far_cell_m`,
+    from which coarser levels are derived. A footprint spans at least three cells, gaps of a cell count as
+    seen, and the minimum boundary of a zone scales with the cell, so that the far map finds where a closer
+    look is worthwhile. A far zone is no place to land before the near map confirms it.
     """
     p = parameters
     cell_m = max(p.far_cell_m / 2**COARSEST, p.cell_m)

@@ -1,4 +1,4 @@
-"""The whole method, one window at a time, in the order of the SLZ paper."""
+"""Pipeline of the whole method, one window at a time, in the order of the SLZ paper."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ AnyMap: TypeAlias = "ZoneMap | SourceMap"
 M = TypeVar("M", ZoneMap, "SourceMap")
 ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
-FARTHEST_M = 1e8  # of a place that may be selected; more than the way around the earth
+FARTHEST_M = 1e8  # bound on the position of a selected point; more than the circumference of the Earth
 
 
 class Pipeline:
@@ -59,17 +59,19 @@ class Pipeline:
     parameters
         All parameters; `mode` selects the sources' rules or the default ones.
     centre_enu_m
-        East and north of the first zone's centre; None takes the first return (SLZ paper 3.1.2).
+        East and north of the first zone's centre; None uses the first return (SLZ paper, section 3.1.2).
     follow
-        Whether, in source mode, a return outside the zone moves it there (3.2.5) or is passed over.
+        In source mode: a return outside the zone moves the zone there (SLZ paper, section 3.2.5); False skips
+        it.
     threads
-        With 2 the far map is drawn beside the near one; the reports are the same. Default mode only.
+        With 2 the far map is computed in parallel with the near one; the reports are the same. Default mode
+        only.
     prior
-        Gives ground surveyed before the flight, see `slz.prior`. Default mode only.
+        Source of the ground surveyed before the flight, see `slz.prior`. Default mode only.
 
     Notes
     -----
-    Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
+    Not thread safe: call it from one thread. Points and reports are never modified after the call.
     """
 
     def __init__(
@@ -88,7 +90,7 @@ class Pipeline:
         self._centre = centre_enu_m
         self._follow = follow
         self._source = parameters.mode == "source"
-        if self._source:  # only here, so that no other mode waits for its kernels
+        if self._source:  # imported here, so that default mode does not load the kernels of source mode
             from slz.paper.paper_method import SourceMap
             from slz.paper.window_cells import Returns
 
@@ -107,11 +109,11 @@ class Pipeline:
     def process(self, window: Window) -> Report:
         """Run every stage on one window and report the zones of the total maps.
 
-        Non-finite points, points beyond `reach_m` of the sensor and lone points are dropped and show as the
-        difference of n_points and n_used.
+        Non-finite points, points beyond `reach_m` of the sensor and isolated points are dropped: n_points
+        minus n_used counts them.
         """
         clock = _Stages()
-        sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels take no read-only array
+        sensor = np.array(window.sensor_enu_m, np.float64)  # the kernels accept no read-only array
         if not is_known(sensor):
             sensor[:] = np.nan
         self._sensor = sensor
@@ -171,7 +173,7 @@ class Pipeline:
     def _by_the_sources(
         self, window: Window, sensor: Points, clock: _Stages
     ) -> tuple[SourceMap, SourceMap, Choice, int, bool]:
-        """As the SLZ paper has it, one map at a time; time follows the returns and the ground they hit."""
+        """Run the SLZ paper's stages on one map; the time grows with the returns and the ground they hit."""
         near, far = self._maps_for(
             self._source_map, window, lambda: self._read(window, sensor, ANYWHERE).kept()[:1]
         )
@@ -195,17 +197,17 @@ class Pipeline:
         return near, far, choice, n_used, outside is not None and active is near
 
     def prepare(self) -> None:
-        """Have memory ready for the next window: call it when there is time, or not at all.
+        """Prefault memory for the next window; optional, for idle time.
 
-        The system gives a page of memory when it is first written to, which may take longer than what is
-        computed there. The next report is the same.
+        The system allocates a page on the first write to it, which may take longer than the computation. The
+        next report does not depend on it.
         """
         for zone_map in (self._near, self._far):
             if zone_map is not None:
                 zone_map.terrain.prepare()
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
-        """Keep a landing point under watch, or none; the next report says whether it is safe."""
+        """Select a landing point to monitor, or none; the next report says whether it is safe."""
         if enu_m is None:
             self._selected = None
             return
@@ -220,7 +222,7 @@ class Pipeline:
 
     @property
     def fills_contours(self) -> bool:
-        """Whether zones hold everything inside their contour, as the sources have it, or safe cells only."""
+        """Whether zones hold all cells inside their contour (source mode), or safe cells only."""
         return self._source
 
     def state(self, which: Literal["near", "far"], box: Box) -> NDArray[np.uint8]:
@@ -241,7 +243,7 @@ class Pipeline:
         which
             The active map is the one whose zones the last report gave as `zones`.
         level
-            Level of the resolution pyramid to draw it at, by default the one in use; the finest is 0.
+            Level of the resolution pyramid, by default the one in use; the finest is 0.
         """
         far = which == "far" or (which == "active" and self._far_is_active)
         zone_map = self._far if far else self._near
@@ -267,14 +269,14 @@ class Pipeline:
         )
 
     def drawn(self, which: Literal["near", "far"], most: int, *, anew: bool = False) -> Drawn | None:
-        """Return what changed of a map since the last call, nearest to the vehicle first; None before any.
+        """Return the changes of a map since the last call, the nearest tiles first; None before any window.
 
         Parameters
         ----------
         most
-            Tiles to return at most; what is left comes with the next calls.
+            Bound on the tiles returned; the next calls return the rest.
         anew
-            Take all that is drawn as changed.
+            Treat all tiles as changed.
         """
         zone_map = self._far if which == "far" else self._near
         if zone_map is None:
@@ -297,7 +299,7 @@ class Pipeline:
         if not usable_as_they_are:
             points = usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
             height_m = points[:, 2].copy()
-        in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
+        in_flight = is_known(sensor_enu_m)  # a stored cloud is assumed free of isolated noise
         keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
         believed_m = height_m if keep.all() else heights_of(height_m, keep)
         strays = beyond(height_m, keep, *gap_interval(believed_m, p.outlier_gap_m))
@@ -309,17 +311,17 @@ class Pipeline:
         return np.vstack([kept, again]) if len(again) else kept
 
     def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:
-        """Place a window's returns in a grid and drop the outliers among them (SLZ paper 3.2.1)."""
+        """Place a window's returns in a grid and drop the outliers among them (SLZ paper, section 3.2.1)."""
         p = self._parameters
         self._returns.read(window.points_enu_m, sensor_enu_m, p.max_range_m, grid)
         self._returns.keep_heights(p.histogram_bins, p.histogram_threshold)
         return self._returns
 
     def _maps_for(self, kind: type[M], window: Window, first_point: Callable[[], Points]) -> tuple[M, M]:
-        """Return the maps; a new frame begins new ones at the first point (SLZ paper 3.1.2)."""
+        """Return the maps; a new frame starts new ones at the first point (SLZ paper, section 3.1.2)."""
         if isinstance(self._near, kind) and isinstance(self._far, kind) and window.frame == self._frame:
             return self._near, self._far
-        if self._frame is not None:  # what was chosen lies in another frame
+        if self._frame is not None:  # the selected point is in another frame
             self._selected = None
         self._frame = window.frame
         self._adapter = Adapter(self._parameters)
@@ -332,13 +334,13 @@ class Pipeline:
         return near, far
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
-        """Return how the next window and the far map are to be, and have the far map so."""
+        """Choose the next window and the far map's level, and set that level."""
         choice = self._adapter.look(window, points_enu_m)
         far.at_level(choice.level)
         return choice
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
-        """Return the points in the near map's heights, after following the drift of those to be used."""
+        """Return the points in the near map's stored heights; the drift of the used ones moves its datum."""
         tiles, found = near.tiles, Offset()
         most_m = self._parameters.register_m
         if most_m > 0 and is_known(sensor):
@@ -348,7 +350,7 @@ class Pipeline:
         return points
 
     def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
-        """Use what stands on known ground of the near map, too, however far: it counts at once."""
+        """Also use points that stand on known ground of the near map, at any range: they count at once."""
         terrain, least_m = near.terrain, self._parameters.relief_m
         if is_known(sensor):
             others = np.flatnonzero(~used)
@@ -362,7 +364,7 @@ class Pipeline:
         return replace(point, zone_id=zones.zone_at(point.enu_m) if zones else None)
 
     def _pin(self) -> None:
-        """Keep the evidence at the selected point, whatever the memory's budget."""
+        """Pin the evidence at the selected point, regardless of the memory budget."""
         enu_m = None if self._selected is None else self._selected.enu_m
         for zone_map in (self._near, self._far):
             if zone_map is not None and isinstance(zone_map.terrain, EvidenceTerrain):
@@ -374,7 +376,7 @@ def _picked(points: Points, which: NDArray[np.bool_]) -> Points:
 
 
 def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArray[np.bool_]:
-    """Tell which points lie no farther from the sensor over ground; all where its place is unknown."""
+    """Return which points are within a horizontal range of the sensor; all where its position is unknown."""
     if not is_known(sensor_enu_m[:2]):
         return np.ones(len(points_enu_m), bool)
     return within_reach(points_enu_m, sensor_enu_m, reach_m**2)
@@ -384,8 +386,8 @@ def reach_m(parameters: Parameters) -> float:
     """Return the horizontal distance from the sensor up to which returns are mapped (m).
 
     An error of a ray's direction moves its return up or down by that angle times the horizontal distance.
-    Beyond the distance where this exceeds `height_noise_m`, noise alone would fill the relief limit; such
-    ground stays unknown until the vehicle comes nearer. The sources know no such rule.
+    Beyond the distance where this exceeds `height_noise_m`, noise alone would use up the relief limit; such
+    ground stays unknown until the vehicle is nearer. The sources have no such rule.
     """
     p = parameters
     if p.mode == "source" or p.angle_noise_deg == 0:
@@ -395,7 +397,7 @@ def reach_m(parameters: Parameters) -> float:
 
 
 class _Stages:
-    """Stop watch that gives every stage its milliseconds."""
+    """Stopwatch for the milliseconds of every stage."""
 
     def __init__(self) -> None:
         self.ms: dict[str, float] = {}
