@@ -222,7 +222,7 @@ class Pipeline:
 
     @property
     def fills_contours(self) -> bool:
-        """Whether zones hold all cells inside their contour (source mode), or safe cells only."""
+        """True in source mode: zones hold all cells inside their contour; else safe cells only."""
         return self._source
 
     def state(self, which: Literal["near", "far"], box: Box) -> NDArray[np.uint8]:
@@ -350,7 +350,7 @@ class Pipeline:
         return points
 
     def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
-        """Also use points that stand on known ground of the near map, at any range: they count at once."""
+        """Also use points above known ground of the near map, at any range: they count at once."""
         terrain, least_m = near.terrain, self._parameters.relief_m
         if is_known(sensor):
             others = np.flatnonzero(~used)

@@ -39,11 +39,11 @@ class Zone:
     box: bounding box of its cells in the grid. cells: uint8 over that box, 1 = zone; in source mode
     everything inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and
     columns in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside
-    the contour: safe, unsafe (measured), uncertain (no elevation). certainty: in source mode SLZ paper, Eq.
-    (16) or SLZ paper, Eq. (17), else the mean probability of the cells inside the contour, 0 where unknown.
-    slope_deg, roughness: means over its measured safe cells; in source mode over all safe cells inside the
-    contour. why: reason for its rank behind the zone before it. Cells, corners and obstacles may be computed
-    on first read, from the maps at the time of the description.
+    the contour: safe, unsafe (measured), uncertain (no elevation). certainty: mean probability of the cells
+    inside the contour, 0 where unknown; in source mode SLZ paper, Eq. (16) or SLZ paper, Eq. (17). slope_deg,
+    roughness: means over its measured safe cells; in source mode over all safe cells inside the contour. why:
+    reason for its rank behind the zone before it. Cells, corners and obstacles may be computed on first read,
+    from the maps at the time of the description.
     """
 
     id: int

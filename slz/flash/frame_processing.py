@@ -17,7 +17,7 @@ from slz.kernels.instruments.median_filter import median_of_neighbours
 F64 = NDArray[np.float64]
 Estimator = Literal["likely", "polynomial"]
 PARTED = 4.0  # standard errors, and
-PARTED_M = 0.5  # metres by which a pixel may differ from the median around it; the greater bound holds
+PARTED_M = 0.5  # metres by which a pixel may differ from the median around it; the greater one
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,12 @@
 """Optimal Segmentation Algorithm: quadtree split by significant differences (Flash paper, section 6.1).
 
-A square is split when |H - Hm| >= xi (DH + DHm) for one of its quarters, Flash paper, Eq. (5). The text calls
+A square is split when |H - Hm| >= xi (DH + DHm) for one of its quarters: Flash paper, Eq. (5). The text calls
 DH the standard deviation, Flash paper, Eq. (3) prints the variance; the algorithm works with neither. If a
 quarter of a segment is d away from the other three, then |H - Hm| = 3/4 d while DH >= sqrt(3)/4 d: the ratio
 never exceeds sqrt(3), so that with xi = 2 no segment would ever be split. The default is therefore the
-standard error of the mean, DH^2 = sum (h - H)^2 / (N (N - 1)), the factor N of which Flash paper, Eq. (3) and
-Flash paper, Eq. (4) lack. Then the criterion is whether two means differ by xi of their errors, and the
-figures of the source are reproduced at xi = 2 and xi = 6.
+standard error of the mean, DH^2 = sum (h - H)^2 / (N (N - 1)); Flash paper, Eq. (3) and Flash paper, Eq. (4)
+lack the factor N. Then the criterion is whether two means differ by xi times their errors, and the figures of
+the source are reproduced at xi = 2 and xi = 6.
 """
 
 from __future__ import annotations

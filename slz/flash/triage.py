@@ -37,7 +37,7 @@ class Triage:
 
     @property
     def usable(self) -> bool:
-        """Whether its ranges are mapped."""
+        """True if the ranges of the frame are mapped."""
         return self.quality in (Quality.WHOLE, Quality.PARTIAL)
 
 

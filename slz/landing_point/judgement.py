@@ -78,7 +78,7 @@ class SelectedPoint:
 
     @property
     def in_map(self) -> bool:
-        """Whether a map still covers the point."""
+        """True if a map covers the point."""
         return self.judged_by != "none"
 
 

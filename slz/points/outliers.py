@@ -1,7 +1,7 @@
 """Outlier removal in default mode: heights beyond an empty gap, and isolated returns.
 
-These rules are safer than the sources' histogram rule (SLZ paper, section 3.2.1; SLZ thesis, section
-3.3.1.1), which trims sparse end bins: see `slz.kernels.paper.height_gate`.
+These rules are safer than the sources' histogram rule, which trims sparse end bins (SLZ paper, section 3.2.1;
+SLZ thesis, section 3.3.1.1): see `slz.kernels.paper.height_gate`.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slz.kernels.points.robust_regression import lowered, weighed
 from slz.terrain.tiles import Tiles
 
-MOST_RETURNS, PARTS = 20_000, 4  # returns that are looked up in the map, and parts of them
+MOST_RETURNS, PARTS = 20_000, 4  # returns compared with the map, and parts they are compared in
 ENOUGH = 4_000  # returns over known ground: their mean is better than a millimetre
 FEWEST_RETURNS = 300
 FEWEST_SPREAD_M = 2.0  # standard deviation of the positions, below which no tilt is fitted

@@ -24,7 +24,7 @@ from slz.zones.zonal_statistics import Tally, tallied
 
 MOST_OBSTACLES = 200
 AROUND = 3  # cells around an obstacle whose ground its height refers to
-SOME = 1 << 16  # cells of such ground looked up at a time
+SOME = 1 << 16  # cells of such ground read at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.simd import LANES, ask_for, load, store
 
 OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
-AHEAD = 24  # points by which the prefetch of their cells is ahead
+AHEAD = 24  # points between the prefetch of a cell and its use
 BITS = np.int32(TILE_BITS)
 CHUNK = 64  # points processed together
 ONE, TWO = np.float32(1), np.float32(2)

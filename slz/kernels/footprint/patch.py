@@ -68,7 +68,7 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
 def _take_some(
     cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
 ) -> None:
-    """Write 16 cells of which only the first `count` exist, see `take`."""
+    """Write 16 cells, unknown from number `count` on, see `take`."""
     layer = len(inverse)
     for i in range(LANES):
         here = i < count and at + i < layer

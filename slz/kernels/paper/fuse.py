@@ -131,8 +131,9 @@ def _join(
 ) -> None:
     """Fuse a word of a window's row with the total maps, by mean or maximum (SLZ paper, section 3.2.3).
 
-    Where nothing is to be written the old value is fused with itself, which leaves it unchanged. With a final
-    choice instead, the compiler would emit masked stores, which some processors do one number at a time.
+    Where the window writes nothing the old value is fused with itself, which leaves it unchanged. With a
+    final choice instead, the compiler would emit masked stores, which some processors do one number at a
+    time.
     """
     half, most = every(HALF), every(worst)
     for i in range(0, WORD, LANES):

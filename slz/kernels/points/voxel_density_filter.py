@@ -21,7 +21,7 @@ Longs = NDArray[np.int64]
 def _slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
     """Return the hash slot of a voxel, or the empty slot for it.
 
-    Voxels of a column are in adjacent slots, because they are looked up together.
+    Voxels of a column are in adjacent slots, because they are read together.
     """
     mask = len(keys) - 1
     key = (x << 42) | (y << 21) | z

@@ -136,7 +136,7 @@ def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
     Parameters
     ----------
     corners
-        Subset of the cells, of which a component must hold one.
+        Subset of the cells; a component must hold one of them.
 
     Returns
     -------

@@ -105,7 +105,7 @@ def tally(
     Parameters
     ----------
     own, content
-        Bitmaps of the cells of the zone, and of those on and inside its contour.
+        Bitmaps of the cells of the zone, and of the cells on and inside its contour.
     state, safe, unsafe
         State of the cells, and its values for safe and unsafe.
     told
