@@ -55,12 +55,10 @@ class Adapter:
     """Selection of mode, resolution and window length from the windows themselves.
 
     - Far mode is chosen above `far_height_m` or faster than `far_speed_ms` (SLZ thesis, section 4.4.4), near
-    mode
-      again below nine tenths of both. A window without height and speed changes nothing.
+      mode again below nine tenths of both. A window without height and speed changes nothing.
     - The far map gets the finest cells that receive one return each in a window and are not finer than the
-    position
-      error of returns: two standard deviations of ray direction times height, and of timing times speed.
-      Three windows in a row must agree. The near map keeps its cells: coarser ones hide hazards.
+      position error of returns: two standard deviations of ray direction times height, and of timing times
+      speed. Three windows in a row must agree. The near map keeps its cells: coarser ones hide hazards.
     - A window gives the near map's cells eight returns each, and in it the vehicle flies at most half of its
       view to one side. Its length is from half to twice `window_s`, below `LOW_M` at most `window_s`.
 

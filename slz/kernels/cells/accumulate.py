@@ -211,8 +211,10 @@ def sorted_by_tile(
     count
         Number of points in each tile, see `count_by_tile`.
 
-    Returns ------- Cell within the tile, row-major; (n, 2) height and its variance from the sensor's noise:
-    of the range along the ray, and of the angle across it.
+    Returns
+    -------
+    Cell within the tile, row-major; (n, 2) height and its variance from the sensor's noise: of the range
+    along the ray, and of the angle across it.
     """
     rows, cols = count.shape
     place, n = np.zeros(rows * cols + 1, np.int64), int(count.sum())  # the last place is for points outside

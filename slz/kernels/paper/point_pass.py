@@ -160,8 +160,10 @@ def stream(
     heights
         (n,) receives heights above the level.
 
-    Returns ------- level, lowest and highest height, points not dropped, how many of these are outside; row0,
-    row1, col0, col1 (half open) of the cells hit.
+    Returns
+    -------
+    level, lowest and highest height, points not dropped, how many of these are outside; row0, row1, col0,
+    col1 (half open) of the cells hit.
     """
     n = len(points) // 3
     if level != level:  # NaN

@@ -91,9 +91,11 @@ def find(
     longest
         Initial length of the trace buffer; a longer boundary is traced again.
 
-    Returns ------- Table with the columns above; all boundaries, each from its first cell; all contents, each
-    (ROW1 - ROW0) rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the
-    box in which `taken` changed.
+    Returns
+    -------
+    Table with the columns above; all boundaries, each from its first cell; all contents, each (ROW1 - ROW0)
+    rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the box in which
+    `taken` changed.
     """
     path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
     spread = np.array([row1, row0, word1, word0], np.int64)

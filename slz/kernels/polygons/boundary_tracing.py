@@ -80,8 +80,10 @@ def tour(
     path, edges
         Receive the cells in order, and the low bytes of their table entries.
 
-    Returns ------- Number of cells, greater than `len(path)` where it is too short; signed area of the traced
-    cracks in cells, positive for the outside of a component, negative for a hole.
+    Returns
+    -------
+    Number of cells, greater than `len(path)` where it is too short; signed area of the traced cracks in
+    cells, positive for the outside of a component, negative for a hole.
     """
     r, c, index, n, area, first = row, col, 0, 0, 0, -1
     most = len(path)

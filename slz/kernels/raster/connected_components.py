@@ -88,8 +88,10 @@ def _largest(roots: Ints, size: Ints, most: int) -> Ints:
 def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     """Return the `most` largest components, in the order of their first cells.
 
-    Returns ------- (n, 6) row0, row1, col0, col1, and start and stop in the second array: (m, 2) rows and
-    columns, component by component, each in raster order.
+    Returns
+    -------
+    (n, 6) row0, row1, col0, col1, and start and stop in the second array: (m, 2) rows and columns, component
+    by component, each in raster order.
     """
     run = runs(cells)
     join(run, 1)
@@ -293,8 +295,10 @@ def obstacles(
 ) -> tuple[NDArray[np.float64], Ints, NDArray[np.float64]]:
     """Return the `most` largest groups of cells, with their highest cells and their heights over the ground.
 
-    Returns ------- (n, 4) east, north, height of the highest cell, and height over the ground around; (n, 2)
-    start and stop in the last array: (m, 2) east and north of the centres of the cells, group by group.
+    Returns
+    -------
+    (n, 4) east, north, height of the highest cell, and height over the ground around; (n, 2) start and stop
+    in the last array: (m, 2) east and north of the centres of the cells, group by group.
     """
     groups, listed = largest_groups(cells, most)
     n, centres = len(groups), np.empty((len(listed), 2))

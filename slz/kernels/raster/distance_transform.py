@@ -278,9 +278,11 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], N
     corners
         South-west corners of the squares of side `least` in the part; at least one.
 
-    Returns ------- The side; row and column of the first such square's south-west corner; (n, 3) row, column
-    and squared distance to the outside, of the cells whose distance is within half a cell of the greatest, in
-    raster order.
+    Returns
+    -------
+    The side; row and column of the first such square's south-west corner; (n, 3) row, column and squared
+    distance to the outside, of the cells whose distance is within half a cell of the greatest, in raster
+    order.
     """
     side, where, double, cells, span, before, before_span = _largest(corners, least)
     inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
@@ -311,7 +313,7 @@ def surest(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return the most certain cell, to a thousandth; of these the one that `first_choice` would take."""
+    """Return the index of the most certain cell, to a thousandth; of these the `first_choice`."""
     best, most, least, nearest = 0, -np.inf, np.inf, np.inf
     for i in range(len(cells)):
         sure, steep = np.rint(certainty[i] * np.float32(1000)), np.rint(slope[i] * np.float32(10))
@@ -338,7 +340,7 @@ def first_choice(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return the cell of least slope, to a tenth of a degree; of these the nearest to the sensor."""
+    """Return the index of the cell of least slope, to a tenth of a degree; of these the nearest to the sensor."""
     best, least, nearest = 0, np.inf, np.inf
     for i in range(len(cells)):
         r, c = row0 + cells[i, 0], col0 + cells[i, 1]
