@@ -91,7 +91,7 @@ def _by_table(
 
 @kernel("Tuple((int64[::1], int32[:, ::1]))(int32[:, ::1], int64, int64)")
 def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
-    """Return the start of each column's layers, (columns + 1,), lowest and highest layer, (columns, 2).
+    """Return (columns + 1,) the start of each column's layers, and (columns, 2) its lowest and highest layer.
 
     Column (x, y) has the number deep * x + y. A column holds all layers between these two, an empty one none.
     """

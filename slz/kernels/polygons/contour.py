@@ -14,7 +14,7 @@ ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
 
 @kernel("int32[:, :](uint8[:, :])")
 def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Return the side in cells of the largest safe square whose last row and column are each cell's."""
+    """Return, by cell, the side in cells of the largest safe square whose last row and column end there."""
     rows, cols = safe.shape
     side = np.zeros((rows, cols), np.int32)
     for r in range(rows):

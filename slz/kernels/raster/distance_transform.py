@@ -340,7 +340,7 @@ def first_choice(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return the index of the cell of least slope, to a tenth of a degree; of these the nearest to the sensor."""
+    """Return the index of the cell of least slope, to a tenth of a degree; of these the nearest one."""
     best, least, nearest = 0, np.inf, np.inf
     for i in range(len(cells)):
         r, c = row0 + cells[i, 0], col0 + cells[i, 1]
