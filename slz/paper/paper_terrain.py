@@ -144,7 +144,7 @@ class SourceTerrain:
         new.touched.update(keys_over(theirs))
         return new
 
-    # ---- what is read of it ---------------------------------------------------------------------
+    # ---- maps out ------------------------------------------------------------------------------
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
