@@ -1,4 +1,4 @@
-"""Window and resolution that follow density, height and speed (SLZ paper and thesis, future work)."""
+"""Adaptive window length and resolution, from density, height, speed (SLZ paper and thesis, future work)."""
 
 from __future__ import annotations
 
@@ -18,30 +18,29 @@ from slz.window import Window
 if TYPE_CHECKING:
     from slz.paper.window_cells import Returns
 
-COARSEST = 2  # level of the far map whose cells are `far_cell_m` wide
-RETURNS_PER_CELL = 1.0  # of one window, below which cells are too fine
-RETURNS_WANTED = 8.0  # of one window and finest cell, to which its length is fitted
-FEWEST = 30  # returns that tell the height of the ground
-STEADY = 3  # windows in a row that must ask for another level
-TIMING_S = 0.005  # how well poses and returns are matched in time
+COARSEST = 2  # pyramid level of the far map with cells of `far_cell_m`
+RETURNS_PER_CELL = 1.0  # least returns of one window in a cell
+RETURNS_WANTED = 8.0  # returns of one window in a near cell, for which the window length is chosen
+FEWEST = 30  # returns that are enough for the height of the ground
+STEADY = 3  # successive windows that must ask for another level
+TIMING_S = 0.005  # error of the time match of poses and returns
 HYSTERESIS = 0.9
-LOW_M = 8.0  # over the ground, below which no window is stretched: what drives in is seen at once
-SOME = 20_000  # returns that are enough to tell what a window was like
+LOW_M = 8.0  # height over the ground, below which no window is extended, so that intruders are seen at once
+SOME = 20_000  # returns that are enough to characterise a window
 MOST_SQUARES = 100_000_000
-SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that ground hit is counted in
-RETURNS_PER_SQUARE = 4  # on average, below which wider ones are taken
-WIDER = 0.05  # of the extent of some returns, by which that of all seldom exceeds it
+SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that count the ground hit
+RETURNS_PER_SQUARE = 4  # mean, below which wider squares are used
+WIDER = 0.05  # margin of the extent of a sample, relative, that the extent of all returns seldom exceeds
 Extent = tuple[float, float, float, float]  # west, east, south, north (m)
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What a window was like, and what was chosen from that.
+    """Features of a window, and the choice made from them.
 
     density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return,
     NaN where unknown. speed_ms: of the sensor over ground, the last one known; 0 before any. far: the far map
-    is the active one. level: of the resolution pyramid, of whose cells the far map is made. window_s: span of
-    the windows to come.
+    is the active one. level: pyramid level of the far map's cells. window_s: span of the next windows.
     """
 
     density_per_m2: float
@@ -53,15 +52,15 @@ class Choice:
 
 
 class Adapter:
-    """Chooses mode, resolution and window length from what the windows themselves say.
+    """Selection of mode, resolution and window length from the windows themselves.
 
-    - far mode above `far_height_m` or faster than `far_speed_ms` (SLZ thesis 4.4.4), near mode again below
-      nine tenths of both; a window that tells neither changes nothing;
-    - the far map's cells: the finest that get a return each in a window and are not finer than returns can be
-      placed: two standard deviations of ray direction times height, and of timing times speed. Three
-      windows in a row must agree. The near map keeps its cells: coarser ones hide hazards;
-    - windows that give the near map's cells eight returns each, in which the vehicle flies no farther than
-      half of what it sees to one side; between half and twice `window_s`, below `LOW_M` no more than it.
+    - Far mode is chosen above `far_height_m` or faster than `far_speed_ms` (SLZ thesis, section 4.4.4), near
+      mode again below nine tenths of both. A window without height and speed changes nothing.
+    - The far map gets the finest cells that receive one return each in a window and are not finer than the
+      position error of returns: two standard deviations of ray direction times height, and of timing times
+      speed. Three windows in a row must agree. The near map keeps its cells: coarser ones hide hazards.
+    - A window gives the near map's cells eight returns each, and in it the vehicle flies at most half of its
+      view to one side. Its length is from half to twice `window_s`, below `LOW_M` at most `window_s`.
 
     With `adaptive=off` and in source mode only near and far change, and far cells are those of `far_cell_m`.
     """
@@ -76,7 +75,7 @@ class Adapter:
         self._asked = [COARSEST] * STEADY
 
     def look(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
-        """Return the choice after a window, of which these returns are used."""
+        """Return the choice after a window, from its returns in use."""
         some = points_enu_m[:: max(1, len(points_enu_m) // SOME)]
         ground_m = float(np.median(some[:, 2])) if len(some) >= FEWEST else math.nan
         height = float(window.sensor_enu_m[2]) - ground_m
@@ -91,9 +90,9 @@ class Adapter:
         return Choice(density, height, speed, self._far, level, window_s)
 
     def look_at_some(self, window: Window, returns: Returns) -> Choice:
-        """Return the choice in source mode, where only near and far change, from some of the returns.
+        """Return the choice in source mode, where only near and far change, from a sample of the returns.
 
-        Where the sensor's place is not known nothing changes and the density is not worked out: 0.
+        Where the position of the sensor is unknown nothing changes and the density is 0.
         """
         if not is_known(window.sensor_enu_m):
             return Choice(0.0, math.nan, self._speed(window), self._far, self._level, self._p.window_s)
@@ -102,7 +101,7 @@ class Adapter:
         return replace(choice, density_per_m2=every * choice.density_per_m2)
 
     def _speed(self, window: Window) -> float:
-        """Return the speed since the last window of which the place is known."""
+        """Return the speed since the last window with a known position."""
         before, now = self._before, (window.end_ns, window.sensor_enu_m)
         if not is_known(now[1][:2]):
             return self._speed_ms
@@ -145,17 +144,17 @@ class Adapter:
 
 
 def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[float, float]:
-    """Return returns per square metre of the ground hit, and how far from the sensor half of them lie.
+    """Return the returns per square metre of ground hit, and the median horizontal range of the returns.
 
-    Squares that hold a return or two each say nothing of the ground between them: where they do, wider ones
-    are counted.
+    Squares that hold a return or two each prove nothing about the ground between them: then wider squares are
+    counted.
     """
     if not len(points):
         return 0.0, 0.0
     thin = points[:: max(1, len(points) // SOME)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
     density, every = 0.0, np.ascontiguousarray(points)
-    around = _widened(*extent(np.ascontiguousarray(thin)))  # of all, very likely
+    around = _widened(*extent(np.ascontiguousarray(thin)))  # very likely the extent of all
     for side in SQUARES_M:
         hit, outside = _squares_hit(every, side, around)
         if outside:
@@ -175,7 +174,7 @@ def _widened(west_m: float, east_m: float, south_m: float, north_m: float) -> Ex
 
 
 def _squares_hit(points: NDArray[np.float64], side: float, around: Extent) -> tuple[int, int]:
-    """Return how many squares hold a point, and whether some lie outside; 0 and 0 of too many squares."""
+    """Return how many squares hold a point, and whether a point is outside; 0 and 0 for too many squares."""
     west_m, east_m, south_m, north_m = around
     west, south = math.floor(west_m / side) * side, math.floor(south_m / side) * side
     cols, rows = (1 + math.floor((m - low) / side) for m, low in ((east_m, west), (north_m, south)))

@@ -1,4 +1,4 @@
-"""Work on another thread while the caller does its own."""
+"""Concurrent execution of one task beside the caller's own."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ R = TypeVar("R")
 
 @contextmanager
 def beside(other: Executor | None, work: Callable[[*Args], R], *args: *Args) -> Iterator[Future[R]]:
-    """Do work while the block runs, or after it where there is no other thread; it is done when this ends.
+    """Run `work` on an executor while the block runs, or after the block if there is none; wait for it.
 
-    Yields what will hold the work's result. What the block raises goes before what the work raises.
+    Yields the future of its result. An exception in the block wins over one in `work`.
     """
     if other is None:
         done: Future[R] = Future()

@@ -142,13 +142,13 @@ class DefaultMethod:
         return np.vstack([kept, again]) if len(again) else kept
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
-        """Return how the next window and the far map are to be, and have the far map so."""
+        """Choose the next window and the far map's level, and set that level."""
         choice = self._adapter.look(window, points_enu_m)
         far.at_level(choice.level)
         return choice
 
     def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
-        """Return the points in the near map's heights, after following the drift of those to be used."""
+        """Return the points in the near map's stored heights; the drift of the used ones moves its datum."""
         tiles, found = near.tiles, Offset()
         most_m = self._p.register_m
         if most_m > 0 and is_known(sensor):
@@ -158,7 +158,7 @@ class DefaultMethod:
         return points
 
     def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
-        """Use what stands on known ground of the near map, too, however far: it counts at once."""
+        """Also use points above known ground of the near map, at any range: they count at once."""
         terrain, least_m = near.terrain, self._p.relief_m
         if is_known(sensor):
             others = np.flatnonzero(~used)

@@ -1,4 +1,4 @@
-"""Local east-north-up frames on the WGS-84 ellipsoid, and the sources' spherical short form."""
+"""Local east-north-up (ENU) frames on the WGS-84 ellipsoid, and the sources' spherical approximation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 
 def is_known(enu_m: Floats) -> bool:
-    """Tell whether all numbers of a place are finite, as are those of a place that is known."""
+    """Return whether a position is known: all its coordinates are finite."""
     return all(map(math.isfinite, enu_m.tolist()))
 
 
@@ -47,38 +47,41 @@ class LocalFrame:
         )
 
     def turn_rad(self, lat_deg: float, lon_deg: float) -> float:
-        """Return the angle by which the axes east, north, up of a place are turned against the frame's."""
+        """Return the rotation angle between the ENU axes at a geodetic position and the frame's axes."""
         apart = np.linalg.norm(_axes(self.lat_deg, self.lon_deg) - _axes(lat_deg, lon_deg))
         return 2 * math.asin(min(1.0, float(apart) / math.sqrt(8)))
 
     def shifted(self, east_m: float, north_m: float) -> LocalFrame:
-        """Return the frame whose origin lies east and north of this one, at the same altitude."""
+        """Return the frame whose origin is moved east and north of this one, at the same altitude."""
         lat, lon, _ = self.lla([east_m, north_m, 0.0])
         return LocalFrame(float(lat), float(lon), self.alt_m)
 
     def spherical_enu_m(self, lat_deg: ArrayLike, lon_deg: ArrayLike, alt_m: ArrayLike) -> Floats:
-        """Return east, north, up by the sources' formula (SLZ thesis Eq. 3.15-3.16).
+        """Return east, north, up from the sources' spherical formula.
 
-        The sources print X and Y swapped; x is east here. Kept to show the error of the short form,
-        which mistakes the radius of curvature by up to 0.7 %.
+        The sources print X and Y swapped; x is east here. Kept to measure the error of the approximation: its
+        radius of curvature is off by up to 0.7 %.
         """
         lat, lon, alt = np.deg2rad(lat_deg), np.deg2rad(lon_deg), np.asarray(alt_m, dtype=np.float64)
         radius = EARTH_RADIUS_M + alt
-        north = (lat - np.deg2rad(self.lat_deg)) * radius
+        north = (lat - np.deg2rad(self.lat_deg)) * radius  # SLZ thesis, Eq. (3.15); SLZ paper, Eq. (10)
+        # SLZ thesis, Eq. (3.16); SLZ paper, Eq. (11)
         east = (lon - np.deg2rad(self.lon_deg)) * radius * np.cos(lat)
         return np.stack(np.broadcast_arrays(east, north, alt - self.alt_m), axis=-1)
 
     def spherical_lla(self, enu_m: ArrayLike) -> Floats:
-        """Return geodetic coordinates by the sources' formula (SLZ thesis Eq. 4.1-4.2)."""
+        """Return geodetic coordinates from the sources' spherical formula."""
         enu = np.asarray(enu_m, dtype=np.float64)
         alt = enu[..., 2] + self.alt_m
+        # SLZ thesis, Eq. (4.1); SLZ paper, Eq. (12)
         lat = np.deg2rad(self.lat_deg) + enu[..., 1] / (EARTH_RADIUS_M + alt)
+        # SLZ thesis, Eq. (4.2); SLZ paper, Eq. (13)
         lon = np.deg2rad(self.lon_deg) + enu[..., 0] / ((EARTH_RADIUS_M + alt) * np.cos(lat))
         return np.stack([np.rad2deg(lat), np.rad2deg(lon), alt], axis=-1)
 
 
 def _axes(lat_deg: float, lon_deg: float) -> Floats:
-    """Return east, north, up (rows) of a place in the axes of the Earth."""
+    """Return the unit vectors (rows) east, north, up of a geodetic position, in Earth-centred axes (ECEF)."""
     lat, lon = math.radians(lat_deg), math.radians(lon_deg)
     sin_lat, cos_lat, sin_lon, cos_lon = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
     return np.array(

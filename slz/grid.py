@@ -1,4 +1,4 @@
-"""The raster that the terrain maps share: where its cells lie, and boxes of them."""
+"""Raster grid of the terrain maps, and boxes of its cells."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class Box:
         return slice(self.row0, self.row1), slice(self.col0, self.col1)
 
     def holds(self, other: Box) -> bool:
-        """Tell whether another box lies within."""
+        """Return whether another box is within this one."""
         rows = self.row0 <= other.row0 <= other.row1 <= self.row1
         return rows and self.col0 <= other.col0 <= other.col1 <= self.col1
 
     def touches(self, other: Box) -> bool:
-        """Tell whether some cell lies in both."""
+        """Return whether two boxes have a cell in common."""
         rows = self.row0 < other.row1 and other.row0 < self.row1
         return rows and self.col0 < other.col1 and other.col0 < self.col1
 
@@ -47,11 +47,11 @@ class Box:
         return Box(self.row0 + down, self.row1 + down, self.col0 + right, self.col1 + right)
 
     def relative_to(self, other: Box) -> Box:
-        """Return the box with its rows and columns counted from another's corner."""
+        """Return the box with its rows and columns relative to another's corner."""
         return self.shifted(-other.row0, -other.col0)
 
     def grown(self, cells: int, grid: Grid) -> Box:
-        """Return the box with a margin, cut off at the edge of the grid."""
+        """Return the box with a margin, clipped to the grid."""
         return Box(
             max(0, self.row0 - cells),
             min(grid.rows, self.row1 + cells),
@@ -73,7 +73,7 @@ class Box:
 
 
 def hull(boxes: Sequence[Box]) -> Box:
-    """Return the smallest box that holds all of some boxes."""
+    """Return the bounding box of boxes."""
     held = [box for box in boxes if not box.empty]
     if not held:
         return Box(0, 0, 0, 0)
@@ -86,15 +86,15 @@ def hull(boxes: Sequence[Box]) -> Box:
 
 
 def box_of_cells(rows_cols: NDArray[np.integer]) -> Box:
-    """Return the smallest box that holds (n, 2) rows and columns."""
+    """Return the bounding box of (n, 2) rows and columns."""
     if not len(rows_cols):
         return Box(0, 0, 0, 0)
-    rows, cols = rows_cols.T  # one at a time is ten times faster than along an axis of two
+    rows, cols = rows_cols.T  # one column at a time is ten times faster than a reduction along an axis of two
     return Box(int(rows.min()), int(rows.max()) + 1, int(cols.min()), int(cols.max()) + 1)
 
 
 def read_at(read: Callable[[Box], NDArray[T]], rows_cols: NDArray[np.integer]) -> NDArray[T]:
-    """Return the values of (n, 2) rows and columns from what gives those of a box."""
+    """Return the values at (n, 2) rows and columns, from a function that reads a box."""
     box = box_of_cells(rows_cols)
     rows, cols = (rows_cols - np.array([box.row0, box.col0])).T
     return np.asarray(read(box)[rows, cols])
@@ -102,7 +102,7 @@ def read_at(read: Callable[[Box], NDArray[T]], rows_cols: NDArray[np.integer]) -
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Square cells; row 0 is the southernmost, column 0 the westernmost. Edges in metres of the map frame."""
+    """Raster of square cells; row 0 is southernmost, column 0 westernmost. Edges in metres, map frame."""
 
     west_m: float
     south_m: float
@@ -112,7 +112,7 @@ class Grid:
 
     @classmethod
     def centred(cls, east_m: float, north_m: float, side_m: float, cell_m: float) -> Self:
-        """Return the zone of the SLZ paper 3.1.2: a square about a point, snapped to whole cells."""
+        """Return a square grid around a point, snapped to whole cells (SLZ paper, section 3.1.2)."""
         n = max(3, round(side_m / cell_m))
         east, north = round(east_m / cell_m) * cell_m, round(north_m / cell_m) * cell_m
         return cls(east - side_m / 2, north - side_m / 2, cell_m, n, n)
@@ -139,10 +139,10 @@ class Grid:
         )
 
     def index(self, east_m: float, north_m: float) -> tuple[int, int]:
-        """Return row and column of a point (SLZ paper Eq. 3-4); they may lie outside the grid."""
+        """Return row and column of a point; they may be outside the grid."""
         return (
-            int(np.floor((north_m - self.south_m) / self.cell_m)),
-            int(np.floor((east_m - self.west_m) / self.cell_m)),
+            int(np.floor((north_m - self.south_m) / self.cell_m)),  # SLZ paper, Eq. (4)
+            int(np.floor((east_m - self.west_m) / self.cell_m)),  # SLZ paper, Eq. (3)
         )
 
     def holds(self, row: int, col: int) -> bool:
@@ -153,7 +153,7 @@ class Grid:
         return (self.west_m + (col + 0.5) * self.cell_m, self.south_m + (row + 0.5) * self.cell_m)
 
     def centres(self, rows_cols: NDArray[np.integer]) -> NDArray[np.float64]:
-        """Return (n, 2) east, north of the centres of (n, 2) rows and columns."""
+        """Return (n, 2) east, north of the centres of (n, 2) cells."""
         return np.stack(
             [
                 self.west_m + (rows_cols[:, 1] + 0.5) * self.cell_m,
@@ -163,7 +163,7 @@ class Grid:
         )
 
     def shift_to(self, other: Grid) -> tuple[int, int]:
-        """Return rows and columns to add to an index of this grid to get that of `other`."""
+        """Return the rows and columns to add to an index of this grid to get that of `other`."""
         return (
             round((self.south_m - other.south_m) / self.cell_m),
             round((self.west_m - other.west_m) / self.cell_m),
@@ -171,9 +171,9 @@ class Grid:
 
 
 def overlap(old: Grid, new: Grid) -> tuple[Box, Box]:
-    """Return the common cells of two grids of one cell size, as a box of each.
+    """Return the common cells of two grids of equal cell size, as a box in each.
 
-    The four sign cases of SLZ paper Figure 2 are this one intersection.
+    This intersection covers the four sign cases of SLZ paper, Figure 2.
     """
     down, right = old.shift_to(new)
     row0, row1 = max(0, down), min(new.rows, old.rows + down)

@@ -1,4 +1,4 @@
-"""Fields of a dataclass that are worked out when they are first read."""
+"""Dataclass fields computed on first read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class Later(Generic[T]):
-    """A value to be worked out once, when it is first asked for; what it needs is let go then."""
+    """Deferred value: computed once, on first read; the function that computes it is released then."""
 
     __slots__ = ("_make", "_value")
 
@@ -18,13 +18,13 @@ class Later(Generic[T]):
 
     def value(self) -> T:
         make = self._make
-        if make is not None:  # two threads may both work it out: the same
+        if make is not None:  # two threads may both compute it, with equal results
             self._value = make()
             self._make = None
         return self._value
 
     def __reduce__(self) -> tuple[Callable[[T], T], tuple[T]]:
-        """Let it be sent elsewhere as its value: what it needs cannot be."""
+        """Pickle the value: the function that computes it cannot be pickled."""
         return _itself, (self.value(),)
 
 
@@ -33,7 +33,7 @@ def _itself(value: T) -> T:
 
 
 class Lazy(Generic[T]):
-    """A field of a dataclass without slots, given as its value, or as `Later` for the first reading."""
+    """Descriptor of a dataclass field (no slots) set to its value, or to a `Later` for the first read."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name

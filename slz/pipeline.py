@@ -34,17 +34,19 @@ class Pipeline:
     parameters
         All parameters; `mode` selects the sources' rules or the default ones.
     centre_enu_m
-        East and north of the first zone's centre; None takes the first return (SLZ paper 3.1.2).
+        East and north of the first zone's centre; None uses the first return (SLZ paper, section 3.1.2).
     follow
-        Whether, in source mode, a return outside the zone moves it there (3.2.5) or is passed over.
+        In source mode: a return outside the zone moves the zone there (SLZ paper, section 3.2.5); False skips
+        it.
     threads
-        With 2 the far map is drawn beside the near one; the reports are the same. Default mode only.
+        With 2 the far map is computed in parallel with the near one; the reports are the same. Default mode
+        only.
     prior
-        Gives ground surveyed before the flight, see `slz.prior`. Default mode only.
+        Source of the ground surveyed before the flight, see `slz.prior`. Default mode only.
 
     Notes
     -----
-    Not thread safe: one thread calls it. Neither points nor reports are changed after they were handed over.
+    Not thread safe: call it from one thread. Points and reports are never modified after the call.
     """
 
     def __init__(
@@ -67,8 +69,8 @@ class Pipeline:
     def process(self, window: Window) -> Report:
         """Run every stage on one window and report the zones of the total maps.
 
-        Non-finite points, points beyond `reach_m` of the sensor and lone points are dropped and show as the
-        difference of n_points and n_used.
+        Non-finite points, points beyond `reach_m` of the sensor and isolated points are dropped: n_points
+        minus n_used counts them.
         """
         clock = StageClock()
         self._sensor = sensor = _sensor_of(window)
@@ -98,16 +100,16 @@ class Pipeline:
         )
 
     def prepare(self) -> None:
-        """Have memory ready for the next window: call it when there is time, or not at all.
+        """Prefault memory for the next window; optional, for idle time.
 
-        The system gives a page of memory when it is first written to, which may take longer than what is
-        computed there. The next report is the same.
+        The system allocates a page on the first write to it, which may take longer than the computation. The
+        next report does not depend on it.
         """
         for resolution in self._method.maps or ():
             resolution.terrain.prepare()
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
-        """Keep a landing point under watch, or none; the next report says whether it is safe."""
+        """Select a landing point to monitor, or none; the next report says whether it is safe."""
         if enu_m is None:
             self._selected = None
             return
@@ -122,7 +124,7 @@ class Pipeline:
 
     @property
     def fills_contours(self) -> bool:
-        """Whether zones hold everything inside their contour, as the sources have it, or safe cells only."""
+        """True in source mode: zones hold all cells inside their contour; else safe cells only."""
         return self._method.fills_contours
 
     def state(self, which: Literal["near", "far"], box: Box) -> NDArray[np.uint8]:
@@ -143,7 +145,7 @@ class Pipeline:
         which
             The active map is the one whose zones the last report gave as `zones`.
         level
-            Level of the resolution pyramid to draw it at, by default the one in use; the finest is 0.
+            Level of the resolution pyramid, by default the one in use; the finest is 0.
         """
         found = self._map(far=which == "far" or (which == "active" and self._far_is_active))
         if found is None or self._frame is None:
@@ -166,14 +168,14 @@ class Pipeline:
         )
 
     def drawn(self, which: Literal["near", "far"], most: int, *, anew: bool = False) -> Drawn | None:
-        """Return what changed of a map since the last call, nearest to the vehicle first; None before any.
+        """Return the changes of a map since the last call, the nearest tiles first; None before any window.
 
         Parameters
         ----------
         most
-            Tiles to return at most; what is left comes with the next calls.
+            Bound on the tiles returned; the next calls return the rest.
         anew
-            Take all that is drawn as changed.
+            Treat all tiles as changed.
         """
         found = self._map(far=which == "far")
         if found is None:

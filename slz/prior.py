@@ -1,10 +1,10 @@
-"""Ground surveyed before the flight: known from the first window on, and worth less than any live return.
+"""Prior map: ground surveyed before the flight, known from the first window on, below any live return.
 
-The prior is a layer of its own. It is no evidence in the cells of the maps, so it can make nothing safe that
-no live return fell on, and outvote none. Where a live map says anything, safe or unsafe, the prior says
-nothing. A single live return higher or lower than the surveyed ground takes that ground out of the prior for
-the rest of the flight, however far from the sensor it lies. What is left are zones to fly to and to look at:
-whether a point in one is safe the live maps alone decide (`landing_point.judge`).
+The prior is a layer of its own. It is no evidence in the cells of the live maps. So it makes nothing safe
+that no live return hit, and outvotes no live return. Where a live map is known, safe or unsafe, the prior is
+unknown. A single live return above or below the surveyed ground removes that ground from the prior for the
+rest of the flight, at any distance from the sensor. The remaining zones are to fly to and inspect: the live
+maps alone decide whether a point in one is safe (`landing_point.judgement.judge`).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from slz.zones.detection import Candidate, search_components, side_in_cells
 from slz.zones.ranking import rank
 from slz.zones.tracking import ZoneTracker
 
-CERTAINTY = 0.5  # of surveyed ground: below what a landing asks for (`min_certainty`)
+CERTAINTY = 0.5  # of surveyed ground: less than a landing requires (`min_certainty`)
 FEWEST_RETURNS = 200
-AGREEING = 0.5  # share of returns that must lie on the surveyed ground, or all of it that was hit is given up
-FIRST_ID = 100_001  # of its zones, so that those of the live maps have the IDs they would have without it
-LEVEL_M = 0.05  # by which the survey may have risen or sunk since its zones were found
-LATER_S = 5.0  # between two looks at what the live maps have come to know
-AGAIN_M = 100.0  # off the place where there was no survey, before it is asked for again
-SAMPLE = 20_000  # returns, of which the height of the survey is found
+AGREEING = 0.5  # share of returns that must agree with the survey; else all ground hit is removed
+FIRST_ID = 100_001  # of its zones, so that the live maps' zones have the same IDs with and without a prior
+LEVEL_M = 0.05  # change of the survey's level after which its zones are searched again
+LATER_S = 5.0  # period of the comparison with the cells known to the live maps
+AGAIN_M = 100.0  # distance from a place without survey, after which the source is asked again
+SAMPLE = 20_000  # returns from which the level of the survey is found
 Points = NDArray[np.float64]
 T = TypeVar("T", bound=np.generic)
 
@@ -47,7 +47,7 @@ T = TypeVar("T", bound=np.generic)
 class Surveyed:
     """Surveyed ground in the map frame: state as in `TerrainMaps`, heights (m, up) and slopes (degrees).
 
-    The zero of the heights may be another than the map's.
+    The zero of the heights may differ from the map's.
     """
 
     grid: Grid
@@ -57,14 +57,14 @@ class Surveyed:
 
 
 Source = Callable[[LocalFrame, Points], Surveyed | None]
-"""Gives the surveyed ground around a place (3,) of a frame; None where there is none."""
+"""Returns the surveyed ground around a position (3,) in a frame; None where there is none."""
 
 
 class PriorTerrain(UnboundedTerrain):
-    """What is left of surveyed ground, to be read as the live maps are (`Readable`).
+    """What is left of surveyed ground, to be read as the live maps are (`CellView`).
 
-    offset_m: of the survey's zero over that of the live maps' kept heights. datum_m: of the latter, see
-    `slz.terrain.tiles.Tiles`.
+    offset_m: height of the survey's zero over the zero of the live maps' stored heights. datum_m: height of
+    the latter, see `slz.terrain.tiles.Tiles`.
     """
 
     def __init__(self, surveyed: Surveyed) -> None:
@@ -75,7 +75,7 @@ class PriorTerrain(UnboundedTerrain):
 
     @property
     def level_m(self) -> float:
-        """How high the survey's zero lies in the map frame."""
+        """Height of the survey's zero in the map frame."""
         return self.offset_m + self.datum_m
 
     @property
@@ -104,13 +104,13 @@ class PriorTerrain(UnboundedTerrain):
 
 
 class Prior:
-    """Zones on surveyed ground that no live return contradicts and no live map has come to know.
+    """Zones on surveyed ground that no live return contradicts and no live map covers.
 
     Parameters
     ----------
     source
-        Gives the surveyed ground; asked once for a frame, and again when the vehicle leaves its middle, or
-        the place where there was none.
+        Returns the surveyed ground; called once for a frame, and again when the vehicle leaves the middle of
+        that ground, or the place where there was none.
     """
 
     def __init__(self, source: Source, parameters: Parameters) -> None:
@@ -130,7 +130,7 @@ class Prior:
 
     @property
     def grid(self) -> Grid | None:
-        """The surveyed ground's raster in the map frame; None where there is none."""
+        """Raster of the surveyed ground in the map frame; None where there is none."""
         return None if self.terrain is None else self.terrain.grid
 
     def take(
@@ -142,18 +142,18 @@ class Prior:
         live: tuple[CellView, ...],
         datum_m: float = 0.0,
     ) -> None:
-        """Compare a window's returns with the survey and find what zones are left.
+        """Compare a window's returns with the survey and update the zones.
 
         Parameters
         ----------
         points_enu_m
-            (n, 3) returns of the window, outliers removed, however far, in the live maps' kept heights.
+            (n, 3) returns of the window, outliers removed, at any range, in the live maps' stored heights.
         now_s
-            A time that never goes back within a frame.
+            A time that never decreases within a frame.
         live
-            The maps that go before the prior.
+            The live maps, which override the prior.
         datum_m
-            By which the maps' heights lie over those they keep.
+            Height of the maps' frame over their stored heights.
         """
         self._follow(frame, sensor_enu_m)
         terrain = self.terrain
@@ -176,17 +176,17 @@ class Prior:
             self.zones = self._found(terrain, sensor_enu_m)
 
     def _take_out(self, terrain: PriorTerrain) -> None:
-        """Take contradicted ground out of the zones at once; their outlines follow with the next look."""
+        """Remove contradicted ground from the zones at once; their outlines follow with the next search."""
         clear = self._clear(terrain).astype(np.uint8)
         self.zones = tuple(replace(zone, cells=zone.cells & clear[zone.box.slices]) for zone in self.zones)
 
     def _clear(self, terrain: PriorTerrain) -> NDArray[np.bool_]:
-        """Return the cells whose footprints hold nothing that was contradicted."""
+        """Return the cells whose footprints hold no contradicted ground."""
         half = max(1, math.ceil(self._parameters.footprint_m / 2 / terrain.grid.cell_m))
         return ~ndimage.maximum_filter(terrain.given_up, 2 * half + 1).astype(bool)
 
     def _follow(self, frame: LocalFrame, sensor_enu_m: Points) -> None:
-        """Ask for other ground in another frame, and when the vehicle is a quarter of it off its middle."""
+        """Load other ground in a new frame, and when the vehicle is a quarter of the side off the middle."""
         if frame != self._frame:
             self._frame, self._asked, self.terrain, self.zones = frame, None, None, ()
             self._marks, self._registered, self._offset_m = None, False, 0.0
@@ -215,13 +215,13 @@ class Prior:
             if old is not None:
                 self._names.moved(old.grid, self.terrain.grid)
         else:
-            self._names = ZoneTracker(self._ids)  # what comes next lies in another raster
+            self._names = ZoneTracker(self._ids)  # the next survey has another raster
 
     def _contradicted(self, terrain: PriorTerrain, points: Points, sensor: Points) -> int:
-        """Give up surveyed ground that returns contradict; return how many cells are new.
+        """Remove surveyed ground that returns contradict; return how many cells are new.
 
-        How high the ground lies over the survey is found anew with every window: the datum of the survey is
-        another than the autopilot's, and a barometer drifts.
+        The height of the ground over the survey is estimated in every window: the datum of the survey differs
+        from the autopilot's, and a barometer drifts.
         """
         p, grid, surveyed = self._parameters, terrain.grid, terrain.surveyed
         place = (grid.west_m, grid.south_m, grid.cell_m)
@@ -235,16 +235,16 @@ class Prior:
             middle = float(np.median(sample))
             if float((np.abs(sample - middle) <= least_m).mean()) >= AGREEING:
                 terrain.offset_m, self._registered = middle, True
-            else:  # wrong ground, or ground that has changed as a whole: none of it that was hit counts
+            else:  # wrong ground, or ground that changed as a whole: all cells hit are removed
                 least_m, noise = -1.0, 0.0
         elif not self._registered:
-            return 0  # too few to know the height of the survey by
+            return 0  # too few returns to find the level of the survey
         return int(
             contradict(points, over, sensor, terrain.offset_m, least_m, noise, *place, terrain.given_up)
         )
 
     def _overruled(self, zone: Zone, terrain: PriorTerrain, live: tuple[CellView, ...]) -> bool:
-        """Tell whether a return or a live map speaks against a zone's landing point."""
+        """Return whether a return or a live map contradicts a zone's landing point."""
         row, col = terrain.grid.index(*zone.best.enu_m[:2].tolist())
         if not zone.holds(row, col):
             return True
@@ -271,7 +271,7 @@ class Prior:
 
 
 def known_to(live: tuple[CellView, ...], grid: Grid) -> NDArray[np.bool_]:
-    """Return the cells of a raster whose centres lie on ground of which a live map says anything."""
+    """Return the cells of a raster whose centres are known to a live map."""
     out = np.zeros((grid.rows, grid.cols), bool)
     for terrain in live:
         own = terrain.grid
@@ -292,20 +292,20 @@ def known_to(live: tuple[CellView, ...], grid: Grid) -> NDArray[np.bool_]:
 def _remembered(
     marks: tuple[Grid, NDArray[np.int64]] | None, old: PriorTerrain
 ) -> tuple[Grid, NDArray[np.int64]]:
-    """Return the cells (n, 2) that were ever given up, as some raster counts them."""
+    """Return all cells (n, 2) ever removed, in the indices of a base raster."""
     base, cells = marks or (old.grid, np.empty((0, 2), np.int64))
     return base, np.unique(np.vstack([cells, np.argwhere(old.given_up) + old.grid.shift_to(base)]), axis=0)
 
 
 def _mark(terrain: PriorTerrain, base: Grid, cells: NDArray[np.int64]) -> None:
-    """Give up cells of a raster where they lie on a terrain."""
+    """Remove cells, given in another raster, from a terrain."""
     there = cells + base.shift_to(terrain.grid)
     inside = ((there >= 0) & (there < (terrain.grid.rows, terrain.grid.cols))).all(axis=1)
     terrain.given_up[tuple(there[inside].T)] = 1
 
 
 def _window(values: NDArray[T], box: Box, empty: float) -> NDArray[T]:
-    """Return a copy of a box of an array, which may reach beyond it."""
+    """Return a copy of a box of an array; the box may extend beyond it."""
     out = np.full(box.shape, empty, values.dtype)
     rows, cols = values.shape
     row0, row1, col0, col1 = max(0, box.row0), min(rows, box.row1), max(0, box.col0), min(cols, box.col1)

@@ -1,4 +1,4 @@
-"""What the pipeline says after a window."""
+"""Report of the pipeline after a window."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slz.zone import Zone
 
 @dataclass(frozen=True, slots=True)
 class MapReport:
-    """One map: its window, and its zones, the best to land in first."""
+    """One map: its grid, and its zones by rank, the best to land in first."""
 
     grid: Grid
     zones: tuple[Zone, ...]
@@ -25,13 +25,13 @@ class MapReport:
 class Report:
     """Result of one window.
 
-    near, far: the maps of fine and of coarse cells; both live on whichever is active. choice: what the window
-    was like, and the mode, resolution and window length chosen from that. n_points: returns of the window,
-    n_used: those near enough for the near map. new_map: the window of the near map was moved before.
-    n_without_tile, n_evicted: points for which the memory budget had no tile, and tiles given up.
+    near, far: the maps of fine and of coarse cells; both are maintained whichever is active. choice: features
+    of the window, and the mode, resolution and window length chosen from them. n_points: returns of the
+    window. n_used: returns in range of the near map. new_map: the near map's grid was moved before this
+    window. n_without_tile, n_evicted: points without a tile in the memory budget, and tiles evicted.
     far_is_active: the far map is the one to land by. stage_ms: processing time by stage. nearby: heights
-    around the vehicle, None where its place is unknown. prior: zones on ground surveyed before the flight,
-    to fly to and to look at; never to be landed in before the other maps say so. None without a survey.
+    around the vehicle, None where its position is unknown. prior: zones on ground surveyed before the flight,
+    None without a survey: to fly to and inspect, and never to land in before the other maps confirm them.
     """
 
     stamp_ns: int
@@ -52,7 +52,7 @@ class Report:
 
     @property
     def active(self) -> MapReport:
-        """The map to land by: the near one, in source mode that of the present mode."""
+        """The map to land by: the near one; in source mode that of the present mode."""
         return self.far if self.far_is_active else self.near
 
     @property

@@ -1,4 +1,4 @@
-"""Compile or load every kernel before anything depends on it."""
+"""Compilation or loading of every kernel before the first window."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slz.window import Window
 
 
 def warm_up(parameters: Parameters) -> None:
-    """Run the pipeline of these parameters on a patch of invented ground, twice, and drop the result."""
+    """Run the pipeline on two windows of synthetic ground, and discard the result."""
     rng = np.random.default_rng(0)
     side = 12 * max(parameters.cell_m, parameters.footprint_m, parameters.min_square_m / 4)
     points = np.column_stack([rng.uniform(-side, side, (4000, 2)), rng.normal(0, 0.01, 4000)])

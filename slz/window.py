@@ -1,4 +1,4 @@
-"""Scans, and the windows of time they are gathered into (SLZ paper 3.1.1)."""
+"""Scans, and their accumulation into time windows (SLZ paper, section 3.1.1)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slz.frame import LocalFrame
 
 LATE_NS = 2_000_000_000
 MOST_LATE = 100  # scans
-MOST_POINTS = 10_000_000  # of a window whose stamps stand still
+MOST_POINTS = 10_000_000  # bound on a window whose stamps do not advance
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +20,7 @@ class Scan:
     """Georeferenced returns of one sensor frame.
 
     points_enu_m : (n, 3) float64, in `frame`. stamp_ns : (n,) int64, the clock of the vehicle computer,
-    not decreasing. sensor_enu_m : (3,) float64, where the sensor was at the last stamp,
-    NaN where that is not known.
+    not decreasing. sensor_enu_m : (3,) float64, sensor position at the last stamp, NaN where unknown.
     """
 
     points_enu_m: NDArray[np.float64]
@@ -51,12 +50,12 @@ class Window(Scan):
 
 
 class Windower:
-    """Gather scans until their own stamps span the window, then hand the window on.
+    """Accumulator of scans: closes a window when the scans' own stamps span it.
 
-    The scan whose stamps reach the window's end is not part of it: it starts the next one
-    (SLZ thesis 3.2.1.1). Time stamps decide, never the arrival. A second sensor's scans may come late, by up
-    to `LATE_NS`: they join the open window, or wait for the next, and neither open nor close one. A scan that
-    is older still tells of a clock that went back, and starts a window.
+    The scan whose stamps reach the end of the window starts the next one (SLZ thesis, section 3.2.1.1).
+    Stamps decide, not arrival times. Scans of a second sensor may be late by up to `LATE_NS`: they join the
+    open window or wait for the next, and neither open nor close one. An older scan means that the clock went
+    back, and starts a window.
     """
 
     def __init__(self, window_s: float) -> None:
@@ -67,7 +66,7 @@ class Windower:
         self._last: Window | None = None
 
     def add(self, scan: Scan) -> Window | None:
-        """Take a scan; return the finished window if this scan starts a new one."""
+        """Add a scan; return the finished window if this scan starts a new one."""
         if not len(scan):
             return None
         window = self.flush() if self._scans and self._must_close(scan) else None
@@ -86,13 +85,13 @@ class Windower:
         return over or elapsed < -LATE_NS or scan.frame != self._scans[-1].frame
 
     def _is_late(self, scan: Scan) -> bool:
-        """Tell whether a scan began within the last window, as if it had missed it."""
+        """Return whether a scan is late: it begins at most `LATE_NS` before the end of the last window."""
         if self._last is None or scan.frame != self._last.frame or len(self._late) >= MOST_LATE:
             return False
         return -LATE_NS <= int(scan.stamp_ns[0]) - self._last.end_ns < 0
 
     def flush(self) -> Window | None:
-        """Hand on what was gathered, complete or not; what came late for a window before is gone with it."""
+        """Return the open window, complete or not, and discard the late scans that wait for the next."""
         self._late = []
         if not self._scans:
             return None
@@ -102,7 +101,7 @@ class Windower:
 
 
 def join(scans: Iterable[Scan]) -> Window:
-    """Join scans of one frame into a window, in their order; those of two sensors may not come in order."""
+    """Join scans of one frame into a window, in the order given; stamps of two sensors may interleave."""
     scans = list(scans)
     newest = max(scans, key=lambda scan: int(scan.stamp_ns[-1]) if len(scan) else -1)
     stamps = np.concatenate([scan.stamp_ns for scan in scans])

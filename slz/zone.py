@@ -1,4 +1,4 @@
-"""A safe landing zone, its obstacles and its best point."""
+"""Safe landing zone (SLZ), its obstacles and its landing point."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class LandingPoint:
     """Best point of a zone.
 
     enu_m : (3,) map frame. clearance_m: distance to the nearest cell outside the zone. square_side_m:
-    side of the largest safe square of the zone. certainty: probability that the whole footprint is safe, in
-    source mode 1 or 0. horizon_deg: elevation angle of the highest thing on the way from the vehicle, NaN
-    where nothing was seen there. distance_m: from the vehicle over ground.
+    side of the largest safe square of the zone. certainty: probability that the whole footprint is safe; in
+    source mode 1 or 0. horizon_deg: elevation angle of the highest obstacle on the way from the vehicle, NaN
+    where nothing was seen. distance_m: horizontal, from the vehicle.
     """
 
     enu_m: NDArray[np.float64]
@@ -34,16 +34,16 @@ class LandingPoint:
 
 @dataclass(frozen=True)
 class Zone:
-    """One safe landing zone (SLZ paper 3.3-3.4).
+    """One safe landing zone (SLZ paper, sections 3.3-3.4).
 
-    box: its cells' bounding box in the grid. cells: uint8 over that box, 1 = zone; in source mode everything
-    inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and columns
-    in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside the
-    contour: safe, unsafe (measured), uncertain (no elevation). certainty: in source mode Eq. 16 or 17, else
-    the mean probability of the cells inside the contour, 0 where unknown. slope_deg, roughness: means over
-    the measured ones of its safe cells, in source mode over all safe cells inside the contour. why: what
-    places it behind the zone before it in the ranking. Cells, corners and obstacles may be worked out when
-    they are first read, from what was known when the zone was described.
+    box: bounding box of its cells in the grid. cells: uint8 over that box, 1 = zone; in source mode
+    everything inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and
+    columns in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside
+    the contour: safe, unsafe (measured), uncertain (no elevation). certainty: mean probability of the cells
+    inside the contour, 0 where unknown; in source mode SLZ paper, Eq. (16) or SLZ paper, Eq. (17). slope_deg,
+    roughness: means over its measured safe cells; in source mode over all safe cells inside the contour. why:
+    reason for its rank behind the zone before it. Cells, corners and obstacles may be computed on first read,
+    from the maps at the time of the description.
     """
 
     id: int
@@ -63,19 +63,19 @@ class Zone:
     why: str = ""
 
     def placed(self, why: str) -> Zone:
-        """Return the zone with what places it behind another; what was not read yet stays so."""
+        """Return a copy with the reason for its rank; lazy fields stay unread."""
         zone = object.__new__(Zone)
         vars(zone).update(vars(self), why=why)
         return zone
 
     def holds(self, row: int, col: int) -> bool:
-        """Tell whether a cell of the grid belongs to the zone."""
+        """Return whether a cell of the grid belongs to the zone."""
         r, c = row - self.box.row0, col - self.box.col0
         return 0 <= r < self.cells.shape[0] and 0 <= c < self.cells.shape[1] and bool(self.cells[r, c])
 
 
 def zone_mask(zones: tuple[Zone, ...], box: Box) -> NDArray[np.bool_]:
-    """Return the cells of a box that belong to a zone; zones may lie outside it."""
+    """Return the mask of the cells of a box that belong to a zone; zones may reach beyond the box."""
     out = np.zeros(box.shape, bool)
     for zone in zones:
         own = zone.box

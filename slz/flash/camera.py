@@ -1,4 +1,4 @@
-"""What is known of a flash camera: its optics, its clock and its counts."""
+"""Flash LiDAR camera: optics, clock and counts, and its frames."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ FWHM_PER_SIGMA = 2.3548200450309493
 
 @dataclass(frozen=True, slots=True)
 class FlashCamera:
-    """A focal plane behind a lens, each pixel with a ring buffer of samples.
+    """Focal plane behind a lens, each pixel with a ring buffer of samples.
 
-    The defaults are those of Flash 2 to 4.2: 128 x 128 pixels behind a lens of 250 mm (pixels of 100 um
-    give 2.93 degrees), samples every 2.4 ns, pulses of 10 ns FWHM. Counts are those of the simulated
-    instrument.
+    The defaults are those of Flash paper, sections 2 to 4.2: 128 x 128 pixels behind a lens of 250 mm (pixels
+    of 100 um give 2.93 degrees), samples every 2.4 ns, pulses of 10 ns FWHM. Counts are those of the
+    simulated instrument.
 
     Attributes
     ----------
     fov_deg
-        Angle across the columns.
+        Field of view across the columns.
     baseline_counts, noise_counts
         Mean and standard deviation of a sample without light.
     saturated_counts
-        Samples from here on are clipped.
+        Samples from this value on are clipped.
     marker_counts
         A sample below is the end marker of the ring buffer.
     gate_counter
         Counter of a pixel that was never triggered.
     nearest_m, farthest_m
-        Ranges expected; others are dropped.
+        Expected ranges; others are dropped.
     """
 
     rows: int = 128
@@ -65,7 +65,7 @@ class FlashCamera:
 
     @property
     def sample_m(self) -> float:
-        """Range that the light goes there and back in one sample (m)."""
+        """Range resolution of one sample: half the way of light in it (m)."""
         return LIGHT_M_NS * self.sample_ns / 2
 
     @property
@@ -79,7 +79,7 @@ class FlashCamera:
         return 2 * float(np.tan(np.radians(self.fov_deg) / 2)) / self.cols
 
     def directions(self) -> NDArray[np.float64]:
-        """Return unit vectors (rows, cols, 3) of the pixels, forward, left, up of the sensor.
+        """Return unit vectors (rows, cols, 3) of the pixels: forward, left, up of the sensor.
 
         Column 0 is leftmost and row 0 uppermost, seen from behind the camera; x is the optical axis.
         """
@@ -92,10 +92,10 @@ class FlashCamera:
 
 @dataclass(frozen=True, slots=True)
 class FlashFrame:
-    """What the camera hands over after one flash.
+    """Raw frame of one flash.
 
-    samples : (rows, cols, n_samples) uint16, ring buffers as they lie in memory. counter : (rows, cols)
-    uint32, clock ticks from the flash to each pixel's last sample. stamp_ns : when it flashed.
+    samples : (rows, cols, n_samples) uint16, ring buffers in memory order. counter : (rows, cols) uint32,
+    clock ticks from the flash to each pixel's last sample. stamp_ns : time of the flash.
     """
 
     samples: NDArray[np.uint16]
@@ -113,7 +113,7 @@ class FlashFrame:
             raise ValueError(f"flash frame: the counter must be uint32, not {self.counter.dtype}")
 
     def require(self, camera: FlashCamera) -> None:
-        """Raise ValueError where the frame is not of this camera."""
+        """Raise ValueError if the frame does not fit this camera."""
         wanted = (camera.rows, camera.cols, camera.n_samples)
         if self.samples.shape != wanted:
             raise ValueError(

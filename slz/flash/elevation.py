@@ -1,4 +1,4 @@
-"""Elevations on a grid, the ground among them, and their histogram (Flash 5.3)."""
+"""Elevation map of a scene, removal of the ground, and elevation histogram (Flash paper, section 5.3)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from slz.kernels.cells.accumulate import sum_and_count
 
 F64 = NDArray[np.float64]
 GROUND_M = 8.0
-"""Side of the square whose median is ground: half of it must be free of objects."""
+"""Side of the square whose median is the ground: half of it must be free of objects."""
 BLOCK_M = 0.5
 
 
@@ -21,7 +21,7 @@ BLOCK_M = 0.5
 class ElevationMap:
     """Heights of cells; arrays [row = y, col = x].
 
-    height_m : float64, mean of the points of each cell, NaN where none fell. count : int32 points.
+    height_m : float64, mean of the points of each cell, NaN without points. count : int32 points.
     """
 
     grid: Grid
@@ -54,10 +54,10 @@ def grid_around(points_m: F64, cell_m: float) -> Grid:
 
 
 def relative_elevation(elevation: ElevationMap, ground_m: float = GROUND_M) -> F64:
-    """Return the DEM: elevations less those of the object-free ground around (Flash 5.3).
+    """Return the DEM: elevations minus those of the object-free ground around (Flash paper, section 5.3).
 
-    The source takes one mean of areas without objects. Ground that swells needs a local one: the median of
-    blocks of 0.5 m over `ground_m`, which objects on less than half of that square do not move.
+    The source subtracts one mean of areas without objects. Undulating ground needs a local one: the median of
+    blocks of 0.5 m over `ground_m`, which is unaffected by objects on less than half of that square.
     """
     cell = elevation.grid.cell_m
     step = max(1, round(BLOCK_M / cell))
@@ -79,14 +79,14 @@ def relative_elevation(elevation: ElevationMap, ground_m: float = GROUND_M) -> F
 
 
 def _median(values: F64) -> F64:
-    """Return medians along the last axis of what is there, NaN where nothing is."""
+    """Return medians of the known values along the last axis; inf where none is known."""
     return np.asarray(
         np.nanmedian(np.where(np.isnan(values).all(-1, keepdims=True), np.inf, values), axis=-1)
     )
 
 
 def _smoothed(ground: F64) -> F64:
-    """Return the ground smoothed; where none is known, that of the nearest known."""
+    """Return the smoothed ground; unknown cells take the nearest known value."""
     unknown = ~np.isfinite(ground)
     if unknown.all():
         return np.full_like(ground, np.nan)
@@ -97,10 +97,10 @@ def _smoothed(ground: F64) -> F64:
 def histogram_peaks(
     heights_m: F64, bin_m: float = 0.05, least_share: float = 0.01, apart_m: float = 0.3
 ) -> F64:
-    """Return the heights (m), rising, of the peaks of a histogram of elevations (Flash Fig. 7b).
+    """Return the heights (m), ascending, of the peaks of a histogram of elevations (Flash paper, Fig. 7b).
 
-    A peak is the highest bin within `apart_m`, holds with its neighbours at least `least_share` of the
-    cells, and its height is the mean of what lies in these bins.
+    A peak is the highest bin within `apart_m`, and holds with its neighbours at least `least_share` of the
+    cells. Its height is the mean of the values in these bins.
     """
     values = heights_m[np.isfinite(heights_m)]
     if not len(values):

@@ -1,4 +1,4 @@
-"""One frame from waveforms to a filtered range image, and to points."""
+"""Processing of one flash frame: from waveforms to a filtered range image and to points."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from slz.kernels.instruments.median_filter import median_of_neighbours
 F64 = NDArray[np.float64]
 Estimator = Literal["likely", "polynomial"]
 PARTED = 4.0  # standard errors, and
-PARTED_M = 0.5  # metres that a pixel may differ from the median around it
+PARTED_M = 0.5  # metres by which a pixel may differ from the median around it; the greater one
 
 
 @dataclass(frozen=True, slots=True)
 class FlashImage:
-    """What became of one frame; arrays (rows, cols).
+    """Range image of one frame; arrays (rows, cols).
 
-    measured : ranges pixel by pixel. filtered_m : their median over the neighbours, holes of single pixels
-    repaired, NaN where unknown. repaired : bool, where no pixel of its own stands behind a filtered range.
+    measured : ranges pixel by pixel. filtered_m : median over the neighbours, with holes of single pixels
+    repaired, NaN where unknown. repaired : bool, where a filtered range has no measured one at its pixel.
     """
 
     measured: RangeImage
@@ -36,12 +36,12 @@ class FlashImage:
 
 
 def process_frame(frame: FlashFrame, camera: FlashCamera, estimator: Estimator = "likely") -> FlashImage:
-    """Run a frame through ranging, triage and median filter (Flash 4.2-5.1).
+    """Run a frame through ranging, triage and median filter (Flash paper, sections 4.2-5.1).
 
     Raises
     ------
     ValueError
-        The frame is not of this camera, or there is no such estimator.
+        The frame does not fit this camera, or the estimator is unknown.
     """
     if estimator not in ("likely", "polynomial"):
         raise ValueError(f"flash: no estimator is called {estimator!r}: use 'likely' or 'polynomial'")
@@ -61,14 +61,15 @@ def sensor_pixels(
 ) -> tuple[F64, F64, NDArray[np.bool_]]:
     """Return points (n, 3) forward, left, up of the sensor (m), their standard errors (n,), and their pixels.
 
-    None where the frame is not usable. A repaired pixel gives no point: nothing was measured there.
+    No points are returned where the frame is not usable. A repaired pixel gives no point: nothing was
+    measured.
 
     Parameters
     ----------
     filtered
-        True: ranges after the median, as in the source; pixels far from it, false triggers, give none. But a
-        median of nine takes away what is narrower than two pixels, such as a post. False: every pixel's own
-        range, for stages that tell lone returns from things by themselves, as those of a flight do.
+        True: ranges after the median filter, as in the source; pixels far from the median, false triggers,
+        give no point. A median of nine removes objects narrower than two pixels, such as a post. False: the
+        measured range of every pixel, for stages with their own outlier removal, as in flight.
     """
     if not image.verdict.usable:
         return np.empty((0, 3)), np.empty(0), np.zeros(image.filtered_m.shape, bool)
@@ -87,7 +88,7 @@ def _directions(camera: FlashCamera) -> F64:
 
 
 def map_points(points_sensor_m: F64, position_m: F64, T_map_from_sensor: F64) -> F64:
-    """Return points in the map frame, X = X0 + N r (Flash Eq. 2).
+    """Return points in the map frame.
 
     Parameters
     ----------
@@ -99,10 +100,10 @@ def map_points(points_sensor_m: F64, position_m: F64, T_map_from_sensor: F64) ->
     Raises
     ------
     ValueError
-        The pose is not finite or the rotation is none.
+        The pose is not finite, or the matrix is no rotation.
     """
     if not (np.isfinite(position_m).all() and np.isfinite(T_map_from_sensor).all()):
         raise ValueError(f"flash: the pose is not finite: {position_m}, {T_map_from_sensor}")
     if not np.allclose(T_map_from_sensor @ T_map_from_sensor.T, np.eye(3), atol=1e-6):
         raise ValueError(f"flash: T_map_from_sensor is no rotation: {T_map_from_sensor.tolist()}")
-    return np.asarray(position_m + points_sensor_m @ T_map_from_sensor.T)
+    return np.asarray(position_m + points_sensor_m @ T_map_from_sensor.T)  # Flash paper, Eq. (2)

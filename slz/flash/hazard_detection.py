@@ -1,4 +1,4 @@
-"""Hazards of a DEM: where they are, how large and how high (Flash 6, SLZ thesis 2.5)."""
+"""Hazard detection in a DEM: position, extent, height (Flash paper, section 6; SLZ thesis, section 2.5)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from slz.grid import Grid
 
 F64 = NDArray[np.float64]
 LEAST_M = 0.25
-"""Height or depth from which something is reported: what the median filter and the cells leave of 0.3 m."""
+"""Least height or depth of a hazard: 0.3 m, less what the median filter and the cells remove."""
 SHARE = 0.5
-"""Of `LEAST_M`, by which a segment must stand out to belong to a hazard."""
+"""Share of `LEAST_M` by which a segment must stand out to belong to a hazard."""
 FIRST_M = 1.6
-"""Side of the squares that the segmentation of hazards begins with."""
+"""Side of the initial squares of the segmentation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hazard:
-    """Something that stands out of the ground, or lies below it.
+    """Object above the ground, or pit below it.
 
     east_m, north_m : its centre. extent_m : west, south, east, north edge. height_m : over the ground around,
     negative for a pit. area_m2 : of its cells.
@@ -48,9 +48,10 @@ def find_hazards(dem_m: F64, grid: Grid, least_m: float = LEAST_M, xi: float = 2
     xi
         Tuning parameter of the segmentation.
 
-    A hazard is a group of segments that stand out by half of `least_m` with four cells between them at most,
-    one cell of which, with a neighbour at least as far out by three quarters of it, reaches `least_m`. Its
-    height is the median of its cells of at least 0.7 times its highest: a box gets that of its lid.
+    A hazard is a group of segments that stand out by half of `least_m`, with at most four cells between them.
+    One cell must reach `least_m`, and another one three quarters of it. The height is the median of the cells
+    of at least 0.7 times the highest (the second highest of 20 cells or more): a box gets the height of its
+    lid.
     """
     if dem_m.shape != (grid.rows, grid.cols):
         raise ValueError(f"hazards: the DEM is {dem_m.shape}, its grid {(grid.rows, grid.cols)}")

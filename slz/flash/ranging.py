@@ -1,4 +1,4 @@
-"""Range and intensity of every pixel from its waveform (Flash 4.2-4.3)."""
+"""Range and intensity of every pixel from its waveform (Flash paper, sections 4.2-4.3)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slz.flash.camera import FlashCamera, FlashFrame
 from slz.kernels.instruments.waveform import GOOD, MISSING, likely_peaks, polynomial_peaks
 
 DEGREE = 6
-LEAST_SIGMAS = 4.0  # of the noise, below which a maximum is no return
+LEAST_SIGMAS = 4.0  # a maximum below half as many standard deviations of the noise is no return
 
 F64 = NDArray[np.float64]
 
@@ -21,9 +21,9 @@ F64 = NDArray[np.float64]
 class RangeImage:
     """Ranges of one frame; arrays (rows, cols).
 
-    range_m : float64, NaN where no range is trusted. intensity : float64, counts over the baseline.
-    sigma_m : float64, standard error of the range that the noise explains, NaN where not known.
-    state : uint8, MISSING, GOOD, SATURATED or ODD of `waveform`; only GOOD ones have a range.
+    range_m : float64, NaN without a valid range. intensity : float64, counts over the baseline.
+    sigma_m : float64, standard error of the range due to noise, NaN where unknown.
+    state : uint8, MISSING, GOOD, SATURATED or ODD of `waveform`; only GOOD pixels have a range.
     """
 
     range_m: F64
@@ -33,12 +33,12 @@ class RangeImage:
 
 
 def polynomial_ranges(frame: FlashFrame, camera: FlashCamera) -> RangeImage:
-    """Return ranges at the maximum of a polynomial of 6th degree, as the source has it (Flash 4.2).
+    """Return ranges at the maximum of a 6th-degree polynomial, as in the source (Flash paper, section 4.2).
 
     Raises
     ------
     ValueError
-        The frame is not of this camera.
+        The frame does not fit this camera.
     """
     frame.require(camera)
     ticks, height, state = _empty(camera)
@@ -51,13 +51,12 @@ def polynomial_ranges(frame: FlashFrame, camera: FlashCamera) -> RangeImage:
 
 
 def likely_ranges(frame: FlashFrame, camera: FlashCamera) -> RangeImage:
-    """Return ranges of the likeliest Gaussian pulse, with their standard errors; clipped samples are left
-    out.
+    """Return ranges of the most likely Gaussian pulse, with standard errors; clipped samples are left out.
 
     Raises
     ------
     ValueError
-        The frame is not of this camera.
+        The frame does not fit this camera.
     """
     frame.require(camera)
     ticks, height, state = _empty(camera)
@@ -80,7 +79,7 @@ def polynomial_map(count: int, degree: int = DEGREE) -> F64:
 
 
 def range_bound_m(camera: FlashCamera, noise_share: float) -> float:
-    """Return the Cramér-Rao bound of the range of one waveform (m), height of the pulse unknown.
+    """Return the Cramér-Rao bound of the range of one waveform (m), with unknown pulse height.
 
     Parameters
     ----------

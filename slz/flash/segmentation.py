@@ -1,11 +1,12 @@
-"""Optimal Segmentation Algorithm: quarters that differ from their whole become segments (Flash 6.1).
+"""Optimal Segmentation Algorithm: quadtree split by significant differences (Flash paper, section 6.1).
 
-What is *different* is settled by Eq. (5), |H - Hm| >= xi (DH + DHm). The text calls DH the standard
-deviation, Eq. (3) prints the variance; with neither can the algorithm work. If a quarter of a segment lies d
-from the other three, then |H - Hm| = 3/4 d while DH >= sqrt(3)/4 d: the ratio never exceeds sqrt(3), so that
-with xi = 2 no segment would ever be divided. With the standard error of the mean, DH^2 = sum (h - H)^2 / (N
-(N - 1)), the factor N of which Eq. (3) and (4) lack, Eq. (5) asks whether two means differ by xi of their
-errors, and the figures of the source come out at xi = 2 and xi = 6. That is the default.
+A square is split when |H - Hm| >= xi (DH + DHm) for one of its quarters: Flash paper, Eq. (5). The text calls
+DH the standard deviation, Flash paper, Eq. (3) prints the variance; the algorithm works with neither. If a
+quarter of a segment is d away from the other three, then |H - Hm| = 3/4 d while DH >= sqrt(3)/4 d: the ratio
+never exceeds sqrt(3), so that with xi = 2 no segment would ever be split. The default is therefore the
+standard error of the mean, DH^2 = sum (h - H)^2 / (N (N - 1)); Flash paper, Eq. (3) and Flash paper, Eq. (4)
+lack the factor N. Then the criterion is whether two means differ by xi times their errors, and the figures of
+the source are reproduced at xi = 2 and xi = 6.
 """
 
 from __future__ import annotations
@@ -23,27 +24,26 @@ SMALLEST = 2  # cells along the side of a segment
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Segments of a map: mean height (m) and side (cells) of the segment of each cell; NaN and 0 where
-    unknown."""
+    """Segments of a map: mean height (m) and side (cells) of each cell's segment; NaN and 0 where unknown."""
 
     mean_m: F64
     side: NDArray[np.int32]
 
 
 def segment(heights_m: F64, xi: float = 2.0, first: int | None = None, spread: Spread = "error") -> Segments:
-    """Divide a map of elevations into segments of one height each.
+    """Split a map of elevations into segments of one height each.
 
     Parameters
     ----------
     heights_m
-        (rows, cols), NaN where unknown; such cells count for nothing.
+        (rows, cols), NaN where unknown; such cells are ignored.
     xi
-        Tuning parameter of Eq. (5); the source uses 2 and 6.
+        Tuning parameter of the split criterion; the source uses 2 and 6.
     first
-        Side of the squares begun with (cells, a power of two); by default all is one segment.
+        Side of the initial squares (cells, a power of two); by default the whole map is one segment.
     spread
-        "error": of the mean. "deviation": of the heights, to the letter of the text, which never divides at
-        xi above sqrt(3).
+        "error": standard error of the mean. "deviation": standard deviation of the heights, as in the text,
+        which never splits at xi above sqrt(3).
 
     Raises
     ------
@@ -92,6 +92,7 @@ def _pyramid(heights: F64, top: int) -> dict[int, Moments]:
     side = 1
     while True:
         with np.errstate(invalid="ignore", divide="ignore"):
+            # Flash paper, Eq. (3) for a whole square, Flash paper, Eq. (4) for its quarters
             mean = total / np.where(count > 0, count, np.nan)
             variance = np.maximum(square - count * mean**2, 0.0) / np.where(count > 1, count - 1, np.nan)
         out[side] = (mean + centre, variance, count)
@@ -106,9 +107,10 @@ def _fours(a: F64) -> F64:
 
 
 def _differs(whole: Moments, quarters: Moments, xi: float, spread: Spread) -> NDArray[np.bool_]:
-    """Tell which squares are to be divided: at least one quarter fulfils Eq. (5)."""
+    """Return the squares to split: at least one quarter differs significantly."""
     mean, own = (np.repeat(np.repeat(a, 2, 0), 2, 1) for a in (whole[0], _spread(whole, spread)))
     with np.errstate(invalid="ignore"):
+        # Flash paper, Eq. (5)
         apart = np.abs(mean - quarters[0]) >= xi * (own + _spread(quarters, spread))
     found: NDArray[np.bool_] = apart[::2, ::2] | apart[1::2, ::2] | apart[::2, 1::2] | apart[1::2, 1::2]
     return found

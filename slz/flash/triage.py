@@ -1,4 +1,4 @@
-"""Which frames are worth processing (Flash 4.1)."""
+"""Triage of flash frames (Flash paper, section 4.1)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from slz.flash.ranging import RangeImage
 from slz.kernels.instruments.waveform import GOOD, MISSING, SATURATED
 
 FULL = 0.95
-"""Share of pixels with a return, "close to 100 %", from which a frame is whole."""
+"""Share of GOOD pixels, "close to 100 %", from which a frame is whole."""
 LIMIT = (0.5, 0.7)
-"""Shares of a frame at the limit of detection."""
+"""Shares of GOOD pixels of a frame at the limit of detection."""
 MOST_SATURATED = 0.2
 
 
 class Quality(Enum):
-    """What a frame is good for. Only WHOLE and PARTIAL ones are mapped."""
+    """Quality of a frame. Only WHOLE and PARTIAL frames are mapped."""
 
     WHOLE = "whole"
     PARTIAL = "partial"
@@ -29,7 +29,7 @@ class Quality(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Triage:
-    """Verdict on a frame, with the shares of its pixels that gave a return and that were saturated."""
+    """Quality of a frame, with the shares of its pixels that gave a return and that were saturated."""
 
     quality: Quality
     returned: float
@@ -37,15 +37,15 @@ class Triage:
 
     @property
     def usable(self) -> bool:
-        """Whether its ranges are to be mapped."""
+        """True if the ranges of the frame are mapped."""
         return self.quality in (Quality.WHOLE, Quality.PARTIAL)
 
 
 def triage(image: RangeImage) -> Triage:
-    """Sort a frame by the share of pixels with a return and of saturated ones.
+    """Classify a frame by its shares of GOOD and of saturated pixels.
 
-    Between 70 and 95 % the frame is partial: the source does not name that case; what it shows is used, and
-    what it does not show stays unknown. Below 50 % noise triggers too large a part of what there is.
+    Between 70 and 95 % the frame is partial, a case that the source does not name: its returns are used, and
+    the rest stays unknown. Below 50 % noise triggers too large a share of the returns.
     """
     returned = float(np.mean(image.state != MISSING))
     saturated = float(np.mean(image.state == SATURATED))

@@ -1,4 +1,7 @@
-"""Rows put into larger arrays, one number at a time: a slice for a target costs Numba seconds to compile."""
+"""Growable arrays: copies into larger arrays, element by element.
+
+Assigning to a slice costs Numba seconds of compile time.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +17,14 @@ Table = NDArray[Any]
 
 @kernel()
 def put(out: NDArray[Any], at: int, values: NDArray[Any]) -> None:
-    """Set (n,) values from a place on."""
+    """Copy (n,) values into an array, from index `at` on."""
     for i in range(len(values)):
         out[at + i] = values[i]
 
 
 @kernel()
 def put_rows(out: Table, at: int, rows: Table) -> None:
-    """Set (n, k) rows from a place on."""
+    """Copy (n, k) rows into a table, from row `at` on."""
     for i in range(len(rows)):
         for k in range(rows.shape[1]):
             out[at + i, k] = rows[i, k]
@@ -29,7 +32,7 @@ def put_rows(out: Table, at: int, rows: Table) -> None:
 
 @kernel()
 def doubled(rows: Table) -> Table:
-    """Return (2 n, k) a table with room for as many rows again."""
+    """Return a (2 n, k) copy of a table; its second half is uninitialised."""
     out = np.empty((2 * len(rows), rows.shape[1]), rows.dtype)
     put_rows(out, 0, rows)
     return out

@@ -1,8 +1,8 @@
-"""The one way kernels are compiled: cached, without the GIL, eager where a signature is given.
+"""Compilation of kernels with Numba: cached, without the GIL, eager where a signature is given.
 
-Numba keeps what it compiled until the source of the kernel itself changes. But a kernel holds those that it
-calls: code that an update mended in another file would stay in use. So what is kept is marked with all the
-sources that it is made of.
+Numba's cache is invalidated only by the source of the kernel itself. A kernel contains the kernels that it
+calls, so a change of their files would go unnoticed. The cache is therefore stamped with all sources that a
+kernel is compiled from.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _told = set[str]()  # modules
 
 
 def kernel(*signatures: str) -> Callable[[F], F]:
-    """Compile a function with Numba; `fastmath` stays off because it turns `isnan` off."""
+    """Compile a function with Numba; `fastmath` stays off because it disables `isnan`."""
 
     def decorate(function: F) -> F:
         compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
@@ -44,9 +44,9 @@ def kernel(*signatures: str) -> Callable[[F], F]:
 
 
 def _mark(compiled: Any, path: Path) -> None:
-    """Have compiled code of a kernel kept until any source changes that it is made of."""
+    """Stamp the cache of a kernel with all sources that it is compiled from."""
     index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if index is not None and path.is_file():  # neither with the compiler off nor in a notebook
+    if index is not None and path.is_file():  # absent with the compiler off, and in a notebook
         index._source_stamp = index._source_stamp, _stamp(path)
 
 

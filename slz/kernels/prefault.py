@@ -1,4 +1,4 @@
-"""Pages of memory asked for before they are needed."""
+"""Prefaulting of memory pages, before they are needed."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-PAGE = 4096  # bytes; where pages are larger some are touched more often than needed
+PAGE = 4096  # bytes; with larger pages some are touched more often than needed
 
 
 @kernel("void(uint8[::1], int64, int64, int64, int64, uint8)")
 def touch(
     memory: NDArray[np.uint8], first: int, apart: int, count: int, length: int, nothing: np.uint8
 ) -> None:
-    """Write to every page of stretches of so many bytes, as many bytes apart, what it holds.
+    """Prefault the pages of `count` byte ranges, `apart` bytes apart, by rewriting their contents.
 
-    `nothing` is 0: the compiler, which does not know that, would leave out what changes nothing.
+    `nothing` must be 0. It is an argument, because the compiler would drop an OR with a constant 0.
     """
     for i in range(count):
         start = first + i * apart

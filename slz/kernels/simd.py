@@ -1,9 +1,8 @@
-"""Sixteen numbers at a time, for kernels in which the compiler does not see by itself that it may.
+"""SIMD lanes: sixteen numbers as one value, for kernels that the compiler does not vectorise by itself.
 
-In a kernel `load` gives 16 values in a row as one, on which +, -, *, /, <, == and the functions below work by
-each; `load_wide` gives 16 of eight bytes, `columns` the columns of 16 x 16 values. Uncompiled they are NumPy
-arrays, which do the same. `ask_for` has 16 values, if they are aligned, brought from memory while other work
-goes on.
+`load` reads 16 consecutive float32 as one value; +, -, *, /, <, == and the functions below apply lane by
+lane. `load_wide` reads 16 float64. `columns` reads the columns of a 16 x 16 block. `ask_for` prefetches one
+cache line for writing: 16 float32 if they are aligned. With the compiler off, lanes are NumPy arrays.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from slz.kernels.jit import kernel
 
 LANES = 16
 FLOAT, DOUBLE, FLAG, INT32 = ir.FloatType(), ir.DoubleType(), ir.IntType(1), ir.IntType(32)
-Floats = Any  # 16 numbers of four bytes, or flags of as many
-Doubles = Any  # 16 numbers of eight bytes
+Floats = Any  # 16 float32, or 16 flags
+Doubles = Any  # 16 float64
 
 
 class Lanes(types.Type):
-    """Numba's type of 16 numbers or flags."""
+    """Numba type of 16 numbers or flags."""
 
     def __init__(self, element: Any) -> None:
         self.vector = ir.VectorType(element, LANES)
@@ -45,7 +44,7 @@ FLOATS, DOUBLES, FLAGS = Lanes(FLOAT), Lanes(DOUBLE), Lanes(FLAG)
 
 
 def _code(result: Any, build: Callable[..., Any]) -> Any:
-    """Return a function of kernels whose code is built from the values of its arguments."""
+    """Return a Numba intrinsic whose LLVM code `build` emits from the values of its arguments."""
 
     def typed(*given: Any) -> Any:  # pragma: no cover - the compiler's
         def code(context: Any, builder: Any, typing: Any, values: Any) -> Any:
@@ -78,7 +77,7 @@ def _all(builder: Any, value: Any, kind: Lanes) -> Any:
 
 
 def _columns(builder: Any, data: Any, at: Any) -> Any:
-    """Load 16 rows of 16 numbers, and change ever smaller squares of them across the diagonal."""
+    """Load a 16 x 16 block and transpose it, by exchanging ever smaller squares across the diagonal."""
     rows = [
         builder.load(_place(builder, data, builder.add(at, ir.IntType(64)(LANES * i))), align=4)
         for i in range(LANES)
@@ -108,14 +107,14 @@ def _ask(builder: Any, data: Any, at: Any) -> None:
 
 
 def _store_bytes(builder: Any, data: Any, at: Any, ones: Any, alls: Any) -> None:
-    """Store a byte for each lane: all its bits set, or the lowest, or none."""
+    """Store a byte for each lane: 255 where `alls` is set, else 1 where `ones` is set, else 0."""
     kind = ir.VectorType(ir.IntType(8), LANES)
     place = builder.bitcast(builder.gep(data, [at]), kind.as_pointer())
     builder.store(builder.or_(builder.zext(ones, kind), builder.sext(alls, kind)), place, align=1)
 
 
 def _multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return a * b + c, in one operation where the processor has one."""
+    """Return a * b + c, fused where the processor can."""
     function = ir.FunctionType(FLOATS.vector, [FLOATS.vector] * 3)
     name = f"llvm.fmuladd.v{LANES}f32"
     return builder.call(builder.module.declare_intrinsic(name, (), function), [a, b, c])
@@ -209,19 +208,19 @@ else:
 
 @kernel()
 def lower(a: Floats, b: Floats) -> Floats:
-    """Return the lower of each two numbers; where one is none, that of `b`."""
+    """Return the lane-wise minimum; where either is NaN, the lane of `b`."""
     return where(a < b, a, b)
 
 
 @kernel()
 def higher(a: Floats, b: Floats) -> Floats:
-    """Return the higher of each two numbers; where one is none, that of `b`."""
+    """Return the lane-wise maximum; where either is NaN, the lane of `b`."""
     return where(b < a, a, b)
 
 
 @kernel("float32[::1](int64)")
 def room(count: int) -> Any:
-    """Return numbers that are not set yet, in whole lines of the cache: lanes across two take longer."""
+    """Return uninitialised float32, aligned to a cache line: lanes that straddle two lines are slower."""
     whole = np.empty(count + LANES, np.float32)
     first = -(whole.ctypes.data >> 2) & (LANES - 1)
     return whole[first : first + count]
@@ -229,7 +228,7 @@ def room(count: int) -> Any:
 
 @kernel("uint64(float32[::1], int64, float32)")
 def below(values: NDArray[np.float32], at: int, limit: np.float32) -> np.uint64:
-    """Return the bits of those of 64 values, from one on, that are below a limit; NaN is not."""
+    """Return a bit mask of 64 values, from index `at` on: 1 where below the limit; 0 for NaN."""
     word, most = np.uint64(0), every(limit)
     for i in range(0, 64, LANES):
         word |= flags_of(load(values, at + i) < most) << np.uint64(i)

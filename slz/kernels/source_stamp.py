@@ -1,4 +1,4 @@
-"""Stamp of a compiled kernel: a hash of its own source and of every module of ours that it imports."""
+"""Source stamp of a compiled kernel: a hash of its module and of every product module that it imports."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ IMPORTED = re.compile(rb"^from ((?:slz|companion)(?:\.\w+)+) import", re.MULTILI
 
 
 def sources_of(path: Path, root: Path) -> dict[Path, bytes]:
-    """Return the source of a module and of all modules of ours that it imports, however far down.
+    """Return the sources of a module and of all product modules that it imports, transitively.
 
     Parameters
     ----------
     path
-        The module, wherever it is.
+        The module; may be anywhere.
     root
         Folder of the packages `slz` and `companion`.
     """
@@ -31,9 +31,9 @@ def sources_of(path: Path, root: Path) -> dict[Path, bytes]:
 
 
 def stamp(path: Path, root: Path) -> bytes:
-    """Return a hash that changes when any source changes that the kernels of a module are compiled from."""
+    """Return a hash of all sources that the kernels of a module are compiled from."""
     whole = hashlib.sha256()
     texts = sorted((source.name, text) for source, text in sources_of(path, root).items())
-    for name, text in texts:  # names only: the same wherever the program is installed
+    for name, text in texts:  # names only, so that the hash does not depend on the installation folder
         whole.update(f"{name} {len(text)}\n".encode() + text)
     return whole.digest()

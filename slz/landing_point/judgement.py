@@ -1,4 +1,4 @@
-"""Where in a zone to land, and whether a selected landing point (SLP) is still safe (SLZ thesis 4.3.2)."""
+"""Landing point of a zone, and state of the selected landing point (SLP; SLZ thesis, section 4.3.2)."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from slz.zones.detection import Candidate
 
 Judge = Literal["near", "far", "none"]
 MOST_OBSTACLES = 64
-BULGE = 0.02  # how much ground rises over its plane, per metre of distance
+BULGE = 0.02  # allowed rise of the ground over its plane, per metre of distance
 
 
 class PointState(Enum):
-    """What is known of a selected point."""
+    """State of a selected point."""
 
     SAFE = "safe"
     UNSAFE = "unsafe"
@@ -46,10 +46,10 @@ STATES = {
 class SelectedPoint:
     """State of the selected landing point after a window.
 
-    judged_by: which map decided; "none" when neither has it, and the state is then the last one known (SLZ
-    thesis 4.3.2.2), unknown if there was none. height_m is the ground's height at the point. slope_deg,
-    relief_m, certainty are those of the footprint at it; NaN where unknown. surroundings: None where nothing
-    is known.
+    judged_by: the map that decided; "none" when neither covers the point: the state is then the last one
+    known (SLZ thesis, section 4.3.2.2), or unknown if there was none. height_m: height of the ground at the
+    point. slope_deg, relief_m, certainty: of the footprint at the point, NaN where unknown. surroundings:
+    None where nothing is known.
     """
 
     enu_m: NDArray[np.float64]
@@ -64,16 +64,16 @@ class SelectedPoint:
 
     @property
     def in_map(self) -> bool:
-        """Whether a map still covers the point."""
+        """True if a map covers the point."""
         return self.judged_by != "none"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Widest:
-    """The cells of a zone farthest from everything that is not the zone, and what the maps say of them.
+    """Cells of a zone with the greatest clearance, with their slope and certainty.
 
-    cells: (n, 2) of the grid. distance2: to the nearest cell outside, in cells, squared. slope_deg: 90 where
-    there is none.
+    cells: (n, 2) rows and columns of the grid. distance2: squared distance to the nearest cell outside the
+    zone, in cells. slope_deg: 90 where unknown.
     """
 
     cells: NDArray[np.int64]
@@ -102,15 +102,15 @@ def best_point(
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone.
+    """Return the point of a zone with the greatest clearance.
 
-    Of points whose clearance differs by less than half a cell the most certain, then the least steep, then
-    the nearest to the vehicle is taken.
+    Among points whose clearance differs by less than half a cell, the most certain wins, then the least
+    steep, then the nearest to the vehicle.
 
     Parameters
     ----------
     square_side
-        Of the zone's largest square, in cells.
+        Side of the zone's largest square, in cells.
     """
     grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
     place = grid.west_m, grid.south_m, grid.cell_m
@@ -130,7 +130,7 @@ def best_point(
 
 
 def ground_m(terrain: TerrainView, cell: Box) -> float:
-    """Return the height of the ground at a cell, from its neighbours where it holds no return itself."""
+    """Return the height of the ground at a cell; without one, the median of its nearest known neighbours."""
     for radius in range(4):
         heights = terrain.layer("height_m", terrain.around(cell, radius))
         known = heights[np.isfinite(heights)]
@@ -167,7 +167,7 @@ def judge(
 
 
 def unknown(enu_m: NDArray[np.float64], height_m: float = math.nan) -> SelectedPoint:
-    """Return a point of which no map says anything."""
+    """Return the state of a point that no map covers."""
     nan = math.nan
     return SelectedPoint(enu_m, PointState.UNKNOWN, "none", height_m, nan, nan, nan, None, None)
 
@@ -180,8 +180,8 @@ def _cell(enu_m: NDArray[np.float64], terrain: TerrainView) -> Box:
 def surroundings(enu_m: NDArray[np.float64], terrain: TerrainView, parameters: Parameters) -> Surroundings:
     """Return what stands within `surround_m` of a point, over the plane of the ground about it.
 
-    The ground is what is safe and joined to the point's own cell, or all that is safe where that one is not.
-    An obstacle is what rises over the plane by more than the relief limit and 2 % of the distance.
+    Obstacles rise over the plane of the ground by more than the relief limit plus 2 % of the distance. The
+    ground is the safe component of the point's own cell, or every safe cell where that cell is not safe.
     """
     grid, reach = terrain.grid, math.ceil(parameters.surround_m / terrain.grid.cell_m)
     cell = _cell(enu_m, terrain)
@@ -214,7 +214,7 @@ def _tops(terrain: TerrainView, box: Box) -> NDArray[np.float32]:
 
 
 def _view(terrain: TerrainView, box: Box) -> NDArray[np.float32]:
-    """Return what may stand in the way: mean heights where the ground is safe, elsewhere tops."""
+    """Return the heights that may block the view: mean heights on safe ground, tops elsewhere."""
     return np.where(terrain.state(box) == SAFE, terrain.layer("height_m", box), _tops(terrain, box))
 
 
@@ -232,7 +232,7 @@ def _plane(
     ground: NDArray[np.bool_],
     level_m: float,
 ) -> NDArray[np.float64]:
-    """Return the plane through the ground, or the level where there is too little ground for one."""
+    """Return the plane fitted to the ground, or the level where fewer than 30 cells of ground are known."""
     use = ground & np.isfinite(height)
     if int(use.sum()) < 30:
         return np.full(height.shape, level_m)
@@ -247,7 +247,7 @@ def horizon_towards(
     terrain: TerrainView,
     parameters: Parameters,
 ) -> float:
-    """Return the elevation angle (deg) of the highest thing within 15 degrees of the way from the sensor."""
+    """Return the elevation angle (deg) of the highest obstacle within 15 degrees of the way to the sensor."""
     if not (is_known(enu_m) and is_known(sensor_enu_m)):
         return float("nan")
     east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
@@ -263,7 +263,7 @@ def horizon_towards(
 
 
 def _ahead(box: Box, cell: Box, reach: int, east: float, north: float) -> Box:
-    """Return the part of a box about a cell that may hold what is within 45 degrees of a direction."""
+    """Return the part of a box around a cell that may hold cells within 45 degrees of a direction."""
     bearing = math.atan2(east, north)
     edges = (bearing - math.pi / 4, bearing + math.pi / 4)
     axes = [k * math.pi / 2 for k in range(-4, 5) if edges[0] <= k * math.pi / 2 <= edges[1]]

@@ -1,6 +1,6 @@
-"""Heights around the vehicle, small enough to go with every report.
+"""Height map around the vehicle, small enough for every report.
 
-What keeps the vehicle off obstacles runs at a rate of its own and cannot wait for a window: it reads this.
+Obstacle avoidance runs at its own rate and cannot wait for a window, so it reads this map.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ Floats = NDArray[np.float32]
 class Nearby:
     """Read-only heights on a square around the vehicle; row 0 is the southernmost, NaN where unknown.
 
-    ground_m: (rows, cols) float32, mean height of the returns of the map's highest cell within, up in the map
-    frame. top_m: (rows, cols) float32, how high the returns reach; on safe ground no higher than ground_m.
+    ground_m: (rows, cols) float32, mean height of the returns of the highest map cell in each block, up in
+    the map frame. top_m: (rows, cols) float32, highest return of the block; on safe ground equal to the mean
+    height.
     """
 
     west_m: float
@@ -55,7 +56,7 @@ class Nearby:
 
     def columns_enu_m(self, above_m: float) -> NDArray[np.float64]:
         """Return (n, 3) centres and tops of the cells that reach higher than `above_m`."""
-        rows, cols = np.nonzero(self.top_m > above_m)  # NaN is not
+        rows, cols = np.nonzero(self.top_m > above_m)  # False for NaN
         east = self.west_m + (cols + 0.5) * self.cell_m
         north = self.south_m + (rows + 0.5) * self.cell_m
         return np.stack([east, north, self.top_m[rows, cols].astype(np.float64)], axis=1)
@@ -69,7 +70,7 @@ def nearby(near: TerrainView, far: TerrainView, sensor_enu_m: NDArray[np.float64
     near, far
         Both maps, of any cell size.
     sensor_enu_m
-        (3,) east, north, up; where it is not finite nothing is returned.
+        (3,) east, north, up; None is returned where it is not finite.
     """
     if not is_known(sensor_enu_m):
         return None
@@ -88,7 +89,7 @@ def nearby(near: TerrainView, far: TerrainView, sensor_enu_m: NDArray[np.float64
 
 
 def _blocks(layer: Floats, side: int) -> Floats:
-    """Return the highest of each block of cells, NaN where none is known."""
+    """Return the maximum of each block of cells, NaN where no cell is known."""
     out = layer[::side, ::side].copy()
     for row, col in itertools.product(range(side), repeat=2):
         np.fmax(out, layer[row::side, col::side], out=out)

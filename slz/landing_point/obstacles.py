@@ -1,7 +1,7 @@
-"""What stands around a landing point: obstacles with their heights, and how free each way in is.
+"""Obstacles around a landing point, and the horizon for an approach.
 
-SLZ thesis 4.4.5 lists the obstacles around the selected landing point and leaves the choice of an approach
-to the pilot.
+SLZ thesis, section 4.4.5 lists the obstacles around the selected landing point and leaves the choice of an
+approach to the pilot.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ SECTORS = 36
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
-    """Something that stands on the ground, in metres of the map frame.
+    """Obstacle on the ground: a group of touching cells, in metres of the map frame.
 
-    east_m, north_m: its highest cell. top_m: height of that one's highest return. height_m: that over the
-    ground. cells_enu_m: (n, 2) centres of its cells. cell_m: their size.
+    east_m, north_m: centre of its highest cell. top_m: height of the highest return of that cell. height_m:
+    top_m over the ground. cells_enu_m: (n, 2) centres of its cells. cell_m: size of a cell.
     """
 
     east_m: float
@@ -38,32 +38,32 @@ class Obstacle:
 
     @property
     def width_m(self) -> float:
-        """Side of a square of its area."""
+        """Side of a square of equal area."""
         return float(np.sqrt(len(self.cells_enu_m))) * self.cell_m
 
     @property
     def extent_m(self) -> tuple[float, float, float, float]:
-        """Its west, south, east and north edges."""
+        """West, south, east and north edge of the bounding box."""
         west, south = self.cells_enu_m.min(axis=0) - self.cell_m / 2
         east, north = self.cells_enu_m.max(axis=0) + self.cell_m / 2
         return float(west), float(south), float(east), float(north)
 
     def lla(self, frame: LocalFrame) -> NDArray[np.float64]:
-        """Return latitude, longitude (degrees) and altitude (m) of its highest return."""
+        """Return latitude, longitude (degrees) and altitude (m) of the highest return."""
         return frame.lla([self.east_m, self.north_m, self.top_m])
 
     def distance_m(self, enu_m: NDArray[np.float64]) -> float:
-        """Return the horizontal distance from a point to the nearest of its cells."""
+        """Return the horizontal distance from a point to the obstacle's nearest cell."""
         beyond = np.maximum(np.abs(self.cells_enu_m - enu_m[:2]) - self.cell_m / 2, 0.0)
         return float(np.hypot(*beyond.T).min())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Groups:
-    """Groups of touching cells, to be made obstacles of.
+    """Groups of touching cells, from which obstacles are made.
 
-    cells: (m, 2) of the grid, group by group. ends: where those of each group begin and stop.
-    highest: the place of its highest cell. top_m, height_m: as of `Obstacle`, the top over a datum.
+    cells: (m, 2) of the grid, group by group. ends: start and stop of each group in `cells`. highest: index
+    of each group's highest cell in `cells`. top_m, height_m: as in `Obstacle`, the top relative to a datum.
     """
 
     grid: Grid
@@ -74,7 +74,7 @@ class Groups:
     height_m: NDArray[np.float64]
 
     def over(self, datum_m: float) -> tuple[Obstacle, ...]:
-        """Return the obstacles, their tops in heights of which the datum is given."""
+        """Return the obstacles, with the datum added to their tops."""
         centres, tops = self.grid.centres(self.cells), self.top_m + np.float32(datum_m)
         centres.flags.writeable = False
         places = centres[self.highest].tolist()
@@ -93,16 +93,16 @@ def grouped(
     box: Box,
     most: int,
 ) -> Groups:
-    """Return the groups of touching raised cells of a box, the largest only.
+    """Return the `most` largest groups of touching raised cells of a box.
 
     Parameters
     ----------
     raised
-        Cells of the box that belong to an obstacle.
+        Bitmap over the box of the cells that belong to an obstacle.
     tops_m
-        Heights of the highest returns of (n, 2) cells of the grid.
+        Returns the heights of the highest returns of (n, 2) cells of the grid.
     grounds_m
-        Heights of the ground of groups (`largest_groups`), whose highest cells are given.
+        Returns the ground heights of groups (as from `largest_groups`), given their highest cells.
     """
     groups, cells = largest_groups(raised, most)
     cells[:, 0] += box.row0
@@ -117,9 +117,9 @@ def grouped(
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Obstacles within `radius_m` of a point, the nearest first, and the elevation angle of the horizon.
+    """Obstacles within `radius_m` of a point, the nearest first, and its horizon.
 
-    horizon_deg : (36,) by bearing, clockwise from north; NaN where nothing was seen.
+    horizon_deg : (36,) elevation angles by bearing, clockwise from north; NaN where nothing was seen.
     """
 
     radius_m: float
@@ -127,13 +127,13 @@ class Surroundings:
     horizon_deg: NDArray[np.float64]
 
     def way_in(self, bearing_rad: float = 0.0) -> tuple[float, float] | None:
-        """Return the bearing (rad) to come from and its horizon (deg): the lowest, of equals the least turn.
+        """Return the approach bearing (rad) with the lowest horizon, and that horizon (deg).
 
-        Horizons are compared in steps of 2 degrees, over three neighbouring sectors each. None where no
-        sector was seen.
+        Horizons are the maximum over three neighbouring sectors, compared in steps of 2 degrees. Of equal
+        ones the bearing nearest to `bearing_rad` wins. None where no sector was seen.
         """
         h = self.horizon_deg
-        wide = np.max([np.roll(h, -1), h, np.roll(h, 1)], axis=0)  # NaN where one of them is
+        wide = np.max([np.roll(h, -1), h, np.roll(h, 1)], axis=0)  # NaN where one of the three is NaN
         bearings = np.arange(SECTORS) * 2 * np.pi / SECTORS
         turn = np.abs((bearings - bearing_rad + np.pi) % (2 * np.pi) - np.pi)
         seen = np.flatnonzero(np.isfinite(wide))
@@ -152,9 +152,9 @@ def horizon_at(
     far_m: float,
     towards: tuple[float, float] = (0.0, 0.0),
 ) -> NDArray[np.float64]:
-    """Return (36,) elevation angles (deg) of the horizon of a point, by bearing clockwise from north.
+    """Return (36,) elevation angles (deg) of the horizon at a point, by bearing clockwise from north.
 
-    With a direction, east and north of length 1, only those within 20 degrees of it are worked out.
+    With a unit direction (east, north), only the angles within 20 degrees of that direction are computed.
     """
     row = (enu_m[1] - grid.south_m) / grid.cell_m - 0.5 - box.row0
     col = (enu_m[0] - grid.west_m) / grid.cell_m - 0.5 - box.col0

@@ -1,4 +1,4 @@
-"""SLZ search by the paper's rule, kept up where the map changes (SLZ paper 3.3, Algorithm 1)."""
+"""Zone search by the paper's rule, updated incrementally (SLZ paper, section 3.3 and Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from slz.paper.paper_terrain import PaperTerrain
 from slz.terrain.demand_zero import untouched
 
 Bits = NDArray[np.uint64]
-FEWEST = 4096  # boundary cells that there is room for
+FEWEST = 4096  # boundary cells that fit at least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """A component of the binary map that holds a safe square, and everything inside its contour.
+    """Component of the binary map that holds a safe square, with everything inside its contour.
 
     boundary_cells: (n, 2) traced rows and columns of the grid, from the first cell on. content: (rows, words)
-    bits of the cells on and inside the contour, from the word of the box's first column on. n_cells: their
-    number.
+    bitmap of the cells on and inside the contour, from the word of the box's first column on. n_cells: number
+    of cells of the content.
     """
 
     box: Box
@@ -33,11 +33,11 @@ class Part:
 
     @property
     def words(self) -> slice:
-        """The words of the map that the content covers."""
+        """Words of the map that the content covers."""
         return slice(self.box.col0 >> 6, ((self.box.col1 - 1) >> 6) + 1)
 
     def holds(self, row: int, col: int) -> bool:
-        """Tell whether a cell lies on or inside the contour."""
+        """Return whether a cell is on or inside the contour."""
         box = self.box
         if not (box.row0 <= row < box.row1 and box.col0 <= col < box.col1):
             return False
@@ -48,9 +48,9 @@ class Part:
 class PaperDetection:
     """The zones of a terrain, found anew only where the safety of cells changed.
 
-    A zone can only be where a safe square fits. Where those fit is kept as a bit map, and components are
-    traced from its bits only, so that the many too small ones are never visited. A component whose box
-    no change touches is as it was.
+    A zone exists only where a safe square fits. A bitmap marks where squares fit, and components are traced
+    from its bits only, so that the many components that are too small are never visited. A component is
+    unchanged if no change touches its box.
 
     Parameters
     ----------
@@ -69,17 +69,17 @@ class PaperDetection:
         self._found: tuple[Part, ...] = ()
 
     def update(self) -> tuple[Part, ...]:
-        """Return the zones of the terrain as it is, by their first cells; the same if none changed.
+        """Return the present zones in the order of their first cells; the same tuple if none changed.
 
-        Everything inside a zone's contour belongs to it, and what lies there is no zone of its own. So a
-        court inside a ring of safe ground is never found: use `search_components` for that.
+        Everything inside a zone's contour belongs to it, so an inner component is no zone of its own. So a
+        court inside a ring of safe ground is never found; `search_components` finds it.
         """
         changed = self._terrain.settle()
         if changed.empty:
             return self._found
         try:
             return self._updated(changed)
-        except BaseException:  # the next search looks at what this one did not get to
+        except BaseException:  # the next search repeats what this one missed
             self._terrain.changed = changed
             self._taken = untouched(self._taken.shape, np.uint64)
             raise
@@ -106,7 +106,7 @@ class PaperDetection:
         return self._found
 
     def _traced(self, kept: list[Part], row0: int, row1: int, word0: int, word1: int) -> list[Part]:
-        """Return the components with a square in some rows and words, but for what the kept ones enclose."""
+        """Return the components with a square in a range of rows and words, except inside the kept ones."""
         taken = self._taken
         for part in kept:
             box, words = part.box, part.words
@@ -137,13 +137,13 @@ def _part(row: list[int], boundary: NDArray[np.int32], content: Bits) -> Part:
 
 
 def _near(box: Box, changed: Box) -> bool:
-    """Tell whether a change lies in a box or beside it."""
+    """Return whether a change is in a box or next to it."""
     rows = changed.row0 <= box.row1 and box.row0 <= changed.row1
     return rows and changed.col0 <= box.col1 and box.col0 <= changed.col1
 
 
 def _outermost(parts: list[Part]) -> tuple[Part, ...]:
-    """Return the parts, in the order of their first cells, that lie inside no other one."""
+    """Return the parts, sorted by their first cells, that are not inside another one."""
     found: list[Part] = []
     for part in parts:
         row, col = part.boundary_cells[0].tolist()

@@ -45,11 +45,11 @@ class PaperMap:
         self._search = PaperDetection(terrain, side_in_cells(p.min_square_m, terrain.grid), least)
 
     def take(self, returns: Returns) -> int:
-        """Fuse returns placed in this map's grid with the terrain; return how many there are."""
+        """Fuse returns placed in this map's grid with the terrain; return how many were used."""
         return self.terrain.take(returns)
 
     def move(self, east_m: float, north_m: float) -> None:
-        """Move the window to a point outside it (SLZ paper 3.2.5); the common part is copied."""
+        """Move the grid to a point outside it; the common part is copied (SLZ paper, section 3.2.5)."""
         old = self.terrain.grid
         grid = old.recentred(east_m, north_m)
         self._names.moved(old, grid)
@@ -61,7 +61,7 @@ class PaperMap:
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
     def find(self, sensor_enu_m: Points) -> None:
-        """Search the total map for zones, name and rank them."""
+        """Search the total map for zones, identify and rank them."""
         found = self._search.update()
         if found is self._found and not self._names.changed:
             return

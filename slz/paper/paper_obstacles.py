@@ -1,4 +1,4 @@
-"""Obstacles of a zone of source mode."""
+"""Obstacles of a zone in source mode."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from slz.landing_point.obstacles import Obstacle
 from slz.paper.snapshots import Blocks, joined
 
 MOST_OBSTACLES = 200
-AROUND = 3  # cells, of the ground that an obstacle's height is over
+AROUND = 3  # cells around an obstacle whose ground its height refers to
 Bits = NDArray[np.uint64]
 
 
 def source_obstacles(holes: Bits, own: Bits, height_m: Blocks, box: Box, grid: Grid) -> tuple[Obstacle, ...]:
-    """Return the measured unsafe cells inside a contour, in groups, their heights over the zone around.
+    """Return groups of the measured unsafe cells inside a contour, with heights over the zone around them.
 
-    The sources have no obstacles of zones.
+    The sources define no such obstacles.
 
     Parameters
     ----------
     holes, own
-        (rows, words) bits of the unsafe cells and of the zone's own safe ones, from the word of the box's
+        (rows, words) bitmaps of the unsafe cells and of the zone's own safe ones, from the word of the box's
         first column on.
     height_m
-        Blocks of the total DSM that hold the box.
+        Blocks of the total DSM that cover the box.
     """
     first = box.col0 >> 6 << 6
     corner = grid.west_m + first * grid.cell_m, grid.south_m + box.row0 * grid.cell_m

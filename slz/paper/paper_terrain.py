@@ -1,7 +1,7 @@
-"""Terrain models by the sources' rules to the letter (SLZ paper 3.2), unsafe ones included.
+"""Terrain models by the sources' rules, unsafe ones included (SLZ paper, section 3.2).
 
-Deviations that the sources' gaps force: a cell's slope also needs the cell's own elevation, and the maps
-hold NaN where the paper's hold nothing.
+Two deviations fill gaps of the sources: a slope also needs the cell's own elevation, and the maps hold NaN
+where the paper leaves cells undefined.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from slz.terrain.tiles import SERIALS, Key, box_of_tile, keys_over
 
 NOWHERE = np.full(3, np.nan)
 NOTHING = Box(0, 0, 0, 0)
-AHEAD = 32  # cells about where the next window is expected
-SPARSE = 4  # cells of a window's box and about it for each return, beyond which some lie far off
+AHEAD = 32  # margin in cells around the expected next window
+SPARSE = 4  # cells of a window's box with margin for each return, above which some returns are far off
 Map = NDArray[np.float32]
 
 
 class PaperTerrain:
     """Total DSM, slope, roughness and binary map of one zone, filled with the worst case.
 
-    The maps begin as zeros that take no memory; a word of 64 cells is filled with the worst case when the
-    first window reaches it, so that time and memory follow the ground seen.
+    The maps start as demand-zero memory. A word of 64 cells is set to the worst case when the first window
+    reaches it, so that time and memory follow the ground seen.
 
     heights, slopes, roughs: (words, rows, 64), cell (r, c) at [c >> 6, r, c & 63], see `fuse`.
 
-    safe_bits, known_bits: (rows, words) bit maps of the safe cells and of those with an elevation. blocks:
+    safe_bits, known_bits: (rows, words) bitmaps of the safe cells and of those with an elevation. blocks:
     (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
     whose safety changed since `settle`.
     """
@@ -60,7 +60,7 @@ class PaperTerrain:
         self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
         self.blocks = untouched((grid.rows, words, 2), np.int32)
         self.seen = self.changed = NOTHING
-        self._last: tuple[Box, ...] = ()  # what was hit by the last two windows that tell of the next
+        self._last: tuple[Box, ...] = ()  # boxes of the last two windows, from which the next is predicted
         self.serial = next(SERIALS)
         self.touched: set[Key] = set()
 
@@ -70,9 +70,9 @@ class PaperTerrain:
         return self.grid.west_m, self.grid.south_m
 
     def add(self, points_enu_m: NDArray[np.float64]) -> Box:
-        """Fuse one window of points; return the box that was hit.
+        """Fuse one window of points; return the box of the cells hit.
 
-        The sources ask neither where the sensor was nor how old a map is.
+        The sources use neither the sensor's position nor the age of a map.
         """
         returns = Returns()
         returns.read(points_enu_m, NOWHERE, math.inf, self.grid)
@@ -80,7 +80,7 @@ class PaperTerrain:
         return returns.box if returns.n > returns.n_outside else NOTHING
 
     def take(self, returns: Returns) -> int:
-        """Fuse the returns of a window that were placed in this grid; return how many there are."""
+        """Fuse the returns of a window placed in this grid; return how many were used."""
         p, grid, box = self._parameters, self.grid, returns.whole
         if returns.n == returns.n_outside:
             return len(returns.kept())
@@ -100,7 +100,7 @@ class PaperTerrain:
         return used
 
     def prepare(self) -> None:
-        """Have memory ready where the next window will lie if the vehicle flies on as it did."""
+        """Prefault the memory of the next window's box, predicted at constant velocity."""
         if not self._last:
             return
         box, before = self._last[-1], self._last[0]
@@ -122,7 +122,7 @@ class PaperTerrain:
         return box
 
     def moved(self, grid: Grid) -> PaperTerrain:
-        """Return the maps of a new zone, the common part copied (SLZ paper 3.2.5)."""
+        """Return the maps of a new zone, with the common part copied (SLZ paper, section 3.2.5)."""
         new = PaperTerrain(grid, self._parameters)
         mine, theirs = overlap(self.grid, grid)
         if theirs.empty:
@@ -141,7 +141,7 @@ class PaperTerrain:
         new.touched.update(keys_over(theirs))
         return new
 
-    # ---- what is read of it ---------------------------------------------------------------------
+    # ---- maps out ------------------------------------------------------------------------------
 
     def safe(self, box: Box) -> NDArray[np.uint8]:
         """Return 1 for the safe cells of a box, else 0."""
@@ -153,9 +153,9 @@ class PaperTerrain:
         return np.where(self.safe(box) == 1, SAFE, known).astype(np.uint8)
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
-        """Return a copy of a map over a box, NaN where unknown; the sources know no relief.
+        """Return a copy of a map over a box, NaN where unknown; relief is always NaN: the sources have none.
 
-        Certainty is 1 for a safe cell, else 0: the sources have one of zones only.
+        Certainty is 1 for a safe cell, else 0: the sources define it for zones only.
         """
         if name == "certainty":
             return self.safe(box).astype(np.float32)
@@ -194,11 +194,11 @@ class PaperTerrain:
         return self
 
     def touch_all(self) -> None:
-        """Count every tile seen as touched."""
+        """Mark every tile seen as touched."""
         self.touched.update(keys_over(self.seen))
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], NDArray[np.uint8]]:
-        """Return copies of some maps of a tile, and its state, unknown beyond the grid."""
+        """Return copies of some maps of a tile, and its state; unknown beyond the grid."""
         box = box_of_tile(key)
         inner = Box(box.row0, min(box.row1, self.grid.rows), box.col0, min(box.col1, self.grid.cols))
         beyond = tuple((0, side - own) for side, own in zip(box.shape, inner.shape, strict=True))
@@ -242,12 +242,12 @@ class PaperTerrain:
 
 
 def _words(box: Box) -> slice:
-    """Return the words of a row that hold a box that is not empty."""
+    """Return the words of a row that cover a non-empty box."""
     return slice(box.col0 >> 6, ((box.col1 - 1) >> 6) + 1)
 
 
 def _read(values: Map, box: Box) -> NDArray[np.float32]:
-    """Return (rows, cols) a box of a map: a copy, but a view where it lies in one word of each row."""
+    """Return (rows, cols) of a box of a map: a view where it is in one word of each row, else a copy."""
     if box.empty:
         return np.zeros(box.shape, np.float32)
     cells = values[_words(box), box.row0 : box.row1].transpose(1, 0, 2).reshape(box.shape[0], -1)
@@ -255,7 +255,7 @@ def _read(values: Map, box: Box) -> NDArray[np.float32]:
 
 
 def _write(values: Map, box: Box, part: NDArray[np.float32], empty: np.float32) -> None:
-    """Put (rows, cols) into a box of a map; the rest of its words becomes empty."""
+    """Write (rows, cols) to a box of a map; the rest of its words becomes `empty`."""
     words = _words(box)
     wide = np.full((box.shape[0], 64 * (words.stop - words.start)), empty)
     wide[:, box.col0 & 63 :][:, : box.shape[1]] = part

@@ -1,4 +1,4 @@
-"""Which zone is which from window to window, by the source's rule (SLZ paper 3.4.3)."""
+"""Zone tracking by the source's rule: repeated SLZ filtering (SLZ paper, section 3.4.3)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from slz.zone import Zone
 
 @dataclass(frozen=True, slots=True)
 class _Content:
-    """What lies inside a zone's contour, as bits, and the row and column of the first."""
+    """Bitmap of the cells inside a zone's contour, and row and column of its first bit."""
 
     bits: NDArray[np.uint64]
     row0: int
@@ -33,11 +33,10 @@ class _Content:
 
 
 class RepeatFilter:
-    """The source's rule: a zone found again is ignored, a morphed one replaces the old and keeps its ID.
+    """Filter of repeated zones: a zone found again is ignored, a morphed one replaces the old under its ID.
 
-    RR, the share of the new boundary inside an old zone (Eq. 18), of 1 means the same zone: the new one is
-    ignored, even one that shrank because something drove in. That is unsafe; the default is
-    `slz.zones.tracking.ZoneTracker`.
+    A repetition ratio RR of 1 means the same zone: the new one is ignored, even one that shrank because
+    something drove in. That is unsafe; the default is `slz.zones.tracking.ZoneTracker`.
 
     changed: whether the last update added or replaced a zone.
     """
@@ -47,13 +46,13 @@ class RepeatFilter:
         self._numbers = numbers
         self._zones: list[Zone] = []
         self._contents: list[_Content] = []
-        self._since: list[int] = []  # count of changes at which each zone came
-        self._ignored: dict[Part, tuple[int, int]] = {}  # by which zone, and the count then
+        self._since: list[int] = []  # count of changes at which each zone was added or replaced
+        self._ignored: dict[Part, tuple[int, int]] = {}  # index of the same zone, and count of changes then
         self._changes = 0
         self.changed = False
 
     def update(self, parts: Iterable[Part], describe: Callable[[Part, int], Zone]) -> list[Zone]:
-        """Take the zones found in the total map; return those in effect."""
+        """Update with the zones found in the total map; return those in effect."""
         self.changed = False
         ignored = {}
         for part in parts:
@@ -76,7 +75,7 @@ class RepeatFilter:
         return list(self._zones)
 
     def _still_ignored(self, part: Part) -> tuple[int, int] | None:
-        """Return what was kept of a part compared before, if the zones it was compared with are the same."""
+        """Return the result of an earlier comparison of a part, if the zones compared are unchanged."""
         known = self._ignored.get(part)
         if known is None or len(self._zones) > self._parameters.repeat_depth:
             return None
@@ -90,20 +89,21 @@ class RepeatFilter:
             other = old.box
             if not box.touches(other):
                 continue
+            # SLZ paper, Eq. (19)
             large = part.n_cells > p.area_ratio * (old.n_safe + old.n_unsafe + old.n_uncertain)
             if not (large or other.holds(box)):
-                continue  # it can neither be the same nor replace it
+                continue  # can neither be the same zone nor replace it
             allowed = n - math.ceil(p.repeat_ratio * n) if large else 0
             held = self._contents[position]
             inside = inside_count(part.boundary_cells, held.bits, held.row0, held.col0, allowed)
             if inside == n:
                 return "ignore", position
-            if large and inside / n > p.repeat_ratio:
+            if large and inside / n > p.repeat_ratio:  # SLZ paper, Eq. (18)
                 return "replace", position
         return "add", -1
 
     def moved(self, old: Grid, new: Grid) -> None:
-        """Follow the map to a new zone; zones that lie outside it stay in effect."""
+        """Re-index the zones in a new grid; zones outside it stay in effect."""
         self._contents = [content.moved(*old.shift_to(new)) for content in self._contents]
         self._zones = [_moved(zone, *old.shift_to(new)) for zone in self._zones]
         self._ignored = {}
@@ -111,6 +111,6 @@ class RepeatFilter:
 
 
 def _moved(zone: Zone, down: int, right: int) -> Zone:
-    """Return a zone with its cells counted from another corner."""
+    """Return a zone with its cells shifted."""
     boundary_cells = zone.boundary_cells + np.array([down, right], np.int32)
     return replace(zone, box=zone.box.shifted(down, right), boundary_cells=boundary_cells)

@@ -1,4 +1,4 @@
-"""Parameters of a zone of source mode (SLZ paper 3.4.1), and the best point in it."""
+"""Zone parameters in source mode (SLZ paper, section 3.4.1), and landing point of the zone."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def describe_paper_zone(
     parameters: Parameters,
     zone_id: int,
 ) -> Zone:
-    """Work out everything that is reported of a zone: what lies inside its contour, as in the paper."""
+    """Describe a zone: all cells inside its contour belong to it, as in the paper."""
     box, grid, words = part.box, terrain.grid, part.words
     first_row, first_col = part.boundary_cells[0].tolist()
     safe, holes = np.empty_like(part.content), np.empty_like(part.content)
@@ -48,7 +48,7 @@ def describe_paper_zone(
         box=box,
         cells=Later(lambda: unpacked(part.content, box.col0 & 63, box.col1 - box.col0)),
         area_m2=float(part.n_cells) * grid.cell_m**2,
-        certainty=n_certain / part.n_cells,  # Eq. 16 or 17
+        certainty=n_certain / part.n_cells,  # SLZ paper, Eq. (16) or SLZ paper, Eq. (17)
         n_safe=n_safe,
         n_unsafe=part.n_cells - n_safe - n_unknown,
         n_uncertain=n_unknown,
@@ -78,15 +78,15 @@ def _best_point(
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
-    """Return the point of a zone farthest from everything that is not the zone, see `best_point`.
+    """Return the point of a zone with the greatest clearance, see `best_point`.
 
-    Between a zone and an island in one of its holes lies what is neither: so distances are the same with
-    islands as without, and these matter only where what is found lies on one.
+    Cells between a zone and an island in one of its holes belong to neither. So distances are the same with
+    and without islands, and an island matters only where the result is on it.
     """
     grid, box, word0 = terrain.grid, part.box, part.words.start
     squares = search.squares[box.row0 : box.row1, part.words] & safe
     side, square, found = room(safe, squares, search.side)
-    longest = 4 * len(part.boundary_cells)  # more than most holes have
+    longest = 4 * len(part.boundary_cells)  # longer than most boundaries of holes
     for cells in (np.array([square]), found):
         if not all_reach(terrain.safe_bits, part.content, box.row0, word0, cells, longest):
             side, _, found = room(own.value(), squares & own.value(), search.side)

@@ -1,4 +1,4 @@
-"""Copies of a map as it was, of which those made at several times share what did not change between."""
+"""Snapshots of a map; snapshots of different times share unchanged blocks (copy-on-write)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Blocks = NDArray[np.object_]
 
 
 class BlockCopies:
-    """Blocks of a map, each copied when it is first asked for after a change.
+    """Block copies of a map, each made on the first read after a change.
 
     Parameters
     ----------
@@ -27,13 +27,13 @@ class BlockCopies:
         self._copied = np.zeros(shape, bool)
 
     def change(self, box: Box) -> None:
-        """Take note that cells of a box were written to."""
+        """Mark the cells of a box as changed."""
         blocks = _blocks_of(box)
         self._blocks[blocks] = None
         self._copied[blocks] = False
 
     def of(self, box: Box, wanted: NDArray[np.bool_]) -> Blocks:
-        """Return the blocks that hold a box as it is now, but of those not wanted whatever is at hand."""
+        """Return the blocks that cover a box; wanted ones are up to date, others may be old or None."""
         rows, cols = _blocks_of(box)
         missing = (wanted & ~self._copied[rows, cols]).nonzero()
         for down, right in zip(*(index.tolist() for index in missing), strict=True):
@@ -44,7 +44,7 @@ class BlockCopies:
 
 
 def joined(blocks: Blocks, box: Box) -> NDArray[np.float32]:
-    """Return the rows of a box, in columns of whole blocks, from the blocks that hold it; else NaN."""
+    """Return the rows of a box, in columns of whole blocks, from the blocks that cover it; NaN elsewhere."""
     first, rows = box.row0 // SIDE * SIDE, box.shape[0]
     out = np.full((SIDE * blocks.shape[0], SIDE * blocks.shape[1]), np.nan, np.float32)
     for (down, right), block in np.ndenumerate(blocks):
@@ -54,7 +54,7 @@ def joined(blocks: Blocks, box: Box) -> NDArray[np.float32]:
 
 
 def heights_at(blocks: Blocks, box: Box, cells: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Return what the blocks that hold a box say of (n, 2) cells, by rows and columns of the map."""
+    """Return the values at (n, 2) rows and columns of the map, from the blocks that cover a box."""
     rows, cols = cells.T
     which = (rows // SIDE - box.row0 // SIDE) * blocks.shape[1] + cols // SIDE - box.col0 // SIDE
     order = np.argsort(which, kind="stable")

@@ -1,4 +1,4 @@
-"""The returns of a window, placed in a map's cells, as the sources use them (SLZ paper 3.2.1-3.2.2)."""
+"""Window returns placed in a map's cells, by the sources' rules (SLZ paper, section 3.2.1)."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from slz.kernels.paper.height_sums import scatter
 from slz.kernels.paper.point_pass import DROPPED, OUTSIDE, stream
 
 Points = NDArray[np.float64]
-FINEST_BITS = 36  # of a metre, to which heights are rounded at best
-SUM_BITS = 51  # of a sum of heights, at most
-LARGE, FEW = 1 << 22, 64  # cells of sums, and of these for each point, beyond which most stay untouched
-FAR_OFF_M = 100.0  # from the heights accepted, for the level of all: 4 bytes hold 0.004 mm there
+FINEST_BITS = 36  # binary digits of a metre to which heights are rounded, at best
+SUM_BITS = 51  # bits of a sum of heights, at most
+LARGE, FEW = 1 << 22, 64  # cells of sums, and cells for each point, above which demand-zero memory is used
+FAR_OFF_M = 100.0  # distance of the level from the accepted heights; float32 resolves 0.004 mm there
 
 
 class Returns:
-    """A window's returns: 8 bytes of each, its cell and its height. One object serves all windows in turn.
+    """Returns of a window, 8 bytes each: cell and height. One object serves all windows in turn.
 
-    Parameters are those of `read`. low_m, high_m: the heights accepted; all until `keep_heights`.
+    low_m, high_m: the accepted heights; all until `keep_heights`.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Returns:
         self.box = Box(0, 0, 0, 0)
 
     def read(self, points_enu_m: Points, sensor_enu_m: Points, range_m: float, grid: Grid) -> None:
-        """Place points in a grid; those not finite or beyond `range_m` of the sensor are dropped."""
+        """Place points in a grid; drop those not finite or farther than `range_m` from the sensor."""
         n = len(points_enu_m)
         if n > len(self._cells):
             self._cells, self._heights = np.empty(n + n // 4, np.uint32), np.empty(n + n // 4, np.float32)
@@ -58,7 +58,7 @@ class Returns:
 
     @property
     def whole(self) -> Box:
-        """The box by whole words of the map, which may reach beyond its last column."""
+        """The box in whole words of the map; it may extend beyond the last column."""
         box = self.box
         return Box(box.row0, box.row1, box.col0 // WORD * WORD, -(-box.col1 // WORD) * WORD)
 
@@ -71,19 +71,19 @@ class Returns:
         return self._heights[: len(self.points) // 3]
 
     def keep_heights(self, bins: int, threshold: float) -> None:
-        """Accept the heights of the sources' histogram only, see `slz.kernels.paper.height_gate`."""
+        """Accept only the heights in the histogram's interval, see `slz.kernels.paper.height_gate`."""
         if not self.n or self._given is None:
             return
         self.low_m, self.high_m = interval(
             self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, self.n, bins,
             threshold,
         )  # fmt: skip
-        if not self.low_m - FAR_OFF_M <= self._level <= self.high_m + FAR_OFF_M:  # of a point not accepted
+        if not self.low_m - FAR_OFF_M <= self._level <= self.high_m + FAR_OFF_M:  # level of a rejected point
             self._level = self.low_m
             self._place(*self._given, self._level)
 
     def kept(self, every: int = 1) -> Points:
-        """Return (m, 3) the points accepted, of every so many."""
+        """Return (m, 3) the accepted ones among every `every`-th point."""
         points = self.points.reshape(-1, 3)[::every]
         height = points[:, 2]
         used = (self.cells[::every] != DROPPED) & (self.low_m <= height) & (height <= self.high_m)
@@ -100,16 +100,16 @@ class Returns:
         return (float(points[where, 0]), float(points[where, 1])) if away[where] else None
 
     def sums(self) -> tuple[NDArray[np.uint64], float, int, int]:
-        """Return the sums over the whole words (see `scatter`), their unit (m), count bits, points."""
+        """Return the sums over the whole words (see `scatter`), their unit (m), count bits, points used."""
         row0, col0, (rows, width) = self.whole.row0, self.whole.col0, self.whole.shape
         n_cells = rows * width
-        if n_cells > max(LARGE, FEW * self.n):  # some lie far apart: the pages between take no memory
+        if n_cells > max(LARGE, FEW * self.n):  # some points are far apart: untouched pages take no memory
             sums = np.zeros(n_cells, np.uint64)
         else:
             if n_cells > len(self._sums):
                 self._sums = np.empty(n_cells + n_cells // 4, np.uint64)
             sums = self._sums[:n_cells]
-            sums[:] = 0  # just before they are added to: so they are in the cache
+            sums[:] = 0  # just before the sums are used, so that they are in the cache
         count_bits = max(12, self.n.bit_length())
         span_m = max(self.high_m - self.low_m, 1e-3)
         most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)

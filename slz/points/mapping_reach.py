@@ -18,8 +18,8 @@ def reach_m(parameters: Parameters) -> float:
     """Return the horizontal distance from the sensor up to which returns are mapped (m).
 
     An error of a ray's direction moves its return up or down by that angle times the horizontal distance.
-    Beyond the distance where this exceeds `height_noise_m`, noise alone would fill the relief limit; such
-    ground stays unknown until the vehicle comes nearer. The sources know no such rule.
+    Beyond the distance where this exceeds `height_noise_m`, noise alone would use up the relief limit; such
+    ground stays unknown until the vehicle is nearer. The sources have no such rule.
     """
     p = parameters
     if p.mode == "source" or p.angle_noise_deg == 0:

@@ -1,7 +1,7 @@
-"""Vertical outlier removal by histogram (SLZ paper 3.2.1, SLZ thesis 3.3.1.1).
+"""Outlier removal in default mode: heights beyond an empty gap, and isolated returns.
 
-The sources' rule, by the population of the histogram's end bins, is that of `point_pass`; these are
-the safer ones of default mode: heights beyond an empty gap, returns without company.
+These rules are safer than the sources' histogram rule, which trims sparse end bins (SLZ paper, section 3.2.1;
+SLZ thesis, section 3.3.1.1): see `slz.kernels.paper.height_gate`.
 """
 
 from __future__ import annotations
@@ -16,26 +16,27 @@ from slz.kernels.points.histogram import gaps_of
 from slz.kernels.points.voxel_density_filter import has_company
 
 COMPANY = 2
-OBJECT_M2 = 0.005  # 5 x 10 cm: the least that must not be taken for dust
+OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
 CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
-FLIGHT_GROUP = (0.6, 5)  # the least object to be seen, 0.5 x 0.3 m with 5 pulses; echoes lie farther apart
+FLIGHT_GROUP = (0.6, 5)  # the smallest object to detect, 0.5 x 0.3 m with 5 pulses; echoes are farther apart
 RECENT, OFTEN, PLACE_M = 12, 5, 0.4
 
 
 def gap_interval(
     height_m: NDArray[np.float64], gap_m: float, max_share: float = 0.002
 ) -> tuple[float, float]:
-    """Return the accepted heights by the safer rule: only few points beyond an empty gap are outliers.
+    """Return the interval of accepted heights: only few points beyond an empty gap are outliers.
 
     A building of any height is joined to the ground by wall returns or holds many points; a valley floor
-    likewise. A ghost is alone: fewer than `max_share` of the points, beyond `gap_m` without any return.
+    likewise. Ghosts are rare and isolated: fewer than `max_share` of the points, beyond `gap_m` without a
+    return.
 
     Parameters
     ----------
     height_m
         (n,) heights, metres.
     gap_m
-        Least height without returns that sets outliers apart.
+        Least height without returns that separates outliers.
     max_share
         Greatest share of points that may be dropped at each end.
     """
@@ -45,9 +46,9 @@ def gap_interval(
 
 
 def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:
-    """Tell which of the points beyond a gap lie with so many, themselves included, within a radius.
+    """Return which points have at least `least` points within a radius, themselves included.
 
-    A wire, a mast, a shaft: where these do they are no strays, however few they are among all returns.
+    Among the points beyond a gap these are a wire, a mast or a shaft: no outliers, however few they are.
     """
     if not len(points_enu_m):
         return np.zeros(0, bool)
@@ -58,22 +59,23 @@ def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -
 def in_company(
     points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.bool_]:
-    """Tell of every return of a window whether it is not alone.
+    """Return which returns of a window are not isolated.
 
-    Rain, dust and multi-path returns float alone; ground and whatever stands on it is hit again and again,
-    the more the nearer it is. A return counts as alone when fewer others lie around it than an object of
-    `OBJECT_M2` would send back at that range, had the sensor spread its pulses over the whole sphere: they
-    are sought in a slab of 3 x 3 voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that the ground
-    is no company of an echo 0.15 m below it. Where that number is below `COMPANY`, so many must lie in a
-    block 3.75 voxels high, and not one only close below a surface of many. Ground sampled so sparsely is
-    dropped too, and stays unknown. Where most returns are alone, being alone says nothing, and all are kept.
+    Rain, dust and multipath returns are isolated; ground and objects are hit repeatedly, more often at short
+    range. A return is isolated when fewer others are around it than an object of `OBJECT_M2` would send back
+    at that range, if the sensor spread its pulses over the whole sphere. The neighbourhood is a slab of 3 x 3
+    voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that ground does not support an echo 0.15 m
+    below it. Where the expected number is below `COMPANY`, `COMPANY` returns must be in a block 3.75 voxels
+    high. A return that is isolated on its level and close below a surface of many returns is dropped. Very
+    sparsely sampled ground is dropped too, and stays unknown. Where most returns are isolated, isolation is
+    no criterion, and all are kept.
 
     Parameters
     ----------
     points_enu_m
         (n, 3) returns of one window, finite.
     sensor_enu_m
-        (3,) where the sensor was; NaN where that is not known.
+        (3,) position of the sensor; NaN where unknown.
     """
     if not len(points_enu_m):
         return np.ones(0, bool)
@@ -83,11 +85,11 @@ def in_company(
 
 
 class LoneReturns:
-    """Remembers returns that were alone: something thin may send back one in every window.
+    """Memory of isolated returns: a thin object may send back one in every window.
 
-    A lone return counts when `OFTEN` windows of the last `RECENT`, this one among them, had one within
-    `PLACE_M` of it; those before it then count too. Dust is elsewhere in the next window. Near the sensor,
-    where an object would send back several, and where dust is dense, none counts.
+    An isolated return counts when `OFTEN` of the last `RECENT` windows, the present one included, had one
+    within `PLACE_M` of it; then the earlier ones count too. Dust is elsewhere in the next window. Near the
+    sensor, where an object would send back several returns and dust is dense, none counts.
     """
 
     def __init__(self) -> None:
@@ -96,7 +98,7 @@ class LoneReturns:
     def returning(
         self, lone_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
     ) -> NDArray[np.float64]:
-        """Take the lone returns of a window of so many returns; return (m, 3) those that count now."""
+        """Add the isolated returns of a window of `n_returns`; return (m, 3) those that count now."""
         way = lone_enu_m - sensor_enu_m
         expected = OBJECT_M2 * n_returns / (4 * np.pi) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
         lone = lone_enu_m[expected <= COMPANY]

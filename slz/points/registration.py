@@ -1,8 +1,8 @@
-"""Registration of a window to the map: the errors of height and level that the navigation makes.
+"""Registration of a window to the map: removal of navigation errors in height and attitude.
 
-A barometer drifts by decimetres in a minute and an attitude is off by tenths of a degree. Flat ground seen
-twice would become a step. What most returns agree on, a shift in height and a tilt about the sensor, is taken
-out; what stands or moves on the ground is no part of it.
+A barometer drifts by decimetres in a minute and an attitude is off by tenths of a degree, so flat ground seen
+twice would become a step. The correction is what most returns agree on: a shift in height and a tilt about
+the sensor. Obstacles and moving objects do not affect it.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from slz.kernels.points.robust_regression import lowered, weighed
 from slz.terrain.tiles import Tiles
 
-MOST_RETURNS, PARTS = 20_000, 4  # so many are looked up in the map, a part at a time
-ENOUGH = 4_000  # of those that it knows: their mean is better than a millimetre
+MOST_RETURNS, PARTS = 20_000, 4  # returns compared with the map, and parts they are compared in
+ENOUGH = 4_000  # returns over known ground: their mean is better than a millimetre
 FEWEST_RETURNS = 300
-FEWEST_SPREAD_M = 2.0  # standard deviation of the places, below which no tilt is fitted
+FEWEST_SPREAD_M = 2.0  # standard deviation of the positions, below which no tilt is fitted
 MOST_TILT_RAD = np.radians(4.0)  # two attitudes that are off by 1.3 degrees differ by 2.6 (PX4, accelerating)
 ROUNDS = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """How much a window lies above the map: at the sensor (m), and per metre to the east and to the north."""
+    """Offset of a window over the map: at the sensor (m), and per metre to the east and to the north."""
 
     up_m: float = 0.0
     east: float = 0.0
@@ -34,7 +34,7 @@ class Offset:
     def taken_out(
         self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], up_m: float
     ) -> NDArray[np.float64]:
-        """Return points (n, 3) without the offset, and lower by a height besides; as they are for neither."""
+        """Return points (n, 3) without the offset, lowered by `up_m`; the same array if both are zero."""
         up_m += self.up_m
         if up_m == self.east == self.north == 0:
             return points_enu_m
@@ -48,16 +48,16 @@ def offset(
     tiles: Tiles,
     most_m: float,
 ) -> Offset:
-    """Return how a window lies above the map, by Tukey's robust regression; none where too little overlaps.
+    """Return the offset of a window over the map, by Tukey's robust regression; zero for too little overlap.
 
     Parameters
     ----------
     points_enu_m
-        (n, 3) returns, in heights of which the map's datum is one.
+        (n, 3) returns, in heights that include the map's datum.
     used
-        (m,) which of them to go by.
+        (m,) indices of the returns to use.
     most_m
-        A greater shift is not believed.
+        Bound on the shift in height; beyond it the offset is zero.
     """
     found = _compared(points_enu_m, used, tiles)
     if len(found) < FEWEST_RETURNS:
@@ -73,7 +73,7 @@ def offset(
 
 
 def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: Tiles) -> NDArray[np.float64]:
-    """Return (m, 3) places of returns that the map knows, and how high they lie above it."""
+    """Return (m, 3) positions of returns over known ground, and their heights over the map."""
     step = PARTS * max(1, len(used) // MOST_RETURNS)
     parts: list[NDArray[np.float64]] = []
     for first in range(0, step, step // PARTS):
@@ -85,7 +85,7 @@ def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: 
 
 
 def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return coefficients, and the share of values that agree with them."""
+    """Return the coefficients of a robust fit, and the share of values that agree with them."""
     fit: NDArray[np.float64] = np.zeros(design.shape[1])
     fit[0] = _median(values)
     share = 0.0

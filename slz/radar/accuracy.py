@@ -1,4 +1,4 @@
-"""How accurate an interferometer can be: Radar Eq. (2) to (4)."""
+"""Accuracy of an interferometer: coherence, phase error and height error."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ def coherence(
     roughness_m: float = 7.77e-3,
     snr_db: float = 13.0,
 ) -> F64:
-    """Return the correlation of the two images over level ground (Radar Eq. 4); 0 beyond the critical
-    baseline.
+    """Return the coherence of the two images over level ground; 0 beyond the critical baseline.
 
     Parameters
     ----------
@@ -32,13 +31,15 @@ def coherence(
     share = half_paths * np.abs(across) * radar.range_m / (radar.wavelength_m * range_m * np.tan(look))
     volume = 2 * np.pi**2 * (roughness_m * across / (radar.wavelength_m * range_m * np.sin(look))) ** 2
     noise = 1 / (1 + 10 ** (-snr_db / 10))
+    # Radar letter, Eq. (4)
     return np.asarray(noise * np.maximum(0.0, 1 - share) * np.exp(-volume))
 
 
 def phase_error_rad(coherence_: ArrayLike, looks: float) -> F64:
-    """Return the standard deviation of the phase of so many looks (Radar Eq. 3), a bound reached by many."""
+    """Return the standard deviation of the multilook phase: a bound that is reached with many looks."""
     gamma = np.asarray(coherence_, np.float64)
     with np.errstate(divide="ignore"):
+        # Radar letter, Eq. (3), second part
         return np.asarray(np.sqrt(np.maximum(0.0, 1 - gamma**2)) / (gamma * np.sqrt(2 * looks)))
 
 
@@ -49,14 +50,14 @@ def height_error_m(
     roughness_m: float = 7.77e-3,
     snr_db: float = 13.0,
 ) -> F64:
-    """Return the standard deviation of heights from the phase's (Radar Eq. 3), inf where nothing is
-    coherent."""
+    """Return the standard deviation of heights due to that of the phase; inf without coherence."""
     look = np.asarray(look_rad, np.float64)
     gamma = coherence(radar, altitude_m, look, roughness_m, snr_db)
     scale = np.abs(radar.metres_per_radian(altitude_m / np.cos(look), look))
-    return np.asarray(scale * phase_error_rad(gamma, radar.looks))
+    return np.asarray(scale * phase_error_rad(gamma, radar.looks))  # Radar letter, Eq. (3)
 
 
 def whole_height_error_m(phase_m: float, altitude_m: float, range_m: float, baseline_m: float) -> float:
-    """Return the root of the sum of squares of four independent height errors (Radar Eq. 2)."""
+    """Return the total height error: root of the sum of squares of four independent errors."""
+    # Radar letter, Eq. (2)
     return float(np.sqrt(phase_m**2 + altitude_m**2 + range_m**2 + baseline_m**2))

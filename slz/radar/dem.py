@@ -1,4 +1,4 @@
-"""Ground-range DEMs with standard deviations: of one observation, and of several together (Radar 3.3)."""
+"""Ground-range DEMs with standard deviations, single and fused (Radar letter, section 3.3)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 MOST_SIGMA_M = 0.25
-"""Cells less certain are unknown."""
+"""Standard deviation above which a cell is unknown."""
 APART_M = 0.3
-"""Heights of one cell that differ by more are two."""
+"""Difference above which two heights of one cell are distinct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def observe(
     common_band: bool = True,
     least_coherence: float = LEAST_COHERENCE,
 ) -> RadarDem:
-    """Run one observation from complex images to a DEM; points of less coherence are unknown."""
+    """Return the DEM of one observation from its complex images; pixels of less coherence are unknown."""
     image = interferogram(lines, radar, common_band)
     return grid_heights(heights(image, lines, radar, least_coherence), radar, grid)
 
@@ -58,8 +58,8 @@ def observe(
 def grid_heights(found: Heights, radar: Interferometer, grid: Grid) -> RadarDem:
     """Return the DEM of one observation's points.
 
-    Samples overlap, so those of one cell are not independent: its standard deviation is that of one of
-    them, with their scatter added.
+    Samples overlap, so those of one cell are not independent: the cell's standard deviation is that of one
+    sample, with the scatter of the samples added.
     """
     sums = np.zeros((grid.rows, grid.cols, 5))
     add_samples(
@@ -75,13 +75,13 @@ def grid_heights(found: Heights, radar: Interferometer, grid: Grid) -> RadarDem:
 
 
 def fuse(observations: Sequence[RadarDem], least: int | None = None) -> RadarDem:
-    """Fuse observations of one grid by weight, whole turns of the phase settled among them.
+    """Fuse observations of one grid by weight, and resolve their phase ambiguities against each other.
 
     Parameters
     ----------
     least
-        Observations that must agree on a cell's height; by default half of them and one more. On a crate
-        about as high as a turn of the phase, one observation alone may see level ground.
+        Observations that must agree on a cell's height; by default more than half of them. On a crate
+        about as high as a turn of the phase, a single observation may see level ground.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Heights of one observation from its interferogram, with their standard deviations."""
+"""Height points of one observation from its interferogram, with standard deviations."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 LEAST_COHERENCE = 0.8
-"""Below is water, shadow, noise, or more than one height in a cell: level ground answers with 0.9."""
+"""Less means water, shadow, noise, or several heights in a cell: level ground has 0.9."""
 DARK = (3, 5)
-"""Lines and bins of the smallest area that counts as dark, and around which nothing is trusted."""
+"""Lines and bins of the smallest area that counts as dark, and of the margin discarded around it."""
 LEAST_REGION = 0.02
-"""Share of the largest region, below which a region's turns are not known well enough to use it."""
+"""Share of the largest region, below which a region's number of turns is too uncertain to use it."""
 FLOOR_M = 0.01
 
 
@@ -28,9 +28,9 @@ FLOOR_M = 0.01
 class Heights:
     """Points of one observation, arrays of one length.
 
-    points_m : (n, 3) in the map frame. sigma_m : standard deviation of the height. turn_m : by how much the
-    height changes with a whole turn of the phase. ahead : (2,) east and north of the track's direction. line,
-    range_m, look_rad : of each point, its line, and where it lies seen from there (look from straight down).
+    points_m : (n, 3) in the map frame. sigma_m : standard deviation of the height. turn_m : change of the
+    height with a whole turn of the phase. ahead : (2,) east and north of the track's direction. line,
+    range_m, look_rad : line of each point, and its range and look angle (from nadir) at that line.
     """
 
     points_m: F64
@@ -48,10 +48,10 @@ def heights(
     radar: Interferometer,
     least_coherence: float = LEAST_COHERENCE,
 ) -> Heights:
-    """Unwrap the phase and turn it into points (Radar Eq. 1).
+    """Unwrap the phase and convert it to points.
 
-    Points without coherence are left out, as are regions cut off from the rest. Of the whole
-    observation the number of turns is that which brings its median nearest to the level told.
+    Points without coherence and small disconnected regions are left out. The number of whole turns of each
+    region is chosen so that the median of its phase is nearest to that of the given level.
     """
     phase, region = unwrap_by_quality(
         image.phase_rad, _away_from_dark(image.coherence, least_coherence), least_coherence
@@ -72,7 +72,7 @@ def heights(
     altitude = lines.altitude_m[line]
     total = image.flat_rad[used] + phase[used]
     look = radar.look_rad(r, total, roll)
-    up = altitude - r * np.cos(look)
+    up = altitude - r * np.cos(look)  # Radar letter, Eq. (1)
     scale = np.abs(radar.metres_per_radian(r, look, roll))
     sigma = np.hypot(scale * phase_error_rad(image.coherence[used], radar.looks), FLOOR_M)
     ahead = _ahead(lines)
@@ -86,7 +86,7 @@ def heights(
 
 
 def _away_from_dark(coherence: F64, least: float) -> F64:
-    """Return the coherence, 0 beside larger areas without: the shore is part of the cells of the water."""
+    """Return the coherence, 0 next to larger dark areas: cells of the water there hold part of the shore."""
     dark = ndimage.binary_opening(coherence < least, np.ones(DARK, bool))
     return np.where(ndimage.binary_dilation(dark, np.ones(DARK, bool)), 0.0, coherence)
 

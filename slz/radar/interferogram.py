@@ -1,4 +1,4 @@
-"""Interferogram of one observation, flat Earth removed, with its coherence (Radar Eq. 7-8, 3.3)."""
+"""Interferogram of one observation with its coherence, flat Earth removed (Radar letter, section 3.3)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ C64 = NDArray[np.complex64]
 WINDOW = (3, 5)
 """Lines and bins over which coherence is estimated."""
 LEAST_BAND = 0.2
-"""Share of the bandwidth that the filter leaves at least."""
+"""Least share of the bandwidth that the filter keeps."""
 LOBES = 3.0
-"""Half length of a filter, in its own resolutions."""
+"""Half length of a filter, in units of its resolution."""
 
 
 @dataclass(frozen=True, slots=True)
 class Interferogram:
     """Multilook interferogram; arrays (lines, bins).
 
-    phase_rad : wrapped, what is left after the phase of the flat Earth. flat_rad : that phase. coherence : 0
-    to 1, with the bias of few looks taken off. power : of the first image.
+    phase_rad : wrapped, after removal of the flat-Earth phase. flat_rad : flat-Earth phase. coherence : 0
+    to 1, corrected for the bias of few looks. power : of the first image.
     """
 
     phase_rad: F64
@@ -36,20 +36,20 @@ class Interferogram:
 
 
 def interferogram(lines: RadarLines, radar: Interferometer, common_band: bool = True) -> Interferogram:
-    """Multiply the images, add up the looks, take off the flat Earth.
+    """Return the multilook interferogram of two images, flat Earth removed.
 
     Parameters
     ----------
     common_band
-        Filter both images to what they have in common of the ground's spectrum first. Seen from the second
-        antenna, the ground's spectrum is shifted by the share of the bandwidth that Radar Eq. (4) takes off
-        the coherence; without that band the coherence is that of the noise alone, at a resolution coarser
-        by as much (Gatelli et al., IEEE TGRS 32(4), 1994). The letter does without.
+        Filter both images to their common band of the ground's spectrum first. Seen from the second
+        antenna, the ground's spectrum is shifted by the share of the bandwidth by which Radar letter, Eq. (4)
+        reduces the coherence. Without that band the coherence is that of the noise alone, at a proportionally
+        coarser resolution (Gatelli et al., IEEE TGRS 32(4), 1994). The letter does not filter.
 
     Raises
     ------
     ValueError
-        The lines are not of this radar, or nothing of them looks at the ground.
+        The lines do not fit this radar, or none of their ranges reaches the ground.
     """
     lines.require(radar)
     r = lines.ranges_m
@@ -68,15 +68,15 @@ def interferogram(lines: RadarLines, radar: Interferometer, common_band: bool = 
     if common_band:
         band = _filter(r, lines.step_m, radar, look.mean(axis=0))
         first, second = _mixed(first, band), _mixed(second, band)
-    product = (first * second.conj()).sum(axis=1).astype(np.complex128)
+    product = (first * second.conj()).sum(axis=1).astype(np.complex128)  # Radar letter, Eq. (7)
     powers = [(np.abs(image) ** 2).sum(axis=1).astype(np.float64) for image in (first, second)]
     coherence = _coherence(product, powers[0], powers[1], radar.looks)
     coherence[~lit] = 0.0
-    return Interferogram(np.angle(product), flat, coherence, powers[0] / radar.looks)
+    return Interferogram(np.angle(product), flat, coherence, powers[0] / radar.looks)  # Radar letter, Eq. (8)
 
 
 def _aligned(lines: RadarLines, radar: Interferometer, flat_rad: F64) -> tuple[C64, C64]:
-    """Return both images, the second at the ranges that the first has of the same ground."""
+    """Return both images, the second resampled to the ranges of the same ground in the first."""
     r = lines.ranges_m
     shift = flat_rad * radar.wavelength_m / (4 * np.pi)
     onto = np.sinc((r[:, np.newaxis] - (r - shift)[np.newaxis]) / lines.step_m)
@@ -93,7 +93,7 @@ def _mixed(image: C64, matrix: F64) -> C64:
 
 
 def _filter(r: F64, step_m: float, radar: Interferometer, look_rad: F64) -> F64:
-    """Return the matrix (bins, bins) of a low pass whose band is what two images of each range share."""
+    """Return the matrix (bins, bins) of a low-pass filter to the band common to both images at each range."""
     across = np.abs(radar.baseline_m * np.cos(look_rad - radar.tilt_rad))
     paths = radar.phase_rad_m / (2 * np.pi)
     with np.errstate(divide="ignore"):
@@ -105,7 +105,7 @@ def _filter(r: F64, step_m: float, radar: Interferometer, look_rad: F64) -> F64:
 
 
 def _coherence(product: NDArray[np.complex128], first: F64, second: F64, looks: int) -> F64:
-    """Return the coherence within a window; of pure noise it is 0 on the mean, not the root of 1 / looks."""
+    """Return the windowed coherence, unbiased: for pure noise its mean is 0, not the root of 1 / looks."""
     mean = [ndimage.uniform_filter(part, WINDOW) for part in (product.real, product.imag, first, second)]
     with np.errstate(invalid="ignore", divide="ignore"):
         square = (mean[0] ** 2 + mean[1] ** 2) / (mean[2] * mean[3])

@@ -1,4 +1,4 @@
-"""Geometry of a side-looking interferometer with a fixed baseline (Radar Eq. 1)."""
+"""Geometry of a side-looking interferometer with a fixed baseline."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ class Interferometer:
     frequency_hz
         Of the carrier.
     baseline_m, tilt_deg
-        From the first antenna to the second; the tilt is counted from horizontal, up, on the side looked to.
+        From the first antenna to the second; the tilt is measured upwards from horizontal, on the side looked
+        to.
     range_m, azimuth_m
         Resolution in slant range and along the track.
     looks
         Independent looks of each line.
     both_transmit
         True: each antenna transmits and receives, so that the phase difference is 4 pi / lambda times the
-        difference of ranges, as in Radar Eq. (1), (3) and (4). False: the first alone transmits, as the
-        letter's text says, and it is half of that.
+        difference of ranges, as in Radar letter, Eq. (1), Radar letter, Eq. (3) and Radar letter, Eq. (4).
+        False: only the first transmits, as the letter's text says, and the phase difference is half of that.
     """
 
     frequency_hz: float = 35e9
@@ -56,7 +57,7 @@ class Interferometer:
 
     @property
     def phase_rad_m(self) -> float:
-        """Phase difference for a metre of difference in range."""
+        """Phase difference for one metre of range difference."""
         return (4 if self.both_transmit else 2) * np.pi / self.wavelength_m
 
     @property
@@ -65,29 +66,30 @@ class Interferometer:
         return float(np.radians(self.tilt_deg))
 
     def phase_rad(self, range_m: F64, look_rad: F64, roll_rad: float | F64 = 0.0) -> F64:
-        """Return the phase difference of a point, first antenna less second, not wrapped.
+        """Return the phase difference of a point, first antenna minus second, unwrapped.
 
         Parameters
         ----------
         range_m
             From the first antenna.
         look_rad
-            Angle of the ray from straight down, towards the side looked to.
+            Angle of the ray from nadir, towards the side looked to.
         roll_rad
-            By which the side looked to is raised.
+            Roll that raises the side looked to.
         """
         b = self.baseline_m
         across = np.sin(look_rad - self.tilt_rad - roll_rad)
-        # As a quotient, for the difference of two ranges of 100 m would lose digits.
+        # As a quotient, because the difference of two ranges of 100 m would lose digits.
         far = np.sqrt(range_m**2 + b**2 - 2 * range_m * b * across)
         return np.asarray(self.phase_rad_m * (2 * range_m * b * across - b**2) / (range_m + far))
 
     def look_rad(self, range_m: F64, phase_rad: F64, roll_rad: float | F64 = 0.0) -> F64:
-        """Return the look angle of a range and a phase difference; NaN where no ray has it.
+        """Return the look angle for a range and a phase difference; NaN where no ray has them.
 
-        Of the two rays that have it, the one nearer to the middle of 45 degrees is meant.
+        Of two possible rays the one nearer to a look angle of 45 degrees is returned.
         """
         b = self.baseline_m
+        # Quotient S of Radar letter, Eq. (1)
         sine = (range_m**2 + b**2 - (range_m - phase_rad / self.phase_rad_m) ** 2) / (2 * range_m * b)
         with np.errstate(invalid="ignore"):
             turn = np.arcsin(sine)
@@ -100,17 +102,20 @@ class Interferometer:
     def height_m(
         self, altitude_m: float | F64, range_m: F64, phase_rad: F64, roll_rad: float | F64 = 0.0
     ) -> F64:
-        """Return the height of what sends a phase difference back from a range (Radar Eq. 1).
+        """Return the height of a scatterer from its range and phase difference.
 
-        With S the quotient of Eq. (1), which is sin(look - tilt), cos(look) is cos(tilt) sqrt(1 - S^2) less
-        sin(tilt) S: the last sign of Eq. (1) as printed belongs to a tilt counted downwards, while Eq. (3)
-        and (4) count it upwards. Here it is counted upwards throughout.
+        With S the quotient of the equation, which is sin(look - tilt), cos(look) is cos(tilt) sqrt(1 - S^2)
+        minus sin(tilt) S. The last sign of the equation as printed belongs to a tilt measured downwards,
+        while Radar letter, Eq. (3) and Radar letter, Eq. (4) measure it upwards. Here it is measured upwards
+        throughout.
         """
+        # Radar letter, Eq. (1)
         return np.asarray(altitude_m - range_m * np.cos(self.look_rad(range_m, phase_rad, roll_rad)))
 
     def metres_per_radian(self, range_m: F64, look_rad: F64, roll_rad: float | F64 = 0.0) -> F64:
-        """Return by how much the height changes with the phase difference (Radar Eq. 3)."""
+        """Return the derivative of height with respect to the phase difference."""
         across = np.cos(look_rad - self.tilt_rad - roll_rad)
+        # Radar letter, Eq. (3), first part
         return np.asarray(range_m * np.sin(look_rad) / (self.phase_rad_m * self.baseline_m * across))
 
 

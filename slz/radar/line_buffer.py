@@ -1,4 +1,4 @@
-"""Complex images as they are recorded: line by line along the flight."""
+"""Line buffer of complex radar images, recorded line by line along the track."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RadarLines:
-    """One observation: two complex images and where they were taken.
+    """One observation: two complex images and the poses of their lines.
 
     samples : (lines, looks, 2, bins) complex64, of the first and the second antenna, at ranges first_m + k
     step_m (slant, m). position_m : (lines, 3) float64, first antenna in the map frame. heading_rad : course
-    over ground, clockwise from north; the radar looks to the right of it. roll_rad : (lines,) by which the
-    side looked to is raised. level_m : height of the ground around, to half an ambiguity (about 0.4 m).
+    over ground, clockwise from north; the radar looks to the right of it. roll_rad : (lines,) roll that
+    raises the side looked to. level_m : height of the ground around, to half an ambiguity (about 0.4 m).
     """
 
     samples: NDArray[np.complex64]
@@ -66,7 +66,7 @@ class RadarLines:
         return np.asarray(self.position_m[:, 2] - self.level_m)
 
     def require(self, radar: Interferometer) -> None:
-        """Raise ValueError where the samples are not of this radar."""
+        """Raise ValueError if the samples do not fit this radar."""
         if self.samples.shape[1] != radar.looks:
             raise ValueError(
                 f"radar lines: {self.samples.shape[1]} looks, but the interferometer has {radar.looks}"

@@ -1,4 +1,4 @@
-"""What of a map was drawn since somebody last looked: for displays that follow it."""
+"""Changes of a map since the last read, for displays that follow it."""
 
 from __future__ import annotations
 
@@ -29,10 +29,11 @@ class DrawnTile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """Part of what changed of a map.
+    """Part of the changes of a map.
 
-    serial: of the map; tiles of another one are no longer valid. west_m, south_m: corner of tile (0, 0).
-    tiles: as they are now. gone: keys of tiles that were forgotten. left: tiles that changed and wait.
+    serial: of the map; after a change of it all earlier tiles are invalid. west_m, south_m: corner of tile
+    (0, 0). tiles: present contents. gone: keys of tiles that were dropped. left: number of changed tiles not
+    included.
     """
 
     serial: int
@@ -50,9 +51,9 @@ def take_drawn(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.fl
     Parameters
     ----------
     most
-        Tiles to return at most, which bounds the time: 1.3 MB and half a millisecond for 20 of them.
+        Bound on the tiles returned, and so on the time: 1.3 MB and half a millisecond for 20 tiles.
     around_enu_m
-        (2,) or (3,) east, north; where it is not finite any come first.
+        (2,) or (3,) east, north; where it is not finite the order is arbitrary.
     """
     touched, cell_m = terrain.touched, terrain.grid.cell_m
     west_m, south_m = terrain.corner_m

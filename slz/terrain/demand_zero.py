@@ -1,4 +1,4 @@
-"""Large arrays of zeros that take memory only where something is written."""
+"""Demand-zero arrays: large arrays of zeros that take memory only where they are written."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from numpy.typing import DTypeLike, NDArray
 from slz.kernels.prefault import touch
 
 NOTHING = np.uint8(0)
-LEAST = 1 << 16  # bytes, below which an ordinary array will do: larger ones it would fill at once
+LEAST = 1 << 16  # bytes, below which an ordinary array is used
 
 
 def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """Return zeros of a shape and dtype, in pages of the system's smallest size.
+    """Return zeros of a shape and dtype, in pages of the smallest size.
 
-    `numpy.zeros` asks for huge pages where it can: each then takes 2 MiB and its clearing tens of
-    milliseconds when memory is in pieces, however little of it is written.
+    `numpy.zeros` asks for huge pages where it can: each takes 2 MiB, and clearing it takes tens of
+    milliseconds when memory is fragmented, however little of it is written.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if size < LEAST:
@@ -28,10 +28,7 @@ def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
 
 
 def make_ready(values: NDArray[Any], rows: slice, cols: slice) -> None:
-    """Have the system give the memory of a part of (rows, columns, ...), so that writing there does not wait.
-
-    The values stay as they are.
-    """
+    """Prefault a part of (rows, columns, ...), so that writing there does not wait; values are unchanged."""
     size = values.itemsize * math.prod(values.shape[2:])
     row = size * values.shape[1]
     count, length = rows.stop - rows.start, size * (cols.stop - cols.start)

@@ -1,4 +1,4 @@
-"""The maps of a rectangle of cells from their evidence: slope, relief and certainty of every footprint."""
+"""Derived maps of a box of cells: slope, relief and certainty of every footprint, from cell statistics."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roug
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far evidence reaches, in cells.
+    """Neighbourhood of a cell that its maps depend on, in cells.
 
-    radius: of a footprint about its cell. gap: of the closing that fills gaps which count as seen. margin:
-    evidence farther than this from a cell says nothing of it. A footprint reaches by its radius. Whether a
-    cell of it is seen depends on a closing of seen ground (twice the gap), of which the raised cells are
-    taken out, found by the lowest cell within 2 gap + 1; one more cell for the rim of seen ground, one for
-    the company of extremes (`summarise`). So the margin is radius + 4 gap + 3.
+    radius: of a footprint around its cell. gap: radius of the closing that fills gaps which count as seen.
+    margin: evidence farther from a cell than this does not affect it. The margin is radius + 4 gap + 3: a
+    footprint adds its radius, the closing of seen ground twice the gap, the search for raised cells, which do
+    not close gaps, 2 gap + 1 (lowest cell nearby), the rim of seen ground one cell, and the neighbours that
+    support extremes one (`summarise`).
     """
 
     radius: int
@@ -39,7 +39,7 @@ class Reach:
 
 
 def reach_of(parameters: Parameters, cell_m: float) -> Reach:
-    """Return how far evidence reaches with cells of a size."""
+    """Return the neighbourhood for cells of a size."""
     half = parameters.footprint_m / 2 / cell_m
     gap = max(0, round((parameters.coverage_m / cell_m - 1) / 2))
     return Reach(max(1, math.ceil(half - 0.5 - 1e-9)), gap)
@@ -47,7 +47,7 @@ def reach_of(parameters: Parameters, cell_m: float) -> Reach:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Cells of which maps are drawn, but for an edge, and what is known of their footprints."""
+    """Cell statistics for a box with a margin, and bitmaps of its footprints' coverage."""
 
     cells: NDArray[np.float32]
     covered: Bits
@@ -59,7 +59,7 @@ class Seen:
 
     @classmethod
     def of(cls, cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters) -> Seen:
-        """See `drawn`."""
+        """Compute the bitmaps, see `drawn`."""
         known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
         covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
@@ -75,7 +75,7 @@ class Seen:
 def drawn(
     cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Draw the maps of all cells but a margin of `reach.margin` on every side.
+    """Derive the maps of all cells but a margin of `reach.margin` on every side.
 
     Parameters
     ----------
@@ -98,11 +98,11 @@ def drawn(
 
 
 def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters) -> Bits:
-    """Tell which footprints hold unseen ground.
+    """Return the footprints that hold unseen ground.
 
-    What stands in the middle of unseen ground must not make that ground seen: cells above ground near
-    enough for a gap between to count as seen close no gap, unless a safe slope leads up to them. And the
-    outermost seen cells may be part water, part shore.
+    An object amid unseen ground must not make that ground count as seen. So cells raised above nearby ground
+    close no gap, unless a safe slope leads up to them. The outermost seen cells may be part water, part
+    shore, so the rim does not count as seen.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
     lowest, cols = lowest_around(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]

@@ -1,15 +1,15 @@
 """Terrain from per-cell evidence: the default, safer terrain model.
 
-Where the sources are unsafe this differs: steep ground is written as evidence; a cell keeps count, mean,
-expected noise and its two lowest and highest returns, so a pole inside a cell does not vanish in a mean;
-slope and relief come from a plane fitted over the vehicle's footprint; whatever was seen is kept for at
-least `hold_s` of newer observations; ground not seen for `max_age_s` and ground never seen are unknown, and
+It differs from the sources where they are unsafe. Steep ground is written as evidence. A cell keeps count,
+mean, expected noise and its two lowest and highest returns, so a pole inside a cell does not vanish in a
+mean. Slope and relief come from a plane fitted over the vehicle's footprint. Everything seen is kept for at
+least `hold_s` of newer observations. Ground not seen for `max_age_s` and ground never seen are unknown, and
 unknown is not safe.
 
-A cell is *safe* when a vehicle whose footprint is centred on it stands on seen ground whose plane slopes
-less than the limit, three standard errors included, and on which nothing rises or falls by the relief limit.
+A cell is *safe* when the footprint centred on it is on seen ground, its plane slopes less than the limit with
+three standard errors added, and nothing in it rises or falls by the relief limit.
 
-Evidence is kept at the finest cells. The maps may be drawn at any level of a pyramid: cells of level k are
+Evidence is kept at the finest cells. The maps may be derived at any level of a pyramid: cells of level k are
 2^k times as wide, and their evidence is that of all their returns.
 """
 
@@ -36,10 +36,10 @@ from slz.terrain.tiled_raster import Block, TiledLayers
 from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
 HEIGHTS = ("height_m", "top_m")
-AGEING = 0.1  # of `max_age_s`, for which a cell that became too old to be drawn may be shown
-PATIENCE = 0.7  # of that time, before which nothing is drawn anew for its age
-MORE = 4  # tiles made ready beyond those expected
-BLOCK = 512  # cells along the side of what is drawn at a time
+AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
+PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
+MORE = 4  # tiles prefaulted beyond those expected
+BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
 
@@ -52,14 +52,14 @@ class EvidenceTerrain(UnboundedTerrain):
     grid
         The window, in cells of the level.
     tiles
-        Evidence to draw from; by default new, with the south-west corner of the grid as its origin.
+        Evidence to use; by default new, with the south-west corner of the grid as its origin.
     level
         Level of the pyramid.
 
     Notes
     -----
-    serial: number of the maps drawn, another one where all is to be taken anew. touched: tiles drawn or
-    forgotten since somebody emptied the set.
+    serial: number of the maps; it changes when all tiles must be read again. touched: tiles derived or
+    dropped since the set was last emptied.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class EvidenceTerrain(UnboundedTerrain):
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
         self._n_drawn, self._new = 0, [0]
-        self._oldest_s: dict[Key, float] = {}  # when the cell not seen for longest was seen
+        self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
 
-    # ---- boxes: of the window, and of all ground (counted from the tiles' corner) ---------------
+    # ---- boxes: in the window, and in all ground (counted from the tiles' corner) ---------------
 
     @property
     def _corner(self) -> tuple[int, int]:
@@ -97,7 +97,7 @@ class EvidenceTerrain(UnboundedTerrain):
 
     @property
     def seen(self) -> Box:
-        """Box of the window that holds all ground drawn in it."""
+        """Box in the window of all ground derived."""
         row, col = self._corner
         s = self._seen
         box = Box(
@@ -113,10 +113,10 @@ class EvidenceTerrain(UnboundedTerrain):
     def add(
         self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], stamp_s: float
     ) -> Change:
-        """Add one window of points, in the map's heights (`tiles.datum_m`), and draw what it changed.
+        """Add one window of points, in stored heights (over `tiles.datum_m`), and derive the changed maps.
 
-        Points beyond the window's edges are passed over. When the budget of tiles is used, the ground not
-        seen for longest is given up; where none can be, points are dropped and counted.
+        Points outside the window's grid are skipped. When the budget of tiles is used, the ground not
+        seen for longest is evicted; where none can be, points are dropped and counted.
         """
         p, now_s = self._parameters, self.tiles.now_s(stamp_s)
         change = self.tiles.add(
@@ -140,16 +140,16 @@ class EvidenceTerrain(UnboundedTerrain):
             self._draw_all([box_of_tile(key)])
         if change.evicted:
             self.touched.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
-            if len(self.touched) > 2 * self.tiles.capacity:  # nobody looks
+            if len(self.touched) > 2 * self.tiles.capacity:  # no reader
                 self.serial, self.touched = next(SERIALS), set(self._maps.keys())
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
-        """Return tiles to be drawn anew as a whole because cells in them became too old.
+        """Return the tiles to derive again as a whole because some of their cells became too old.
 
-        Where no cell did, they would be drawn as they are. Those whose oldest cell has been too old for
-        `PATIENCE` of the time that a map may show it come by and by, the oldest first, so many that all have
-        come before the rest of it is over.
+        Other tiles would not change. Tiles whose oldest cell has been too old for `PATIENCE` of the time that
+        a map may show it are spread over the windows, the oldest first, at a rate that all are derived before
+        the rest of that time is over.
         """
         too_old_s = (1 - AGEING) * self._parameters.max_age_s
         longest_s = AGEING * self._parameters.max_age_s
@@ -164,7 +164,7 @@ class EvidenceTerrain(UnboundedTerrain):
         return due
 
     def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
-        """Keep the tiles around a point whatever the budget, those that decide on it included."""
+        """Pin the tiles around a point, and all tiles that its state depends on; the budget evicts none."""
         if enu_m is None:
             self.pinned = frozenset()
             return
@@ -176,9 +176,9 @@ class EvidenceTerrain(UnboundedTerrain):
         self.pinned = frozenset(self.tiles.keys_over(near))
 
     def prepare(self) -> None:
-        """Have memory ready for as many new tiles as the last two windows needed at most, and a few more.
+        """Prefault memory for as many new tiles as either of the last two windows needed, and `MORE`.
 
-        The first window, whose tiles are all new, tells nothing of those to come.
+        The first window is ignored, because all its tiles are new.
         """
         drawn = len(self._maps)
         self._new = [*self._new[-1:], max(0, drawn - self._n_drawn) if self._n_drawn else 0]
@@ -190,13 +190,13 @@ class EvidenceTerrain(UnboundedTerrain):
     # ---- maps out -------------------------------------------------------------------------------
 
     def _draw_all(self, fine: Iterable[Box]) -> None:
-        """Draw anew all that evidence of these boxes of finest cells can change."""
+        """Derive all maps that depend on the evidence of these boxes of finest cells."""
         rows = rows_of_patch(self.radius)
         for box in _regions(_in_patches(_widened(box, self.level, self._margin), rows) for box in fine):
             self._draw(box)
 
     def _cells(self, box: Box) -> NDArray[np.float32]:
-        max_age_s = (1 - AGEING) * self._parameters.max_age_s  # none is drawn older than the whole
+        max_age_s = (1 - AGEING) * self._parameters.max_age_s  # so that no cell is shown beyond `max_age_s`
         if self.level == 0:
             return self.tiles.summary(box, max_age_s)
         evidence = self.tiles.read(_scaled(box, self.level))
@@ -205,20 +205,20 @@ class EvidenceTerrain(UnboundedTerrain):
         return summary(evidence, self.tiles.latest_s, max_age_s)
 
     def _draw(self, box: Box) -> None:
-        """Draw the maps of a box from the evidence of the box and its surroundings."""
+        """Derive the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
         self._maps.draw(box, Seen.of(cells, self._reach, self.grid.cell_m, self._parameters))
         self.touched.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
-        """Return another window onto the same evidence (the new zone of SLZ paper 3.2.5)."""
+        """Return another window onto the same evidence (new zone of SLZ paper, section 3.2.5)."""
         new = copy.copy(self)
         new.grid = grid
         return new
 
     def at_level(self, level: int) -> EvidenceTerrain:
-        """Return a window of the zone's size about the middle of this one, drawn at another level."""
+        """Return a window of the zone's size about the middle of this one, at another level."""
         whole = _scaled(self._everywhere(self.grid.everything), self.level)
         cell_m = self.tiles.cell_m * 2**level
         side = -(-max(3, round(self._parameters.zone_m / self.tiles.cell_m)) >> level)
@@ -237,10 +237,10 @@ class EvidenceTerrain(UnboundedTerrain):
         return self if level == self.level else self.at_level(level)
 
     def safe_bits(self, box: Box) -> tuple[Bits, int, int]:
-        """Return the safe cells of a box that is not empty, and row and column of the first bit.
+        """Return the bitmap of the safe cells of a non-empty box, and row and column of its first bit.
 
-        Nothing is set on a margin around the box. Words are rows of tiles, so they stand for the same cells
-        whatever the box.
+        A margin around the box is clear. Words are rows of tiles, so that a word covers the same cells for
+        every box.
         """
         there = self._everywhere(box)
         col0, col1 = (there.col0 - 1) // TILE * TILE, -(-(there.col1 + 1) // TILE) * TILE
@@ -253,15 +253,15 @@ class EvidenceTerrain(UnboundedTerrain):
         return bits, there.row0 - 1 - row, col0 - col
 
     def state(self, box: Box) -> NDArray[np.uint8]:
-        """Return 0 unsafe, 1 safe, 255 unknown for a box; a footprint with unseen ground is unknown."""
+        """Return 0 unsafe, 1 safe, 255 unknown for a box; no footprint with unseen ground is safe."""
         return self._maps.states(self._everywhere(box))
 
     def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Iterator[Block]]:
-        """Return a box counted from the tiles' corner, and `TiledLayers.within` of it."""
+        """Return a box in the tiling's rows and columns, and `TiledLayers.within` of it."""
         there = self._everywhere(box)
         return there, *self._maps.within(there)
 
-    # ---- what was drawn since somebody looked ----------------------------------------------------
+    # ---- changes since the last read -------------------------------------------------------------
 
     @property
     def corner_m(self) -> tuple[float, float]:
@@ -269,11 +269,11 @@ class EvidenceTerrain(UnboundedTerrain):
         return self.tiles.west_m, self.tiles.south_m
 
     def touch_all(self) -> None:
-        """Count every tile as touched."""
+        """Mark every tile as touched."""
         self.touched.update(self._maps.keys())
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
-        """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is drawn."""
+        """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is derived."""
         held = self._maps.tile(key)
         if held is None:
             return None
@@ -285,7 +285,7 @@ class EvidenceTerrain(UnboundedTerrain):
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         """Return a copy of one of `LAYERS` over a box, NaN where unknown.
 
-        The relief is NaN also where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
+        The relief is also NaN where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
         return self._with_datum(name, self._maps.read(self._everywhere(box), LAYERS.index(name)))
 
@@ -327,7 +327,7 @@ def _widened(fine: Box, level: int, margin: int) -> Box:
 
 
 def _in_patches(box: Box, rows: int) -> Box:
-    """Return the patches that a box touches: a cell's maps are the same whatever is drawn beside it."""
+    """Return the patches that a box touches: with whole patches a cell's maps do not depend on the box."""
     if box.empty:
         return box
     return Box(
@@ -339,7 +339,7 @@ def _in_patches(box: Box, rows: int) -> Box:
 
 
 def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
-    """Cover boxes with few that do not overlap, none longer than `BLOCK`."""
+    """Yield few disjoint boxes that cover the given ones, none longer than `BLOCK`."""
     boxes = [box for box in boxes if not box.empty]
     whole = hull(boxes)
     if max(whole.shape) <= BLOCK:

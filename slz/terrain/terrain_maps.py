@@ -1,4 +1,4 @@
-"""What the terrain looks like: the maps that the identification stages and the outside read."""
+"""Terrain maps: copies of the maps for zone identification and for output."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ UNSAFE, SAFE, UNKNOWN = IS_UNSAFE, IS_SAFE, IS_UNKNOWN
 class TerrainMaps:
     """Copies of the maps over a box of the grid; row 0 is the southernmost. NaN where unknown.
 
-    height_m: DSM, up in the map frame. slope_deg, and slope_sigma_deg, its standard error (default mode
-    only). roughness: in source mode the gradient of the slope map (degrees), in default mode the rms residual
+    height_m: DSM, up in the map frame. slope_deg. slope_sigma_deg: its standard error (default mode only).
+    roughness: in source mode the gradient of the slope map (degrees), in default mode the rms residual
     about the footprint's plane (m). relief_m: peak to peak about that plane (default mode only). certainty:
     probability that the whole footprint is safe, 0 where unknown; in source mode 1 or 0. state: 0 unsafe, 1
     safe, 255 unknown.

@@ -1,4 +1,4 @@
-"""Maps of any extent in tiles: memory follows the ground they are drawn over."""
+"""Tiled raster maps of any extent, whose memory follows the ground they cover."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Table = NDArray[np.int32]
 
 
 class Block(NamedTuple):
-    """Tiles side by side, from a slot on: (tiles, layers, TILE, TILE) and (tiles, 1, TILE, TILE)."""
+    """Contiguous tiles from a slot on: (tiles, layers, TILE, TILE) and (tiles, 1, TILE, TILE)."""
 
     first: int
     layers: NDArray[np.float32]
@@ -35,14 +35,14 @@ class Block(NamedTuple):
 class TiledLayers:
     """Layers of a map and the states of its cells, in tiles.
 
-    Tiles lie in blocks, whose memory is taken where tiles are made; seldom in more than one.
+    Tiles are in blocks of demand-zero memory; usually there is only one block.
 
     Parameters
     ----------
     empty
-        What stands in each layer where nothing was written; the state there is unknown.
+        Value of each layer where nothing was written; the state there is unknown.
     expected
-        Tiles that the first block is to have room for.
+        Tiles that fit in the first block.
     """
 
     def __init__(self, empty: Sequence[float], expected: int = FEWEST) -> None:
@@ -52,20 +52,20 @@ class TiledLayers:
         self._versions = np.empty(0, np.int64)
         self._slot: dict[Key, int] = {}
         self._free: list[int] = []
-        self._last: tuple[Key, Table] | None = None  # what `_table` looked up last, from which tile on
+        self._last: tuple[Key, Table] | None = None  # first tile and table of the last lookup of `_table`
 
     def __len__(self) -> int:
         return len(self._slot)
 
     def write(self, box: Box, layers: NDArray[np.float32], states: NDArray[np.uint8]) -> None:
-        """Set (count, rows, cols) layers of a box, and (1, rows, cols) states."""
+        """Write (count, rows, cols) layers of a box, and (1, rows, cols) states."""
         table = self._opened(box)
         for first, held, held_states in self._blocks:
             put_layers(held, first, table, box.row0, box.col0, np.ascontiguousarray(layers))
             put_layers(held_states, first, table, box.row0, box.col0, np.ascontiguousarray(states))
 
     def draw(self, box: Box, seen: Seen) -> None:
-        """Set the layers and states of a box to what is drawn of it, see `slz.terrain.derive.drawn`."""
+        """Derive the layers and states of a box and write them, see `slz.terrain.derive.drawn`."""
         table = self._opened(box)
         for first, held, states in self._blocks:
             draw_tiles(
@@ -74,7 +74,7 @@ class TiledLayers:
             )  # fmt: skip
 
     def _opened(self, box: Box) -> Table:
-        """Return the slots of the tiles of a box, all of which are about to be written to."""
+        """Return the slots of the tiles of a box, made where missing, with a new version for the write."""
         self._last = None
         for key in keys_over(box):
             if key not in self._slot:
@@ -104,7 +104,7 @@ class TiledLayers:
         return out
 
     def at(self, cells: NDArray[np.int32], down: int, right: int, layer: int = 0) -> NDArray[np.float32]:
-        """Return one layer of (n, 2) rows and columns, once they are moved down and right."""
+        """Return one layer at (n, 2) rows and columns, shifted down and right."""
         out = np.full(len(cells), self._empty[layer])
         if len(cells):
             row0, row1, col0, col1 = reach_of(cells)
@@ -115,7 +115,7 @@ class TiledLayers:
         return out
 
     def bits(self, box: Box, state: np.uint8) -> Bits:
-        """Return where a state is in a box of whole columns of tiles, in words that are rows of tiles."""
+        """Return the bitmap of a state in a box of whole columns of tiles; a word is a row of a tile."""
         out = np.zeros((box.shape[0], box.shape[1] // TILE), np.uint64)
         table = self._table(box)
         for first, _, held in self._blocks:
@@ -125,21 +125,21 @@ class TiledLayers:
     def within(self, box: Box) -> tuple[Table, NDArray[np.int64], Iterator[Block]]:
         """Return the slots of the tiles that a box touches, -1 for none, their versions, and the blocks.
 
-        The version of a tile tells what was written to it last.
+        The version of a tile changes with every write.
         """
         table = self._table(box)
         versions = np.where(table < 0, NOTHING, self._versions[table]) if self._blocks else table
         return table, np.asarray(versions, np.int64), iter(self._blocks)
 
     def keep(self, wanted: Callable[[Key], bool]) -> list[Key]:
-        """Forget all tiles but those wanted; return which."""
+        """Drop all tiles but those wanted; return the keys of those dropped."""
         self._last = None
         gone = [key for key in self._slot if not wanted(key)]
         self._free.extend(self._slot.pop(key) for key in gone)
         return gone
 
     def prepare(self, count: int) -> None:
-        """Have memory ready for so many more tiles."""
+        """Prefault the memory of `count` more tiles."""
         while len(self._free) < count:
             self._add_block()
         for slot in self._free[len(self._free) - count :]:
@@ -151,7 +151,7 @@ class TiledLayers:
         return tuple(self._slot)
 
     def tile(self, key: Key) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
-        """Return layers (count, TILE, TILE) and states (1, TILE, TILE) of a tile, not copies.
+        """Return layers (count, TILE, TILE) and states (1, TILE, TILE) of a tile, as views.
 
         None where nothing was written.
         """
@@ -181,7 +181,7 @@ class TiledLayers:
     def _table(self, box: Box) -> Table:
         """Return the slot of every tile that a box touches, -1 where there is none.
 
-        What was looked up last is kept: two threads may read, while none writes.
+        The last lookup is cached. Two threads may read concurrently while none writes.
         """
         if box.empty:
             return np.empty((0, 0), np.int32)

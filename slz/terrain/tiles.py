@@ -1,4 +1,4 @@
-"""Tiles of cells: memory follows the ground that was seen, within a budget."""
+"""Tiles of per-cell evidence: memory follows the ground seen, within a budget."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from slz.terrain.demand_zero import make_ready
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
-LINE_BYTES = 64  # of the cache; just what a cell needs
+LINE_BYTES = 64  # of a cache line; the size of a cell's evidence
 LEAP_S = 100_000.0
-ROUNDING = 1e-6  # of a time and 1,000 s: more than single precision changes it by
+ROUNDING = 1e-6  # relative, of a time plus 1,000 s: more than the error of single precision
 FEWEST = 16  # tiles, however small the budget
-SERIALS = itertools.count(1)  # of maps, so that whoever follows one sees when another took its place
+SERIALS = itertools.count(1)  # serial numbers of maps, so that a follower notices a replacement
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What a window did: boxes of cells that were hit, tiles given up for them, points without a tile."""
+    """Effect of a window: boxes of cells hit, tiles evicted for them, points without a tile."""
 
     boxes: tuple[Box, ...]
     evicted: tuple[Key, ...]
@@ -51,7 +51,7 @@ class Change:
 
 
 class Tiles:
-    """Evidence of single cells, in tiles that are made on sight and given up when the budget is used.
+    """Evidence of cells, in tiles that are made when first hit and evicted when the budget is used.
 
     Rows and columns count from the corner (west_m, south_m) and may be negative. A cell holds a current
     and a previous epoch of `FIELDS` numbers, see `slz.kernels.cells.accumulate`.
@@ -59,7 +59,7 @@ class Tiles:
     Parameters
     ----------
     budget_bytes
-        Most memory for evidence. The tile not seen for longest goes first, a pinned one never.
+        Bound on the memory for evidence. The tile not seen for longest is evicted first, a pinned one never.
     """
 
     def __init__(self, west_m: float, south_m: float, cell_m: float, budget_bytes: float) -> None:
@@ -70,7 +70,7 @@ class Tiles:
         self._last_s: dict[Key, float] = {}
         self._free = list(range(capacity))[::-1]
         self.datum_m = 0.0
-        """Height of the map's zero: heights are kept without it and given out with it."""
+        """Height of the zero of the stored heights: not included in them, added on output."""
         self.latest_s = 0.0
         self._epoch_s: float | None = None
 
@@ -83,7 +83,7 @@ class Tiles:
 
     @property
     def n_free(self) -> int:
-        """Tiles that the budget has left."""
+        """Number of tiles left in the budget."""
         return len(self._free)
 
     @property
@@ -94,8 +94,9 @@ class Tiles:
     def now_s(self, stamp_s: float) -> float:
         """Return the time since the first stamp; single precision keeps it to milliseconds for hours.
 
-        A clock that steps back makes nothing younger: time goes on from where it was. One that leaps ahead
-        makes everything `LEAP_S` older, which is more than anything counts, and no number too large.
+        When a clock steps back, time continues from where it was, so nothing becomes younger. When it leaps
+        ahead, time advances by `LEAP_S` only: longer than any age limit, and small enough for single
+        precision.
         """
         if self._epoch_s is None:
             self._epoch_s = stamp_s
@@ -117,7 +118,7 @@ class Tiles:
         pinned: Collection[Key] = (),
         max_age_s: float = math.inf,
     ) -> Change:
-        """Add the points that lie in a box of cells to the evidence of theirs, forgetting what is too old."""
+        """Add the points in a box to the evidence of their cells; evidence too old is cleared first."""
         edges = np.array([within.row0, within.row1, within.col0, within.col1])
         points_enu_m = np.ascontiguousarray(points_enu_m)
         at, found = cells_of(points_enu_m, self.west_m, self.south_m, self.cell_m, edges)
@@ -141,7 +142,7 @@ class Tiles:
     def _make_room(
         self, wanted: list[Key], sensor_enu_m: NDArray[np.float64], now_s: float, pinned: Collection[Key]
     ) -> tuple[Key, ...]:
-        """Make tiles for those wanted, the nearest to the sensor first, and return those given up."""
+        """Allocate the wanted tiles, the nearest to the sensor first; return the evicted tiles."""
         here = [key for key in wanted if key in self._slot]
         for key in here:
             self._last_s[key] = now_s
@@ -164,7 +165,7 @@ class Tiles:
         return tuple(evicted)
 
     def prepare(self, count: int) -> None:
-        """Have memory ready for so many more tiles."""
+        """Prefault the memory of `count` more tiles."""
         rows = self._pool.reshape(self.capacity, TILE * TILE, -1)
         for slot in self._free[len(self._free) - count :]:
             make_ready(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
@@ -204,12 +205,12 @@ class Tiles:
         return summarise(self._pool.reshape(-1), places, first, box.shape[1], self.latest_s, max_age_s)
 
     def oldest_s(self, key: Key, since_s: float) -> float:
-        """Return when that cell of a tile was last seen that was not seen for longest; infinity of none.
+        """Return the last seen time of the tile's cell not seen for longest; infinity for none.
 
         Parameters
         ----------
         since_s
-            Cells last seen before that, by more than rounding, do not count.
+            Cells last seen before this time, by more than rounding, do not count.
         """
         slot = self._slot.get(key)
         if slot is None:
@@ -218,7 +219,7 @@ class Tiles:
         return float(seen_s[seen_s >= since_s - ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (m, 3) east, north and height above their cell's mean, of the points over known cells."""
+        """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""
         if not self._slot or not len(points_enu_m):
             return np.empty((0, 3))
         corner, table = self._table_under(points_enu_m)
@@ -231,7 +232,7 @@ class Tiles:
         noise: Noise,
         least_m: float,
     ) -> NDArray[np.bool_]:
-        """Tell which points stand higher over known ground than noise and `least_m` explain."""
+        """Return which points are higher over known ground than noise and `least_m` explain."""
         if not self._slot or not len(points_enu_m):
             return np.zeros(len(points_enu_m), bool)
         corner, table = self._table_under(points_enu_m)
@@ -239,9 +240,9 @@ class Tiles:
         return contradicts(points_enu_m, sensor_enu_m, least_m, noise.angle_rad, *place, self._pool, table)
 
     def _table_under(self, points_enu_m: NDArray[np.float64]) -> tuple[Key, NDArray[np.int32]]:
-        """Return the first tile and the slots of a rectangle with all tiles held that some points lie over.
+        """Return the first tile and the slots of a rectangle that holds all tiles under some points.
 
-        However far apart the tiles held are, it is no larger than the ground under the points.
+        The rectangle is no larger than the ground under the points, however far apart the tiles are.
         """
         keys = np.array(list(self._slot))
         east_m, north_m, size_m = points_enu_m[:, 0], points_enu_m[:, 1], TILE * self.cell_m
@@ -254,7 +255,7 @@ class Tiles:
         return corner, self._table(corner, (max(0, shape[0]), max(0, shape[1])))
 
     def any_near(self, key: Key, level: int) -> bool:
-        """Tell whether a tile of a level's maps lies over or beside a tile held."""
+        """Return whether a tile of a level's maps covers a tile held, or one next to it."""
         rows, cols = (range((k << level) - 1, ((k + 1) << level) + 1) for k in key)
         return any((row, col) in self._slot for row in rows for col in cols)
 
@@ -264,7 +265,7 @@ class Tiles:
 
 
 def _aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return zeros in whole lines of the cache; pages unused are not backed by memory."""
+    """Return zeros aligned to a cache line; unused pages are not backed by memory."""
     size = math.prod(shape)
     whole = np.zeros(size + LINE_BYTES // 4, np.float32)
     first = -whole.ctypes.data % LINE_BYTES // 4
@@ -285,6 +286,6 @@ def box_of_tile(key: Key) -> Box:
 
 
 def tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
-    """Return the first tile of a box and the number of rows and columns of tiles."""
+    """Return the first tile of a box, and the number of rows and columns of tiles."""
     row, col = box.row0 // TILE, box.col0 // TILE
     return (row, col), ((box.row1 - 1) // TILE - row + 1, (box.col1 - 1) // TILE - col + 1)

@@ -1,4 +1,4 @@
-"""Boundary points: which of them a zone needs (SLZ paper 3.4.2)."""
+"""Boundary point filter: removal of collinear points (SLZ paper, section 3.4.2)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from slz.kernels.polygons.contour import bends
 
 
 def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Drop points between two neighbours in the same row or the same column (SLZ paper Algorithm 2).
+    """Drop points between two neighbours in the same row or the same column (SLZ paper, Algorithm 2).
 
-    The algorithm as printed also loses corners where a run in x meets a diagonal; here a point is dropped
-    only when it lies between two neighbours of its row, or of its column, so the polygon stays the same.
+    The algorithm as printed also loses corners where a run in x meets a diagonal. Here a point is dropped
+    only between two neighbours of its row, or of its column, so the polygon is unchanged.
 
     Parameters
     ----------

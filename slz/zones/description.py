@@ -1,4 +1,4 @@
-"""Parameters of a zone: counts, certainty, roughness, obstacles, room to land (SLZ paper 3.4.1)."""
+"""Zone parameters: counts, certainty, roughness, obstacles, landing point (SLZ paper, section 3.4.1)."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from slz.zones.detection import Candidate
 from slz.zones.zonal_statistics import Tally, tallied
 
 MOST_OBSTACLES = 200
-AROUND = 3  # cells, of the ground that an obstacle's height is over
-SOME = 1 << 16  # cells of such ground that are looked up at a time
+AROUND = 3  # cells around an obstacle whose ground its height refers to
+SOME = 1 << 16  # cells of such ground read at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Content:
-    """What the maps say of a zone, wherever the vehicle is, so that it lasts while they stay as they are.
+    """Map contents of a zone, independent of the vehicle, valid while the maps are unchanged.
 
-    Heights, of the corners too, are over the terrain's datum, which may drift.
+    All heights are over the terrain's datum, which may drift.
     """
 
     candidate: Candidate
@@ -45,7 +45,7 @@ class Content:
     def of(cls, candidate: Candidate, terrain: CellView, before: Content | None = None) -> Content:
         """Look a candidate up in the maps, or those of its tiles that changed since before.
 
-        What was before must be of the same terrain and grid.
+        The earlier content must be of the same terrain and grid.
         """
         if before is None:
             tally = tallied(candidate, terrain)
@@ -71,7 +71,7 @@ def describe(
     parameters: Parameters,
     zone_id: int,
 ) -> Zone:
-    """Work out everything that is reported of a zone.
+    """Return the description of a zone.
 
     The zone is its safe cells; counts, certainty and obstacles are of the cells inside the contour.
     """
@@ -82,7 +82,7 @@ def describe(
     def corners() -> NDArray[np.float64]:
         height = content.corners_m + np.float32(datum_m)
         known = np.isfinite(height)
-        if not known.all():  # the mean of the others' heights stands in
+        if not known.all():  # unknown heights get the mean of the known ones
             height = np.where(known, height, height[known].mean() if known.any() else 0.0)
         return np.column_stack([grid.centres(content.corners), height])
 
@@ -105,7 +105,7 @@ def describe(
 
 
 def _obstacles(holes: Bits, own: Bits, box: Box, terrain: CellView) -> Groups:
-    """Group the measured unsafe cells inside a contour; their height is over the zone around them."""
+    """Group the measured unsafe cells inside a contour; heights are over the zone around them."""
 
     def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
         highest = terrain.kept_at("top_m", cells)

@@ -1,4 +1,4 @@
-"""SLZ search: from the binary map to zones (SLZ paper 3.3, Algorithm 1)."""
+"""Zone detection: from the binary map to candidate zones (SLZ paper, section 3.3 and Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from slz.kernels.raster.distance_transform import largest_square
 from slz.kernels.raster.region_fill import fill
 from slz.kernels.raster.square_erosion import grow
 
-FEWEST = 4096  # cells of a boundary that there is room for
-CRUMB = 9  # cells, below which a part of a zone that hangs on a corner is left out
+FEWEST = 4096  # boundary cells that fit at least
+CRUMB = 9  # cells, below which a part of a zone that touches the rest at a corner only is left out
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A component of the binary map: its traced boundary and what lies on or inside it.
+    """Component of the binary map: its traced boundary and the cells on and inside it.
 
-    boundary_cells: (n, 2) rows, columns of the grid. box: bounding box. content_bits: the cells on and inside
-    the contour, (rows, words). own_bits: its own safe cells. first: which bit of a row's first word is the
-    box's first column. square_side: cells.
+    boundary_cells: (n, 2) rows, columns of the grid. box: bounding box. content_bits: cells on and inside the
+    contour, (rows, words). own_bits: its own safe cells. first: bit of a row's first word for the box's first
+    column. square_side: cells.
     """
 
     boundary_cells: NDArray[np.int32]
@@ -39,12 +39,12 @@ class Candidate:
 
     @property
     def words_box(self) -> Box:
-        """The cells that the bits stand for."""
+        """Box of the cells that the bitmaps cover."""
         col0 = self.box.col0 - self.first
         return Box(self.box.row0, self.box.row1, col0, col0 + 64 * self.own_bits.shape[1])
 
     def same_as(self, other: Candidate) -> bool:
-        """Tell whether another one of the same grid holds the same cells."""
+        """Return whether another candidate of the same grid holds the same cells."""
         pairs = (
             (self.own_bits, other.own_bits),
             (self.content_bits, other.content_bits),
@@ -64,19 +64,19 @@ class Candidate:
 
 
 def side_in_cells(side_m: float, grid: Grid) -> int:
-    """Return the cells that a side of so many metres needs."""
+    """Return the number of cells for a side in metres, rounded up."""
     return max(1, math.ceil(side_m / grid.cell_m - 1e-9))
 
 
 def search_components(
     safe: NDArray[np.uint8], box: Box, least_side: int, least_boundary: int
 ) -> Iterator[Candidate]:
-    """Yield what `search_bits` does of a box.
+    """Yield the candidates of `search_bits` in a box.
 
     Parameters
     ----------
     safe
-        (rows, cols) of the box, 1 where safe. Beyond it nothing is (Algorithm 1's unsafe margin).
+        (rows, cols) of the box, 1 where safe. Cells outside are unsafe (margin of Algorithm 1).
     """
     return search_bits(packed(np.pad(safe, 1)), box.row0 - 1, box.col0 - 1, least_side, least_boundary)
 
@@ -84,18 +84,18 @@ def search_components(
 def search_bits(
     cells: Bits, down: int, right: int, least_side: int, least_boundary: int
 ) -> Iterator[Candidate]:
-    """Yield every 8-connected component that holds a safe square, islands inside another zone included.
+    """Yield every 8-connected component that holds a safe square, including islands inside another zone.
 
     Parameters
     ----------
     cells
-        Where it is safe; nowhere on the margin.
+        Bitmap of the safe cells; its margin is clear.
     down, right
         Row and column of the first bit.
     """
     if not cells.any():
         return
-    squares = cells.copy()  # by their south-west corners
+    squares = cells.copy()  # marked at their south-west corners
     grow(squares, 1, least_side)
     runs, groups = components(cells, squares)
     path, edges = np.empty((FEWEST, 2), np.int32), np.empty(FEWEST, np.uint8)
@@ -110,7 +110,7 @@ def search_bits(
         fill(path, edges, n, row0, words.start, content)
         put_without_crumbs(run, CRUMB, own)
         corners = own & squares[row0:row1, words]
-        if not corners.any():  # the square itself is no crumb
+        if not corners.any():  # the square itself must not be dropped
             put_without_crumbs(run, least_side**2, own)
             corners = own & squares[row0:row1, words]
         yield Candidate(

@@ -1,4 +1,4 @@
-"""A zone as polygons with holes, of few points and without any unsafe cell (SLZ thesis, future work)."""
+"""Polygonisation of a zone: few vertices, holes, and no unsafe cell inside (SLZ thesis, future work)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from slz.kernels.polygons.inner_simplification import shrunk
 Ring = NDArray[np.int32]
 Points = NDArray[np.float64]
 
-# How far out the line may run between a cell of the zone and the centre of the next, in cells, and how many
-# times the share of area that may be lost may be lost of the cells' centres: until the points are few.
+# Attempts until the points are few: distance in cells that the line may run outside the zone's cells, towards
+# the centre of the next cell, and multiple of the area share that may be lost in cell centres.
 ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0))
 REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
-FEW = 1 / 7  # of the corners: a fifth of what the collinear filter leaves, which is up to a third less
-ENOUGH = 1 / 10  # of the corners: with less, area counts for more than points
+FEW = 1 / 7  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
+ENOUGH = 1 / 10  # share of the corners, below which area counts for more than points
 
 
 @dataclass(frozen=True, slots=True)
 class Polygon:
-    """A polygon with holes.
+    """Polygon with holes.
 
     Rings are (n, 2), the first point not repeated, the outer one anticlockwise, holes clockwise.
     """
@@ -34,12 +34,12 @@ class Polygon:
 
 
 def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon, ...]:
-    """Return the outline of the set cells in units of cells, (column, row) from the array's corner.
+    """Return the polygons of the set cells in units of cells, (column, row) from the array's corner.
 
     The polygons hold the centre of no other cell, and their area differs from that of the cells by at most
-    the share `most_lost`. They also leave out the centres of at most that share of the cells, or up to two
-    times as many where the line then needs fewer points: it runs outside the cells as well, up to just before
-    the centres of the next. Cells that touch at a corner only belong to separate polygons; small ones may
+    the share `most_lost`. They leave out the centres of at most that share of the cells, or of up to twice
+    that share where the line then needs fewer points. The line may run outside the cells, up to just before
+    the centres of the next. Cells that touch at a corner only belong to separate polygons; small polygons may
     be left out.
     """
     rings = _split(edges(np.ascontiguousarray(cells, np.uint8)))
@@ -71,7 +71,7 @@ def _few(
     most_lost: float,
     enough: int,
 ) -> list[Points] | None:
-    """Return rings of fewer points, empty where dropped, from those that run so far outside the cells."""
+    """Return simplified rings, empty where dropped, from rings that run `reach` outside the cells."""
     start = [_beside(ring, reach) for ring in rings]
     size = np.array([_shoelace(ring) for ring in start])
     total = areas.sum()
@@ -90,7 +90,7 @@ def _few(
 
 
 def _whole(rings: list[Ring], areas: Points, most_lost: float) -> list[Points]:
-    """Return rings through the middles of the steps, moved out no farther than the area needs."""
+    """Return rings through the middles of the steps, moved outwards no farther than the area needs."""
     for reach in REACHES:
         found = [_beside(ring, reach) for ring in rings]
         if sum(map(_shoelace, found)) >= (1 - most_lost) * areas.sum():
@@ -108,7 +108,7 @@ def _valid(rings: list[Points], groups: list[list[int]]) -> bool:
 
 
 def _beside(ring: Ring, reach: float) -> Points:
-    """Return the middles of a ring's steps, moved so far to its right, without those on a straight line."""
+    """Return the middles of a ring's steps, moved `reach` to its right, without collinear points."""
     step = np.roll(ring, -1, axis=0) - ring
     middles = ring + step / 2 + reach * np.stack([-step[:, 1], step[:, 0]], axis=1)
     back, ahead = middles - np.roll(middles, 1, axis=0), np.roll(middles, -1, axis=0) - middles
@@ -134,7 +134,7 @@ def _area(ring: Ring) -> float:
 
 
 def _groups(rings: list[Ring], areas: Points) -> list[list[int]]:
-    """Return the numbers of each outer ring and of the holes in it."""
+    """Return the indices of each outer ring and of the holes in it."""
     outers = np.flatnonzero(areas > 0).tolist()
     groups = {i: [i] for i in outers}
     for hole in np.flatnonzero(areas < 0).tolist():
@@ -144,9 +144,9 @@ def _groups(rings: list[Ring], areas: Points) -> list[list[int]]:
 
 
 def _holds(outer: Ring, hole: Ring) -> bool:
-    """Tell whether a hole lies inside a ring, by the crossings of a ray east from beside its first step."""
+    """Return whether a hole is inside a ring: ray casting to the east, from beside the hole's first step."""
     (y0, x0), (y1, x1) = hole[0].tolist(), hole[1].tolist()
-    y, x = (y0 + y1) / 2 - 0.25 * (x1 - x0), (x0 + x1) / 2 + 0.25 * (y1 - y0)  # its right side is the hole
+    y, x = (y0 + y1) / 2 - 0.25 * (x1 - x0), (x0 + x1) / 2 + 0.25 * (y1 - y0)  # on its right, in the hole
     rows, cols = outer[:, 0], outer[:, 1]
     crosses = (rows > y) != (np.roll(rows, -1) > y)
     return bool((crosses & (cols > x)).sum() % 2)

@@ -1,4 +1,4 @@
-"""Which zone is better: a ranked list with reasons."""
+"""Ranking of zones, with reasons."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from params import Parameters
 from slz.frame import is_known
 from slz.zone import Zone
 
-Entry = tuple[tuple[float, ...], Zone]  # the steps and whose they are
+Entry = tuple[tuple[float, ...], Zone]  # ranking criteria of a zone, and the zone
 
 
 class Ranking:
-    """Ranks zones from window to window, and only anew when they changed."""
+    """Ranking of zones from window to window, repeated only when the zones changed."""
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
@@ -24,7 +24,7 @@ class Ranking:
         self._placed: dict[tuple[int, int], tuple[Zone, Zone, Zone]] = {}
 
     def of(self, zones: list[Zone]) -> tuple[Zone, ...]:
-        """Return what `rank` does."""
+        """Return the ranked zones, see `rank`."""
         if len(zones) == len(self._listed) and all(map(operator.is_, zones, self._listed)):
             return self._ranked
         entries = {}
@@ -51,11 +51,11 @@ class Ranking:
 
 
 def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
-    """Return zones with the best to land in first, each told why it is not before the one before it.
+    """Return zones with the best to land in first, each with the reason for its rank behind the one before.
 
-    What counts, in this order: certain enough at all (`min_certainty`), clearance up to `enough_m`,
-    certainty, slope, the horizon on the way in, distance. Each counts in steps, so that a difference that
-    does not matter leaves the word to what comes after it.
+    Criteria, in this order: minimum certainty (`min_certainty`), clearance up to `enough_m`, certainty,
+    slope, horizon on the approach, distance. Each is quantised, so that an irrelevant difference leaves the
+    decision to the next criterion.
     """
     return Ranking(parameters).of(list(zones))
 
@@ -65,7 +65,7 @@ def _place(entry: Entry) -> tuple[tuple[float, ...], int]:
 
 
 def _why(zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, ...]) -> str:
-    """Return what places a zone behind another."""
+    """Return the reason for a zone's rank behind another."""
     for place, (own, other) in enumerate(zip(mine, theirs, strict=True)):
         if own != other:
             return f"{told(zone)[place]}, zone {above.id} {told(above)[place].split(' ', 1)[1]}"
@@ -73,12 +73,12 @@ def _why(zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, 
 
 
 def enough_m(parameters: Parameters) -> float:
-    """Return the clearance beyond which more is no better: four footprints or the safe square's side."""
+    """Return the clearance above which more is no better: four footprints or the safe square's side."""
     return max(parameters.min_square_m, 4 * parameters.footprint_m)
 
 
 def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
-    """Return what decides on a zone, the most important first; the greater the better."""
+    """Return the quantised ranking criteria of a zone, the most important first; greater is better."""
     best, enough = zone.best, enough_m(parameters)
     placed = is_known(best.enu_m)
     horizon_deg = 90.0 if math.isnan(best.horizon_deg) else max(0.0, best.horizon_deg)
@@ -94,7 +94,7 @@ def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
 
 
 def told(zone: Zone) -> tuple[str, ...]:
-    """Return in words what each step is made from."""
+    """Return the text of each ranking criterion."""
     best = zone.best
     placed = is_known(best.enu_m)
     unseen = math.isnan(best.horizon_deg)

@@ -1,4 +1,4 @@
-"""Which zone is which from window to window (SLZ paper 3.4.3)."""
+"""Zone tracking from window to window: IDs by greatest overlap (SLZ paper, section 3.4.3)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MOST_GONE = 256
 
 
 class ZoneTracker:
-    """The default rule: zones are always those of the present map; only their IDs are carried over.
+    """Default tracking rule: zones are always those of the present map; only their IDs are carried over.
 
-    A zone keeps the ID of the old zone it shares most cells with; of two that claim one ID, the larger share
-    wins and the other is new. So a shrunken zone shrinks at once and a vanished one is gone at once. One that
-    appears where a vanished one was is that one again.
+    A zone keeps the ID of the old zone with which it shares the most cells. Of two that claim one ID, the
+    larger overlap wins and the other zone gets a new ID. So a shrunken zone shrinks at once, and a vanished
+    one is removed at once. A zone that appears where one vanished gets its ID back.
     """
 
     def __init__(self, numbers: Iterator[int]) -> None:
@@ -31,7 +31,7 @@ class ZoneTracker:
         self._gone: list[Held] = []
 
     def update(self, candidates: Iterable[Candidate], describe: Describe) -> list[Zone]:
-        """Take the zones found in the total map and name them."""
+        """Assign IDs to the zones found in the total map; return their descriptions."""
         found = list(candidates)
         names: dict[int, int] = {}
         for old_zones in (self._held, self._gone):
@@ -58,14 +58,14 @@ class ZoneTracker:
         return zones
 
     def moved(self, old: Grid, new: Grid) -> None:
-        """Follow the map to a new zone, or to another level of the pyramid."""
+        """Re-index the zones in a new grid, or at another level of the pyramid."""
         self._held = [regridded(held, old, new) for held in self._held]
         self._gone = [regridded(held, old, new) for held in self._gone]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """The cells of a zone in a grid, as bits from the box's first row and some column on."""
+    """Cells of a zone in a grid, as a bitmap from the box's first row and column `col0` on."""
 
     id: int
     box: Box
@@ -74,7 +74,7 @@ class Held:
 
 
 def regridded(held: Held, old: Grid, new: Grid) -> Held:
-    """Return cells counted in another grid; one of its cells belongs to them where its centre does."""
+    """Return the cells of a zone in another grid; a new cell belongs to it where its centre does."""
     box = held.box
     if old.cell_m == new.cell_m:
         down, right = old.shift_to(new)

@@ -1,4 +1,4 @@
-"""Counts and sums of a zone's cells, tile by tile: of those that stay as they are they are kept."""
+"""Zonal statistics, cached per tile."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ from slz.terrain.terrain_maps import SAFE, UNSAFE
 from slz.terrain.terrain_view import CellView
 from slz.zones.detection import Candidate
 
-STRIP = 64  # rows, whose maps are in the cache while they are added up
+STRIP = 64  # rows summed at a time, so that their maps stay in the cache
 PLACES = LAYERS.index("certainty"), LAYERS.index("slope_deg"), LAYERS.index("roughness")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tally:
-    """What is told of a zone's cells.
+    """Zonal statistics of a zone.
 
-    told: see `tally`; they are the sums of `parts`, (rows, columns, those). holes: the
-    unsafe cells enclosed. versions: of the tiles told of, (rows, columns). lasts: whether no tile had to be
-    gone through.
+    told: statistics as in `tally`, the sums of `parts`, (rows, columns, statistics). holes: unsafe cells
+    inside the contour. versions: of the tiles, (rows, columns). lasts: whether all tiles were unchanged.
     """
 
     told: NDArray[np.float64]
@@ -40,9 +39,9 @@ class Tally:
 def tallied(
     candidate: Candidate, terrain: CellView, old: Candidate | None = None, known: Tally | None = None
 ) -> Tally:
-    """Add up the maps of a candidate, or those of its tiles that are not as they were known of an old one.
+    """Return the zonal statistics of a candidate; those of unchanged tiles come from an older candidate.
 
-    Sums are the same whatever was before: of tiles first, then of all.
+    Sums are taken per tile first, then over all tiles, so they do not depend on what was cached.
     """
     if isinstance(terrain, EvidenceTerrain):
         return _by_tiles(candidate, terrain, old, known)

@@ -26,7 +26,7 @@ class ZoneMap:
     Parameters
     ----------
     centre_enu_m
-        East and north of the window's centre (SLZ paper 3.1.2).
+        East and north of the grid's centre (SLZ paper, section 3.1.2).
     numbers
         IDs for new zones.
     """
@@ -45,20 +45,20 @@ class ZoneMap:
 
     @property
     def tiles(self) -> Tiles:
-        """The evidence."""
+        """Evidence of the map."""
         return self.terrain.tiles
 
     def take(
         self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
     ) -> bool:
-        """Add a window's points and search the terrain; tell whether the map's window was moved for that.
+        """Add a window's points and search the terrain; return whether the map's grid was moved before.
 
         Parameters
         ----------
         points_enu_m
-            (n, 3), in the map's heights (`tiles.datum_m`); the sensor's place is in those of the frame.
+            (n, 3), in stored heights (over `tiles.datum_m`); the sensor position is in the frame's heights.
         like
-            Evidence whose zero of heights the points have, by default its own.
+            Evidence whose datum the points refer to, by default its own.
         """
         moved = self._follow(sensor_enu_m)
         terrain = self.terrain
@@ -76,7 +76,7 @@ class ZoneMap:
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
     def _follow(self, sensor_enu_m: Points) -> bool:
-        """Move the window when it must (SLZ paper 3.2.5); tell whether it was moved."""
+        """Move the grid if required (SLZ paper, section 3.2.5); return whether it was moved."""
         old = self.terrain.grid
         centre = self._next_centre(sensor_enu_m, old)
         if centre is None:
@@ -85,17 +85,17 @@ class ZoneMap:
         return True
 
     def _next_centre(self, sensor_enu_m: Points, grid: Grid) -> tuple[float, float] | None:
-        """Return the centre of the new zone, or None to stay.
+        """Return the centre of the new grid, or None to stay.
 
-        The window moves to the vehicle, when it comes nearer to an edge than a quarter of the zone, so that
-        one far return does not throw the map away.
+        The grid moves to the vehicle when the vehicle is nearer to an edge than a quarter of the zone. It
+        does not move for a single far return, which would discard the map.
         """
         east, north = float(sensor_enu_m[0]), float(sensor_enu_m[1])
         room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
         return (east, north) if room < self._parameters.zone_m / 4 else None
 
     def at_level(self, level: int) -> None:
-        """Draw the map at another level of the pyramid; zones keep their IDs."""
+        """Derive the map at another level of the pyramid; zones keep their IDs."""
         if self.terrain.level != level:
             self._become(self.terrain.at_level(level))
 
@@ -105,7 +105,7 @@ class ZoneMap:
         self.terrain = terrain
 
     def _search(self) -> tuple[Candidate, ...]:
-        """Search the total map for what may be zones."""
+        """Return the candidate zones of the total map."""
         p, terrain = self._parameters, self.terrain
         seen = terrain.seen
         if seen.empty:
@@ -117,7 +117,7 @@ class ZoneMap:
         )
 
     def name(self, sensor_enu_m: Points) -> None:
-        """Name, describe and rank the zones found."""
+        """Assign IDs to the zones found, describe and rank them."""
         p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
 
         def described(candidate: Candidate, zone_id: int) -> Zone:

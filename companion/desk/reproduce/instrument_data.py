@@ -36,7 +36,13 @@ def _recorded(name: str, folder: Path) -> dict[str, Any]:
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
         partial = file.with_suffix(f".{os.getpid()}.npz")
-        command = [sys.executable, "-m", f"sitl.sensors.{name}.record_{name}", f"--seed={SEED}", f"--out={partial}"]
+        command = [
+            sys.executable,
+            "-m",
+            f"sitl.sensors.{name}.record_{name}",
+            f"--seed={SEED}",
+            f"--out={partial}",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST_S)
         if done.returncode:
             last = done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "no reason given"

@@ -1,4 +1,4 @@
-"""From points to cells."""
+"""Accumulation of points in cells."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from slz.kernels.jit import kernel
 from slz.kernels.simd import LANES, ask_for, load, store
 
 OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
-AHEAD = 24  # points, from whose cell on memory is asked for
+AHEAD = 24  # points between the prefetch of a cell and its use
 BITS = np.int32(TILE_BITS)
-CHUNK = 64  # points placed at a time
+CHUNK = 64  # points processed together
 ONE, TWO = np.float32(1), np.float32(2)
 NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
@@ -33,10 +33,10 @@ NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 def _placed(
     points: NDArray[np.float64], west: float, south: float, cell: float, out: NDArray[np.float64]
 ) -> None:
-    """Leave rows, columns and heights of some points, without a branch, so that the compiler takes several.
+    """Write rows, columns and heights of points, without a branch, so that the compiler vectorises the loop.
 
-    Nobody asks for the heights; but only where all three numbers of a point are used does it load whole lines
-    of them, and otherwise gathers one by one, which takes five times as long from memory.
+    The heights are unused. But only if all three coordinates are read does the compiler load whole cache
+    lines; else it gathers single numbers, which takes five times as long from memory.
     """
     rows, cols, heights = out[0], out[1], out[2]
     for k in range(np.uint64(len(points) // 3)):
@@ -53,10 +53,9 @@ def cells_of(
     cell: float,
     within: NDArray[np.int64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and number of them.
+    """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and count inside.
 
-    Cells count from (west, south); only those `within` (row0, row1, col0, col1) count, the row of a point
-    elsewhere is `OUTSIDE`.
+    Cells count from (west, south). Points outside `within` (row0, row1, col0, col1) get the row `OUTSIDE`.
     """
     at, placed = np.empty((len(points), 2), np.int32), np.empty((3, CHUNK))
     south0, north0, west0, east0 = within[0] + 0.0, within[1] + 0.0, within[2] + 0.0, within[3] + 0.0
@@ -101,11 +100,11 @@ def sum_and_count(
     total: NDArray[np.float64],
     count: NDArray[np.int32],
 ) -> None:
-    """Add up heights and points of every cell of a box (SLZ paper Eq. 3-5)."""
+    """Add heights and counts of points to every cell of a box, whose quotient is SLZ paper, Eq. (5)."""
     rows, cols = total.shape
     for i in range(points.shape[0]):
-        c = int(np.floor((points[i, 0] - west) / cell)) - col0
-        r = int(np.floor((points[i, 1] - south) / cell)) - row0
+        c = int(np.floor((points[i, 0] - west) / cell)) - col0  # SLZ paper, Eq. (3)
+        r = int(np.floor((points[i, 1] - south) / cell)) - row0  # SLZ paper, Eq. (4)
         if c < 0 or r < 0 or c >= cols or r >= rows:
             continue
         total[r, c] += points[i, 2]
@@ -118,7 +117,7 @@ def hit_squares(
 ) -> tuple[int, int]:
     """Return how many of rows x cols squares, fewer than 2^31, from (west, south) on, hold a point.
 
-    And, second, 1 if some point lies in none of them, else 0.
+    The second result is 1 if some point is in none of them, else 0.
     """
     out, placed, at = np.zeros(rows * cols + 1, np.bool_), np.empty((3, CHUNK)), np.empty(CHUNK, np.int32)
     flat, row, col = points.ravel(), placed[0], placed[1]
@@ -139,7 +138,7 @@ def hit_squares(
 def _tiles_of(
     at: NDArray[np.int32], wide: np.int32, first: np.int32, elsewhere: np.int32, tile: NDArray[np.int32]
 ) -> None:
-    """Leave the number of each cell's tile in rows of `wide`, less the first; in four bytes throughout."""
+    """Write the index of each cell's tile, in rows of `wide`, less the first; 32-bit throughout."""
     for k in range(np.uint64(len(at) // 2)):
         row, col = at[PAIR * k], at[PAIR * k + NEXT]
         number = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
@@ -152,7 +151,7 @@ def count_by_tile(
 ) -> NDArray[np.int64]:
     """Count the cells in each tile of a rectangle of rows x cols tiles, from (tile_row, tile_col) on.
 
-    In two tables, since a count that is added to twice in a row has to be waited for.
+    Two tables are used, so that successive increments of one count need not wait.
     """
     count, tile = np.zeros((2, rows * cols + 1), np.int64), np.empty(CHUNK, np.int32)
     flat, wide, elsewhere = at.ravel(), np.int32(cols), np.int32(rows * cols)
@@ -172,7 +171,7 @@ def _sampled(
     angle_noise_rad: float,
     sample: NDArray[np.float32],
 ) -> None:
-    """Leave heights and their variances of some points, see `sorted_by_tile`; several at once."""
+    """Write heights and their variances of points, see `sorted_by_tile`; vectorised."""
     height, variance = sample[0], sample[1]
     east, north, up = sensor[0], sensor[1], sensor[2]
     own, across_m2 = range_noise_m**2, angle_noise_rad**2
@@ -182,7 +181,7 @@ def _sampled(
         across = dx * dx + dy * dy
         whole = across + dz * dz
         noise = own * dz * dz / (whole if whole > 1e-6 else 1e-6) + across_m2 * across
-        # NaN where the sensor's place is not known.
+        # The noise is NaN where the position of the sensor is unknown.
         height[k], variance[k] = np.float32(z), np.float32(noise if noise == noise else own)
 
 
@@ -200,24 +199,25 @@ def sorted_by_tile(
     tile_col: int,
     count: NDArray[np.int64],
 ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Return the points of one tile after the other, their order within it kept.
+    """Return the points sorted by tile, in their order within each tile.
 
-    Random cells of all tiles would each wait for memory; those of one tile are near each other.
+    Random access to cells of all tiles would wait for memory each time; the cells of one tile are close
+    together.
 
     Parameters
     ----------
     at
-        Cells of the points, see `cells_of`; what is outside is left out.
+        Cells of the points, see `cells_of`; points outside are left out.
     count
-        Of the points in each tile, see `count_by_tile`.
+        Number of points in each tile, see `count_by_tile`.
 
     Returns
     -------
-    Cell within the tile, row by row; (n, 2) height and the variance of it that the sensor's noise explains:
-    of the range along the ray, of the angle across it.
+    Cell within the tile, row-major; (n, 2) height and its variance from the sensor's noise: of the range
+    along the ray, and of the angle across it.
     """
     rows, cols = count.shape
-    place, n = np.zeros(rows * cols + 1, np.int64), int(count.sum())  # the last is that of what is outside
+    place, n = np.zeros(rows * cols + 1, np.int64), int(count.sum())  # the last place is for points outside
     place[1:] = np.cumsum(count)
     cell, sample = np.empty(n + 1, np.int32), np.empty((n + 1, 2), np.float32)
     tile, some = np.empty(CHUNK, np.int32), np.empty((2, CHUNK), np.float32)
@@ -246,7 +246,7 @@ def _gather(
     max_age_s: float,
     tile: NDArray[np.float32],
 ) -> tuple[int, int, int, int]:
-    """Add the points of a tile to its cells, see `gather_evidence`; return the box of those hit."""
+    """Add the points of a tile to its cells, see `gather_evidence`; return the box of the cells hit."""
     r0, r1, c0, c1 = TILE, -1, TILE, -1
     flat, last = tile.ravel(), len(cells) - 1
     for i in range(len(cells)):
@@ -266,7 +266,7 @@ def _gather(
             now[COUNT], now[MEAN], now[NOISE], now[TIME] = 1, h, variance, now_s
             now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
         else:
-            # No branch: whether a return is an extreme cannot be foretold.
+            # No branch: extremes are unpredictable.
             n = now[COUNT] + ONE
             low, high = now[LOW], now[HIGH]
             above, below = (h if h > low else low), (h if h < high else high)
@@ -300,13 +300,13 @@ def gather_evidence(
 ) -> int:
     """Add points, sorted by tile, to the per-cell statistics; return how many were used.
 
-    `table` holds the slot in the pool of each tile that is counted, -1 where there is none. `touched` gets
-    row0, row1, col0, col1 (half open) of the cells hit of each tile that was.
+    `table` holds the slot in the pool of each tile, -1 where there is none. `touched` receives row0, row1,
+    col0, col1 (half open) of the cells hit in each tile.
 
-    A cell has a current and a previous epoch. When the current one has lasted `hold_s` and new points
-    arrive, it becomes the previous one, so that everything seen counts for at least `hold_s` and at most
-    until two epochs of newer observations have replaced it. What was not seen for `max_age_s` is forgotten
-    before anything is added. NOISE is the mean variance of the heights that the sensor's noise explains.
+    A cell has a current and a previous epoch. When new points arrive and the current epoch is older than
+    `hold_s`, it becomes the previous one. So an observation counts for at least `hold_s`, and until two
+    epochs of newer observations have replaced it. A cell not seen for `max_age_s` is cleared first. NOISE is
+    the mean variance of the heights due to the sensor's noise.
     """
     first = used = 0
     for tr in range(count.shape[0]):
@@ -334,7 +334,7 @@ def copy_evidence(
     col0: int,
     out: NDArray[np.float32],
 ) -> None:
-    """Copy the cells from (row0, col0) on into an array that holds zeros."""
+    """Copy the evidence of the cells from (row0, col0) on into an array of zeros."""
     rows, cols = out.shape[:2]
     flat, into = pool.ravel(), out.ravel()
     for r in range(rows):
@@ -363,9 +363,9 @@ def contradicts(
     pool: NDArray[np.float32],
     table: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
-    """Tell which points lie over known cells, higher by `least_m` and four standard deviations than known.
+    """Return which points are higher than the known ground of their cell by more than noise explains.
 
-    The deviation is that of a height at the point's distance from the sensor.
+    The bound is `least_m` plus four standard deviations of a height at the point's horizontal distance.
     """
     rows, cols = table.shape
     out = np.zeros(len(points), np.bool_)
@@ -398,7 +398,7 @@ def differences(
     pool: NDArray[np.float32],
     table: NDArray[np.int32],
 ) -> NDArray[np.float64]:
-    """Return (m, 3) east, north and height above the mean of the cell, of the points over known cells."""
+    """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""
     rows, cols = table.shape
     out = np.empty((len(points), 3))
     m = 0

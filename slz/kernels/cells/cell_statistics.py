@@ -1,4 +1,4 @@
-"""What the returns of a cell and of those around it say of its ground: height, bottom, top and noise."""
+"""Cell statistics: height, bottom, top and noise of the ground, from a cell's and its neighbours' returns."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ from slz.kernels.simd import (
     where,
 )
 
-FEW = np.float32(20)  # returns of 3 x 3 cells up to which each stands for itself
-CROWD = np.float32(64)  # returns of a cell from which on its hazards show in more than one of them
-STRAY = np.float32(0.5)  # m beyond what is supported, from which on an extreme is left out of the mean
+FEW = np.float32(20)  # returns of 3 x 3 cells, up to which extremes need no support
+CROWD = np.float32(64)  # returns of a cell, above which a hazard shows in more than one of them
+STRAY = np.float32(0.5)  # m beyond the supported extreme, above which a return is left out of the mean
 
-# Layers of a row while it is judged, of both epochs together and then of the current one: number of returns,
-# highest, second highest, lowest, second lowest, and how far up and down the neighbours' returns may reach.
+# Layers of a row during evaluation, for both epochs together and then for the current one: number of returns,
+# highest, second highest, lowest, second lowest, and support up and down that the cell lends to neighbours.
 COUNTED, MOST, MOST2, LEAST, LEAST2, UP, DOWN = range(7)
 EPOCH = 7
 MEAN_HEIGHT, MEAN_NOISE = 2 * EPOCH, 2 * EPOCH + 1
 HELD = 2 * EPOCH + 2
-RECORD = 2 * FIELDS  # numbers of a cell's evidence
+RECORD = 2 * FIELDS  # numbers in a cell's evidence
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
 HIGHEST, LOWEST = np.float32(np.inf), np.float32(-np.inf)
@@ -62,12 +62,12 @@ Layers = NDArray[np.float32]
 
 @kernel("float64(float64)")
 def expected_maximum(n: float) -> float:
-    """Return the expected maximum of n > 8 standard normal numbers (its Gumbel limit; 7 % too large at 9)."""
+    """Return the expected maximum of n > 8 standard normal numbers (Gumbel limit; 7 % too large at n = 9)."""
     root = np.sqrt(2 * np.log(n))
     return float(root - (np.log(np.log(n)) + np.log(4 * np.pi) - 2 * 0.5772) / (2 * root))
 
 
-ALONE = np.float32(8)  # returns, up to which the excess is nothing
+ALONE = np.float32(8)  # returns, up to which the excess is 0
 MANY = 1024
 BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(MANY)])
 
@@ -88,7 +88,7 @@ def _hold(
 
 @kernel("void(float32[::1], int64, int64)")
 def _nothing(held: Row, at: int, width: int) -> None:
-    """Leave 16 cells without a return."""
+    """Write 16 cells without a return."""
     for layer in range(HELD):
         store(held, at + layer * width, every(F0))
     for epoch in range(2):
@@ -98,7 +98,7 @@ def _nothing(held: Row, at: int, width: int) -> None:
 
 @kernel("void(float32[::1], int64, float32, float32, float32[::1], int64, int64)")
 def _read(records: Row, first: int, now_s: float, max_age_s: float, held: Row, at: int, width: int) -> None:
-    """Leave the evidence of 16 cells in layers; what is too old is without a return."""
+    """Write the evidence of 16 cells as layers; evidence that is too old counts as no return."""
     nothing, one, cell = every(F0), every(F1), columns(records, first)
     old = every(max_age_s) < every(now_s) - cell[FIELDS + TIME]
     n, mean, noise = where(old, nothing, cell[COUNT]), cell[MEAN], cell[NOISE]
@@ -134,9 +134,9 @@ def _read_row(
     at: int,
     width: int,
 ) -> None:
-    """Leave the evidence of a row from cell `first` of its first stretch on, in whole lanes.
+    """Write the evidence of a row, from cell `first` of its first stretch on, in whole lanes.
 
-    While they are read the cells of the next row are asked for: they lie a page and more apart.
+    The cells of the next row are prefetched meanwhile, because they are at least a page away.
     """
     for c in range(first, first + count, LANES):
         stretch, there = c // TILE, RECORD * (c % TILE)
@@ -152,7 +152,7 @@ def _read_row(
 
 @kernel()
 def _supported(held: Row, width: int, south: int, here: int, north: int) -> tuple[Floats, Floats]:
-    """Return how far up and how far down the returns of cells reach, see `summarise`."""
+    """Return the supported top and bottom of cells, see `summarise`."""
     n, most, least = load(held, here), load(held, here + MOST * width), load(held, here + LEAST * width)
     most2, least2 = load(held, here + MOST2 * width), load(held, here + LEAST2 * width)
     nearby, up, down = n, every(LOWEST), every(HIGHEST)
@@ -166,7 +166,7 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
     most2 = where(single, higher(most2, up), most2)
     least2 = where(single, lower(least2, down), least2)
     top, bottom = lower(most, most2), higher(least, least2)
-    crossed, level = top < bottom, where(most2 < most, most2, least2)  # a lone return far from all around it
+    crossed, level = top < bottom, where(most2 < most, most2, least2)  # a lone return far from all others
     top, bottom = where(crossed, level, top), where(crossed, level, bottom)
     enough, alone = every(FEW) < nearby, most2 == every(LOWEST)
     return (
@@ -177,7 +177,7 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
 
 @kernel("void(float32[::1], int64, int64, int64, int64, float32[::1], int64, int64)")
 def _judge(held: Row, width: int, south: int, here: int, north: int, out: Row, to: int, layer: int) -> None:
-    """Leave the layers of `summarise` of 16 cells, so far apart."""
+    """Write the layers of `summarise` for 16 cells, `layer` apart."""
     stray, nothing, one, unknown = every(STRAY), every(F0), every(F1), every(NAN)
     n, height = load(held, here), load(held, here + MEAN_HEIGHT * width)
     most, least = load(held, here + MOST * width), load(held, here + LEAST * width)
@@ -211,25 +211,25 @@ def summarise(
 ) -> Layers:
     """Return height, bottom, top, number of returns, excess and spread of every cell; NaN, 0 where unknown.
 
-    Top is the highest return of the cell, but only as far up as a second return reaches; bottom likewise. So
-    one ghost cannot condemn the ground, two returns of a pole do. Where returns are few, a wire or fence may
-    have sent back one only, and each stands for itself. The second is one of the cell, or while
-    the cell has few returns, one of the cells around: of many, two ghosts in neighbours are mere chance. What
-    has come since the ground was seen before must not be outvoted by the returns from then: top and bottom
-    are as far as those of both epochs together reach, or those of the current ones alone. The
-    height is the mean without an extreme that found no such support. The excess is how far beyond one
-    standard deviation the sensor's noise alone is expected to carry the highest and the lowest return of so
-    many; the spread is the variance of that noise.
+    Top is the highest return of the cell, but no higher than its support: a second return that reaches as
+    far. Bottom likewise. So one ghost does not make the ground unsafe, and two returns of a pole do. Where
+    returns are few, a wire or fence may have sent back a single one, so no support is needed. Support comes
+    from the cell itself or, while the cell has few returns, from its neighbours: with many returns, ghosts in
+    two adjacent cells are likely by chance. Older returns must not outvote new ones: where support cuts an
+    extreme, top and bottom reach as far as the supported extremes of both epochs together or of the current
+    epoch alone. The height is the mean without unsupported extremes. The excess is the distance beyond one
+    standard deviation to which noise alone is expected to carry the extremes of that many returns; the spread
+    is the variance of that noise.
 
     Parameters
     ----------
     records
-        Evidence of cells, `RECORD` numbers each, wherever they are.
+        Evidence of cells, `RECORD` numbers each, in any order of stretches.
     places
-        (rows, n) cell of `records` with which each stretch of `TILE` cells begins; < 0 where there is none.
+        (rows, n) index in `records` of the first cell of each stretch of `TILE` cells; < 0 for none.
     first, cols
-        Cells to leave out of a row's first stretch, and how many to take then. Beside them there are others,
-        so that they lie in whole lanes of their stretches.
+        Cells to skip in a row's first stretch, and cells to use. More cells of the stretches are read, in
+        whole lanes.
     """
     rows, before = len(places), first % LANES
     # With lanes to the west and to the east in which nothing was seen.
@@ -261,7 +261,7 @@ def summarise(
 
 
 def summary(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:
-    """Return what `summarise` does of (rows, cols, 2, FIELDS) evidence, see `Tiles.read`."""
+    """Return `summarise` of (rows, cols, 2, FIELDS) evidence, see `Tiles.read`."""
     rows, cols = evidence.shape[:2]
     wide = -(-cols // LANES) * LANES
     whole = evidence

@@ -1,4 +1,4 @@
-"""The resolution pyramid: evidence of cells twice as wide from that of four."""
+"""Resolution pyramid: evidence of a cell from that of the four cells of half its width."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from slz.kernels.jit import kernel
 
 @kernel("float32[:, :, :, ::1](float32[:, :, :, ::1], float32, float32)")
 def coarser(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
-    """Join 2 x 2 cells, (2 r, 2 c) being the first of cell (r, c), both of their epochs, into one epoch.
+    """Merge 2 x 2 cells, (2 r, 2 c) the first of cell (r, c), and both their epochs into one epoch.
 
-    The joint statistics are those of all returns together; cells not seen for `max_age_s` count as unseen,
-    and the joint cell was last seen when the one of its cells was that was not seen for longest.
+    The statistics are those of all returns together. Cells not seen for `max_age_s` count as unseen; the time
+    of the merged cell is that of its cell not seen for longest.
     """
     rows, cols = evidence.shape[0] // 2, evidence.shape[1] // 2
     out = np.zeros((rows, cols, 2, FIELDS), np.float32)

@@ -1,4 +1,4 @@
-"""Boxes of cells put into tiles and taken from them."""
+"""Boxes of cells copied into tiles and from them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Table = NDArray[np.int32]
 
 @kernel()
 def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
-    """Copy n values between flat arrays, without a sign that would have every place looked at."""
+    """Copy n values between flat arrays, with unsigned indices, which need no check for negative ones."""
     to, by = np.uint64(at), np.uint64(first)
     for k in range(np.uint64(n)):
         there[to + k] = here[by + k]
@@ -34,7 +34,7 @@ def _move(
     cells: Values,
     inwards: bool,
 ) -> None:
-    """Copy (rows, cols) cells of a layer to those of its tiles that lie in a block, or from there."""
+    """Copy (rows, cols) cells of a layer to those of its tiles that are in a block, or from them."""
     rows, cols = cells.shape
     flat, given = block.ravel(), cells.ravel()
     tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
@@ -60,14 +60,16 @@ def _move(
     "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, uint8[:, :, ::1])",
 )
 def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, values: Values) -> None:
-    """Set (layers, rows, cols) of a box, whose corner is given, in those of its tiles that lie in a block.
+    """Write (layers, rows, cols) of a box to those of its tiles that are in a block.
 
     Parameters
     ----------
     block
-        (tiles, layers, TILE, TILE), of which the first has this slot.
+        (tiles, layers, TILE, TILE), the first with slot `first`.
     table
         Slots of all tiles that the box touches, -1 for none.
+    row0, col0
+        South-west corner of the box.
     """
     for layer in range(len(values)):
         _move(block, first, table, layer, row0, col0, values[layer], True)
@@ -80,18 +82,18 @@ def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, va
 def copy_layer(
     block: Values, first: int, table: Table, layer: int, row0: int, col0: int, out: Values
 ) -> None:
-    """Copy one layer of a box from those of its tiles that lie in a block, see `put_layers`."""
+    """Copy one layer of a box from those of its tiles that are in a block, see `put_layers`."""
     _move(block, first, table, layer, row0, col0, out, False)
 
 
 @kernel("void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, uint8, uint64[:, ::1])")
 def set_bits(block: Values, first: int, table: Table, row0: int, value: np.uint8, out: Bits) -> None:
-    """Set the cells that hold a value, in words that are rows of tiles, of those tiles that lie in a block.
+    """Set the bits of the cells that hold a value, from the tiles in a block; a word is a row of a tile.
 
     Parameters
     ----------
     block, first, table
-        As of `put_layers`; of one layer.
+        As in `put_layers`, with one layer.
     out
         Rows from row0 on, and a word for each column of the table.
     """
@@ -111,7 +113,7 @@ def set_bits(block: Values, first: int, table: Table, row0: int, value: np.uint8
 
 @kernel("UniTuple(int64, 4)(int32[:, ::1])")
 def reach_of(cells: NDArray[np.int32]) -> tuple[int, int, int, int]:
-    """Return row0, row1, col0, col1 (half open) of one cell and more, (n, 2) rows and columns."""
+    """Return the bounding box row0, row1, col0, col1 (half open) of at least one cell, (n, 2)."""
     row0 = row1 = cells[0, 0]
     col0 = col1 = cells[0, 1]
     for i in range(len(cells)):
@@ -136,7 +138,7 @@ def copy_cells(
     right: int,
     out: Values,
 ) -> None:
-    """Copy one layer of (n, 2) cells, moved down and right, of a box from its tiles that lie in a block."""
+    """Copy one layer of (n, 2) cells, shifted down and right, from a box's tiles that are in a block."""
     for i in range(len(cells)):
         r, c = cells[i, 0] + down, cells[i, 1] + right
         slot = table[(r >> TILE_BITS) - (row0 >> TILE_BITS), (c >> TILE_BITS) - (col0 >> TILE_BITS)] - first

@@ -1,7 +1,7 @@
 """Certainty: the probability that the whole footprint at a cell is safe.
 
-The numbers were found on surveys that the simulator flew (`slz reproduce` draws the reliability diagram): of
-cells told 0.9, nine of ten or more are safe.
+The constants are calibrated on simulated surveys (`slz reproduce` draws the reliability diagram): of cells
+with certainty 0.9, nine of ten or more are safe.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 from slz.kernels.jit import kernel
 from slz.kernels.simd import Floats, both, every, where
 
-SLOPE_MARGIN_DEG = 0.06  # how much steeper ground is than its fitted plane, and how much that varies
-RELIEF_NOISE = 1.3  # standard deviations of one return that the noise adds to a relief beyond its excess,
-RELIEF_SPREAD = 0.6  # and how much that varies
-HIDDEN = 0.01  # share of footprints nearly all gaps in which these hide a hazard; of half gaps a sixteenth
-RIM = 0.15  # share of hazards in the outermost cells of a footprint alone that truly reach into it
+SLOPE_MARGIN_DEG = 0.06  # bias of a fitted plane's slope against the ground, and its standard deviation
+RELIEF_NOISE = 1.3  # bias of a relief by noise beyond its excess, in standard deviations of one return
+RELIEF_SPREAD = 0.6  # standard deviation of that bias, in the same unit
+HIDDEN = 0.01  # probability that gaps hide a hazard, times the share of gaps to the fourth power
+RIM = 0.15  # share of hazards seen only in a footprint's outermost cells that do reach into it
 LEAST_NOISE_M = 1e-3
-ENOUGH = 6.0  # standard deviations, beyond which single precision knows no doubt
+ENOUGH = 6.0  # standard deviations, beyond which a probability is 1 in single precision
 F0, F1, LEAST = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
-ROOM = np.float32(ENOUGH * RELIEF_SPREAD - RELIEF_NOISE)  # in standard deviations of a return
+ROOM = np.float32(ENOUGH * RELIEF_SPREAD - RELIEF_NOISE)  # margin of the relief, in deviations of a return
 
 
 @kernel("float64(float64)")
 def _below(deviations: float) -> float:
-    """Return the standard normal distribution; NaN of NaN."""
+    """Return the standard normal distribution function; NaN of NaN."""
     if deviations > ENOUGH:
         return 1.0
     return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
@@ -56,7 +56,7 @@ def certainty(
     slope_deg, slope_sigma_deg
         Slope of the footprint's plane and its standard error.
     relief_m, inner_relief_m
-        Relief of all of the footprint, and without its outermost cells; NaN where the slope is too steep.
+        Relief of the whole footprint, and without its outermost cells; NaN where the slope is too steep.
     noise_m
         Standard deviation of the height of one return.
     share_seen
@@ -83,9 +83,9 @@ def undoubted(
     slope_limit_deg: float,
     relief_limit_m: float,
 ) -> Any:
-    """Return what `certainty` is where nothing but gaps leaves a doubt, as on most ground, and where that is.
+    """Return the `certainty` of 16 footprints as if gaps were the only doubt, and flags where this holds.
 
-    Without a root, a division or an error function; sixteen at a time.
+    It holds on most ground, and takes no root, division or error function.
     """
     gap = every(F1) - share_seen
     hidden = gap * gap

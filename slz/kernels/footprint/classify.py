@@ -1,4 +1,4 @@
-"""What the planes under footprints say of landing there."""
+"""Classification of footprints: safe, unsafe or unknown to land on."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, both, every, flags, flags_of, load, store, store_bytes, where
 
-SIGMAS = np.float32(3)  # standard errors that the slope keeps from its limit
+SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
 LOW16 = np.uint64(0xFFFF)
 
-# Maps that are drawn, see `slz.terrain.derive.LAYERS`.
+# Layers of the derived maps, see `slz.terrain.derive.LAYERS`.
 A_HEIGHT, A_TOP, A_SLOPE, A_SIGMA, A_RELIEF, A_ROUGHNESS, A_CERTAINTY = range(7)
 MAPS = 7
 
@@ -37,24 +37,24 @@ def judge(
     states: NDArray[np.uint8],
     place: int,
 ) -> np.uint64:
-    """Leave 16 cells of the maps from the slope on, and whether they are safe, unsafe or unknown.
+    """Write 16 cells of the maps from the slope on, and their states: safe, unsafe or unknown.
 
-    Return the bits of those whose certainty is left to `settle`.
+    Return a bit mask of the cells whose certainty is left to `settle`.
 
     Parameters
     ----------
     told, at
-        What the planes tell, and from where on, see `slz.kernels.footprint.plane_fit.fit_planes`.
+        Plane statistics and the index of the first, see `slz.kernels.footprint.plane_fit.fit_planes`.
     hidden
-        Bits of the footprints that hold unseen ground: not safe, and unknown if nothing else is wrong.
+        Bit mask of the footprints that hold unseen ground: never safe, and unknown unless otherwise unsafe.
     maps, to, layer
-        Where the first cell of the first of the maps is, and that of the next one after it.
+        Maps, index of the first cell in the first map, and distance from one map to the next.
     states, place
-        Where the first cell's state is.
+        States, and index of the first cell's state.
     """
     slope, sigma, unknown = load(told, at + SLOPE * LANES), load(told, at + SIGMA * LANES), every(NAN)
     relief, open_ = load(told, at + RELIEF * LANES), hidden ^ LOW16
-    gentle = slope + every(SIGMAS) * sigma < every(slope_limit)  # NaN is not
+    gentle = slope + every(SIGMAS) * sigma < every(slope_limit)  # False for NaN
     even = flags_of(both(gentle, relief < every(relief_limit)))
     safe, known = even & open_, flags_of(slope == slope) & (open_ | (even ^ LOW16))
     store_bytes(states, place, flags(safe), flags(known ^ LOW16))
@@ -80,7 +80,7 @@ def settle(
     certainties: Row,
     to: int,
 ) -> None:
-    """Leave the certainty of those of 16 cells that are in doubt."""
+    """Write the certainty of the doubtful ones of 16 cells."""
     while doubtful != NONE:
         i = signed(lowest(doubtful))
         doubtful &= doubtful - ONE
@@ -93,7 +93,7 @@ def settle(
 
 @kernel("void(float32[::1], int64, int64, uint8[::1], int64)")
 def leave_unknown(maps: Row, to: int, layer: int, states: NDArray[np.uint8], place: int) -> None:
-    """Leave 16 cells of the maps from the slope on as unknown, see `judge`."""
+    """Write 16 cells of the maps, from the slope on, as unknown, see `judge`."""
     for q in range(A_SLOPE, A_CERTAINTY):
         store(maps, q * layer + to, every(NAN))
     store(maps, A_CERTAINTY * layer + to, every(F0))

@@ -1,4 +1,4 @@
-"""The maps of a box of cells, patch by patch: what lies between cells and maps does not leave the cache."""
+"""Derived maps of a box of cells, computed patch by patch so that intermediate sums stay in the cache."""
 
 from __future__ import annotations
 
@@ -41,24 +41,24 @@ def draw(
     states: NDArray[np.uint8],
     place: int,
 ) -> None:
-    """Draw the maps of a box of cells and tell which are safe, see `slz.terrain.derive.drawn`.
+    """Derive the maps and states of a box of cells, see `slz.terrain.derive.drawn`.
 
     Parameters
     ----------
     cells, inverse
-        (6, rows, cols) of `summarise`, and `inverses` of them.
+        (6, rows, cols) of `summarise`, and their `inverses`.
     covered, unseen
-        Of the cells: whose footprint is wholly covered by what was seen; whose holds unseen ground.
+        Bitmaps of the cells: footprint wholly covered by seen cells; footprint holds unseen ground.
     edge, radius
-        Of the cells, on every side, that are not to be drawn, and of a footprint, which is no more.
+        Margin of cells that are not derived, and radius of a footprint, at most the margin.
     limits
         Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m).
     box
-        row0, row1, col0, col1 (half open), less the edge; whole lanes of columns.
+        row0, row1, col0, col1 (half open), relative to the margin; columns in whole lanes.
     maps, to, layer, stride
-        Where the first cell of the first map is, how far the next map begins and how far the next row.
+        Maps, index of the first cell in the first map, distance to the next map and to the next row.
     states, place
-        Where the first cell's state is.
+        States, and index of the first cell's state.
     """
     row0, row1, col0, col1 = box
     cell_m, noise_m, slope_limit, relief_limit = limits
@@ -131,15 +131,15 @@ def draw_tiles(
     row0: int,
     col0: int,
 ) -> None:
-    """Draw the cells, but for an edge, into those of their tiles that lie in a block.
+    """Derive the maps of all cells but a margin, and write them to those of their tiles that are in a block.
 
     Parameters
     ----------
     block, states, first, table
-        (tiles, 7, TILE, TILE) and (tiles, 1, TILE, TILE), of which the first has this slot; slots of all
-        tiles that the box drawn touches.
+        (tiles, 7, TILE, TILE) and (tiles, 1, TILE, TILE), slot of their first tile, and slots of all tiles
+        that the box touches.
     row0, col0
-        South-west corner of the box drawn, counted as tiles are.
+        South-west corner of the box, in the rows and columns of the tiling.
     """
     rows, cols = cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge
     inverse, maps, told, size = inverses(cells), block.ravel(), states.ravel(), TILE * TILE

@@ -1,9 +1,9 @@
-"""Sums over the footprints of a patch: 32 columns of them, and a few rows.
+"""Moments of footprints: sums over the cells of each footprint of a patch, 32 columns by a few rows.
 
-All is by lanes. Places count in cells from a cell near by, so that what is summed of them is exact in single
-precision; heights are over one near by and are summed in double precision, since their squares nearly cancel
-out on a roof beside the street. A sum is added up anew for every patch and nothing is ever taken away from it
-again, so it depends on the cells of its footprint alone.
+All sums are vectorised. Positions are in cells from a nearby cell, so their sums are exact in single
+precision. Heights are relative to a nearby height and summed in double precision, since their squares nearly
+cancel out on a roof beside the street. Sums are added up anew for every patch, never by subtraction, so a sum
+depends on the cells of its footprint alone.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from slz.kernels.simd import (
 )
 
 # Layers of a patch's cells: 1 where known, height over the patch's level, 1 / number of returns, variance of
-# the noise, all 0 where unknown; lowest and highest ground, infinite where unknown.
+# the noise, all 0 where unknown; lowest and highest ground, +inf and -inf where unknown.
 KNOWN, RISE, INVERSE, NOISE, LOWER, UPPER = range(6)
 HELD = 6
 
-# Layers of sums over the rows of footprints: of KNOWN times 1, y, y², of INVERSE and of NOISE; and, in double
-# precision, of RISE times 1, y and RISE.
+# Layers of sums over the rows of footprints: KNOWN times 1, y, y², INVERSE, NOISE; and, in double precision,
+# RISE times 1, y and RISE.
 SUMS, RISES = 5, 3
 F0, D0 = np.float32(0), np.float64(0)
 
 Row = NDArray[np.float32]
 Wide = NDArray[np.float64]
-Sums = Any  # as many lanes as there are sums
+Sums = Any  # a tuple of lanes, one for each sum
 
 
 @kernel()
 def _with_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
-    """Return sums with one more row of cells."""
+    """Return the sums with one more row of cells added."""
     north, known = every(np.float32(y)), load(held, at)
     known_north = known * north
     return (
@@ -58,7 +58,7 @@ def _with_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
 
 @kernel()
 def _with_rises(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
-    """Return sums of heights with one more row of cells."""
+    """Return the sums of heights with one more row of cells added."""
     rise = widened(load(held, at + RISE * layer))
     return s[0] + rise, s[1] + rise * every_wide(y), s[2] + rise * rise
 
@@ -77,31 +77,31 @@ def _keep(sums: Row, rises: Wide, at: int, layer: int, s: Sums, z: Sums) -> None
 
 @kernel("void(float32[::1], int64, int64, int64, float32[::1], float64[::1])")
 def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wide) -> None:
-    """Leave the sums over the rows of footprints, column by column.
+    """Write the sums over the rows of footprints, column by column.
 
     Parameters
     ----------
     held
         Layers of rows + 2 radius rows of cells, `wide` each.
     rows
-        Of footprints, no more than a footprint has; y counts from the row of cells number rows / 2 + radius.
+        Rows of footprints, at most the rows of one footprint; y = 0 at the row of cells rows / 2 + radius.
     sums, rises
-        `SUMS` and `RISES` layers of so many rows.
+        Receive `SUMS` and `RISES` layers of `rows` rows.
     """
     layer, out, side, middle = (rows + 2 * radius) * wide, rows * wide, 2 * radius + 1, rows // 2 + radius
     none, nothing = every(F0), every_wide(D0)
     for c in range(0, wide, LANES):
         s, z = (none, none, none, none, none), (nothing, nothing, nothing)
-        for i in range(rows - 1, side):  # what all have
+        for i in range(rows - 1, side):  # rows of cells common to all footprints
             s = _with_row(held, i * wide + c, layer, i - middle, s)
             z = _with_rises(held, i * wide + c, layer, float(i - middle), z)
-        for j in range(rows - 1, -1, -1):  # and to the south
+        for j in range(rows - 1, -1, -1):  # further rows of cells to the south
             if j < rows - 1:
                 s = _with_row(held, j * wide + c, layer, j - middle, s)
                 z = _with_rises(held, j * wide + c, layer, float(j - middle), z)
             _keep(sums, rises, j * wide + c, out, s, z)
         s, z = (none, none, none, none, none), (nothing, nothing, nothing)
-        for j in range(1, rows):  # and to the north
+        for j in range(1, rows):  # further rows of cells to the north
             i, at = side + j - 1, j * wide + c
             s = _with_row(held, i * wide + c, layer, i - middle, s)
             z = _with_rises(held, i * wide + c, layer, float(i - middle), z)
@@ -120,25 +120,25 @@ def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wi
             _keep(sums, rises, at, out, whole, heights)
 
 
-# Sums over footprints, by their place in what `over_columns` returns, and in what `rises_over_columns` does.
+# Sums over footprints, by their index in the result of `over_columns` and of `rises_over_columns`.
 W, WX, WXX, WY, WXY, WYY, S_INVERSE, S_NOISE = range(8)
 WZ, WXZ, WYZ, WZZ = range(4)
 
 
 @kernel()
 def over_columns(sums: Row, at: int, layer: int, away: Row, y: float) -> Sums:
-    """Return the sums over 16 footprints, x and y counted from the middle of each.
+    """Return the sums over 16 footprints, x and y relative to the middle of each.
 
     Parameters
     ----------
     sums
-        As `over_rows` leaves them.
+        As written by `over_rows`.
     at
-        Where the row of footprints begins.
+        Index of the first footprint's westernmost column in its row.
     away
-        How far the columns of a footprint are to the east of its middle, in cells.
+        East offsets of the columns of a footprint from its middle, in cells.
     y
-        Of that row, as `over_rows` counts.
+        y of the middle row of the footprints, in the coordinates of `over_rows`.
     """
     radius = len(away) // 2
     k, yk, yyk = at + radius, at + radius + layer, at + radius + 2 * layer

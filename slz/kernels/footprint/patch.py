@@ -1,4 +1,4 @@
-"""The cells under and around a patch of footprints, over a height near by."""
+"""Patch of cells under and around footprints, with heights relative to a nearby level."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, NOISE, RISE, UP
 from slz.kernels.jit import kernel
 from slz.kernels.simd import LANES, every, load, store, where
 
-MOST_ROWS, COLS = 16, 32  # of footprints of a patch
-SAMPLED = 5  # rows and columns of a patch's cells, whose median height stands for all
+MOST_ROWS, COLS = 16, 32  # footprints of a patch
+SAMPLED = 5  # rows and columns of a patch sampled for its median height, about
 MOST_SAMPLED = 128
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
@@ -22,7 +22,7 @@ Layers = NDArray[np.float32]
 
 @kernel("int64(int64)")
 def rows_of_patch(radius: int) -> int:
-    """Return how many rows of footprints a patch has: a power of two, no more than rows of a footprint."""
+    """Return the rows of footprints of a patch: a power of two, from 2 to the rows of one footprint."""
     rows = 2
     while 2 * rows <= min(MOST_ROWS, 2 * radius + 1):
         rows *= 2
@@ -41,9 +41,9 @@ def inverses(cells: Layers) -> Row:
 
 @kernel("float32(float32[:, :, ::1], int64, int64, int64, int64, float32[::1])")
 def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found: Row) -> np.float32:
-    """Return the median height of some cells of a box, near which most are; NaN where none is known.
+    """Return the approximate median height of cells of a box; NaN where none is known.
 
-    found: scratch, `MOST_SAMPLED`.
+    found: scratch, `MOST_SAMPLED` long.
     """
     north, east, n = min(row + rows, cells.shape[1]), min(col + cols, cells.shape[2]), 0
     for r in range(row, north, max(1, rows // SAMPLED)):
@@ -68,7 +68,7 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
 def _take_some(
     cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
 ) -> None:
-    """Leave 16 cells of which only some are there, see `take`."""
+    """Write 16 cells, unknown from number `count` on, see `take`."""
     layer = len(inverse)
     for i in range(LANES):
         here = i < count and at + i < layer
@@ -94,15 +94,14 @@ def take(
     level: np.float32,
     held: Row,
 ) -> None:
-    """Leave `tall` rows of `wide` cells from (row, col) on, in the layers of `slz.kernels.footprint.moments`.
+    """Write `tall` rows of `wide` cells from (row, col) on as layers of `slz.kernels.footprint.moments`.
 
     Parameters
     ----------
     cells, inverse
-        (6, rows, cols) of `summarise`, and `inverses` of them, each in one line. Cells
-        beyond are taken for unknown.
+        (6, rows, cols) of `summarise` and their `inverses`, both flat. Cells outside are unknown.
     cols
-        Of the cells.
+        Columns of `cells`.
     """
     layer, size = len(inverse), tall * wide
     zero, over = every(F0), every(level)

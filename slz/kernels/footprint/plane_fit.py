@@ -1,4 +1,4 @@
-"""Plane, slope and relief of the ground under footprints, sixteen at a time."""
+"""Least-squares plane, slope and relief of footprints, sixteen at a time."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ from slz.kernels.simd import (
     widened,
 )
 
-LEAST = np.float32(5.5)  # more cells than that make a plane
-THIN = np.float32(1e-5)  # of the square of their spread, from which on cells do not lie in a line
+LEAST = np.float32(5.5)  # a plane needs more cells than this
+THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
 
-# What is told of a footprint, in sixteen numbers each: slope and its standard deviation (deg); relief (m),
-# the peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
+# Statistics of a footprint's plane, 16 lanes each: slope and its standard error (deg); relief (m), the
+# peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
 # variance of one return (m²); share of the cells with a return; relief without the outermost cells (m).
 SLOPE, SIGMA, RELIEF, RMS, NOISE2, SHARE, INNER = range(7)
 TOLD = 7
-WEST, NORTH, LEVEL = range(3)  # how a plane rises from cell to cell (m), and its height in the middle
+WEST, NORTH, LEVEL = range(3)  # rise of a plane per cell to the west, to the north; middle height (m)
 PLANE = 3
 
 D2 = np.float64(2)
@@ -77,14 +77,14 @@ def _fit(
     told: Row,
     plane: Row,
 ) -> np.uint64:
-    """Leave the planes of 16 footprints and what they tell; return of which the relief is asked for."""
+    """Write planes and statistics of 16 footprints; return a mask of those whose relief is needed."""
     wide = len(sums) // (SUMS * rows)
     s = over_columns(sums, row * wide + col, rows * wide, away, row - rows // 2)
     z = rises_over_columns(rises, row * wide + col, rows * wide, away, float(row - rows // 2))
     w, nothing, unknown, per_m = s[W], every(F0), every(NAN), every(F1 / cell_m)
     share = every(F1) / w
     mx, my, wide_share = s[WX] * share, s[WY] * share, widened(share)
-    wide_share = wide_share * (every_wide(D2) - widened(w) * wide_share)  # to double precision
+    wide_share = wide_share * (every_wide(D2) - widened(w) * wide_share)  # Newton step: to double precision
     mz = z[WZ] * wide_share
     sxx, sxy, syy = s[WXX] - s[WX] * mx, s[WXY] - s[WX] * my, s[WYY] - s[WY] * my
     sxz, syz = narrowed(z[WXZ] - widened(s[WX]) * mz), narrowed(z[WYZ] - widened(s[WY]) * mz)
@@ -130,7 +130,7 @@ def _relieve(
     plane: Row,
     told: Row,
 ) -> None:
-    """Leave the reliefs of 16 footprints of a row and of those of the next, of which they are asked for."""
+    """Write the reliefs of 16 footprints of a row and of the next row to the north, where asked for."""
     p, q, at = row * PLANE * LANES, (row + 1) * PLANE * LANES, row * TOLD * LANES + RELIEF * LANES
     west = load(plane, p + WEST * LANES), load(plane, q + WEST * LANES)
     north = load(plane, p + NORTH * LANES), load(plane, q + NORTH * LANES)
@@ -144,7 +144,7 @@ def _relieve(
 def add_inner_relief(
     lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, told: Row
 ) -> None:
-    """Leave the relief of 16 footprints of a row without their outermost cells, see `fit_planes`."""
+    """Write the relief of 16 footprints of a row without their outermost cells, see `fit_planes`."""
     p, at = row * PLANE * LANES, row * TOLD * LANES + INNER * LANES
     west, north, level = (
         load(plane, p + WEST * LANES),
@@ -173,26 +173,26 @@ def fit_planes(
     told: Row,
     plane: Row,
 ) -> None:
-    """Fit a plane to the cells of each of a patch's footprints about 16 columns, and leave what it tells.
+    """Fit a plane to the cells of each footprint of a patch in 16 columns, and write its statistics.
 
     Parameters
     ----------
     sums, rises
-        Of the footprints' rows, see `slz.kernels.footprint.moments.over_rows`.
+        Sums over the footprints' rows, see `slz.kernels.footprint.moments.over_rows`.
     lower, upper
-        Lowest and highest ground of the cells, `wide` of them a row.
+        Lowest and highest ground of the cells, `wide` cells a row.
     col
         Column of the first footprint.
     away
-        How far the columns of a footprint are to the east of its middle, in cells.
+        East offsets of the columns of a footprint from its middle, in cells.
     covered
-        By rows, the bits of the footprints that are wholly covered by what was seen.
+        For each row, a mask of the footprints that are wholly covered by seen cells.
     told
-        (rows, TOLD, 16) in one line: NaN where a footprint is not covered or fewer than six of
-        its cells have a height; the relief also where the slope exceeds its limit by three deviations. INNER
-        is left to `add_inner_relief`.
+        (rows, TOLD, 16), flat: receives the statistics. NaN where a footprint is not covered, has fewer than
+        six cells with a height or only collinear ones; the relief also where the slope exceeds its limit by
+        three standard errors. INNER is left to `add_inner_relief`.
     plane
-        (rows, PLANE, 16) in one line: the planes, without meaning where there is none.
+        (rows, PLANE, 16), flat: receives the planes, undefined where there is none.
     """
     rows = len(covered)
     for j in range(0, rows, 2):

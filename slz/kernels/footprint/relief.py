@@ -1,4 +1,4 @@
-"""How far the ground of footprints reaches up and down about their planes, sixteen at a time."""
+"""Relief of footprints: peak-to-peak height about their planes, sixteen at a time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Pair = Any  # of lanes
 
 @kernel()
 def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, west: Floats) -> Pair:
-    """Return the lowest and highest of some cells of a row over what rises to the east as a plane does."""
+    """Return the lowest and highest of cells of a row, less the eastward rise of the plane."""
     low, high = every(HIGHEST), every(LOWEST)
     for d in range(first, stop):
         far = every(away[d])
@@ -40,7 +40,7 @@ def relief(
     north: Floats,
     level: Floats,
 ) -> Floats:
-    """Return the peak-to-peak of 16 footprints about their planes, but for a rim of cells; see `reliefs`."""
+    """Return the relief of 16 footprints about their planes, without a rim of cells; see `reliefs`."""
     side, lowest, highest = len(away), every(HIGHEST), every(LOWEST)
     for i in range(rim, side - rim):
         low, high = _of_row(lower, upper, at + i * wide, away, rim, side - rim, west)
@@ -53,19 +53,19 @@ def relief(
 def reliefs(
     lower: Row, upper: Row, at: int, wide: int, away: Row, west: Pair, north: Pair, level: Pair
 ) -> Pair:
-    """Return the peak-to-peak of 16 footprints about their planes, and of those one row to their north.
+    """Return the relief of 16 footprints about their planes, and of the 16 footprints one row to the north.
 
     Parameters
     ----------
     lower, upper
-        Of the cells, `wide` of them a row; where unknown, infinite up and down.
+        Lowest and highest ground of the cells, `wide` cells a row; +inf and -inf where unknown.
     at
-        The south-west cell of the first footprint.
+        Index of the south-west cell of the first footprint.
     away
-        How far the columns of a footprint are to the east of its middle, in cells.
+        East offsets of the columns of a footprint from its middle, in cells.
     west, north, level
-        How the planes of both fall to the east and rise to the north, from cell to cell, and their heights in
-        the middle.
+        For both rows: fall of the planes to the east and rise to the north per cell, and height at the
+        middle.
     """
     side = len(away)
     low, high = _of_row(lower, upper, at, away, 0, side, west[0])
@@ -82,7 +82,7 @@ def reliefs(
             every(HIGHEST),
             every(LOWEST),
         )
-        for d in range(side):  # each cell is loaded once for both
+        for d in range(side):  # each cell is loaded once for both rows of footprints
             far, bottom, top = every(away[d]), load(lower, row + d), load(upper, row + d)
             low = lowest_of(multiplied(west[0], far, bottom), low)
             high = highest_of(multiplied(west[0], far, top), high)

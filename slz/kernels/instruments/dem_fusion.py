@@ -1,4 +1,4 @@
-"""Cells of a ground-range DEM: one observation's points into them, and several observations together."""
+"""DEM cells from radar samples, and fusion of several DEMs with phase ambiguities."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from slz.kernels.jit import kernel
 
 WEIGHT, HEIGHT, SQUARE, VARIANCE, TURN = range(5)
 SUMS = 5
-PARTS = 3  # points along the beam that stand for a sample
+PARTS = 3  # points along the beam that represent a sample
 TURNS = 2  # whole turns of the phase that an observation may be off by
-CAP = 16.0  # of a squared deviation in standard deviations
-RIVAL = 9.0  # cost by which the best height must lead over another one
+CAP = 16.0  # bound on a squared deviation, in variances
+RIVAL = 9.0  # margin in cost of the best height over any other
 
 F64 = NDArray[np.float64]
 
@@ -56,13 +56,13 @@ def add_samples(
 def fuse_cells(
     height: F64, sigma: F64, turn: F64, least: int, most_apart: float, out_height: F64, out_sigma: F64
 ) -> None:
-    """Fuse observations (k, rows, cols) of each cell by weight; NaN where they do not tell one height.
+    """Fuse observations (k, rows, cols) of each cell by weight; NaN where the height is ambiguous.
 
-    Each observation may be whole turns of its phase off. Every height that any of them allows is a candidate;
-    its cost is the sum over the observations of the squared distance, in standard deviations, to the
-    nearest height that this one allows, and one more unit for each turn. The best must lead by `RIVAL` over
-    all that differ from it by more than `most_apart`, and `least` observations must agree with it: else the
-    cell is unknown. What still differs raises the standard deviation.
+    Each observation may be off by whole turns of its phase. Every height that any observation allows is a
+    candidate. Its cost is the sum over the observations of the squared distance, in variances, to the nearest
+    height that the observation allows, plus one for each turn. The best must lead by `RIVAL` over every
+    candidate more than `most_apart` away, and `least` observations must agree with it; else the cell is
+    unknown. The scatter of the agreeing observations raises the standard deviation.
     """
     n, rows, cols = height.shape
     for r in range(rows):

@@ -1,4 +1,4 @@
-"""Median of an image over nine, six or four points."""
+"""Median filter, 3 x 3, that ignores missing pixels."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from slz.kernels.jit import kernel
 
 @kernel("float64[:, :](float64[:, :])")
 def median_of_neighbours(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the median of 3 x 3 points, 6 at edges and 4 at corners, over those that are there (Flash Eq.
-    1).
+    """Return the median of the known pixels among 9, 6 at edges and 4 at corners (Flash paper, Eq. (1)).
 
-    Where no more than half of the points are there, the result is NaN: a hole is not filled from its rim.
+    Where no more than half of them are known, the result is NaN: a hole is not filled from its rim.
     """
     rows, cols = image.shape
     out = np.empty((rows, cols))

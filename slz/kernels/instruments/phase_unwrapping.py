@@ -1,4 +1,4 @@
-"""Phase unwrapping along the best paths."""
+"""Quality-guided phase unwrapping."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ F64 = NDArray[np.float64]
 
 @kernel("Tuple((float64[:, :], int32[:, :]))(float64[:, :], float64[:, :], float64)")
 def unwrap_by_quality(phase: F64, quality: F64, least: float) -> tuple[F64, NDArray[np.int32]]:
-    """Unwrap a phase image from its best points outwards; return it and the number of each point's region.
+    """Unwrap a phase image from its best pixels outwards; return it and the region number of each pixel.
 
-    Points whose quality is below `least` are NaN and of region 0. A region is grown from the best point that
-    is in none: always from the best point on its edge, to neighbours that then differ by half a turn at most.
-    Regions do not touch, so how many turns lie between them is not known. Regions are numbered from 1.
+    Pixels of quality below `least` are NaN and of region 0. A region grows from the best pixel that has no
+    region: always from the best pixel on its edge, to neighbours that then differ by at most half a turn.
+    Regions do not touch, so the number of turns between them is unknown. Regions are numbered from 1.
     """
     rows, cols = phase.shape
     out = np.full((rows, cols), np.nan)
@@ -41,7 +41,7 @@ def unwrap_by_quality(phase: F64, quality: F64, least: float) -> tuple[F64, NDAr
             if level[r, c] >= 0:
                 seeds[place[level[r, c]]] = r * cols + c
                 place[level[r, c]] += 1
-    # One stack of edge points a level, as lists through `below`; a point lies in one only once.
+    # One stack of edge pixels for each level, linked through `below`; a pixel is in a stack at most once.
     head = np.full(LEVELS, -1, np.int64)
     below = np.full(rows * cols, -1, np.int64)
     parent = np.full(rows * cols, -1, np.int64)

@@ -1,4 +1,4 @@
-"""Peak of each pixel's waveform: unwrapping, the sources' polynomial, and maximum likelihood.
+"""Waveform peaks: unwrapping, polynomial fit and maximum likelihood.
 
 The first n - 1 samples in time are used: the last one carries the end marker of the ring buffer.
 """
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 MISSING, GOOD, SATURATED, ODD = range(4)
-EDGE = 3  # samples at either end of the buffer in which no maximum is looked for
-CLIPPED_MOST = 4  # clipped samples, beyond which too little of the pulse is left
-STEPS = 5  # of Gauss-Newton, at most
-SETTLED = 1e-3  # samples, below which a step was the last one
-ODD_OVER = 9.0  # variance of the residuals over that of the noise, from which it is not one pulse
+EDGE = 3  # samples at either end of the buffer without a peak search
+CLIPPED_MOST = 4  # clipped samples, above which too little of the pulse is left
+STEPS = 5  # Gauss-Newton or Newton iterations, at most
+SETTLED = 1e-3  # samples; a smaller step is the last one
+ODD_OVER = 9.0  # variance of the residuals over that of the noise, above which it is not one pulse
 
 F64 = NDArray[np.float64]
 
 
 @kernel("int64(uint16[:], float64, float64, float64[:])")
 def unwrap(ring: NDArray[np.uint16], marker: float, baseline: float, out: F64) -> int:
-    """Write the samples before the marker in their order of time, less the baseline; return 1 if sound.
+    """Write the samples before the marker in time order, less the baseline; return 1 if sound.
 
-    A ring without a marker, or with two, has no order (Flash 4.2): 0.
+    A ring without a marker, or with two, has no order (Flash paper, section 4.2): 0.
     """
     n = len(ring)
     at, count = -1, 0
@@ -57,11 +57,11 @@ def polynomial_peaks(
     height: F64,
     state: NDArray[np.uint8],
 ) -> None:
-    """Fit a polynomial to each waveform and write time (ticks of the clock) and value of its maximum.
+    """Fit a polynomial to each waveform; write time (clock ticks) and value of its maximum.
 
     `fit` (degree + 1, n - 1) maps samples to coefficients of powers of u, which runs from -1 at the first
-    sample to 1 at the last before the marker: the fit is one fixed linear map (Flash 4.2). The maximum is
-    looked for within the samples that are not the outermost `EDGE`.
+    sample to 1 at the last before the marker: the fit is one fixed linear map (Flash paper, section 4.2). The
+    maximum is searched without the outermost `EDGE` samples.
     """
     rows, cols, n = samples.shape
     m, order = n - 1, fit.shape[0]
@@ -126,13 +126,12 @@ def likely_peaks(
     error: F64,
     state: NDArray[np.uint8],
 ) -> None:
-    """Find the likeliest Gaussian pulse of each waveform: time, height and standard error of the time
-    (ticks).
+    """Fit a Gaussian pulse to each waveform by maximum likelihood; write time, its standard error and height.
 
-    `sigma` is the pulse's standard deviation in samples, `noise` that of a sample. The start is the maximum
-    of the matched filter over whole samples, then Gauss-Newton in time and height over the samples that
-    are not clipped. Neighbouring values of a Gaussian differ by a factor that itself changes by a constant
-    factor, so no exponential is taken per sample.
+    Times are in clock ticks. `sigma` is the pulse's standard deviation in samples, `noise` that of a sample.
+    The fit starts at the maximum of the matched filter over whole samples; Gauss-Newton steps in time and
+    height follow, over the samples that are not clipped. Neighbouring values of a Gaussian differ by a factor
+    that itself changes by a constant factor, so no exponential is taken per sample.
     """
     rows, cols, n = samples.shape
     m = n - 1
@@ -182,7 +181,7 @@ def likely_peaks(
                 t = min(max(t, 0.0), m - 1.0)
             if a < least or sss <= 0.0 or t < 1.0 or t > m - 2.0:
                 continue
-            left = syy - a * sys_  # what the pulse does not explain
+            left = syy - a * sys_  # residual sum of squares
             ticks[r, c] = counter[r, c] - m + t
             height[r, c] = a
             error[r, c] = noise / (a * np.sqrt(sss))

@@ -1,7 +1,7 @@
-"""One pass over the rows that a window hit: mean heights, slope, roughness, fusing, binary map.
+"""Fusion of a window with the total maps in one pass: mean heights, slope, roughness, binary map.
 
-The rows of a strip of heights and slopes roll along, so that nothing as large as the window is ever stored
-but its sums (SLZ paper Eq. 5-9, 3.2.3-3.2.4).
+A ring buffer of rows holds the heights and slopes, so that only the sums are stored for the whole window
+(SLZ paper, sections 3.2.1-3.2.4).
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ F0, F1 = np.float32(0.0), np.float32(1.0)
 INFINITE = np.float32(np.inf)
 WORD = 64  # cells of a word of the maps
 SOME = np.uint64((1 << LANES) - 1)
-OLD = -1  # of `blocks`: to be added up anew
-STRIP = 16  # rows of 64 cells of a map, a page of memory
-RING = 20  # rows kept: those of a strip, and one to the south and two to the north
+OLD = -1  # value in `blocks`: to be recomputed
+STRIP = 16  # rows of 64 float32 cells of a map: one page of memory
+RING = 20  # rows of the ring buffer: a strip, and at least one row to the south and two to the north
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
 @kernel("UniTuple(int64, 2)(uint64[::1])")
 def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
-    """Return from where to where a row was hit, by whole words; 0, 0 where it was not."""
+    """Return the range of columns of a row that was hit, in whole words; 0, 0 for none."""
     first, stop = 0, len(sums)
     while first < stop and sums[first] == NONE:
         first += 1
@@ -57,10 +57,10 @@ def _mean_heights(
     real_totals: NDArray[np.float64],
     height: Row,
 ) -> None:
-    """Turn sums (see `sums.scatter`) into mean heights, NaN where nothing was hit (Eq. 5).
+    """Convert sums (see `height_sums.scatter`) to mean heights, NaN where nothing was hit.
 
-    The pairs of scratch are the same memory: a number with the exponent of 2**52 before it is that number
-    plus 2**52, which the compiler does four at a time, unlike converting it.
+    Each pair of scratch arrays shares its memory: an integer OR-ed with the exponent bits of 2**52 reads as a
+    float64 equal to it plus 2**52. The compiler vectorises this, but not the conversion.
     """
     mask = (np.uint64(1) << bits) - np.uint64(1)
     for i in range(np.uint64(len(sums))):
@@ -68,12 +68,12 @@ def _mean_heights(
         totals[i] = (sums[i] >> bits) | TWO_52_BITS
     for i in range(np.uint64(len(sums))):
         n, total = real_counts[i] - TWO_52, real_totals[i] - TWO_52
-        height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN
+        height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN  # SLZ paper, Eq. (5)
 
 
 @kernel("void(uint64[:, ::1], int64, int64, int64, uint64[:, ::1])")
 def _surrounded(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
-    """Leave the cells of a row that are set as their four neighbours are, in words but the outermost."""
+    """Write the cells of a row that are set with all four neighbours; the outermost words are margin."""
     for w in range(1, held.shape[1] - 1):
         row = held[here, w]
         east, west = (row >> ONE) | (held[here, w + 1] << LAST), (row << ONE) | (held[here, w - 1] >> LAST)
@@ -92,14 +92,15 @@ def _slopes(
     k: np.float32,
     out: Row,
 ) -> None:
-    """Leave the slopes of a row from its neighbours (Eq. 6-9), NaN where one is NaN.
+    """Write the slopes of a row, NaN where the cell is NaN.
 
-    Lanes without a cell that is wanted, all of whose neighbours have a value, are passed over.
+    The gradient is SLZ paper, Eq. (6). Lanes without a wanted cell are NaN; the neighbours of a wanted cell
+    all have a value.
 
     Parameters
     ----------
     south, here, north
-        Where rows of so many cells begin; they have a cell more at either end.
+        Index of the first of `cells` cells in each row; each row has one more cell at either end.
     """
     scale, degrees, nothing = every(k), every(DEGREES), every(NAN)
     for i in range(0, cells, LANES):
@@ -108,9 +109,9 @@ def _slopes(
             store(out, at, nothing)
             continue
         mid = load(values, at)
-        dx = (load(values, at + 1) - load(values, at - 1)) * scale
-        dy = (load(values, north + i) - load(values, south + i)) * scale
-        angle = arctangent(root(dx * dx + dy * dy)) * degrees
+        dx = (load(values, at + 1) - load(values, at - 1)) * scale  # SLZ paper, Eq. (7)
+        dy = (load(values, north + i) - load(values, south + i)) * scale  # SLZ paper, Eq. (8)
+        angle = arctangent(root(dx * dx + dy * dy)) * degrees  # SLZ paper, Eq. (9)
         store(out, at, where(mid == mid, angle, nothing))
 
 
@@ -128,10 +129,11 @@ def _join(
     total_slope: Row,
     to: int,
 ) -> None:
-    """Join a word of a row of a window with the total maps (3.2.3), by mean or maximum.
+    """Fuse a word of a window's row with the total maps, by mean or maximum (SLZ paper, section 3.2.3).
 
-    Where nothing is to be written the old value is joined with itself, which leaves it: were it chosen last,
-    the compiler would store only some of the numbers, which some processors do one at a time.
+    Where the window writes nothing the old value is fused with itself, which leaves it unchanged. With a
+    final choice instead, the compiler would emit masked stores, which some processors do one number at a
+    time.
     """
     half, most = every(HALF), every(worst)
     for i in range(0, WORD, LANES):
@@ -160,7 +162,7 @@ def _join_rough(
     total_rough: Row,
     to: int,
 ) -> None:
-    """Join the roughness of a word, of which there is less than of slopes; none is the worst case."""
+    """Fuse the roughness of a word, known in fewer cells than the slope; unknown is the worst case."""
     half, most = every(HALF), every(worst)
     for i in range(0, WORD, LANES):
         if (roughened >> np.uint64(i)) & SOME == NONE:
@@ -173,7 +175,7 @@ def _join_rough(
 
 @kernel("uint64(int64, int64, int64, int64)")
 def _inner(rows: int, cols: int, row: int, word: int) -> np.uint64:
-    """Return the cells of a word that are not on the map's margin, which is never safe (3.2.4)."""
+    """Return a mask of a word's cells off the margin, which is never safe (SLZ paper, section 3.2.4)."""
     if row == 0 or row == rows - 1:
         return NONE
     mask = ~ONE if word == 0 else ~NONE
@@ -208,9 +210,9 @@ def _join_strip(
     blocks: NDArray[np.int32],
     changed: NDArray[np.int64],
 ) -> None:
-    """Join rows start to stop of a window with the total maps, word by word: so each page is met once.
+    """Fuse rows start to stop of a window with the total maps, word by word, so that each page is met once.
 
-    What changed of the safe map is noted: first and last row, first and last word.
+    `changed` receives the extent of the changes of the safe map: first and last row, first and last word.
     """
     rows, cells = height.shape[1], heights.shape[1]
     window_h, window_s, window_r = heights.ravel(), slopes.ravel(), roughs.ravel()
@@ -272,23 +274,23 @@ def fuse(
     Parameters
     ----------
     sums
-        (rows * width,) as `sums.scatter` leaves them; the width is of whole words.
+        (rows * width,) as written by `height_sums.scatter`; the width is in whole words.
     cols
-        Columns of the map; the arrays are as wide as the next multiple of 64, and 64 more.
+        Columns of the map; the arrays are as wide as the next multiple of 64, plus 64.
     height, slope, rough
-        (words, rows, 64) total maps, cell (r, c) at [c >> 6, r, c & 63]: so what lies together on the ground
-        does so in memory. NaN and the worst case where nothing was written, in words that are `begun`.
+        (words, rows, 64) total maps, cell (r, c) at [c >> 6, r, c & 63], so that neighbours on the ground are
+        neighbours in memory. NaN and the worst case where nothing was written, in words that are `begun`.
     begun
         (rows, words) 1 where something was written to a word.
     safe, known
-        Bit maps: slope below `safe_slope` but on the map's margin (3.2.4), and any height.
+        Bitmaps: slope below `safe_slope` and off the map's margin (SLZ paper, section 3.2.4), and any height.
     blocks
-        (rows, words, 2) sums of slope and roughness of the safe cells of each word, see `measure`; those of
-        words that were written to become OLD.
+        (rows, words, 2) sums of slope and roughness of the safe cells of each word, see
+        `zone_statistics.measure`; set to OLD for words that are written.
 
     Returns
     -------
-    row0, row1, col0, col1 of the cells whose safety changed, columns by whole words; row1 0 where none did.
+    row0, row1, col0, col1 of the cells whose safety changed, columns in whole words; all 0 for none.
     """
     k = np.float32(1.0 / (2.0 * cell))
     words, line = width // WORD, width + 2  # a margin at either end
@@ -375,7 +377,7 @@ def refresh(
     known: Bits,
     blocks: NDArray[np.int32],
 ) -> None:
-    """Make the bit maps of a box of words from maps that were copied (see `fuse`)."""
+    """Recompute the bitmaps of a box of words from copied maps (see `fuse`)."""
     flat_slope, flat_height, rows = slope.ravel(), height.ravel(), slope.shape[1]
     for w in range(word0, word1):
         for r in range(row0, row1):

@@ -1,4 +1,4 @@
-"""Which heights of a window are accepted: the sources' histogram (SLZ paper 3.2.1)."""
+"""Height gate of source mode: histogram outlier removal (SLZ paper, section 3.2.1)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from slz.kernels.simd import LANES, every, flags_of, load
 
 Points = NDArray[np.float64]
 Counts = NDArray[np.int32]
-CHUNK = 64  # points, of which seldom one lies near a bin's edge or far from the others
-SAMPLED = 64  # one chunk of so many is counted to see where the points are
-CLEARLY = 4.0  # times as many as a sparse bin holds
-MANY = 50_000  # points, from which on that is worth while
-ROUNDING = 2.0**-22  # of a bin times the number of bins, by which four bytes may move a height
+CHUNK = 64  # points, few enough that a chunk seldom has one near a bin's edge or far from the others
+SAMPLED = 64  # one chunk in 64 is counted to estimate the distribution
+CLEARLY = 4.0  # multiple of a sparse bin's population, above which the sample shows a bin not to be sparse
+MANY = 50_000  # points, above which sampling is worthwhile
+ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
 FOUR = np.uint64(3)
 
 
@@ -29,10 +29,10 @@ def _bins(
     bins: int,
     out: NDArray[np.uint16],
 ) -> bool:
-    """Leave the bins of a chunk's heights, one more for those dropped; tell whether one may be wrong.
+    """Write the bins of a chunk's heights, `bins` for dropped points; return whether one may be wrong.
 
-    That is so of a height so near a bin's edge that rounding to four bytes may have moved it over. Without a
-    branch, so that the compiler takes four at a time.
+    A height so near a bin's edge that rounding to float32 may have moved it across may be wrong. The loop has
+    no branch, so that the compiler vectorises it.
     """
     near, last, odd = 0.5 - bins * ROUNDING, np.int32(bins - 1), 0
     for i in range(np.uint64(len(cells))):
@@ -58,7 +58,7 @@ def _count(
     every: int,
     count: Counts,
 ) -> None:
-    """Count by bins the points of one chunk of so many."""
+    """Count the points of one chunk in `every` by bin."""
     count[:] = 0
     bins, mine = count.shape[1] - 1, np.empty(CHUNK, np.uint16)
     for start in range(0, len(cells), CHUNK * every):
@@ -73,7 +73,7 @@ def _count(
 
 @kernel("uint64(float32[::1], int64, float32, float32)")
 def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
-    """Return the bits of those of 64 heights, fewer at the end, below the least or above the most."""
+    """Return a mask of 64 heights, fewer at the end: 1 below the least or above the most."""
     word, i = NONE, np.uint64(0)
     if start + CHUNK <= len(heights):
         for at in range(start, start + CHUNK, LANES):
@@ -102,7 +102,7 @@ def _count_ends(
     upper: int,
     count: Counts,
 ) -> None:
-    """Count all points of the bins below the lower and from the upper on; of those between only some."""
+    """Count all points of the bins below `lower` and from `upper` on; counts in between are incomplete."""
     count[:] = 0
     bins, shift = count.shape[1] - 1, level - low
     near = bins * ROUNDING
@@ -122,7 +122,7 @@ def _count_ends(
 
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64)")
 def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
-    """Return the first and the last bin that are not sparse, the outermost ones if all are."""
+    """Return the first and the last bin that are not sparse; first equals last if all are sparse."""
     first, last = 0, count.shape[1] - 2
     while first < last and count[:, first].sum() < sparse:
         first += 1
@@ -133,7 +133,7 @@ def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
 
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64, int64, float64)")
 def _trimmed(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
-    """Return the first and last bin that stay."""
+    """Return the first and last bin that are kept."""
     first, last, left = 0, count.shape[1] - 2, n
     while first < last:
         lower, upper = count[:, first].sum(), count[:, last].sum()
@@ -163,20 +163,19 @@ def interval(
     bins: int,
     threshold: float,
 ) -> tuple[float, float]:
-    """Return the accepted heights of n points not dropped (SLZ paper 3.2.1, SLZ thesis 3.3.1.1).
+    """Return the accepted heights of n points not dropped (SLZ thesis, section 3.3.1.1).
 
-    The sources give two numbers, 300 bins and a threshold of 0.9, without saying how the accepted interval is
-    formed. Here an end bin is sparse when it holds less than (1 - threshold) of the mean bin population.
-    Sparse end bins are trimmed, the emptier end first, while at least `threshold` of all points stay.
+    The sources give 300 bins and a threshold of 0.9, and do not say how the accepted interval is formed. Here
+    an end bin is sparse when it holds less than (1 - threshold) of the mean bin population. Sparse end bins
+    are trimmed, the emptier end first, while at least `threshold` of all points stay.
 
-    Nothing is trimmed between two bins that are not sparse. Where those are is guessed from a sample; then
-    only the bins beyond are counted, those two themselves unless the sample alone has enough of them, and
-    all bins if the guess was wrong. A height that lies so near a bin's edge that rounding to four bytes may
-    move it over is looked up.
+    No bin between two that are not sparse is trimmed. A sample suggests two such bins; then only the bins
+    beyond are counted in full, with those two unless the sample alone proves them, and all bins if the sample
+    misled. A height so near a bin's edge that rounding to float32 may move it across is looked up in float64.
     """
     if not high > low:
         return low, high
-    count = np.empty((4, bins + 1), np.int32)  # four, so that equal bins one after the other need not wait
+    count = np.empty((4, bins + 1), np.int32)  # four tables: successive increments of one bin need not wait
     scale, sparse = bins / (high - low), (1 - threshold) * n / bins
     guessed = False
     if n > MANY:

@@ -1,4 +1,4 @@
-"""Sums of a window's heights by cells, the whole numbers from which the DSM is made (SLZ paper 3.2.2)."""
+"""Per-cell sums of a window's heights in integers, for the DSM (SLZ paper, section 3.2.1)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slz.kernels.paper.fuse import TWO_52
 from slz.kernels.paper.point_pass import DROPPED, HALF, LOW16, OUTSIDE
 from slz.kernels.raster.bitmap import signed
 
-CHUNK = 64  # points, of which seldom one is not of the ordinary
+CHUNK = 64  # points, few enough that a chunk seldom has an exceptional one
 ONE, MANTISSA = np.uint64(1), np.uint64((1 << 52) - 1)
 
 
@@ -32,10 +32,10 @@ def _places(
     scaled: NDArray[np.float64],
     added: NDArray[np.uint64],
 ) -> bool:
-    """Leave where each point of a chunk is added, and what; tell whether one is not to be so.
+    """Write index and addend of each point of a chunk; return whether some point needs the slow path.
 
-    Without a branch and in four bytes where they are enough, so that the compiler takes many at a time. The
-    last 52 bits of a number plus 2**52 are that number, rounded: `added` is the same memory as `scaled`.
+    The loop has no branch, and 32-bit numbers where they suffice, so that the compiler vectorises it. The
+    last 52 bits of a number plus 2**52 are that number, rounded: `added` shares the memory of `scaled`.
     """
     odd = np.uint32(0)
     for i in range(np.uint64(len(cells))):
@@ -67,16 +67,16 @@ def scatter(
     width: int,
     sums: NDArray[np.uint64],
 ) -> int:
-    """Add up the heights between low and high of every cell of a box; return how many there are.
+    """Add the heights from low to high to the sums of the cells of a box; return how many were accepted.
 
-    A sum holds the number of points in its lowest `count_bits` bits and above them their heights over `low`
-    in units of 1 / `scale` m: whole numbers, so that the order of the points does not matter.
+    A sum holds the number of points in its lowest `count_bits` bits, and above them the sum of their heights
+    over `low` in units of 1 / `scale` m. Integers make it independent of the order of the points.
 
     Parameters
     ----------
     points, cells, heights, level
-        As `stream` takes and leaves them. A height that lies so near an end that rounding to four bytes may
-        have moved it over is looked up.
+        As in `point_pass.stream`. A height so near an end that rounding to float32 may have moved it across
+        is looked up in float64.
     sums
         (rows * width,) from (row0, col0) on, added to; rows * width is below 2**32.
     """

@@ -1,7 +1,7 @@
-"""From a window's points to its cells by the sources' rules (SLZ paper 3.2.1-3.2.2).
+"""Single pass over a window's points in source mode: cell and height of each (SLZ paper, section 3.2.1).
 
-The points are gone through once, and 8 bytes of each are left: its cell and its height. Those go to the
-histogram of heights (`interval`) and to the sums of the cells (`sums`).
+It leaves 8 bytes a point, for the histogram of heights (`height_gate.interval`) and for the sums of the cells
+(`height_sums.scatter`).
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from slz.kernels.raster.bitmap import signed
 
 Points = NDArray[np.float64]
 DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
-MOST_CELLS = 65_535  # along one side of a map: a cell's row and column are 16 bits each
+MOST_CELLS = 65_535  # along one side of a map: row and column of a cell have 16 bits each
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 CHUNK = 512
 HALF, LOW16, NOTHING = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
-LARGEST, LEAST, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of four bytes' numbers
+LARGEST, LEAST, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of int32
 ONE, TWO, THREE, SIX, NINE, TWELVE = (np.uint64(k) for k in (1, 2, 3, 6, 9, 12))
-EDGE = 1e-7  # of a cell, below which a product may round to the other side of an edge than the quotient
+EDGE = 1e-7  # cells: closer to an edge, a product may round to its other side than the quotient does
 
 
 @kernel(
@@ -43,9 +43,9 @@ def _chunk(
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
 ) -> bool:
-    """Place the points of a chunk by products; tell whether one lies so near an edge that it may be wrong.
+    """Place the points of a chunk using products; return whether one is too near an edge to be certain.
 
-    Without a branch and with indices that cannot be negative, so that the compiler takes four at a time.
+    The loop has no branch and its indices are unsigned, so that the compiler vectorises it.
     """
     per_m, wide, high = 1.0 / cell, float(cols), float(rows)
     near = 0
@@ -70,11 +70,11 @@ def _chunk(
 def _exactly(
     points: Points, west: float, south: float, cell: float, rows: int, cols: int, cells: NDArray[np.uint32]
 ) -> None:
-    """Place the points of a chunk by quotients (Eq. 3-4)."""
+    """Place the points of a chunk using quotients."""
     for i in range(len(cells)):
         if cells[i] != DROPPED:
-            col = np.floor((points[3 * i] - west) / cell)
-            row = np.floor((points[3 * i + 1] - south) / cell)
+            col = np.floor((points[3 * i] - west) / cell)  # SLZ paper, Eq. (3)
+            row = np.floor((points[3 * i + 1] - south) / cell)  # SLZ paper, Eq. (4)
             inside = col >= 0 and col < cols and row >= 0 and row < rows
             cells[i] = np.uint32((int(row) << 16) | int(col)) if inside else OUTSIDE
 
@@ -83,9 +83,9 @@ def _exactly(
 def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
     """Return the least and greatest cell, the least and greatest column, the least and greatest height.
 
-    Heights are given and returned as the bits of theirs, the negative ones' turned round: so they are whole
-    numbers in the same order, of which the compiler takes many at a time. It does so in four bytes only where
-    nothing is worked out in more, as `min` does.
+    Heights are float32 bit patterns with the magnitude bits of negative numbers inverted: as int32 these have
+    the order of the floats, and the compiler vectorises their comparison. It does so in 32 bits only where no
+    intermediate is wider, such as a result of `min`.
     """
     first, last, col0, col1 = OUTSIDE, NOTHING, LOW16, NOTHING
     low, high = LARGEST, LEAST
@@ -100,7 +100,7 @@ def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
 
 @kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
 def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
-    """Return the lowest and highest of all points and of those given."""
+    """Return the lowest and highest of all points and of the two given heights."""
     a0 = a1 = a2 = a3 = low
     b0 = b1 = b2 = b3 = high
     whole = len(points) // 12
@@ -118,7 +118,7 @@ def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
 
 @kernel("float64(Array(float64, 1, 'C', True), float64, float64, float64)")
 def _first_height(points: Points, sensor_east: float, sensor_north: float, range2: float) -> float:
-    """Return the height of the first point that is not dropped; 0 where there is none."""
+    """Return the height of the first point that is not dropped; 0 for none."""
     for i in range(len(points) // 3):
         x, y, z = points[3 * i], points[3 * i + 1], points[3 * i + 2]
         dx, dy = x - sensor_east, y - sensor_north
@@ -145,15 +145,16 @@ def stream(
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
 ) -> Points:
-    """Place points in a grid; leave their cells and heights above a level.
+    """Place points in a grid; write their cells and their heights above a level.
 
     Parameters
     ----------
     points
-        (3 n,) x, y, z one after the other. Those not finite, too high to be ground or beyond `range_m` of the
-        sensor over ground (never where its place is NaN) are dropped.
+        (3 n,) interleaved x, y, z. Points that are not finite, too high to be ground or farther than
+        `range_m` from the sensor horizontally (no limit where its position is NaN) are dropped.
     level
-        NaN takes the height of the first point not dropped. The farther from it, the coarser a height.
+        NaN selects the height of the first point not dropped. The rounding of a height grows with its
+        distance from the level.
     cells
         (n,) receives row << 16 | column, OUTSIDE or DROPPED.
     heights
@@ -161,8 +162,8 @@ def stream(
 
     Returns
     -------
-    level, lowest and highest height, points not dropped, of these outside; row0, row1, col0, col1 (half open)
-    of the cells hit.
+    level, lowest and highest height, points not dropped, how many of these are outside; row0, row1, col0,
+    col1 (half open) of the cells hit.
     """
     n = len(points) // 3
     if level != level:  # NaN
@@ -182,7 +183,7 @@ def stream(
         if last < OUTSIDE:
             row0, row1 = min(row0, first >> HALF), max(row1, last >> HALF)
             col0, col1 = min(col0, c0), max(col1, c1)
-            if lower <= least or upper >= greatest:  # of four bytes: the highest of all eight is among these
+            if lower <= least or upper >= greatest:  # in float32: the extremes in float64 are among these
                 least, greatest = min(least, lower), max(greatest, upper)
                 low, high = _heights(some, low, high)
             continue

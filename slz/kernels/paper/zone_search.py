@@ -1,4 +1,4 @@
-"""Components that hold a safe square, found from where such squares fit (SLZ paper 3.3, Algorithm 1)."""
+"""Zone search: components that hold a safe square (SLZ paper, section 3.3 and Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slz.kernels.polygons.boundary_tracing import extent, tour, westmost
 from slz.kernels.raster.bitmap import NONE, Bits, lowest, signed
 from slz.kernels.raster.region_fill import component, fill
 
-# Columns of the table of what was found.
+# Columns of the table of components.
 ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
 FIELDS = 8
 
@@ -27,13 +27,13 @@ def _longer(
 
 @kernel("int64(int32[:, ::1], uint8[::1], int64, int64)")
 def _beginning(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> int:
-    """Return where a tour passes its first cell with the step that a tour begun there takes first."""
+    """Return the index at which a trace leaves its first cell as a trace started there would."""
     row, col = path[first, 0], path[first, 1]
     start, best = first, 9
     for i in range(first, n):
         if path[i, 0] == row and path[i, 1] == col:
             direction = signed(edges[i]) & 15
-            if 4 <= direction < best:  # nothing lies before the first cell: it looks from east on
+            if 4 <= direction < best:  # nothing precedes the first cell, so the search starts at east
                 start, best = i, direction
     return start
 
@@ -49,9 +49,9 @@ def _take(taken: Bits, content: Bits, row0: int, word0: int) -> None:
 def _open(
     seeds: Bits, taken: Bits, row: int, word: int, row1: int, word0: int, word1: int
 ) -> tuple[int, int]:
-    """Return the first word from one on with a seed that is not taken, by rows; row1 where there is none.
+    """Return the first word, in raster order from one on, with a seed not taken; row1 for none.
 
-    By itself, because a loop in which arrays are made counts references at every step.
+    A separate kernel, because a loop in which arrays are made counts references at every step.
     """
     while row < row1:
         while word < word1:
@@ -77,24 +77,25 @@ def find(
     least: int,
     longest: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], Bits, NDArray[np.int64]]:
-    """Return the components with a seed in a box that are not taken and have a boundary of `least` cells.
+    """Return the components with a free seed in a box and a boundary of at least `least` cells.
 
     Parameters
     ----------
     safe
-        The binary map; nothing is set on its margin.
+        Binary map; nothing is set on its margin.
     seeds
         South-west corners of safe squares.
     taken
-        Seeds not to begin from. Receives the content of what is returned, and components too short for it.
+        Seeds not to start from. Receives the content of the returned components, and the too short
+        components.
     longest
-        About how long the longest boundary is; a tour that is longer is made anew.
+        Initial length of the trace buffer; a longer boundary is traced again.
 
     Returns
     -------
-    A table, see its columns above; all boundaries, from each one's first cell on; all contents, each
-    (ROW1 - ROW0) rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the
-    box in which something was taken.
+    Table with the columns above; all boundaries, each from its first cell; all contents, each (ROW1 - ROW0)
+    rows of words from COL0 >> 6 to (COL1 - 1) >> 6; row0, row1, word0, word1 (half open) of the box in which
+    `taken` changed.
     """
     path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
     spread = np.array([row1, row0, word1, word0], np.int64)
@@ -104,7 +105,7 @@ def find(
     row, w = _open(seeds, taken, row0, word0, row1, word0, word1)
     while row < row1:
         r, c = row, 64 * w + signed(lowest(seeds[row, w] & ~taken[row, w]))
-        while True:  # west to an edge; a hole's is followed to its first cell, which lies farther south
+        while True:  # west to an edge; the trace of a hole is followed to its first cell, farther south
             n, area = tour(safe, r, westmost(safe, r, c), path, edges)
             if n > len(path):
                 path, edges = _longer(path, edges, 0)

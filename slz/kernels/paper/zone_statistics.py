@@ -1,4 +1,4 @@
-"""What the maps say of a contour's content, counted by words."""
+"""Zonal statistics of the source mode: counts and sums over a contour's content, word by word."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, s
 Map = NDArray[np.float32]
 Row = NDArray[np.float32]
 Word = NDArray[np.uint64]
-SUM_UNIT = np.float32(65536.0)  # sums of slopes are whole numbers of 1 / 65536 degree
+SUM_UNIT = np.float32(65536.0)  # sums are integers in units of 1 / 65536 degree
 CHUNK = 64  # cells of a boundary
 SIX = np.uint64(6)
 
 
 @kernel("int32(float32[::1], int64, uint64)")
 def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
-    """Return the sum of those of 64 values, from one on, that are set, in units of 1 / SUM_UNIT."""
+    """Return the sum of the set ones of 64 values, from index `at` on, in units of 1 / SUM_UNIT."""
     total, first = np.int32(0), np.uint64(at)
     for i in range(np.uint64(64)):
         value = np.int32(values[first + i] * SUM_UNIT + HALF)
@@ -32,7 +32,7 @@ def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
 
 @kernel("int32(float32[::1], int64, uint64)")
 def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
-    """Return what `_sum_of` does, one set cell at a time."""
+    """Return the result of `_sum_of`, one set cell at a time."""
     total = np.int32(0)
     while cells != NONE:
         total += np.int32(values[np.uint64(at) + lowest(cells)] * SUM_UNIT + HALF)
@@ -56,12 +56,11 @@ def measure(
     holes: Bits,
     blocks_held: NDArray[np.bool_],
 ) -> tuple[int, int, int, int]:
-    """Return a content's safe and unknown cells, and the slope and roughness of the safe ones.
+    """Return counts of safe and unknown cells of a content, and sums of slope and roughness of the safe ones.
 
-    The sums of slope and roughness are in units of 1 / SUM_UNIT; `blocks` holds them for whole words, and is
-    brought up to date where it is OLD (see `fuse`). `safe_inside` receives the content's safe cells, holes
-    those that are known and not safe. `blocks_held`, of each 64 rows and word of the map that the box meets,
-    receives where the content is.
+    The sums are in units of 1 / SUM_UNIT. `blocks` caches them for whole words and is recomputed where it is
+    OLD (see `fuse`). `safe_inside` receives the safe cells of the content, `holes` its known cells that are
+    not safe. `blocks_held`, one flag for 64 rows of a word of the map, receives where the content is.
     """
     n_safe = n_unknown = np.uint64(0)
     slopes = roughs = 0
@@ -112,7 +111,7 @@ def corners(
 
 @kernel("int64(int32[::1], uint64[::1], int64, int64, int64)")
 def _inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, words: int) -> Any:
-    """Return how many cells are set in bits from (row0, col0) on, in which all of them lie."""
+    """Return how many cells are set in a bitmap that starts at (row0, col0) and covers all of them."""
     inside = NONE
     for i in range(np.uint64(len(boundary) >> 1)):
         r, c = np.uint64(boundary[2 * i] - row0), np.uint64(boundary[2 * i + ONE] - col0)
@@ -122,10 +121,10 @@ def _inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, wo
 
 @kernel("int64(int32[:, ::1], uint64[:, ::1], int64, int64, int64)")
 def inside_count(boundary: NDArray[np.int32], content: Bits, row0: int, col0: int, most_outside: int) -> int:
-    """Return how many boundary cells are set in bits from (row0, col0) on; -1 if too many are not.
+    """Return how many boundary cells are set in a bitmap from (row0, col0) on; -1 if too many are not.
 
-    Each cell is a neighbour of the one before it: so whether the next ones lie in the box, or none of them
-    does, is told by the first where that is far enough from the box's edge.
+    Consecutive cells are neighbours. So the first of a chunk decides whether the whole chunk is inside or
+    outside the box, where it is far enough from the edge.
     """
     rows, words = content.shape
     cols, beyond, flat, steps = 64 * words, 0, content.ravel(), boundary.ravel()

@@ -1,4 +1,4 @@
-"""Histograms of heights."""
+"""Histogram of heights, and its end gaps."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-CHUNK = 64  # heights taken at a time
+CHUNK = 64  # heights processed together
 ONE = np.uint64(1)
 Counts = NDArray[np.int64]
 
 
 @kernel("UniTuple(int64, 2)(int64[:], int64, int64)")
 def ends_of(count: Counts, most: int, needed: int) -> tuple[int, int]:
-    """Return the first and last bin left after cutting off at most so many beyond `needed` empty bins."""
+    """Return the first and last bin after cutting at most `most` heights beyond `needed` empty bins."""
     bins = len(count)
     first, last = 0, bins - 1
     cut, empty = 0, 0
@@ -38,11 +38,11 @@ def ends_of(count: Counts, most: int, needed: int) -> tuple[int, int]:
 
 @kernel("int64[::1](float64[::1], float64, float64, int64)")
 def _count(height: NDArray[np.float64], low: float, width: float, bins: int) -> Counts:
-    """Count heights by bins, in two tables, since what is added to twice in a row has to be waited for."""
+    """Count heights by bin, in two tables, so that successive increments of one bin need not wait."""
     count, at = np.zeros((2, bins), np.int64), np.empty(CHUNK, np.int32)
     for start in range(0, len(height), CHUNK):
         first, some = np.uint64(start), np.uint64(min(CHUNK, len(height) - start))
-        for k in range(some):  # several at once
+        for k in range(some):  # vectorised
             at[k] = np.int32((height[first + k] - low) / width)
         for k in range(some):
             count[k & ONE, np.uint64(at[k])] += 1
@@ -57,7 +57,7 @@ def _range(height: NDArray[np.float64]) -> tuple[float, float]:
     whole = len(height) // CHUNK * CHUNK
     for start in range(0, whole, CHUNK):
         first = np.uint64(start)
-        for k in range(np.uint64(CHUNK)):  # several at once
+        for k in range(np.uint64(CHUNK)):  # vectorised
             value = height[first + k]
             least[k] = value if value < least[k] else least[k]
             most[k] = value if value > most[k] else most[k]
@@ -68,7 +68,7 @@ def _range(height: NDArray[np.float64]) -> tuple[float, float]:
 
 @kernel("UniTuple(float64, 2)(float64[::1], float64, float64)")
 def gaps_of(height: NDArray[np.float64], gap: float, max_share: float) -> tuple[float, float]:
-    """Return the interval left after cutting off the few heights beyond an empty gap at either end."""
+    """Return the interval of heights after cutting the few heights beyond an empty gap at either end."""
     low, high = _range(height)
     width = gap / 4
     bins = int((high - low) / width) + 1

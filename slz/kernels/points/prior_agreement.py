@@ -1,4 +1,4 @@
-"""Live returns against ground that was surveyed before."""
+"""Agreement of live returns with a prior survey."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def heights_over(
     safe: NDArray[np.uint8],
     height: NDArray[np.float32],
 ) -> NDArray[np.float64]:
-    """Return how high points lie over surveyed ground; NaN where that was not safe, or none was there."""
+    """Return the heights of points over surveyed ground; NaN where it was not safe or not surveyed."""
     rows, cols = safe.shape
     out = np.full(len(points), np.nan)
     for i in range(len(points)):
@@ -44,10 +44,10 @@ def contradict(
     cell: float,
     contradicted: NDArray[np.uint8],
 ) -> int:
-    """Mark the cells of points that lie above or below surveyed ground; return how many are new.
+    """Mark the cells of points that differ in height from surveyed ground; return how many are new.
 
-    over: `heights_over`. offset_m: how high all ground lies over the survey. A point contradicts when it
-    differs by least_m and four standard deviations of a height at its distance.
+    over: `heights_over`. offset_m: height of all ground over the survey. A point contradicts the survey when
+    it differs by more than least_m plus four standard deviations of a height at its horizontal distance.
     """
     n = 0
     for i in range(len(points)):

@@ -1,4 +1,4 @@
-"""Which points lie near enough to the sensor, and can be used at all."""
+"""Range gate: points near enough to the sensor, finite, and of plausible height."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 THREE = np.uint64(3)
-CHUNK = 64  # points looked at before any of them is looked at by itself
+CHUNK = 64  # points tested together before any of them is tested alone
 Points = NDArray[np.float64]
 Heights = NDArray[np.float64]
 
 
 @kernel("boolean[::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64)")
 def within_reach(points: Points, sensor: Points, reach2: float) -> NDArray[np.bool_]:
-    """Tell which points are no farther over ground than the root of a number; all where it is unknown."""
+    """Return which points are within a horizontal range (given squared); all where the sensor is unknown."""
     out = np.empty(len(points), np.bool_)
     for i in range(len(points)):
         dx, dy = points[i, 0] - sensor[0], points[i, 1] - sensor[1]
@@ -25,7 +25,7 @@ def within_reach(points: Points, sensor: Points, reach2: float) -> NDArray[np.bo
 
 @kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64, float64)")
 def usable(points: Points, sensor: Points, reach2: float, most_height: float) -> Points:
-    """Return the finite points within reach that are no higher or deeper than anything on the ground."""
+    """Return the finite points within range whose height is below `most_height` in magnitude."""
     out, n = np.empty((len(points), 3)), 0
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -41,11 +41,11 @@ def usable(points: Points, sensor: Points, reach2: float, most_height: float) ->
     "(Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64, float64)"
 )
 def are_usable(points: Points, sensor: Points, reach2: float, most_height: float) -> tuple[Heights, bool]:
-    """Return all heights, and whether `usable` would return all points; the heights are whole only then."""
+    """Return all heights, and whether `usable` returns all points; if not, the heights are incomplete."""
     height, flat = np.empty(len(points)), points.ravel()
     for start in range(0, len(points), CHUNK):
         first, unfit = np.uint64(start), 0
-        for i in range(np.uint64(min(CHUNK, len(points) - start))):  # several at once
+        for i in range(np.uint64(min(CHUNK, len(points) - start))):  # vectorised
             at = THREE * (first + i)
             x, y, z = flat[at], flat[at + np.uint64(1)], flat[at + np.uint64(2)]
             dx, dy = x - sensor[0], y - sensor[1]
@@ -60,7 +60,7 @@ def are_usable(points: Points, sensor: Points, reach2: float, most_height: float
 
 @kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(boolean, 1, 'C', True))")
 def picked(points: Points, which: NDArray[np.bool_]) -> Points:
-    """Return the points that are to be kept, as `points[which]` does."""
+    """Return the points to keep, as `points[which]` does."""
     out, n = np.empty((np.count_nonzero(which), 3)), 0
     for i in range(len(points)):
         if which[i]:
@@ -71,7 +71,7 @@ def picked(points: Points, which: NDArray[np.bool_]) -> Points:
 
 @kernel("float64[::1](float64[::1], boolean[::1])")
 def heights_of(height: Heights, which: NDArray[np.bool_]) -> Heights:
-    """Return the heights of some points."""
+    """Return the heights to keep, as `height[which]` does."""
     out, n = np.empty(len(height)), 0
     for i in range(len(height)):
         out[n] = height[i]
@@ -81,11 +81,11 @@ def heights_of(height: Heights, which: NDArray[np.bool_]) -> Heights:
 
 @kernel("int64[::1](float64[::1], boolean[::1], float64, float64)")
 def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -> NDArray[np.int64]:
-    """Return which of some points lie lower or higher than an interval."""
+    """Return the indices of the selected points below or above an interval."""
     out, m = np.empty(CHUNK, np.int64), 0
     for start in range(0, len(height), CHUNK):
         first, count, any_ = np.uint64(start), min(CHUNK, len(height) - start), 0
-        for k in range(np.uint64(count)):  # several at once
+        for k in range(np.uint64(count)):  # vectorised
             any_ += (height[first + k] < low) | (height[first + k] > high)
         if not any_:
             continue
@@ -100,14 +100,14 @@ def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -
 
 @kernel("UniTuple(float64, 4)(float64[:, ::1])")
 def extent(points: Points) -> tuple[float, float, float, float]:
-    """Return the least and greatest east, and the least and greatest north, of one point and more."""
+    """Return the least and greatest east, and the least and greatest north, of at least one point."""
     low, high, flat = np.empty(3 * CHUNK), np.empty(3 * CHUNK), points.ravel()
     for k in range(3 * CHUNK):
         low[k] = high[k] = flat[k % 3]
     whole = len(flat) // len(low) * len(low)
     for start in range(0, whole, 3 * CHUNK):
         first = np.uint64(start)
-        for k in range(np.uint64(3 * CHUNK)):  # several at once
+        for k in range(np.uint64(3 * CHUNK)):  # vectorised
             value = flat[first + k]
             low[k] = value if value < low[k] else low[k]
             high[k] = value if value > high[k] else high[k]

@@ -1,4 +1,4 @@
-"""Sums of a robust regression, and points without the plane that it found."""
+"""Robust regression with Tukey's biweight: normal equations, and removal of a fitted plane from points."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Reals = NDArray[np.float64]
     "Tuple((float64[:, ::1], float64[::1], float64))(float64[:, ::1], float64[::1], float64[::1], float64)"
 )
 def weighed(design: Reals, values: Reals, error: Reals, most: float) -> tuple[Reals, Reals, float]:
-    """Return the normal equations, left and right side, by Tukey's weights, and the share of weights over 0.
+    """Return the normal equations (matrix, right side) with Tukey's weights, and the share of weights over 0.
 
     Parameters
     ----------
     design, values, error
-        (n, k) and (n,) of the regression, and (n,) how far the last fit is off.
+        (n, k) and (n,) of the regression, and (n,) residuals of the last fit.
     most
-        Error from which on a value counts for nothing.
+        Residual from which on the weight is 0.
     """
     n, k = design.shape
     left, right, agree = np.zeros((k, k)), np.zeros(k), 0
@@ -41,7 +41,7 @@ def weighed(design: Reals, values: Reals, error: Reals, most: float) -> tuple[Re
 
 @kernel("float64[:, ::1](float64[:, ::1], float64[::1], float64, float64, float64)")
 def lowered(points: Reals, sensor: Reals, up: float, east: float, north: float) -> Reals:
-    """Return points (n, 3) lower by a height, and by so much per metre east and north of the sensor."""
+    """Return points (n, 3) lowered by a height, and by a slope per metre east and north of the sensor."""
     out = np.empty_like(points)
     for i in range(len(points)):
         x, y = points[i, 0], points[i, 1]

@@ -1,4 +1,4 @@
-"""Which points have company."""
+"""Density-based outlier removal on a voxel grid."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-FINE, COARSE = 1, 7  # layers of voxels above and below
+FINE, COARSE = 1, 7  # layers of voxels above and below that are searched
 SURFACE = 100  # returns that make a surface
-ENOUGH, CLEAR_M = 5, 2.0  # so many are an object wherever dust is not dense
-SPARSE = 16  # columns, or their layers, per point, above which a table of all is too large
+ENOUGH, CLEAR_M = 5, 2.0  # returns that are an object; range up to which dense dust demands more
+SPARSE = 16  # voxel columns, or their layers, per point, above which a dense table is too large
 NOWHERE = np.int32(2**31 - 1)
 
 Ints = NDArray[np.int32]
@@ -19,9 +19,9 @@ Longs = NDArray[np.int64]
 
 @kernel("int64(int64[::1], int64, int64, int64)")
 def _slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
-    """Return where a voxel is in the table, or the empty place where it would be.
+    """Return the hash slot of a voxel, or the empty slot for it.
 
-    Voxels of a column lie side by side, as they are asked for.
+    Voxels of a column are in adjacent slots, because they are read together.
     """
     mask = len(keys) - 1
     key = (x << 42) | (y << 21) | z
@@ -47,10 +47,10 @@ def _within(keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, l
 def _need(
     point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int
 ) -> tuple[int, int]:
-    """Return how many points a return must lie with, and how many layers up and down these are sought."""
+    """Return how many points a return needs around it, and how many layers up and down are searched."""
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
     near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
-    if near > least:  # never so where the sensor is unknown, NaN
+    if near > least:  # False where the sensor is unknown, NaN
         most = ENOUGH if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
         return min(int(near), most), FINE
     return least, COARSE
@@ -60,7 +60,7 @@ def _need(
 def _by_table(
     points: NDArray[np.float64], at: Ints, sensor: NDArray[np.float64], least: int, object_m2: float
 ) -> NDArray[np.bool_]:
-    """Do what `has_company` does with voxels in a hash table: the volume they span does not matter."""
+    """Compute `has_company` with voxels in a hash table, whose size does not depend on the volume spanned."""
     n = len(points)
     keep = np.ones(n, np.bool_)
     size = 64
@@ -91,9 +91,9 @@ def _by_table(
 
 @kernel("Tuple((int64[::1], int32[:, ::1]))(int32[:, ::1], int64, int64)")
 def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
-    """Return where each column's layers begin, (columns + 1,), and (columns, 2) its lowest and highest one.
+    """Return (columns + 1,) the start of each column's layers, and (columns, 2) its lowest and highest layer.
 
-    Column (x, y) is number deep * x + y. A column has all layers between these two, an empty one none.
+    Column (x, y) has the number deep * x + y. A column holds all layers between these two, an empty one none.
     """
     ends = np.empty((columns, 2), np.int32)
     ends[:, 0], ends[:, 1] = NOWHERE, -1
@@ -113,7 +113,7 @@ def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
 def _around(
     starts: Longs, ends: Ints, below: Ints, column: int, deep: int, low: int, high: int, enough: int
 ) -> int:
-    """Return how many points lie from one layer to another in 3 x 3 columns, or so many as are enough."""
+    """Return the number of points in layers low to high of 3 x 3 columns; counting stops at `enough`."""
     total = 0
     for middle in (column, column - deep, column + deep):
         for k in (middle, middle - 1, middle + 1):
@@ -140,7 +140,7 @@ def _by_columns(
     starts: Longs,
     ends: Ints,
 ) -> NDArray[np.bool_]:
-    """Do what `has_company` does with all layers of each column side by side."""
+    """Compute `has_company` with all layers of each column stored contiguously."""
     n = len(points)
     keep, own = np.ones(n, np.bool_), np.empty(n, np.int32)
     counts, below = np.zeros(starts[-1], np.int32), np.zeros(starts[-1] + 1, np.int32)
@@ -169,9 +169,9 @@ def _by_columns(
 
 @kernel("Tuple((int32[:, ::1], int64, int64))(Array(float64, 2, 'C', True), float64)")
 def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
-    """Return (n, 3) the voxel of each point, `COARSE` and more, and the greatest x and y among them.
+    """Return (n, 3) the voxel of each point, indices from `COARSE` on, and the greatest x and y index.
 
-    The voxels are those of the map, not of the points.
+    The voxel lattice is fixed to the map, not to the points.
     """
     high = voxel / 4
     west = south = bottom = np.inf
@@ -194,7 +194,7 @@ def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
 def has_company(
     points: NDArray[np.float64], sensor: NDArray[np.float64], voxel: float, least: int, object_m2: float
 ) -> NDArray[np.bool_]:
-    """Tell of every point whether enough others are near it, see `slz.points.outliers.in_company`.
+    """Return which points have enough others near them, see `slz.points.outliers.in_company`.
 
     Voxels are a quarter as high as wide.
     """

@@ -1,4 +1,4 @@
-"""Moore-neighbour tracing on a bit map by a table (SLZ paper Table 1, Algorithm 1)."""
+"""Moore-neighbour boundary tracing on a bitmap, by a lookup table (SLZ paper, Table 1 and Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
 from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
 
 NOWHERE, DIRECTION = 8, 15
-WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # where an entry's parts begin
+WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offsets of an entry's fields
 SEVEN = np.uint64(7)
 
 
 def _table() -> NDArray[np.int32]:
-    """Return, by (where the search starts - 1) / 2 and by the 3 x 3 cells, where the tour goes on.
+    """Return the next step of a trace, by (search start - 1) / 2 and by the 3 x 3 neighbourhood.
 
-    Bit 3 (row + 1) + column + 1 of the cells is the neighbour at (row, column). An entry holds the direction,
-    whether the edges to the west and to the east of the cell border on what is outside the tour, and where
-    the search starts in the next cell, (start - 1) / 2, which are its last byte; above that how far the next
-    cell lies to the north and east, plus 1, so that it need not be looked up.
+    Bit 3 (row + 1) + column + 1 of the neighbourhood is the neighbour at (row, column). The low byte of an
+    entry holds the direction, flags for a west and an east edge that border on the outside, and where the
+    search starts at the next cell, (start - 1) / 2. Above it are the row and column steps to the next cell,
+    plus 1, so that the steps need no second lookup.
 
     A cell reached going north or north-east (start 1) has the outside to its west, one reached going south or
-    south-west (start 5) to its east; so have those whose neighbour there was looked at and is not set. Every
-    edge is met once on a tour.
+    south-west (start 5) to its east; so has a cell whose neighbour there was tested and is not set. A trace
+    meets every edge once.
     """
     table = np.zeros((4, 512), np.int32)
     for index in range(4):
@@ -57,7 +57,7 @@ TABLE = _table()
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
 def _around(safe: Bits, row: int, col: int) -> Any:
-    """Return the 3 x 3 cells about a cell as nine bits; none of them may lie outside."""
+    """Return the 3 x 3 cells around a cell as nine bits; all must be inside the map."""
     k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
     if shift <= np.uint64(61):
         south, here, north = safe[row - 1, k] >> shift, safe[row, k] >> shift, safe[row + 1, k] >> shift
@@ -73,17 +73,17 @@ def _around(safe: Bits, row: int, col: int) -> Any:
 def tour(
     safe: Bits, row: int, col: int, path: NDArray[np.int32], edges: NDArray[np.uint8]
 ) -> tuple[int, int]:
-    """Follow the edge of a component from a cell with nothing to its west, until the first step is repeated.
+    """Trace a component's boundary from a cell with no set western neighbour, until its first step repeats.
 
     Parameters
     ----------
     path, edges
-        Receive the cells in order and their entries of the table.
+        Receive the cells in order, and the low bytes of their table entries.
 
     Returns
     -------
-    Cells, more than fit in `path` where it is too short; the cells to the left of the cracks, positive
-    for the outside of a component, negative for a hole in it.
+    Number of cells, greater than `len(path)` where it is too short; signed area of the traced cracks in
+    cells, positive for the outside of a component, negative for a hole.
     """
     r, c, index, n, area, first = row, col, 0, 0, 0, -1
     most = len(path)
@@ -103,14 +103,16 @@ def tour(
         path[n, 0], path[n, 1], edges[n] = r, c, entry
         n += 1
         area += ((c + 1) & -(entry >> EAST_BIT & 1)) - (c & -(entry >> WEST_BIT & 1))
+        # SLZ paper, Eq. (15)
         r += (entry >> ROW_BITS & 3) - 1
+        # SLZ paper, Eq. (14)
         c += (entry >> COL_BITS & 3) - 1
         index = entry >> START_BITS & 3
 
 
 @kernel("UniTuple(int64, 5)(int32[:, ::1], int64)")
 def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
-    """Return row0, row1, col0, col1 (half open) of n cells, and which comes first by rows, then columns."""
+    """Return row0, row1, col0, col1 (half open) of n cells, and the index of the first in raster order."""
     first, least = 0, path[0, 0]
     row1, col0, col1 = path[0, 0], path[0, 1], path[0, 1]
     for i in range(n):
@@ -123,7 +125,7 @@ def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
 def westmost(safe: Bits, row: int, col: int) -> Any:
-    """Return the westernmost cell of the run of set cells that a cell belongs to."""
+    """Return the westernmost column of the run of set cells that holds a cell."""
     while True:
         k, bits = col >> 6, np.uint64(col & 63)
         open_ = ~safe[row, k] << (LAST - bits)

@@ -1,4 +1,4 @@
-"""Rings along the edges of cells."""
+"""Boundary rings along cell edges (crack following)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.growable_array import doubled
 from slz.kernels.jit import kernel
 
-# Directions of travel: east, north, west, south; the cell to the left of each, from the vertex left behind.
+# Directions of travel: east, north, west, south; offset from the vertex behind to the cell on the left.
 ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
 COL_AHEAD = np.array([1, 0, -1, 0], np.int64)
 ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
@@ -26,8 +26,8 @@ def _cell(cells: NDArray[np.uint8], row: int, col: int) -> bool:
 def edges(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Return every ring around the set cells as (n, 3): ring number, row and column of unit-step vertices.
 
-    Set cells lie to the left: outer rings run anticlockwise (rows grow to the north), holes clockwise. Where
-    two cells touch at a corner only, rings keep to their own cell, so that no ring crosses another or itself.
+    Set cells are to the left: outer rings run anticlockwise (rows grow to the north), holes clockwise. Where
+    two cells touch at a corner only, a ring keeps to its own cell, so that no ring crosses another or itself.
     """
     rows, cols = cells.shape
     done = np.zeros((rows + 1, cols + 1), np.uint8)  # bit 1: the edge leaving east from here, bit 2: west
@@ -38,7 +38,7 @@ def edges(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
             above, below = _cell(cells, r0, c0), _cell(cells, r0 - 1, c0)
             if above == below:
                 continue
-            # Above set: travel east with it to the left. Below set: travel west, from the vertex to the east.
+            # Above set: travel east with it on the left. Below set: travel west, from the vertex to the east.
             direction = 0 if above else 2
             r, c = r0, c0 if above else c0 + 1
             bit = np.uint8(1 if above else 2)
@@ -55,7 +55,7 @@ def edges(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
                 out[n, 0], out[n, 1], out[n, 2] = ring, r, c
                 n += 1
                 r, c = r + ROW_AHEAD[direction], c + COL_AHEAD[direction]
-                for turn in (1, 0, 3):  # left first: diagonal neighbours stay apart
+                for turn in (1, 0, 3):  # left first, so that diagonal neighbours stay apart
                     way = (direction + turn) & 3
                     left = _cell(cells, r + ROW_LEFT[way], c + COL_LEFT[way])
                     right_way = (way + 3) & 3

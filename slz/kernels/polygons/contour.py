@@ -1,4 +1,4 @@
-"""Moore neighbours, square search on a binary map and where a boundary bends."""
+"""Contour primitives: Moore neighbours, squares that end at each cell, and corners of a boundary."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-# Moore neighbours clockwise from west (SLZ paper Table 1); rows grow to the north.
+# Moore neighbours, clockwise from west (SLZ paper, Table 1); rows grow to the north.
 COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
 ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
 
 
 @kernel("int32[:, :](uint8[:, :])")
 def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Return the side in cells of the largest safe square whose last row and column end at every cell."""
+    """Return, by cell, the side in cells of the largest safe square whose last row and column end there."""
     rows, cols = safe.shape
     side = np.zeros((rows, cols), np.int32)
     for r in range(rows):
@@ -29,7 +29,7 @@ def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
 
 @kernel("int32[::1](int32[:, ::1])")
 def bends(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the places of the boundary cells that `slz.zones.boundary_points.without_collinear` keeps."""
+    """Return the indices of the boundary cells that `slz.zones.boundary_points.without_collinear` keeps."""
     n, m = len(boundary), 0
     kept = np.empty(n, np.int32)
     for i in range(n):

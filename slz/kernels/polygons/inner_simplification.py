@@ -1,4 +1,4 @@
-"""Fewer points for rings with the inside to their left, by moves that only take from the inside."""
+"""Inner simplification of polygon rings: fewer vertices, by moves that only remove area."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from slz.kernels.jit import kernel
 
 Points = NDArray[np.float64]
 Indices = NDArray[np.int64]
-Offer = tuple[float, int, int, int]  # price, vertex or ring, kind, what it was made for
-Move = tuple[float, float, float, float, float]  # area taken, then up to two points that are put in
+Offer = tuple[float, int, int, int]  # price, vertex or ring, kind, version at the time of the offer
+Move = tuple[float, float, float, float, float]  # area removed, then up to two points that are inserted
 
 CUT, EXTEND, TILT, DROP = 0, 1, 2, 3
 NONE = (np.inf, 0.0, 0.0, 0.0, 0.0)
-SAME = 1e-7  # cells: points so close are one
-ON = 1e-7  # square cells: twice the area within which a point counts as on a side
-HALVINGS = 10  # of the range of a tilt: the area is flat at its least
-AROUND = 4  # vertices to either side of a move whose own moves it changes
-CELLS_SHARE = 0.5  # of a move's price, by cells; the rest is by area
+SAME = 1e-7  # cells: points closer than this are equal
+ON = 1e-7  # square cells: twice the triangle area below which a point is on a side
+HALVINGS = 10  # bisections of the range of a tilt: the area is flat near its minimum
+AROUND = 4  # vertices to either side whose moves a move changes
+CELLS_SHARE = 0.5  # share of cells in a move's price; the rest is area
 
 
 @kernel("float64(float64, float64, float64, float64)")
@@ -30,7 +30,7 @@ def _cross(ax: float, ay: float, bx: float, by: float) -> float:
 
 @kernel("float64(float64[:, :], int64, int64, int64)")
 def _turn(at: Points, a: int, b: int, c: int) -> float:
-    """Return twice the area of a triangle of vertices: positive for a left turn, so for a convex vertex."""
+    """Return twice the signed area of a triangle: positive for a left turn, that is a convex vertex."""
     return _cross(at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[c, 0] - at[b, 0], at[c, 1] - at[b, 1])
 
 
@@ -38,7 +38,7 @@ def _turn(at: Points, a: int, b: int, c: int) -> float:
 def _meet(
     bx: float, by: float, ux: float, uy: float, cx: float, cy: float, vx: float, vy: float
 ) -> tuple[float, float]:
-    """Return s and t with b + s u = c + t v, not-a-number for parallels."""
+    """Return s and t with b + s u = c + t v; NaN for parallels."""
     across = _cross(ux, uy, vx, vy)
     if abs(across) < 1e-12:
         return np.nan, np.nan
@@ -52,7 +52,7 @@ def _same(at: Points, i: int, x: float, y: float) -> bool:
 
 @kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64)")
 def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Move:
-    """Take a convex vertex away: the chord of its neighbours stays."""
+    """Remove a convex vertex: the chord of its neighbours replaces it."""
     twice = _turn(at, before[i], i, after[i])
     if count <= 3 or twice < -1e-12:
         return NONE
@@ -61,7 +61,7 @@ def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Mov
 
 @kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64)")
 def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> Move:
-    """Take the edge from b away: the edges beside it are extended, at its reflex ends, until they meet."""
+    """Remove the edge from b: the adjacent edges are extended at its reflex ends until they meet."""
     a, c = before[b], after[b]
     d = after[c]
     at_b, at_c = _turn(at, a, b, c), _turn(at, b, c, d)
@@ -87,9 +87,9 @@ def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> 
 
 @kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64)")
 def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Move:
-    """Take a reflex vertex between convex ones away: one line through it replaces the two edges there.
+    """Remove a reflex vertex between convex ones: one line through it replaces its two edges.
 
-    The line ends on the edges beside them. Least is taken by the line whose halves are equal.
+    The line ends on the adjacent edges. It removes the least area if the vertex halves it.
     """
     u, w = before[v], after[v]
     a, b = before[u], after[w]
@@ -136,7 +136,7 @@ def _move(at: Points, before: Indices, after: Indices, count: int, kind: int, i:
 def _centres(
     sums: NDArray[np.int32], ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 ) -> int:
-    """Return how many cells have their centre in or on a triangle, from sums along rows (from 0)."""
+    """Return how many cells have their centre in or on a triangle, from cumulative sums along rows."""
     xs, ys = (ax, bx, cx, ax), (ay, by, cy, ay)
     first = max(int(np.ceil(min(ay, by, cy) - 0.5 - SAME)), 0)
     last = min(int(np.floor(max(ay, by, cy) - 0.5 + SAME)), sums.shape[0] - 1)
@@ -163,7 +163,7 @@ def _centres(
 def _lost(
     sums: NDArray[np.int32], at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> int:
-    """Return how many cells a move takes the centres of."""
+    """Return how many cell centres a move removes."""
     _, x0, y0, x1, y1 = move
     p, q = before[i], after[i]
     if kind == CUT:
@@ -181,7 +181,7 @@ def _price(area: float, cells: float) -> float:
 
 @kernel("boolean(float64[:, :], int64[:], float64, float64, int64, int64, int64, int64)")
 def _empty(at: Points, live: Indices, x: float, y: float, a: int, b: int, c: int, end: int) -> bool:
-    """Tell whether the triangle of a, b and (x, y) holds no vertex but a, b, c, and end if it is there."""
+    """Return whether the triangle a, b, (x, y) holds no vertex but a, b, c, and `end` if it is at (x, y)."""
     ax, ay, bx, by = at[a, 0], at[a, 1], at[b, 0], at[b, 1]
     west, east = min(ax, bx, x) - SAME, max(ax, bx, x) + SAME
     south, north = min(ay, by, y) - SAME, max(ay, by, y) + SAME
@@ -201,7 +201,7 @@ def _empty(at: Points, live: Indices, x: float, y: float, a: int, b: int, c: int
 
 @kernel("boolean(float64[:, :], int64[:], int64[:], int64, float64, float64, int64)")
 def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: float, skip: int) -> bool:
-    """Tell whether an edge meets the line from vertex i to (x, y), but those at i and the one from skip."""
+    """Return whether an edge crosses the line from vertex i to (x, y), except edges at i and from `skip`."""
     ux, uy = x - at[i, 0], y - at[i, 1]
     for j in live:
         k = after[j]
@@ -219,7 +219,7 @@ def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: flo
 
 @kernel("boolean(float64[:, :], int64[:], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
 def _free(at: Points, live: Indices, before: Indices, after: Indices, kind: int, i: int, move: Move) -> bool:
-    """Tell whether what a move takes holds nothing of any ring, so that rings stay simple and apart."""
+    """Return whether the area that a move removes holds no vertex, so that rings stay simple and disjoint."""
     _, x0, y0, x1, y1 = move
     p, q = before[i], after[i]
     if kind == CUT:
@@ -233,7 +233,7 @@ def _free(at: Points, live: Indices, before: Indices, after: Indices, kind: int,
         return False
     if ends_back or _turn(at, i, q, d) >= 0:
         return True
-    # Both edges grow: only here can an edge pass across the triangle's tip without a vertex inside.
+    # Both edges grow: only here can an edge cross the triangle's tip without a vertex inside.
     return not (_crossed(at, live, after, i, x0, y0, q) or _crossed(at, live, after, q, x0, y0, p))
 
 
@@ -241,7 +241,7 @@ def _free(at: Points, live: Indices, before: Indices, after: Indices, kind: int,
 def _carry_out(
     at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> tuple[int, int, int]:
-    """Put a move's points in and return the vertices that are to go, -1 for none."""
+    """Insert a move's points and return the vertices to remove, -1 for none."""
     _, x0, y0, x1, y1 = move
     p, q = before[i], after[i]
     if kind == CUT:
@@ -256,7 +256,7 @@ def _carry_out(
 
 @kernel("int64(int64[:], int64[:], int64[:], int64[:], int64, int64)")
 def _take_out(before: Indices, after: Indices, live: Indices, place: Indices, n: int, i: int) -> int:
-    """Take a vertex out of its ring and out of the first n of `live`; return n - 1."""
+    """Remove a vertex from its ring and from the first n of `live`; return n - 1."""
     after[before[i]], before[after[i]] = after[i], before[i]
     last = live[n - 1]
     live[place[i]], place[last] = last, place[i]
@@ -275,7 +275,7 @@ def _offer(
     version: Indices,
     i: int,
 ) -> None:
-    """Put a vertex's moves on the heap."""
+    """Push a vertex's moves onto the heap."""
     for kind in range(DROP):
         move = _move(at, before, after, count, kind, i)
         if move[0] < np.inf:
@@ -285,14 +285,14 @@ def _offer(
 
 @kernel()
 def _offer_ring(heap: list[Offer], worth: Points, count: Indices, r: int) -> None:
-    """Put the dropping of a ring on the heap, at its price per point."""
+    """Push the removal of a ring onto the heap, at its price per point."""
     if count[r] and worth[r, 0] < np.inf:
         heapq.heappush(heap, (_price(worth[r, 0], worth[r, 1]) / count[r], r, DROP, count[r]))
 
 
 @kernel("float64[:, :](float64[:, :], int64[:], int64[:], int64[:], int64)")
 def _in_order(at: Points, after: Indices, place: Indices, first: Indices, n: int) -> Points:
-    """Return the n vertices that are left, along their rings: (n, 3) ring, column, row."""
+    """Return the n remaining vertices in ring order: (n, 3) ring, column, row."""
     out = np.empty((n, 3))
     filled = 0
     for r in range(len(first) - 1):
@@ -321,11 +321,11 @@ def shrunk(
     most_cells: float,
     enough: int,
 ) -> Points:
-    """Return rings of fewer points whose inside lies in that of the rings given.
+    """Return simplified rings whose inside is within that of the given rings.
 
-    The cheapest move comes first, by the area and the cells it takes: a convex vertex is cut off, an edge is
-    left out and those beside it are extended until they meet, a reflex vertex is left out with the line
-    through it tilted, or a ring is dropped. No move may take what holds a vertex of any ring.
+    The cheapest move comes first, by the area and the cells that it removes: a convex vertex is cut off, an
+    edge is removed and the adjacent edges are extended until they meet, a reflex vertex is removed by tilting
+    the line through it, or a ring is dropped. A move whose area holds a vertex of any ring is not made.
 
     Parameters
     ----------
@@ -336,11 +336,11 @@ def shrunk(
     worth
         (rings, 2) area and cells; infinite for rings that may not be dropped.
     sums
-        Sums of the set cells along rows, from a column of 0.
+        Cumulative sums of the set cells along rows, from a column of 0.
     most_area, most_cells
-        What the moves may take in all.
+        Bounds on what all moves together remove.
     enough
-        Points, at which no more moves are made.
+        Number of points at which the simplification stops.
 
     Returns
     -------
@@ -355,7 +355,7 @@ def shrunk(
     for r in range(rings):
         before[first[r]], after[first[r + 1] - 1] = first[r + 1] - 1, first[r]
     area_left, cells_left, moved = most_area, most_cells, True
-    while moved and n > enough:  # again, because what stood in a move's way may have gone
+    while moved and n > enough:  # again, because what blocked a move may be gone
         moved = False
         heap = [(0.0, 0, DROP, -1)]
         for r in range(rings):

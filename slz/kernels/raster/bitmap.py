@@ -1,4 +1,4 @@
-"""Bit-packed maps: bit c & 63 of word (r, c >> 6) is cell (r, c). The base of the source mode's kernels."""
+"""Bitmap, 64 cells a word: bit c & 63 of word (r, c >> 6) is cell (r, c)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from slz.kernels.jit import kernel
 
 Bits = NDArray[np.uint64]
 NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
-signed: Any = np.int64  # a word as a number that mixes with others
+signed: Any = np.int64  # converts a word to a number that mixes with other integers
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 EACH, DIAGONAL = np.uint64(0x0101010101010101), np.uint64(0x8040201008040201)
 BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
 
 
 def _operation(build: Callable[[Any, Any], Any], plain: Callable[[int], int]) -> Any:
-    """Return a kernel function of one word, one machine instruction; `plain` stands for it uncompiled."""
+    """Return a kernel function of one word, one machine instruction; uncompiled, `plain` computes it."""
     if vars(config)["DISABLE_JIT"]:
         return lambda word: np.uint64(plain(int(word)))
 
@@ -56,7 +56,7 @@ def bit(bits: Bits, row: int, col: int) -> Any:
 
 @kernel("uint64(uint64[:, :], int64, int64)")
 def word_at(bits: Bits, row: int, col: int) -> Any:
-    """Return the 64 cells from a column on, which may lie outside; those outside are 0."""
+    """Return the 64 cells from a column on, which may be outside; cells outside are 0."""
     if row < 0 or row >= bits.shape[0]:
         return NONE
     k, shift = col >> 6, np.uint64(col & 63)
@@ -69,13 +69,13 @@ def word_at(bits: Bits, row: int, col: int) -> Any:
 
 @kernel("uint64(int64, int64)")
 def word_mask(first: int, stop: int) -> Any:
-    """Return the bits of a word from one on to before another, which may lie outside; some are inside."""
+    """Return a mask of bits first to stop - 1; the range may extend beyond the word but must overlap it."""
     return (ALL << np.uint64(max(0, first))) & (ALL >> np.uint64(64 - min(64, stop)))
 
 
 @kernel("uint64(uint64)")
 def prefix_xor(word: Any) -> Any:
-    """Return the word whose bit i is the exclusive or of the bits up to i."""
+    """Return the prefix parity of a word: bit i is the exclusive or of its bits 0 to i."""
     for shift in (1, 2, 4, 8, 16, 32):
         word ^= word << np.uint64(shift)
     return word
@@ -93,14 +93,14 @@ def _spread_out(bits: Bits, eights: Bits) -> None:
 
 
 def unpacked(bits: Bits, first: int, cols: int) -> NDArray[np.uint8]:
-    """Return cells as bytes, `cols` columns from column `first` on; a view of whole words."""
+    """Return cells as bytes, `cols` columns from column `first` on; a view into whole words."""
     out = np.empty((len(bits), 64 * bits.shape[1]), np.uint8)
     _spread_out(bits, out.view(np.uint64))
     return out[:, first : first + cols]
 
 
 def packed(cells: NDArray[np.uint8]) -> Bits:
-    """Return cells given as bytes as a bit map."""
+    """Return the bitmap of cells given as bytes."""
     rows, cols = cells.shape
     out = np.zeros((rows, 8 * ((cols + 63) >> 6)), np.uint8)
     out[:, : (cols + 7) >> 3] = np.packbits(cells, axis=1, bitorder="little")

@@ -1,4 +1,4 @@
-"""Groups of touching cells of a bit map, from runs along rows."""
+"""Connected components of a bitmap by run-length encoding and union-find."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Ints = NDArray[np.int64]
 
 @kernel("int64[:, ::1](uint64[:, ::1])")
 def runs(cells: Bits) -> Ints:
-    """Return (n, 4) row, first column, column after the last and number, of all runs, row by row."""
+    """Return (n, 4) row, first column, column after the last, and number of all runs, row by row."""
     out, n = np.empty((1024, 4), np.int64), 0
     for r in range(cells.shape[0]):
         for w in range(cells.shape[1]):
@@ -47,7 +47,7 @@ def _root(run: Ints, i: int) -> int:
 
 @kernel("void(int64[:, ::1], int64)")
 def join(run: Ints, corner: int) -> None:
-    """Give all runs of a group of touching cells the number of the first one; with 1, corners touch too."""
+    """Label the runs of each component with the number of its first run; `corner` is 1 for 8-connectivity."""
     n, above = len(run), 0
     for i in range(n):
         while above < i and (run[above, 0] < run[i, 0] - 1 or (
@@ -65,7 +65,7 @@ def join(run: Ints, corner: int) -> None:
 
 @kernel("int64[::1](int64[::1], int64[::1], int64)")
 def _largest(roots: Ints, size: Ints, most: int) -> Ints:
-    """Return so many of more roots, in their order: those of the greatest size, of equal ones the first."""
+    """Return the `most` roots of the greatest size, in order; of equal sizes the first."""
     least = more = 0
     for i in range(len(roots)):
         least = max(least, size[roots[i]])
@@ -86,12 +86,12 @@ def _largest(roots: Ints, size: Ints, most: int) -> Ints:
 
 @kernel("Tuple((int64[:, ::1], int32[:, ::1]))(uint64[:, ::1], int64)")
 def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
-    """Return the largest groups of touching cells, in the order of their first cells.
+    """Return the `most` largest components, in the order of their first cells.
 
     Returns
     -------
-    (n, 6) row0, row1, col0, col1, first and stop in the second: (m, 2) rows and columns, group by group, each
-    in the order of rows and columns.
+    (n, 6) row0, row1, col0, col1, and start and stop in the second array: (m, 2) rows and columns, component
+    by component, each in raster order.
     """
     run = runs(cells)
     join(run, 1)
@@ -124,7 +124,7 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
 
 @kernel("boolean(uint64[:, ::1], int64, int64, int64)")
 def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
-    """Tell whether any of the cells of a run is set."""
+    """Return whether any cell of a run is set."""
     for w in range(first >> 6, ((stop - 1) >> 6) + 1):
         if cells[row, w] & word_mask(first - 64 * w, stop - 64 * w) != NONE:
             return True
@@ -133,17 +133,16 @@ def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
 
 @kernel("Tuple((int64[:, ::1], int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1])")
 def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
-    """Return the groups of touching cells that hold a corner, by the place of the first one.
+    """Return the components that hold a corner, in the order of the first corner's run.
 
     Parameters
     ----------
     corners
-        Some of the cells, of which a group must hold one.
+        Subset of the cells; a component must hold one of them.
 
     Returns
     -------
-    (m, 4) the runs of one group after another; (n, 6) row0, row1, col0, col1 of each, where its runs begin
-    and stop.
+    (m, 4) runs, component by component; (n, 6) row0, row1, col0, col1, and start and stop in the runs.
     """
     run = runs(cells)
     join(run, 1)
@@ -176,16 +175,16 @@ def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
 
 @kernel("void(int64[:, ::1], int64, uint64[:, ::1])")
 def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
-    """Set the cells of runs but what touches the rest at a corner only and is of fewer cells.
+    """Set the cells of runs, except small parts that touch the rest at a corner only.
 
-    The largest part stays, however small it is.
+    The largest part is kept, however small. Other parts of fewer than `fewest` cells are left out.
 
     Parameters
     ----------
     run
-        Of one group of `components`.
+        Runs of one component of `components`.
     out
-        The rows of the runs, from the word of their first column on; zeros.
+        Rows of the runs, from the word of their first column on; zeros.
     """
     row0, word0 = run[0, 0], run[:, 1].min() >> 6
     run = run.copy()
@@ -205,7 +204,7 @@ def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
 
 @kernel("int64[::1](float32[::1], int64[:, ::1])")
 def highest(tops: NDArray[np.float32], groups: Ints) -> Ints:
-    """Return the place of the first of the highest cells of each group; of none known the first cell's."""
+    """Return the index of each group's highest cell, the first of equals; its first cell where unknown."""
     out = np.empty(len(groups), np.int64)
     for g in range(len(groups)):
         out[g], top = groups[g, 4], np.float32(-np.inf)
@@ -219,11 +218,11 @@ def highest(tops: NDArray[np.float32], groups: Ints) -> Ints:
 def cells_around(
     part: Bits, groups: Ints, start: int, around: int, enough: int
 ) -> tuple[NDArray[np.int32], Ints]:
-    """List the cells of a part in the boxes of groups, each with a margin, from one on until they are enough.
+    """Return the cells of a part in the boxes of groups, with a margin, from one group until `enough` cells.
 
     Returns
     -------
-    (m, 2) rows and columns, group by group; (n + 1,) where the cells of each group begin, and the end.
+    (m, 2) rows and columns, group by group; (n + 1,) the start of each group's cells, and the end.
     """
     cells, ends, n = np.empty((1024, 2), np.int32), np.zeros(len(groups) - start + 1, np.int64), 0
     for g in range(start, len(groups)):
@@ -251,7 +250,7 @@ def _middle(height: NDArray[np.float32]) -> float:
 
 @kernel("float64[::1](float32[::1], int64[::1])")
 def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
-    """Return the median of the known heights between each two ends, NaN of none."""
+    """Return the median of the known heights between successive ends, NaN for none."""
     out, found = np.full(len(ends) - 1, np.nan), np.empty(len(height), np.float32)
     for g in range(len(out)):
         n = 0
@@ -265,9 +264,9 @@ def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
 
 @kernel("float64(uint64[:, ::1], float32[:, :], int64, int64)")
 def middle_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int) -> float:
-    """Return the median of the known heights of a part, NaN of none.
+    """Return the median of the known heights of a part, NaN for none.
 
-    The heights are of the cells from (row0, col0) on, which may reach beyond.
+    The heights start at cell (row0, col0) and may reach beyond the part.
     """
     rows, cols = height.shape
     found, n = np.empty(height.size, np.float32), 0
@@ -294,12 +293,12 @@ def obstacles(
     most: int,
     around: int,
 ) -> tuple[NDArray[np.float64], Ints, NDArray[np.float64]]:
-    """Return the largest groups of cells with their highest cells and the ground about them.
+    """Return the `most` largest groups of cells, with their highest cells and their heights over the ground.
 
     Returns
     -------
-    (n, 4) east, north, height of the highest cell and height over the ground; (n, 2) first and stop in the
-    last: (m, 2) east and north of the centres of the cells, group by group.
+    (n, 4) east, north, height of the highest cell, and height over the ground around; (n, 2) start and stop
+    in the last array: (m, 2) east and north of the centres of the cells, group by group.
     """
     groups, listed = largest_groups(cells, most)
     n, centres = len(groups), np.empty((len(listed), 2))

@@ -1,4 +1,4 @@
-"""How much room there is in a component: its largest square and the cells farthest from its edge."""
+"""Largest inscribed square of a bitmap, and its maximum of the Euclidean distance transform."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
 
 Word = NDArray[np.uint64]
-Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open) outside which nothing is set
-NEAR = 32  # cells to either side that a word about a cell holds
-WITNESSES = 16  # cells outside that are remembered
+Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open); nothing is set outside
+NEAR = 32  # columns to either side that one word around a cell covers
+WITNESSES = 16  # recent nearest outside cells, kept for distance bounds
 MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
 @kernel("void(uint64[::1], uint64[::1], int64)")
 def _narrowed(row: Word, out: Word, by: int) -> None:
-    """Leave the cells of a row whose neighbour `by` columns to the east is set too."""
+    """Write the cells of a row whose neighbour `by` columns to the east is also set."""
     far, near = by >> 6, np.uint64(by & 63)
     rest, inner = np.uint64(63) - near, max(0, len(row) - far - 1)
     low, high = row[far:], row[far + 1 :]
@@ -30,7 +30,7 @@ def _narrowed(row: Word, out: Word, by: int) -> None:
 
 @kernel("uint64(uint64[::1], uint64[::1])")
 def _both(row: Word, other: Word) -> np.uint64:
-    """Leave the cells set in both rows in the first; return 0 if there are none."""
+    """Intersect a row with another one, in place; return 0 if nothing is left."""
     some = NONE
     for w in range(np.uint64(len(row))):
         row[w] &= other[w]
@@ -40,9 +40,9 @@ def _both(row: Word, other: Word) -> np.uint64:
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], UniTuple(int64, 4), int64, uint64[:, ::1])")
 def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
-    """Turn south-west corners of squares into those of squares larger by at most as many cells again.
+    """Reduce south-west corners of squares to those of squares larger by `by`, at most their side.
 
-    Nothing is read or written outside the span; that of what is left is returned, empty where nothing is.
+    Nothing is read or written outside the span. Return the span of the result, empty where nothing is left.
     """
     row0, row1, word0, word1 = span
     for r in range(row0, row1):
@@ -66,10 +66,10 @@ def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     " UniTuple(int64, 4)))(uint64[:, ::1], int64)"
 )
 def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits, Span, Bits, Span]:
-    """Return the side of the largest square and where the first is, the greatest double of `side` with a
-    square and its corners.
+    """Return the side and first corner of the largest square; the greatest `side` times 2^k with a square.
 
-    And the corners of half of that; what lies outside the span of either is not to be read.
+    Then the corners of the squares of that side with their span, and the same of half of it. Cells outside a
+    span are undefined.
     """
     span = (0, corners.shape[0], 0, corners.shape[1])
     before, before_span = corners, span
@@ -107,14 +107,14 @@ def largest_square(corners: Bits, side: int) -> int:
     Parameters
     ----------
     corners
-        South-west corners of squares of this side; at least one.
+        South-west corners of the squares of this side; at least one.
     """
     return _largest(corners, side)[0]
 
 
 @kernel("int64(uint64[:, ::1], int64, int64, int64)")
 def _open_beside(part: Bits, r: int, col: int, most2: int) -> int:
-    """Return how far along a row the nearest open cell is; anything whose square is not less than `most2`."""
+    """Return the distance along a row to the nearest open cell, or one whose square is at least `most2`."""
     first, bits, words = col >> 6, np.uint64(col & 63), part.shape[1]
     if first < 0 or first >= words:
         return 0
@@ -142,15 +142,15 @@ def _is_open(part: Bits, row: int, col: int) -> bool:
 
 @kernel("UniTuple(int64, 3)(uint64[:, ::1], int64, int64, int64, int64)")
 def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple[int, int, int]:
-    """Return the squared distance from a cell to the nearest outside; any less than `least2` if it is.
+    """Return the squared distance from a cell to the nearest outside cell; if below `least2`, any such value.
 
-    And where that lies, unless the distance is `most2`.
+    Then row and column of that outside cell, undefined where the distance is `most2`.
     """
     best, beside, dy = most2, 0, 0
     where = row
     while dy * dy < best and best >= least2:
         for r in (row - dy, row + dy):
-            if best <= NEAR * NEAR:  # all that matters lies in one word
+            if best <= NEAR * NEAR:  # one word holds all cells that matter
                 open_ = ~word_at(part, r, col - 31)
                 dx = signed(min(lowest(open_ >> MIDDLE), leading(open_ << NEAR_BITS)))
             elif r < 0 or r >= len(part):
@@ -165,7 +165,7 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple
 
 @kernel("boolean(uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
 def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
-    """Tell whether a cell is set in a square whose side, a power of two, divides its first row and column."""
+    """Return whether a cell is set in an aligned square whose side is a power of two."""
     w = col >> 6
     if w < span[2] or w >= span[3]:
         return False
@@ -178,11 +178,12 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
 def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int) -> NDArray[np.int64]:
-    """Return what `room` does, of the cells that lie `shift` rows and columns beyond those set in a span.
+    """Return the farthest cells as in `room`, among those `shift` rows and columns beyond a span's set cells.
 
-    Some cell's squared distance is `best2` or more. No distance changes by more than the way: of a square of
-    cells, only those are halved again whose middle is so far from the outside that another cell in them may
-    be the farthest. That most are not is told by the cells outside that were the nearest to others.
+    Some cell's squared distance is at least `best2`. Distances change by no more than the way between two
+    cells. So of a square of cells only those are split whose middle is far enough from the outside for a cell
+    in it to be the farthest (branch and bound). Recent nearest outside cells bound most distances without a
+    search.
     """
     block, n = 1, 0
     while block < 64 and 2 * block <= 0.6 * (np.sqrt(best2) - 1.0):
@@ -234,7 +235,7 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
                         halves[n, 0], halves[n, 1] = r, c
                         n += 1
         blocks = halves
-    # Those of a row are in the order of their columns already.
+    # The cells of a row are already in column order.
     place, found = np.zeros(part.shape[0] + 1, np.int64), np.empty((keep, 3), np.int64)
     for i in range(keep):
         place[blocks[i, 0] + shift + 1] += 1
@@ -249,13 +250,13 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
 
 @kernel("int64(int64)")
 def _half(least2: int) -> int:
-    """Return how far a square reaches that fits about any cell nearly so far from the outside."""
+    """Return the half side of a square that fits around any cell nearly this far from the outside."""
     return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
 def _among(part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int) -> NDArray[np.int64]:
-    """Return the cells farthest from the outside, `least2` or more, from the corners of smaller squares."""
+    """Return the cells farthest from the outside, at least `least2`, from the corners of smaller squares."""
     half = _half(least2)
     wanted = 2 * half + 1
     while of < wanted:
@@ -267,10 +268,10 @@ def _among(part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int)
 
 @kernel("Tuple((int64, UniTuple(int64, 2), int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
 def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
-    """Return the side of a part's largest square, where one is, and its cells farthest from the outside.
+    """Return the side of a part's largest square, its corner, and the cells farthest from the outside.
 
-    The farthest is no nearer than the square's middle, and about any cell nearly as far from the edge a
-    square fits that is smaller by the root of two.
+    The farthest cell is at least as far as the middle of the square. Around any cell nearly as far from the
+    outside a square fits that is smaller by the root of two.
 
     Parameters
     ----------
@@ -280,8 +281,8 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], N
     Returns
     -------
     The side; row and column of the first such square's south-west corner; (n, 3) row, column and squared
-    distance to the outside, of the cells whose distance is less than the greatest by at most half a cell, in
-    the order of rows and columns.
+    distance to the outside, of the cells whose distance is within half a cell of the greatest, in raster
+    order.
     """
     side, where, double, cells, span, before, before_span = _largest(corners, least)
     inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
@@ -296,7 +297,7 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], N
 
 @kernel("int64[:, ::1](uint64[:, ::1], int64)")
 def farthest(part: Bits, side: int) -> NDArray[np.int64]:
-    """Return the last of what `room` does, of a part whose largest square has a side."""
+    """Return the last result of `room`, for a part whose largest square has the given side."""
     inner = (side - 1) // 2
     return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side)
 
@@ -312,7 +313,7 @@ def surest(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return which cell is the most certain, to a thousandth; of these the first of `first_choice`."""
+    """Return the index of the most certain cell, to a thousandth; of these the `first_choice`."""
     best, most, least, nearest = 0, -np.inf, np.inf, np.inf
     for i in range(len(cells)):
         sure, steep = np.rint(certainty[i] * np.float32(1000)), np.rint(slope[i] * np.float32(10))
@@ -339,7 +340,7 @@ def first_choice(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return which cell slopes least, to a tenth of a degree; of these the nearest to the sensor."""
+    """Return the index of the cell of least slope, to a tenth of a degree; of these the nearest one."""
     best, least, nearest = 0, np.inf, np.inf
     for i in range(len(cells)):
         r, c = row0 + cells[i, 0], col0 + cells[i, 1]

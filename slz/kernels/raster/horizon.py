@@ -1,4 +1,4 @@
-"""How high the surroundings of a point reach."""
+"""Horizon of a point: greatest elevation angle by bearing."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def horizon(
     to_east: float,
     to_north: float,
 ) -> NDArray[np.float64]:
-    """Return by sector the greatest elevation angle (rad) of a top seen from a point; NaN where none is.
+    """Return by sector the greatest elevation angle (rad) of a top seen from a point; NaN where unknown.
 
-    Sectors are of bearings, clockwise from north, the first centred on it. Only cells between `near_m` and
-    `far_m` of the point count, each in all the sectors that it spans. With a direction, a vector of length 1,
-    only the sectors within 20 degrees of it are worked out; with 0, 0 all.
+    Sectors are bearings, clockwise from north, the first centred on north. Only cells between `near_m` and
+    `far_m` from the point count, each in all the sectors that it spans. With a unit direction, only the
+    sectors within 20 degrees of it are computed; with 0, 0 all.
     """
     out = np.full(sectors, np.nan)  # tangents of the angles
     width = 2 * np.pi / sectors
-    # a cell is seen 15 degrees to either side at most, sectors reach 5 degrees beyond the way to their middle
+    # A cell spans at most 15 degrees to either side; a sector ends 5 degrees beyond its middle.
     ahead = 0.75 if to_east != 0 or to_north != 0 else -2.0
     middle, lowest = min(max(np.int64(row), 0), top.shape[0] - 1), -np.inf
-    for i in range(2 * top.shape[0]):  # outwards, for what is near hides most of what is far
+    for i in range(2 * top.shape[0]):  # outwards, because near tops hide most of the far ones
         r = middle + (i + 1) // 2 if i % 2 else middle - i // 2
         if r < 0 or r >= top.shape[0]:
             continue

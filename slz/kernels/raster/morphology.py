@@ -1,4 +1,4 @@
-"""Squares around cells: dilation and closing of bit maps, and the lowest value."""
+"""Morphology with squares: dilation, erosion and closing of bitmaps, and the minimum filter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HIGHEST = np.float32(np.inf)
 
 @kernel("void(uint64[:, ::1], int64)")
 def _clear_beyond(bits: Bits, cols: int) -> None:
-    """Clear the bits of the last words that stand for no column."""
+    """Clear the bits of the last words that are beyond the last column."""
     if cols & 63:
         for r in range(bits.shape[0]):
             bits[r, -1] &= (ONE << np.uint64(cols & 63)) - ONE
@@ -24,7 +24,7 @@ def _clear_beyond(bits: Bits, cols: int) -> None:
 
 @kernel("void(uint64[::1], int64, int64, int64, boolean)")
 def _join(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
-    """Join words with those `far` words and `shift` bits ahead, in place: what both hold, or either."""
+    """Combine words with those `far` words and `shift` bits ahead, in place: by AND, or by OR."""
     near, rest, first = np.uint64(shift), np.uint64(63 - shift), np.uint64(far)
     for w in range(np.uint64(count)):
         ahead = (words[w + first] >> near) | ((words[w + first + ONE] << ONE) << rest)
@@ -33,9 +33,9 @@ def _join(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64, boolean)")
 def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
-    """Return the cells in whose square of 2 radius + 1 cells all are set, or any; those outside are not.
+    """Return the cells whose square of 2 radius + 1 cells is all set, or has any set; outside is not set.
 
-    Rows and columns are moved by the radius, so that a square begins where its middle was.
+    Rows and columns are shifted by the radius, so that a square starts at its centre's index.
     """
     rows, words = bits.shape
     side, far, near = 2 * radius + 1, radius >> 6, np.uint64(radius & 63)
@@ -47,7 +47,7 @@ def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
             line[w + far] |= bits[r, w] << near
             line[w + far + 1] = (bits[r, w] >> ONE) >> (LAST - near)
         have = 1
-        while have < side:  # each cell stands for so many, itself and those to its east
+        while have < side:  # each bit covers `have` cells, itself and those to its east
             step = min(have, side - have)
             _join(line, wide - (step >> 6), step >> 6, step & 63, all_)
             have += step
@@ -65,19 +65,19 @@ def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def dilated(bits: Bits, radius: int, cols: int) -> Bits:
-    """Return the cells with one that is set in the square of 2 radius + 1 cells around them."""
+    """Return the dilation by a square of 2 radius + 1 cells."""
     return _over_squares(bits, radius, cols, False)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def eroded(bits: Bits, radius: int, cols: int) -> Bits:
-    """Return the cells of which all in the square of 2 radius + 1 cells around them are set and inside."""
+    """Return the erosion by a square of 2 radius + 1 cells; cells outside are not set."""
     return _over_squares(bits, radius, cols, True)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def closed(bits: Bits, radius: int, cols: int) -> Bits:
-    """Return the morphological closing by a square of 2 radius + 1 cells, the outside being unknown.
+    """Return the closing by a square of 2 radius + 1 cells, with the outside unknown.
 
     Gaps narrower than the square are filled; the edge of the known ground is not moved outwards.
     """
@@ -86,7 +86,7 @@ def closed(bits: Bits, radius: int, cols: int) -> Bits:
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64)")
 def others(bits: Bits, cols: int) -> Bits:
-    """Return the cells that are not set."""
+    """Return the complement: the cells that are not set."""
     out = ~bits
     _clear_beyond(out, cols)
     return out
@@ -94,7 +94,7 @@ def others(bits: Bits, cols: int) -> Bits:
 
 @kernel("uint64[:, ::1](float32[:, ::1], float32)")
 def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
-    """Return the cells whose value is above a limit; NaN is not."""
+    """Return the cells whose value is above a limit; NaN is not above."""
     rows, cols = values.shape
     out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
     for r in range(rows):
@@ -111,9 +111,9 @@ def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
 
 @kernel("uint64[:, ::1](float32[:, ::1], float32[:, ::1], float32)")
 def higher(values: NDArray[np.float32], others: NDArray[np.float32], by: float) -> Bits:
-    """Return the cells whose value is above another one by more than a limit; NaN is not.
+    """Return the cells whose value exceeds the other value by more than a limit; NaN does not.
 
-    The other values have a row's length in whole lanes.
+    Rows of the other values are padded to whole lanes.
     """
     rows, cols = values.shape
     out, wide = np.zeros((rows, (cols + 63) >> 6), np.uint64), others.shape[1]
@@ -131,7 +131,7 @@ def higher(values: NDArray[np.float32], others: NDArray[np.float32], by: float) 
 def _lowest(
     values: Row, first: int, count: int, radius: int, away: int, rise: float, out: Row, at: int
 ) -> None:
-    """Leave the lowest of 2 radius + 1 values around each, so far apart, and what each rises on the way."""
+    """Write the minimum over 2 radius + 1 values, `away` apart, each raised by `rise` per step away."""
     for c in range(0, count, LANES):
         least = load(values, first + c)
         for d in range(1, radius + 1):
@@ -144,10 +144,10 @@ def _lowest(
 
 @kernel("float32[:, ::1](float32[:, ::1], int64, float32)")
 def lowest_around(values: NDArray[np.float32], radius: int, rise: float) -> NDArray[np.float32]:
-    """Return the minimum over a square of 2 radius + 1 cells around every cell, NaN being passed over.
+    """Return the minimum over a square of 2 radius + 1 cells around every cell, NaN ignored.
 
-    A value counts for more by `rise` with every row and column that it is away. Rows are as long as whole
-    lanes; what is beyond the columns means nothing.
+    A value is raised by `rise` for every row and every column of its distance. Rows are padded to whole
+    lanes; values beyond the columns are undefined.
     """
     rows, cols = values.shape
     width, flat = -(-cols // LANES) * LANES, values.ravel()

@@ -1,4 +1,4 @@
-"""What a contour encloses, and which of it is one component (SLZ paper Algorithm 1), 64 cells at a time."""
+"""Region fill of a contour, and 8-connected flood fill, 64 cells at a time (SLZ paper, Algorithm 1)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ TO_WEST, TO_EAST = np.uint64(WEST_BIT), np.uint64(EAST_BIT)
 def fill(
     path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, row0: int, word0: int, content: Bits
 ) -> Any:
-    """Set the cells on and inside a tour in a box that holds zeros; return how many there are.
+    """Set the cells on and inside a traced contour, in a box of zeros; return their number.
 
-    A row's cells are inside between a western and an eastern edge: mark where that changes, add up modulo 2.
+    Parity fill: toggle the bits at western and eastern edges, then take the prefix parity of each row.
     """
     rows, words = content.shape
     for i in range(n):
@@ -42,7 +42,7 @@ def fill(
 
 @kernel("uint64(uint64, uint64)")
 def _down(room: np.uint64, set_: np.uint64) -> np.uint64:
-    """Spread set cells towards lower columns as far as the room goes."""
+    """Spread set cells to lower columns, as far as the free cells reach."""
     for shift in (1, 2, 4, 8, 16, 32):
         set_ |= room & (set_ >> np.uint64(shift))
         room &= room >> np.uint64(shift)
@@ -51,9 +51,9 @@ def _down(room: np.uint64, set_: np.uint64) -> np.uint64:
 
 @kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64)")
 def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
-    """Spread a part into row r from itself and from words of a row beside it.
+    """Spread a part into row r, from the row itself and from words of an adjacent row.
 
-    Return the first and the last word in which it grew there; the first is greater where it did not.
+    Return the first and the last word in which it grew; the first is greater where it did not.
     """
     words = room.shape[1]
     low, high, carry, w = words, -1, NONE, max(0, first - 1)
@@ -69,7 +69,7 @@ def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -
                 wide |= part[other, w + 1] << LAST
             new = old | (wide & free)
         if new != old:
-            new |= (free ^ (free + new)) & free  # through to the end of each stretch of room
+            new |= (free ^ (free + new)) & free  # carry to the end of each run of free cells
             if free & ~new & (new >> ONE) != NONE:
                 new = _down(free, new)
             part[r, w] = new
@@ -88,8 +88,8 @@ def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -
 def component(room: Bits, row: int, col: int) -> Bits:
     """Return the 8-connected component of a set cell.
 
-    Rows are gone through up and down, and only those beside one in which the part grew since, and there where
-    it did: by its first and last word, for the row south of it and the one north, with a margin.
+    Sweeps go up and down. They visit only rows next to one in which the part has grown since, and there only
+    the words of that growth, with a margin: each row keeps its first and last such word for either direction.
     """
     rows, words = room.shape
     part = np.zeros(room.shape, np.uint64)
@@ -140,8 +140,8 @@ def _reaches(
     path: NDArray[np.int32],
     edges: NDArray[np.uint8],
 ) -> bool:
-    """Tell whether a set cell belongs to the component whose contour is around it, see `all_reach`."""
-    while True:  # west to an edge; a hole's is followed to its first cell, which lies farther south
+    """Return whether a set cell belongs to the component whose contour is around it, see `all_reach`."""
+    while True:  # west to an edge; the trace of a hole is followed to its first cell, farther south
         col = westmost(safe, row, col)
         west = col - 1 - 64 * word0
         if west < 0 or (content[row - row0, west >> 6] >> np.uint64(west & 63)) & ONE == NONE:
@@ -157,16 +157,16 @@ def _reaches(
 def all_reach(
     safe: Bits, content: Bits, row0: int, word0: int, cells: NDArray[np.int64], longest: int
 ) -> bool:
-    """Tell whether set cells inside a contour belong to its component, none to an island in one of its holes.
+    """Return whether set cells inside a contour belong to its component, and not to an island in a hole.
 
-    False, too, where the edge of a hole between is longer than so many cells: then it is not known.
+    Also False where the boundary of a hole in between is longer than `longest` cells: then it is undecided.
 
     Parameters
     ----------
     safe
         The whole map; nothing is set on its margin.
     content
-        The cells on and inside the contour, from (row0, 64 word0) on.
+        Cells on and inside the contour, from (row0, 64 word0) on.
     cells
         (n, 2 or more) rows and columns in the content.
     """
@@ -174,7 +174,7 @@ def all_reach(
     for i in range(len(cells)):
         row, col = row0 + cells[i, 0], 64 * word0 + cells[i, 1]
         if i > 0 and abs(cells[i, 0] - cells[i - 1, 0]) < 2 and abs(cells[i, 1] - cells[i - 1, 1]) < 2:
-            continue  # beside one that does
+            continue  # adjacent to one that belongs to it
         if not _reaches(safe, content, row0, word0, row, col, path, edges):
             return False
     return True

@@ -1,4 +1,4 @@
-"""Where a safe square fits: erosion of a bit map, kept up where the map changes."""
+"""Erosion of a bitmap by a square, updated incrementally: where a safe square fits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slz.kernels.raster.bitmap import NONE, Bits
 
 @kernel("void(uint64[:, ::1], int64)")
 def narrow(bits: Bits, by: int) -> None:
-    """Keep the cells whose neighbour `by` columns to the east is set too, in place."""
+    """Keep the cells whose neighbour `by` columns to the east is also set, in place."""
     far, near = by >> 6, np.uint64(by & 63)
     rest = np.uint64(64) - near
     rows, words = bits.shape
@@ -27,7 +27,7 @@ def narrow(bits: Bits, by: int) -> None:
 
 @kernel("void(uint64[:, ::1], int64)")
 def lower(bits: Bits, by: int) -> None:
-    """Keep the cells whose neighbour `by` rows to the north is set too, in place."""
+    """Keep the cells whose neighbour `by` rows to the north is also set, in place."""
     rows, words = bits.shape
     for r in range(rows):
         if r + by < rows:
@@ -39,7 +39,7 @@ def lower(bits: Bits, by: int) -> None:
 
 @kernel("void(uint64[:, ::1], int64, int64)")
 def grow(bits: Bits, side: int, wanted: int) -> None:
-    """Turn the south-west corners of set squares of one side into those of a larger side, in place."""
+    """Reduce south-west corners of set squares of one side to those of a larger side, in place."""
     while side < wanted:
         step = min(side, wanted - side)
         narrow(bits, step)
@@ -51,7 +51,7 @@ def grow(bits: Bits, side: int, wanted: int) -> None:
 def erode(
     safe: Bits, seeds: Bits, side: int, row0: int, row1: int, col0: int, col1: int
 ) -> tuple[int, int, int, int]:
-    """Bring the seeds, the south-west corners of safe squares, up to date where the safe map changed.
+    """Update the seeds, the south-west corners of safe squares, where the safe map changed.
 
     Parameters
     ----------

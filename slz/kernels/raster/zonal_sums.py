@@ -1,4 +1,4 @@
-"""Sums over the cells of a zone and of what its contour encloses (SLZ paper 3.4.1)."""
+"""Zonal sums: over the cells of a zone and over its contour's content (SLZ paper, section 3.4.1)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Bytes = NDArray[np.uint8]
 Layer = NDArray[np.float32]
 Sums = NDArray[np.float64]
 
-# Numbers told of cells; those after SLOPE and ROUGHNESS count what was added to the one before.
+# Statistics of a zone; those after SLOPE and ROUGHNESS are the numbers of summands.
 SAFE, UNSAFE, CERTAINTY, SLOPE, SLOPES, ROUGHNESS, ROUGHNESSES = range(7)
 TOLD = 7
 
 
 @kernel("void(float64[:, ::1], int64, float32[::1], uint64, uint64)")
 def _add(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64) -> None:
-    """Add those of 64 values that are set and finite, each to a sum of its own, and count them."""
+    """Add the set and finite ones of 64 values, each to the sum of its bit, and count them."""
     for k in range(np.uint64(64)):
         value = np.float64(values[first + k])
         counts = ((cells >> k) & ONE != NONE) & (np.abs(value) < np.inf)
@@ -46,7 +46,7 @@ def _tally_word(
     unsafe: np.uint8,
     sums: Sums,
 ) -> np.uint64:
-    """Add what is told of 64 cells to (`TOLD`, 64) sums, by place; return the unsafe ones enclosed."""
+    """Add the statistics of 64 cells to (`TOLD`, 64) sums, by bit; return the unsafe cells inside."""
     state_at, certainty_at = np.uint64(at[0]), np.uint64(at[1])
     good = bad = NONE
     for k in range(np.uint64(64)):
@@ -65,7 +65,7 @@ def _tally_word(
 
 @kernel("int64(uint64[:, :])")
 def count(cells: Bits) -> Any:
-    """Return how many cells are set."""
+    """Return the number of set cells."""
     n = NONE
     for r in range(cells.shape[0]):
         for w in range(cells.shape[1]):
@@ -75,7 +75,7 @@ def count(cells: Bits) -> Any:
 
 @kernel("int64(uint64[:, :], uint64[:, :], int64, int64)")
 def common(cells: Bits, others: Bits, down: int, right: int) -> Any:
-    """Return how many cells are set in both of two maps, once those of the first are moved."""
+    """Return the number of cells set in both of two bitmaps, the first one moved."""
     n = NONE
     for r in range(max(0, -down), min(cells.shape[0], others.shape[0] - down)):
         for w in range(cells.shape[1]):
@@ -100,19 +100,20 @@ def tally(
     told: NDArray[np.float64],
     holes: Bits,
 ) -> None:
-    """Add up the maps of some rows of a zone, which are of the cells of the words.
+    """Sum the maps of some rows of a zone, over the cells of whole words.
 
     Parameters
     ----------
     own, content
-        The cells of the zone, and those on and inside its contour.
+        Bitmaps of the cells of the zone, and of the cells on and inside its contour.
     state, safe, unsafe
-        State of the cells, and the two of its values that stand for safe and unsafe.
+        State of the cells, and its values for safe and unsafe.
     told
-        (`TOLD`,) receives how many of the cells enclosed are safe and unsafe; their certainty, added up;
-        slope and roughness of the zone's own where they are finite, added up, and how many those are.
+        (`TOLD`,) receives, for the content, the numbers of safe and unsafe cells and the sum of the
+        certainty; for the zone's own cells, sums of the finite slopes and roughnesses, and how many are
+        finite.
     holes
-        Receives the unsafe cells enclosed.
+        Receives the unsafe cells of the content.
     """
     rows, words = content.shape
     flat_state, sure, steep, rough = state.ravel(), certainty.ravel(), slope.ravel(), roughness.ravel()
@@ -150,14 +151,14 @@ def tally_tiles(
     told: NDArray[np.float64],
     holes: Bits,
 ) -> None:
-    """Do what `tally` does for each tile of a zone by itself, of those wanted that lie in a block.
+    """Compute `tally` for each wanted tile of a zone that is in a block.
 
     Parameters
     ----------
     layers, states, first, table
-        As of `put_layers`; certainty, slope and roughness are the layers' numbers.
+        As in `put_layers`; certainty, slope and roughness are indices of layers.
     own, content, holes
-        Of the rows from row0 on, in words that are rows of tiles.
+        Rows from row0 on, in words that are rows of tiles.
     told
         (rows of tiles, columns of tiles, `TOLD`).
     """
@@ -187,7 +188,7 @@ def tally_tiles(
 
 @kernel()
 def _none(cells: Bits, first: int, stop: int, word: int) -> Any:
-    """Tell whether nothing is set in a word of some rows, of which some may lie outside."""
+    """Return whether nothing is set in a word of some rows, which may be outside."""
     any_ = NONE
     if 0 <= word < cells.shape[1]:
         for r in range(max(0, first), min(len(cells), stop)):
@@ -197,7 +198,7 @@ def _none(cells: Bits, first: int, stop: int, word: int) -> Any:
 
 @kernel()
 def _same(new: Bits, old: Bits, first: int, stop: int, down: int, word: int, right: int) -> Any:
-    """Tell whether a word of some rows is as it was; what lies outside was not set."""
+    """Return whether a word of some rows is unchanged; outside the old rows nothing was set."""
     w, begin, end = word + right, max(first, -down), min(stop, len(old) - down)
     if w < 0 or w >= old.shape[1] or begin >= end:
         return _none(new, first, stop, word)
@@ -228,16 +229,16 @@ def carry_over(
     told: NDArray[np.float64],
     holes: Bits,
 ) -> Any:
-    """Copy what `tally_tiles` told before of tiles that are as they were; tell whether all of them are.
+    """Copy earlier results of `tally_tiles` for unchanged tiles; return whether all tiles are unchanged.
 
     Parameters
     ----------
     versions
-        Of the tiles: another number where another thing was written.
+        Of the tiles: a new number after every write.
     down, right
-        Rows and words to add to those of the zone to get those of the zone before.
+        Rows and words to add to those of the zone to get those of its predecessor.
     wanted
-        Receives False for tiles carried over, and for those of which the contour encloses nothing.
+        Receives False for tiles copied, and for those without content.
     """
     all_same, old_row0 = True, row0 - down
     tiles_down = (row0 >> TILE_BITS) - (old_row0 >> TILE_BITS)

@@ -1,7 +1,7 @@
-"""Points of a survey: sorted into blocks of cells, and joined cell by cell in whole numbers.
+"""Binning of survey points: sort into blocks of cells, and per-cell statistics in integers.
 
-Counts and sums of whole numbers, lowest and highest do not depend on the order of the points. So a cell's
-evidence is the same to the last bit however the points were cut up and whoever added them.
+Integer counts, sums, minima and maxima do not depend on the order of the points. So a cell's evidence is
+bit-identical however the points were split and whoever added them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from slz.kernels.jit import kernel
 
 BLOCK_BITS = 8
 BLOCK = 1 << BLOCK_BITS  # cells along the side of a block
-MOST_INDEX = 2.0**30  # of a row or column
+MOST_INDEX = 2.0**30  # bound on a row or column
 
 Ints = NDArray[np.int64]
 Heights = NDArray[np.int32]
@@ -22,7 +22,7 @@ Heights = NDArray[np.int32]
 
 @kernel("int64(int64[:, ::1], int64[::1], int64, int64)")
 def _find(blocks: Ints, slots: Ints, row: int, col: int) -> int:
-    """Return where a block's number is in a hash table, or the empty place (-1) where it belongs."""
+    """Return the hash slot of a block's number, or the empty slot (-1) for it."""
     mask = len(slots) - 1
     at = ((row * 0x9E3779B1 + col * 0x85EBCA77) >> 7) & mask
     while slots[at] >= 0 and (blocks[slots[at], 0] != row or blocks[slots[at], 1] != col):
@@ -32,7 +32,7 @@ def _find(blocks: Ints, slots: Ints, row: int, col: int) -> int:
 
 @kernel("void(int64[:, ::1], int64, int64[::1])")
 def rehash(blocks: Ints, n_blocks: int, slots: Ints) -> None:
-    """Enter blocks into an empty hash table, a power of two long and larger than twice their number."""
+    """Enter blocks into an empty hash table whose length is a power of two above twice their number."""
     for i in range(n_blocks):
         slots[_find(blocks, slots, blocks[i, 0], blocks[i, 1])] = i
 
@@ -57,12 +57,13 @@ def place(
     height: Heights,
     block: Heights,
 ) -> tuple[int, int]:
-    """Find block, cell and height of points to keep; return how many there are, and how many blocks.
+    """Find block, cell and height of the points to keep; return the numbers of points and of blocks.
 
-    x_cells, y_cells: cells per unit of x and y, from the CRS's own zero. z_units: units of height per unit of
-    z. Points higher than most_height units or off the lattice are passed over. New blocks (row, col) go into
-    `blocks` and their hash table `slots` (a power of two long, -1 where empty); when `blocks` is full, the
-    number of points is -1. Of each point kept cell, height and number of the block are left.
+    x_cells, y_cells: cells per unit of x and y, from the origin of the CRS. z_units: units of height per unit
+    of z. Points higher than most_height units or outside the index range are skipped. New blocks (row, col)
+    go into `blocks` and their hash table `slots` (length a power of two, -1 where empty); when `blocks` is
+    full, the number of points is -1. `cell`, `height` and `block` receive cell, height and block number of
+    each point.
     """
     n, last, last_row, last_col = 0, -1, 0, 0
     for i in range(len(x)):
@@ -97,7 +98,7 @@ def by_block(
     cell_out: NDArray[np.uint16],
     height_out: Heights,
 ) -> None:
-    """Sort points by block; place_of holds where each block begins, and is used up."""
+    """Sort points by block; place_of holds the start of each block, and is modified."""
     for i in range(len(block)):
         at = place_of[block[i]]
         cell_out[at], height_out[at] = cell[i], height[i]
@@ -106,7 +107,7 @@ def by_block(
 
 @kernel("void(uint16[::1], int64[::1], int64[::1])")
 def count_lines(cell: NDArray[np.uint16], rows: Ints, cols: Ints) -> None:
-    """Add up points by row and by column of their block."""
+    """Count a block's points by row and by column."""
     for i in range(len(cell)):
         rows[cell[i] >> BLOCK_BITS] += 1
         cols[cell[i] & (BLOCK - 1)] += 1
@@ -114,14 +115,14 @@ def count_lines(cell: NDArray[np.uint16], rows: Ints, cols: Ints) -> None:
 
 @kernel("void(int32[::1], float64, int64, int64[::1])")
 def count_heights(height: Heights, units: float, first: int, count: Ints) -> None:
-    """Add up points by height, in bins of so many units, the first of which has the number `first`."""
+    """Count points by height, in bins of `units` units; the first bin has the number `first`."""
     for i in range(len(height)):
         count[int(np.floor(height[i] / units)) - first] += 1
 
 
 @kernel("void(uint16[::1], int32[:, ::1], int64)")
 def count_squares(cell: NDArray[np.uint16], count: NDArray[np.int32], bits: int) -> None:
-    """Add up a block's points by squares of 2^bits cells."""
+    """Count a block's points by squares of 2^bits cells."""
     for i in range(len(cell)):
         count[cell[i] >> (BLOCK_BITS + bits), (cell[i] & (BLOCK - 1)) >> bits] += 1
 
@@ -143,10 +144,10 @@ def join(
     total: Ints,
     extreme: Heights,
 ) -> int:
-    """Add a block's points from `low` to `high` to the sums of rows x cols cells; return how many.
+    """Add a block's points from `low` to `high` to the statistics of rows x cols cells; return how many.
 
-    The block's first cell is (row0, col0) of these; points outside are passed over. extreme: lowest, second
-    lowest, highest and second highest of every cell, of which the counts say which are valid.
+    The block's first cell is (row0, col0) of these cells; points outside are skipped. extreme: lowest, second
+    lowest, highest and second highest of each cell, undefined where the count is 0.
     """
     n = 0
     for i in range(len(cell)):
@@ -184,7 +185,7 @@ def evidence_of(
     unit_m: float,
     noise_m: float,
 ) -> NDArray[np.float32]:
-    """Return the evidence (rows, cols, 2, FIELDS) of sums: heights above `datum`, in metres, one epoch."""
+    """Return the evidence (rows, cols, 2, FIELDS) of the sums: one epoch, heights above `datum` (m)."""
     rows, cols = count.shape
     out = np.zeros((rows, cols, 2, FIELDS), np.float32)
     variance = np.float32(noise_m * noise_m)
