@@ -1,4 +1,4 @@
-"""Make surveys of any size and measure `slz map` on them: docs/SCALE.md.
+"""Make surveys of any size and measure `slz map` on them: docs/benchmark/surveys.md.
 
 python -m tests.bench.surveys make --points 1e7 --out /tmp/cloud
 python -m tests.bench.surveys decode /tmp/cloud

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 
-from tests.unit.docs.said import ROOT, SOURCES, files_that_speak, templates
+from tests import REPOSITORY
+from tests.unit.docs.said import SOURCES, files_that_speak, templates
 
-PAGE = (ROOT / "docs" / "messages.md").read_text("utf-8")
+PAGE = (REPOSITORY / "docs" / "messages.md").read_text("utf-8")
 # They define how to speak, or hand on what others say.
 SILENT = {"companion/flight/services/services.py", "companion/flight/link/statustext.py"}
 ROWS = [
