@@ -67,7 +67,7 @@ class DefaultMethod:
             centre_enu_m,
         )
         self._adapter = Adapter(parameters)
-        self._prior = None if prior is None else Prior(prior, parameters)
+        self.prior = None if prior is None else Prior(prior, parameters)
         self._lone = LoneReturns()
 
     @property
@@ -101,9 +101,9 @@ class DefaultMethod:
         near.name(sensor_enu_m)
         far.name(sensor_enu_m)
         clock.lap("zones")
-        if self._prior is not None:
+        if self.prior is not None:
             live, tiles = (near.terrain, far.terrain), near.tiles
-            self._prior.take(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
+            self.prior.take(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
             clock.lap("prior")
         return Step(near, far, choice, int(used.sum()), moved)
 
@@ -117,8 +117,8 @@ class DefaultMethod:
 
     def prior_report(self) -> MapReport | None:
         """Return the zones of ground surveyed before the flight, None without."""
-        grid = None if self._prior is None else self._prior.grid
-        return None if self._prior is None or grid is None else MapReport(grid, self._prior.zones)
+        grid = None if self.prior is None else self.prior.grid
+        return None if self.prior is None or grid is None else MapReport(grid, self.prior.zones)
 
     # ---- stages ---------------------------------------------------------------------------------
 

@@ -60,7 +60,7 @@ class Pipeline:
         if threads not in (1, 2):
             raise ValueError(f"the pipeline runs on 1 or 2 threads, not {threads}")
         self._parameters = parameters
-        self._method = _method(parameters, centre_enu_m, follow, threads, prior)
+        self.method = _method(parameters, centre_enu_m, follow, threads, prior)
         self._frame: LocalFrame | None = None
         self._far_is_active = False
         self._selected: SelectedPoint | None = None
@@ -75,8 +75,8 @@ class Pipeline:
         clock = StageClock()
         self._sensor = sensor = _sensor_of(window)
         self._follow_frame(window.frame)
-        step = self._method.process(window, sensor, self._selected, clock)
-        self._far_is_active = self._method.far_is_active(step.choice)
+        step = self.method.process(window, sensor, self._selected, clock)
+        self._far_is_active = self.method.far_is_active(step.choice)
         self._selected = self._judge_selected(step)
         clock.lap("landing_point")
         around = nearby(step.near.terrain, step.far.terrain, sensor)
@@ -96,7 +96,7 @@ class Pipeline:
             far_is_active=self._far_is_active,
             stage_ms=clock.ms,
             nearby=around,
-            prior=self._method.prior_report(),
+            prior=self.method.prior_report(),
         )
 
     def prepare(self) -> None:
@@ -105,7 +105,7 @@ class Pipeline:
         The system allocates a page on the first write to it, which may take longer than the computation. The
         next report does not depend on it.
         """
-        for resolution in self._method.maps or ():
+        for resolution in self.method.maps or ():
             resolution.terrain.prepare()
 
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
@@ -119,13 +119,13 @@ class Pipeline:
                 f"a landing point is three numbers, east and north within {FARTHEST_M:g} m, not {enu_m!r}"
             )
         self._selected = unknown(point)
-        if (maps := self._method.maps) is not None:
+        if (maps := self.method.maps) is not None:
             self._selected = self._judge(point, *maps, before=None)
 
     @property
     def fills_contours(self) -> bool:
         """True in source mode: zones hold all cells inside their contour; else safe cells only."""
-        return self._method.fills_contours
+        return self.method.fills_contours
 
     def state(self, which: Literal["near", "far"], box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box of a map's grid; all unknown before any window."""
@@ -187,7 +187,7 @@ class Pipeline:
     # ---- parts ----------------------------------------------------------------------------------
 
     def _map(self, *, far: bool) -> ResolutionMap | None:
-        maps = self._method.maps
+        maps = self.method.maps
         return None if maps is None else maps[far]
 
     def _follow_frame(self, frame: LocalFrame) -> None:
@@ -206,7 +206,7 @@ class Pipeline:
     ) -> SelectedPoint:
         point = judge(enu_m, near.terrain, far.terrain, self._parameters)
         if point is None:
-            return self._method.without_map(enu_m, before)
+            return self.method.without_map(enu_m, before)
         zones = near if point.judged_by == "near" else far
         return replace(point, zone_id=zones.zone_at(enu_m))
 

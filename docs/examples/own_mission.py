@@ -124,7 +124,7 @@ async def main() -> None:
     )
     run = (
         *(
-            "companion.cli.program",
+            "companion.cli",
             "run",
             "--mavlink",
             f"tcp:127.0.0.1:{ours}",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from tests.answers.program import ROOT
+from tests import REPOSITORY
 
-DATA = Path(os.environ.get("SLZ_DATA", ROOT.parent / "shared/data"))
+DATA = Path(os.environ.get("SLZ_DATA", REPOSITORY.parent / "shared/data"))
 """Recordings and clouds."""
 SHARED = Path(os.environ.get("SLZ_SHARED", DATA.parent))
 """Folder with `bench/` (generator of workloads) and `worlds/` (closed-form worlds)."""

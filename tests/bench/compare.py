@@ -102,7 +102,7 @@ def ours(points: Path, config: str, core: int, mode: str, windows: int, cpu: boo
         str(square),
     ]
     own += ["--min-boundary", str(LEAST_BOUNDARY), "--mode", mode, "--windows", str(windows), "--json"]
-    command = ["taskset", "-c", str(core), sys.executable, "-m", "companion.cli.program", "bench", *own]
+    command = ["taskset", "-c", str(core), sys.executable, "-m", "companion.cli", "bench", *own]
     said = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     ms, between_ms = said["cpu_ms" if cpu else "ms"], said["between_ms"]["median"]
     return Run(ms["median"], ms["p99"], ms["max"], said["zones"], said["rss_mb"], between_ms)

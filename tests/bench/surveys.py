@@ -1,4 +1,4 @@
-"""Survey benchmark: surveys of any size, and measurements of `slz map` on them (docs/SCALE.md).
+"""Survey benchmark: surveys of any size, and measurements of `slz map` on them (docs/benchmark/surveys.md).
 
 python -m tests.bench.surveys make --points 1e7 --out /tmp/cloud
 python -m tests.bench.surveys decode /tmp/cloud

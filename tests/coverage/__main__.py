@@ -68,7 +68,7 @@ def main() -> int:
     failed = [part.name for part in chosen if measured(part, options.out / part.name, options.more)]
     for name in [name for name in PROGRAMS if name in wanted]:
         arguments = [argument.format(out=options.out) for argument in PROGRAMS[name]]
-        if run(["companion.cli.program", *arguments], options.out / name):
+        if run(["companion.cli", *arguments], options.out / name):
             failed.append(name)
     under = reported(options.out)
     if failed:

@@ -246,7 +246,7 @@ class Field(ABC):
         """Start `slz run --land auto`."""
         self.companion = self._python(
             "companion",
-            *("companion.cli.program", "run", "--mavlink", self.urls()[1]),
+            *("companion.cli", "run", "--mavlink", self.urls()[1]),
             *("--lidar", f"livox:127.0.0.1:{self._lidar_port}", "--land", "auto", "--json"),
             *(word for setting in settings for word in ("--set", setting)),
         )

@@ -79,7 +79,7 @@ def simulator(mavlink_url: str, watch_port: int, lidar_port: int) -> list[str]:
 def companion(mavlink_url: str, lidar_port: int) -> list[str]:
     return [
         *(
-            "companion.cli.program",
+            "companion.cli",
             "run",
             "--mavlink",
             mavlink_url,
@@ -193,7 +193,7 @@ def test_a_signal_ends_a_demo_at_once_and_leaves_nothing_behind(
 ) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     arguments = ["--scene", "plain", "--point-rate", "20000", "--out", str(tmp_path / "maps")]
-    with program("companion.cli.program", "demo", *arguments, "--json") as demo:
+    with program("companion.cli", "demo", *arguments, "--json") as demo:
         if word:
             says(demo, word)
         else:
@@ -248,7 +248,7 @@ def test_bad_usage_ends_in_one_line_and_exit_code_2(arguments: list[str], compla
         taken, free = other.getsockname()[1], free_port()
         given = [part.format(taken=taken, free=free) for part in arguments]
         done = subprocess.run(
-            [sys.executable, "-m", "companion.cli.program", "run", *given],
+            [sys.executable, "-m", "companion.cli", "run", *given],
             capture_output=True,
             text=True,
             timeout=60,

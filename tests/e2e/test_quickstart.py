@@ -21,7 +21,7 @@ from tests.e2e.quickstart import Command, block_with, replaced, slz
 from tests.ports import free_port
 
 pytestmark = pytest.mark.realtime
-MODULES = {"sim": ["sitl"], "run": ["companion.cli.program", "run"]}
+MODULES = {"sim": ["sitl"], "run": ["companion.cli", "run"]}
 # Beside what the page says: an end without a hand, coarse and small enough for a busy computer.
 SHORT = "--json", "--set", "survey_s=8", "--set", "zone_m=200"
 

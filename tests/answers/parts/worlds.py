@@ -14,7 +14,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from tests.answers.program import ROOT, ProgramError, environment
+from tests import REPOSITORY
+from tests.answers.program import ProgramError, environment
 from tests.answers.recorder import Recorder
 from tests.answers.shared import SHARED, absent
 
@@ -35,7 +36,7 @@ def record(recorder: Recorder) -> None:
     command = [sys.executable, str(WORKER)]
     with subprocess.Popen(
         command,
-        cwd=ROOT,
+        cwd=REPOSITORY,
         env=environment(recorder.work / "state"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

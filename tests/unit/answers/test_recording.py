@@ -18,6 +18,7 @@ import pytest
 import rasterio
 from PIL import Image, PngImagePlugin
 
+from tests import REPOSITORY
 from tests.answers import program
 from tests.answers.__main__ import main
 from tests.answers.decoding import decoded, decoded_folder
@@ -26,7 +27,7 @@ from tests.answers.flown import reports, streams
 from tests.answers.mavlink_frames import datagrams
 from tests.answers.page import sections
 from tests.answers.parts import PARTS
-from tests.answers.program import OUTPUT, ROOT, ProgramError, entry_point, environment
+from tests.answers.program import OUTPUT, ProgramError, entry_point, environment
 from tests.answers.recorder import Recorder
 from tests.answers.reports import plain
 from tests.answers.store import Store
@@ -170,10 +171,12 @@ def test_the_probe_notes_what_the_pipeline_returns(tmp_path: Path) -> None:
 
 
 def test_the_program_is_the_one_that_pyproject_names(tmp_path: Path) -> None:
-    module = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]["slz"].split(":")[0]
+    module = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["scripts"]["slz"].split(
+        ":"
+    )[0]
     assert f"from {module} import" in entry_point()
     own = environment(tmp_path)
-    assert own["PYTHONPATH"].split(os.pathsep) == [str(ROOT)]
+    assert own["PYTHONPATH"].split(os.pathsep) == [str(REPOSITORY)]
     assert OUTPUT not in own
 
 

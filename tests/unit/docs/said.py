@@ -27,6 +27,7 @@ SOURCES = (
     "companion/desk/replay/replay_page.py",
     "companion/flight/landing/executive.py",
     "companion/flight/landing/operator_commands.py",
+    "companion/flight/landing/operator_order.py",
     "companion/flight/services/order_parameters.py",
     "companion/flight/landing/presumptions.py",
     "companion/flight/landing/landing_point_news.py",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,3 +58,10 @@ def at(pipe: Pipeline, layer: str, east_m: float, north_m: float) -> float:
 
 def state_at(pipe: Pipeline, east_m: float, north_m: float) -> int:
     return int(at(pipe, "state", east_m, north_m))
+
+
+def near_map(pipeline: Pipeline) -> Any:
+    """Return the near map of a pipeline that has processed a window."""
+    maps = pipeline.method.maps
+    assert maps is not None
+    return maps[0]

@@ -242,7 +242,7 @@ def test_a_best_point_that_a_live_map_finds_unsafe_is_given_up_before_the_next_l
     before = pipeline.process(over(0.0, 0.0, 0))
     assert before.prior is not None
     best = before.prior.zones[0].best.enu_m
-    prior = pipeline._prior
+    prior = pipeline.method.prior
     assert prior is not None
     assert prior.terrain is not None
     unsafe = replace(

@@ -157,7 +157,7 @@ def test_a_truncated_cloud_is_one_line(tmp_path: Path) -> None:
     path = write(tmp_path / "a.laz", placed(field(2.0), "EPSG:32610"))
     path.write_bytes(path.read_bytes()[:-300])
     done = subprocess.run(
-        [sys.executable, "-m", "companion.cli.program", "map", str(path), "--out", str(tmp_path / "out")],
+        [sys.executable, "-m", "companion.cli", "map", str(path), "--out", str(tmp_path / "out")],
         capture_output=True,
         text=True,
         timeout=100,
@@ -172,7 +172,7 @@ def test_a_log_that_no_terminal_shows_is_plain_lines(tmp_path: Path) -> None:
         [
             sys.executable,
             "-m",
-            "companion.cli.program",
+            "companion.cli",
             "map",
             str(path),
             "--out",

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from companion.flight.landing.map_frame import begin_frame_if_far
 from numpy.typing import NDArray
 
 import params
 from companion.flight.app import Companion
 from companion.flight.landing.situation import FLYING, Phase
+from companion.flight.map_frame import begin_frame_if_far
 from slz import LocalFrame
 from tests.unit.companion.flight.landing.flight import Flight, zone
 

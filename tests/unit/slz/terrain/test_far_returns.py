@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNSAFE, LocalFrame, Pipeline, PointState, Report, Window
+from tests.unit.slz.hand_made import near_map
 from tests.unit.slz.test_pipeline import FRAME, block, ground, maps, pipeline, state_at
 
 Floats = NDArray[np.float64]
@@ -132,7 +133,7 @@ def test_maps_are_given_up_with_their_tiles() -> None:
         east = 14.0 * second
         cloud = ground(second, density=3) + np.array([east, 0.0, 0.0])
         seen_from(pipe, cloud, np.array([east, 0.0, 20.0]), second)
-        counts.append(len(pipe._near.terrain._maps.keys()))  # type: ignore[union-attr]
+        counts.append(len(near_map(pipe).terrain._maps.keys()))
     assert max(counts[67:]) <= max(counts[25:67])  # 42 windows: tiles and ageing are in step again
 
 

@@ -15,6 +15,7 @@ from slz.kernels.paper.zone_statistics import inside_count
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiles import TILE_BYTES, Noise, Tiles
 from slz.zones.detection import search_components
+from tests.unit.slz.hand_made import near_map
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 S = 1_000_000_000
@@ -93,7 +94,7 @@ def test_what_was_drawn_is_bounded_though_nobody_looks_and_who_looks_then_is_tol
     for second in range(60):
         east_m = 12.0 * second
         pipe.process(window(ground(9.0, 0.3, east_m), (east_m, 0.0, 15.0), second))
-        near = pipe._near
+        near = near_map(pipe)
         assert isinstance(near, ZoneMap)
         assert len(near.terrain.touched) <= 2 * near.terrain.tiles.capacity + 60
         serials.add(near.terrain.serial)

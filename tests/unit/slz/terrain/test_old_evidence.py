@@ -11,6 +11,7 @@ from slz import SAFE, UNSAFE, LocalFrame, Pipeline, Window
 from slz.default_method import ZoneMap
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
+from tests.unit.slz.hand_made import near_map
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 S = 1_000_000_000
@@ -74,7 +75,7 @@ def test_ground_is_forgotten_patch_by_patch_and_drawn_anew_only_then() -> None:
     for second in range(95):
         east_m = places.get(second, 40.0)
         look(pipe, ground(rng, 0.2, east_m), east_m, second)
-        near = pipe._near
+        near = near_map(pipe)
         assert isinstance(near, ZoneMap)
         first = (15.0 - near.tiles.west_m) / (TILE * near.tiles.cell_m)
         if second > 26 and any(key[1] < first - 1 for key in near.terrain.touched):

@@ -18,7 +18,7 @@ from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.raster.bitmap import ALL
 from slz.kernels.raster.zonal_sums import TOLD, carry_over
 from slz.zones.description import Content
-from tests.unit.slz.hand_made import FRAME
+from tests.unit.slz.hand_made import FRAME, near_map
 
 Points = NDArray[np.float64]
 STEPS = 14
@@ -73,8 +73,8 @@ def flown(seed: int, *, anew: bool) -> list[Report]:
     reports = []
     for window in windows(seed):
         if anew:
-            forgetful(pipe._near)
-            forgetful(pipe._far)
+            for resolution in pipe.method.maps:
+                forgetful(resolution)
         reports.append(pipe.process(window))
     return reports
 
@@ -113,7 +113,7 @@ def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> N
     rng = np.random.default_rng(1)
     points = scan(rng, np.zeros(2), 28, np.empty((0, 4)))
     pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
-    near = pipe._near
+    near = near_map(pipe)
     assert isinstance(near, ZoneMap)
     whole = max(near._candidates, key=lambda candidate: len(candidate.boundary_cells))
     own, content = whole.own_bits.copy(), whole.content_bits.copy()
@@ -192,7 +192,7 @@ def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
     pipe = Pipeline(params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"]), (0.0, 0.0))
     points = scan(np.random.default_rng(1), np.zeros(2), 28, np.empty((0, 4)))
     pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
-    near = pipe._near
+    near = near_map(pipe)
     assert isinstance(near, ZoneMap)
     one = near._candidates[0]
     aside = replace(one, box=replace(one.box, col0=one.box.col0 + 1, col1=one.box.col1 + 1))

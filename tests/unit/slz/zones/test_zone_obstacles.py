@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from slz.grid import Box, Grid
 from slz.kernels.raster.bitmap import packed
 from slz.terrain.terrain_maps import SAFE
+from slz.terrain.terrain_view import UnboundedTerrain
 from slz.zones.description import _obstacles
 
 ROWS, COLS = 12, 90
 
 
 @dataclass
-class Maps:
+class Maps(UnboundedTerrain):
     """Two maps, and nothing beyond them."""
 
     grid: Grid
