@@ -146,7 +146,7 @@ def test_after_a_kill_everything_up_to_the_last_second_is_there(tmp_path: Path) 
     program = """
 import os, sys
 from pathlib import Path
-from companion.flight.recorder import writer
+from companion.flight.recorder import recording_writer as writer
 from tests.unit.companion.flight.recorder.test_recording_writer import frame, open_writer, wait_until
 writer.FLUSH_S = 0.05
 path = Path(sys.argv[1])
