@@ -73,7 +73,7 @@ def flown(seed: int, *, anew: bool) -> list[Report]:
     reports = []
     for window in windows(seed):
         if anew:
-            for resolution in pipe.method.maps:
+            for resolution in pipe.method.maps or ():
                 forgetful(resolution)
         reports.append(pipe.process(window))
     return reports
