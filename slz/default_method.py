@@ -96,7 +96,7 @@ class DefaultMethod:
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
         with beside(self._other, far.take, points, sensor_enu_m, stamp_s, near.tiles):
-            moved = near.take(_picked(points, used), sensor_enu_m, stamp_s)
+            near.take(_picked(points, used), sensor_enu_m, stamp_s)
         clock.lap("terrain")
         near.name(sensor_enu_m)
         far.name(sensor_enu_m)
@@ -105,7 +105,7 @@ class DefaultMethod:
             live, tiles = (near.terrain, far.terrain), near.tiles
             self.prior.take(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
             clock.lap("prior")
-        return Step(near, far, choice, int(used.sum()), moved)
+        return Step(near, far, choice, int(used.sum()))
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return an unknown point: evidence that neither map has is too old, or was given up."""

@@ -40,14 +40,13 @@ class ResolutionMap(Protocol):
 class Step:
     """Outcome of one window.
 
-    n_used: points near enough for the near map. moved: the near map's window was moved.
+    n_used: points near enough for the near map.
     """
 
     near: ResolutionMap
     far: ResolutionMap
     choice: Choice
     n_used: int
-    moved: bool
 
 
 class Method(Protocol):

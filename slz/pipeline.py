@@ -90,7 +90,6 @@ class Pipeline:
             selected=self._selected,
             n_points=len(window),
             n_used=step.n_used,
-            new_map=step.moved,
             n_without_tile=step.near.n_without_tile,
             n_evicted=step.near.n_evicted,
             far_is_active=self._far_is_active,

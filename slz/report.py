@@ -27,11 +27,11 @@ class Report:
 
     near, far: the maps of fine and of coarse cells; both are maintained whichever is active. choice: features
     of the window, and the mode, resolution and window length chosen from them. n_points: returns of the
-    window. n_used: returns in range of the near map. new_map: the near map's grid was moved before this
-    window. n_without_tile, n_evicted: points without a tile in the memory budget, and tiles evicted.
-    far_is_active: the far map is the one to land by. stage_ms: processing time by stage. nearby: heights
-    around the vehicle, None where its position is unknown. prior: zones on ground surveyed before the flight,
-    None without a survey: to fly to and inspect, and never to land in before the other maps confirm them.
+    window. n_used: returns in range of the near map. n_without_tile, n_evicted: points without a tile in the
+    memory budget, and tiles evicted. far_is_active: the far map is the one to land by. stage_ms: processing
+    time by stage. nearby: heights around the vehicle, None where its position is unknown. prior: zones on
+    ground surveyed before the flight, None without a survey: to fly to and inspect, and never to land in
+    before the other maps confirm them.
     """
 
     stamp_ns: int
@@ -42,7 +42,6 @@ class Report:
     selected: SelectedPoint | None
     n_points: int
     n_used: int
-    new_map: bool
     n_without_tile: int
     n_evicted: int
     far_is_active: bool

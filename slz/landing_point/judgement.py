@@ -62,11 +62,6 @@ class SelectedPoint:
     zone_id: int | None
     surroundings: Surroundings | None
 
-    @property
-    def in_map(self) -> bool:
-        """True if a map covers the point."""
-        return self.judged_by != "none"
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Widest:

@@ -81,7 +81,7 @@ class PaperMethod:
         far.find(sensor_enu_m)
         clock.lap("zones")
         self._far_was_active = choice.far
-        return Step(near, far, choice, n_used, outside is not None and active is near)
+        return Step(near, far, choice, n_used)
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return the last state of a point that both windows left behind (SLZ thesis, section 4.3.2.2)."""

@@ -50,8 +50,8 @@ class ZoneMap:
 
     def take(
         self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
-    ) -> bool:
-        """Add a window's points and search the terrain; return whether the map's grid was moved before.
+    ) -> None:
+        """Add a window's points and search the terrain.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class ZoneMap:
         like
             Evidence whose datum the points refer to, by default its own.
         """
-        moved = self._follow(sensor_enu_m)
+        self._follow(sensor_enu_m)
         terrain = self.terrain
         if like is not None:
             terrain.tiles.datum_m = like.datum_m
@@ -68,21 +68,18 @@ class ZoneMap:
         change = terrain.add(points_enu_m, sensor_there_m, stamp_s)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
         self._candidates = self._search()
-        return moved
 
     def zone_at(self, enu_m: Points) -> int | None:
         """Return the ID of the zone that holds a point."""
         row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
-    def _follow(self, sensor_enu_m: Points) -> bool:
-        """Move the grid if required (SLZ paper, section 3.2.5); return whether it was moved."""
+    def _follow(self, sensor_enu_m: Points) -> None:
+        """Move the grid if required (SLZ paper, section 3.2.5)."""
         old = self.terrain.grid
         centre = self._next_centre(sensor_enu_m, old)
-        if centre is None:
-            return False
-        self._become(self.terrain.moved(old.recentred(*centre)))
-        return True
+        if centre is not None:
+            self._become(self.terrain.moved(old.recentred(*centre)))
 
     def _next_centre(self, sensor_enu_m: Points, grid: Grid) -> tuple[float, float] | None:
         """Return the centre of the new grid, or None to stay.

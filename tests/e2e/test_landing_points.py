@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from companion.desk.reproduce.places import PLACES, Watched, watch
 from companion.desk.reproduce.source_scenes import begin
 from companion.desk.reproduce.survey_recording import fly
-from slz import Obstacle, Pipeline, PointState, SelectedPoint, Window
+from slz import Grid, Obstacle, Pipeline, PointState, SelectedPoint, Window
 
 SCATTER_M = 0.2
 HEIGHT_M = 0.1
@@ -160,12 +160,13 @@ class Flight:
         stamps = np.linspace(self._stamp_ns, self._stamp_ns + 10**9, len(points)).astype(np.int64)
         window = Window(points, stamps, w.sensor_enu_m + shift, w.frame, int(stamps[0]), int(stamps[-1]))
         report = self._pipeline.process(window)
-        assert report.new_map == (way_m != self._before_m)
-        self._before_m = way_m
+        assert self._grid is None or (report.grid != self._grid) == (way_m != self._before_m)
+        self._before_m, self._grid = way_m, report.grid
         assert report.selected is not None
         return report.selected
 
     _before_m = 0.0
+    _grid: Grid | None = None
 
 
 def crate(side_m: float, height_m: float) -> NDArray[np.float64]:

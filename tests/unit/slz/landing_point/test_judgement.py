@@ -97,7 +97,6 @@ def test_source_the_near_map_decides_else_the_far_one(
     point = selected(fly_far())
     assert point.state is state
     assert point.judged_by == judged_by
-    assert point.in_map is (judged_by != "none")
     np.testing.assert_array_equal(point.enu_m, POINT)
 
 
@@ -125,7 +124,6 @@ def test_source_the_state_outlives_a_map_that_left_the_point_behind(slope_deg: f
     for _ in range(3):
         left = selected(flight.near(0.0, ELSEWHERE_M))
         assert left.judged_by == "none"
-        assert not left.in_map
         assert left.state is known.state is (PointState.UNSAFE if slope_deg else PointState.SAFE)
         assert left.zone_id is None
         assert left.height_m == known.height_m
@@ -223,7 +221,6 @@ def test_a_point_that_no_map_measured_is_unknown() -> None:
         pipe.select(np.array(place))
         point = selected(over(pipe, square(10, 0.2), 1))
         assert (point.state, point.judged_by) == (PointState.UNKNOWN, "none")
-        assert not point.in_map
         assert point.surroundings is None
         assert all(map(math.isnan, (point.height_m, point.slope_deg, point.relief_m, point.certainty)))
 

@@ -238,7 +238,7 @@ def test_returning_to_a_place_shows_what_was_seen_there_before() -> None:
             FRAME, 9 * 10**9, 9 * 10**9,
         )
     )  # fmt: skip
-    assert back.new_map
+    assert back.grid != away.grid
     row, col = back.grid.index(0.0, 0.0)
     found = pipe.maps(Box(row, row + 1, col, col + 1))
     assert found is not None
