@@ -1,102 +1,83 @@
-"""Command `slz run`: the companion on the vehicle, in real time."""
+"""`slz run`: the companion on the vehicle."""
 
 from __future__ import annotations
 
-import asyncio
-import logging
-import signal
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated
 
-from companion.flight.app import Companion
-from companion.flight.services.services import start_signing
-from companion.runtime import output_folder
-from companion.runtime.priority import real_time
-from companion.runtime.state_directory import StateDir
-from companion.runtime.watchdog import Watchdog
-from params import Parameters
+import typer
 
-if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front
-
-log = logging.getLogger(__name__)
-
-HANGS_S = 20.0  # a window takes a fraction of a second
+from companion.cli.console import compile_at_first, page_endpoint, set_up_logging
+from companion.cli.options import (
+    LIDAR,
+    Dashboard,
+    DashboardToken,
+    Json,
+    Key,
+    Prior,
+    Profile,
+    Settings,
+    State,
+    System,
+    Verbose,
+)
+from companion.runtime.errors import UsageError
 
 
 def run(
-    mavlink_url: str,
-    lidar_url: str,
-    auto: bool,
-    parameters: Parameters,
-    out: Path | None,
-    state: StateDir,
-    *,
-    key_file: Path | None = None,
-    record: Path | None = None,
-    radar_url: str | None = None,
-    front: Front | None = None,
-    foxglove_port: int | None = None,
-    prior: Path | None = None,
-    system: int | None = None,
-) -> dict[str, Any]:
-    """Run until SIGTERM or SIGINT and return the summary; raise the error that ended the run otherwise.
+    mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
+    lidar: Annotated[str, typer.Option(help=LIDAR)],
+    land: Annotated[
+        str, typer.Option(help="ask: wait for the operator. auto: land without further word.")
+    ] = "ask",
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006
+    mavlink_key: Key = None,
+    state_dir: State = None,
+    radar: Annotated[
+        str | None, typer.Option(help="A radar beside the LiDAR: radar:HOST:PORT (docs/instruments.md).")
+    ] = None,
+    record: Annotated[Path | None, typer.Option(help="Record the flight: FILE.mcap.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
+    dashboard: Dashboard = None,
+    dashboard_token: DashboardToken = None,
+    foxglove: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
+    ] = None,
+    prior: Prior = None,
+    system: System = None,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run on the vehicle: read the autopilot and the LiDAR, map, choose and land."""
+    set_up_logging(verbose)
+    from companion.flight.services import settings
+    from companion.runtime.state_directory import StateDir, default_state_dir
 
-    With `out`, draw the maps, the flown path and the chosen point at the end. A failure to draw is logged as
-    one warning, because the flight's summary is worth more than its pictures.
+    if land not in ("ask", "auto"):
+        raise UsageError(f"--land {land!r}: use ask or auto")
+    state = StateDir(state_dir or default_state_dir())
+    parameters = settings.load(profile, setting, state)
+    compile_at_first(parameters.mode)
+    from companion.cli import vehicle_run
 
-    Raises
-    ------
-    UsageError
-        A URL is wrong, its port is in use, the key is refused, the folder cannot be created or written, or
-        two systems may be the vehicle.
-    """
-    if out is not None:
-        output_folder.prepare(out)
-    signing = None if key_file is None else start_signing(key_file, state)
-
-    async def fly() -> dict[str, Any]:
-        companion = Companion(
-            mavlink_url,
-            lidar_url,
+    with page_endpoint(dashboard, dashboard_token) as front:
+        summary = vehicle_run.run(
+            mavlink,
+            lidar,
+            land == "auto",
             parameters,
-            auto=auto,
-            signing=signing,
-            state=state,
+            out,
+            state,
+            key_file=mavlink_key,
             record=record,
-            radar_url=radar_url,
+            radar_url=radar,
             front=front,
-            foxglove_port=foxglove_port,
+            foxglove_port=foxglove,
             prior=prior,
             system=system,
         )
-        return await _run(companion, out)
-
-    return asyncio.run(fly())
-
-
-async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, companion.stop)
-    watchdog = Watchdog(lambda: not companion.worker.hangs(HANGS_S))
-    signs = asyncio.create_task(watchdog.run(), name="watchdog")
-    companion.on_ready.subscribe(watchdog.ready)
-    try:
-        with real_time():
-            await companion.run()
-    finally:
-        watchdog.stopping()
-        signs.cancel()
-    if out is not None:
-        _try_to_draw(companion, out)  # within the loop: its handlers keep a second signal from ending it
-    return companion.summary
-
-
-def _try_to_draw(companion: Companion, out: Path) -> None:
-    from companion.desk.figures.flight_figures import draw_flight
-
-    try:
-        draw_flight(companion, out)
-    except Exception as error:  # a full disk, or any error of the drawing library
-        log.warning("the maps could not be drawn into %s: %s", out, " ".join(str(error).split()))
+    if as_json:
+        print(json.dumps(summary))

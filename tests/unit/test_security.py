@@ -37,7 +37,7 @@ BESIDE = {
     "companion/desk/reproduce/survey_recording.py",
     "companion/desk/clouds/laz_reader.py",
 }
-BECOMES = {"companion/cli/program.py"}
+BECOMES = {"companion/cli/simulator.py"}
 
 
 def imported(tree: ast.AST) -> Iterator[str]:

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 import params
-from companion.cli import program, run
+from companion.cli import console, program, vehicle_run
 from companion.desk.figures import flight_figures
 from companion.flight.dashboard.page import Front
 from companion.runtime.event import Event
@@ -136,7 +136,7 @@ def test_a_picture_that_cannot_be_drawn_loses_no_summary(
     def fail(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(run, "Companion", Flown)
+    monkeypatch.setattr(vehicle_run, "Companion", Flown)
     monkeypatch.setattr(flight_figures, "draw_flight", fail)
     assert ended(*RUN, "--out", str(tmp_path / "maps"), "--json") == 0
     assert json.loads(capfd.readouterr().out) == {"landed": True}
@@ -323,7 +323,9 @@ def test_run_and_doctor_hand_the_named_system_on(
     from companion.flight.doctor import consultation
 
     named: list[object] = []
-    monkeypatch.setattr("companion.cli.run.run", lambda *_, **given: named.append(given["system"]) or {})
+    monkeypatch.setattr(
+        "companion.cli.vehicle_run.run", lambda *_, **given: named.append(given["system"]) or {}
+    )
     monkeypatch.setattr(consultation, "examine", lambda *given: named.append(given[-1]) or [])
     words = ["--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0", "--state-dir", str(tmp_path)]
     assert ended(command, *words, "--system", "42") == 0
@@ -517,7 +519,7 @@ def test_on_a_terminal_the_log_is_coloured_and_elsewhere_plain(
     monkeypatch.setattr(logging, "basicConfig", lambda **how: asked.append(how))
     monkeypatch.setattr("companion.desk.calibrate.calibration.run", lambda *_: {})
     for terminal in (True, False):
-        monkeypatch.setattr(program, "err", Console(stderr=True, force_terminal=terminal))
+        monkeypatch.setattr(console, "err", Console(stderr=True, force_terminal=terminal))
         assert ended("calibrate", "a.mcap", "--json") == 0
     on_terminal, elsewhere = asked
     assert isinstance(on_terminal["handlers"][0], RichHandler)

@@ -14,7 +14,7 @@ from typing import Self
 
 import pytest
 
-from companion.cli import program
+from companion.cli import console
 from companion.runtime import kernel_compilation
 from companion.runtime.interrupt import Interrupted
 
@@ -142,7 +142,7 @@ def test_modules_are_compiled_in_other_processes_and_counted(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     chosen = [
         kernel_compilation.ROOT / "slz" / "kernels" / f"{name}.py"
-        for name in ("paper/gradient", "instruments/median_filter")
+        for name in ("raster/horizon", "instruments/median_filter")
     ]
     monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter(chosen))
     assert kernel_compilation.is_first()
@@ -225,8 +225,8 @@ def test_the_first_start_says_why_it_takes_long(
     asked: list[frozenset[str]] = []
     monkeypatch.setattr(kernel_compilation, "is_first", lambda _: first)
     monkeypatch.setattr(kernel_compilation, "compile_kernels", compiled)
-    program._compile_at_first()
-    program._compile_at_first("source")
+    console.compile_at_first()
+    console.compile_at_first("source")
     assert asked == [frozenset(), kernel_compilation.OF_SOURCE_MODE][: 2 * first]
     assert ("first start: compiling the kernels" in capfd.readouterr().err) == first
 

@@ -1,0 +1,60 @@
+"""`slz demo`: the simulator and the companion together."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import params
+from companion.cli.console import compile_at_first, err, page_endpoint, set_up_logging, stdout_console
+from companion.cli.options import Dashboard, DashboardToken, Json, Prior, Profile, Settings, Verbose
+
+DEMO_PAGE = "127.0.0.1:0"  # any free port
+
+
+def demo(
+    context: typer.Context,
+    scene: Annotated[
+        str, typer.Option(help="stadium, plain, hill, streets, mountains, dense or dust_out.")
+    ] = "stadium",
+    sensor: Annotated[str, typer.Option(help="lidar, flash, radar or lidar+radar.")] = "lidar",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
+    speedup: Annotated[
+        float, typer.Option(help="Simulated seconds per second; 0 is as fast as possible.")
+    ] = 0.0,
+    headless: Annotated[bool, typer.Option("--headless", help="No live display.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for maps and figures.")] = Path("out/demo"),
+    intruder: Annotated[
+        str, typer.Option(help="car@15: a car drives onto the landing point below 15 m.")
+    ] = "none",
+    point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,
+    limit_s: Annotated[float, typer.Option(help="Give up after so many simulated seconds.")] = 900.0,
+    dashboard: Dashboard = None,
+    dashboard_token: DashboardToken = None,
+    profile: Profile = "quadcopter",
+    setting: Settings = [],  # noqa: B006 - typer reads the default
+    prior: Prior = None,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Fly the simulator: take off, survey, choose a zone and land in it."""
+    set_up_logging(verbose)
+    from companion.desk.demo import demonstration
+
+    chosen = demonstration.sensor_named(sensor)
+    parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
+    compile_at_first(parameters.mode)
+    plan = demonstration.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
+    demonstration.check(plan)
+    with page_endpoint(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
+        summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        stdout_console().print(demonstration.table(summary))
+    if not (summary["landed"] and summary["touchdown_safe"]):
+        sys.exit(1)

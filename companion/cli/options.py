@@ -1,0 +1,34 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+LIDAR = "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, or mavlink: (docs/sensors.md)."
+Key = Annotated[
+    Path | None,
+    typer.Option(help="File with the key of MAVLink signing: 32 bytes, 64 hex digits or a passphrase."),
+]
+State = Annotated[Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")]
+Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
+Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
+System = Annotated[
+    int | None,
+    typer.Option(min=1, max=255, help="MAVLink system of the vehicle, where several are heard."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Dashboard = Annotated[
+    str | None, typer.Option(metavar="HOST:PORT", help="Serve the pilot's page (docs/page.md).")
+]
+DashboardToken = Annotated[
+    Path | None,
+    typer.Option(help="File with lines 'operator TOKEN', 'viewer TOKEN': needed but on 127.0.0.1."),
+]
+Prior = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Survey of slz map to begin with: where to look first."),
+]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]
