@@ -178,7 +178,7 @@ def demo(
     chosen = demonstration.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     _compile_at_first(parameters.mode)
-    plan = demonstration.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
+    plan = demonstration.DemoOptions(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
     demonstration.check(plan)
     with _front(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
         summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)
@@ -297,20 +297,20 @@ def replay(
     """Run a recorded flight again; exit 1 if its zones are not those of the flight."""
     _log(verbose)
     from companion.desk.replay import replay_run
-    from companion.desk.replay.recording_type import Beside
+    from companion.desk.replay.recording_type import RecordingOptions
 
-    beside = Beside(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
+    options = RecordingOptions(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
     with _front(dashboard, dashboard_token) as front:
         if front is not None:
             from companion.desk.replay.replay_page import show
 
             interrupts: Interrupts = context.obj
-            show(file, setting, front, beside, speed, interrupts.handled_by)
+            show(file, setting, front, options, speed, interrupts.handled_by)
             return
 
     with _progress(as_json) as step:
         summary = replay_run.run(
-            file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), beside
+            file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), options
         )
     for line in (*summary["warnings"], *([f"no zone: {why}"] if (why := summary["why_no_zones"]) else [])):
         print(f"slz: {file}: {line}", file=sys.stderr)
@@ -421,7 +421,7 @@ def map_(
     parameters = params.load(profile, [*own, *setting])
     _compile_at_first(parameters.mode)
     with survey.engine(scheduler, workers) as engine, _progress(as_json) as step:
-        plan = survey.Plan(crs, classified, tile_m, engine, vertical_unit)
+        plan = survey.MapOptions(crs, classified, tile_m, engine, vertical_unit)
         summary = survey.run(files, out, parameters, step, plan)
     if as_json:
         print(json.dumps(summary))

@@ -104,9 +104,9 @@ def with_windows(messages: list[Raw], scans: int = 20) -> list[Raw]:
     flight, done = Replay(HEADER, PARAMETERS), 0
     for message in messages:
         found.append(message)
-        flight.take(message)
+        flight.process_message(message)
         event = window(message.at_ns, done + 1, done + scans)
-        report = flight.take(event) if message.topic == journal.LIDAR else None
+        report = flight.process_message(event) if message.topic == journal.LIDAR else None
         if report is not None:  # so many scans have come
             found += [event, Raw(journal.REPORT, message.at_ns, journal.report_document(report))]
             done += scans
