@@ -63,7 +63,7 @@ def packets(seed: int = 1) -> tuple[tuple[int, bytes], ...]:
     return tuple(
         (begin + STEP_NS, packet)
         for begin in begins
-        for packet in lidar.step(begin, begin + STEP_NS, _pose_at, world)
+        for packet in lidar.scan(begin, begin + STEP_NS, _pose_at, world)
     )
 
 
@@ -71,7 +71,7 @@ def packets(seed: int = 1) -> tuple[tuple[int, bytes], ...]:
 def returns(seed: int = 1) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Return the Mid-360's points (n, 3), forward, left, up, and their times since the beginning (ns)."""
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=RATE_HZ)
-    shots = lidar.look(0, round(SECONDS * 1e9), _pose_at, scenes.build("plain", 1).world)
+    shots = lidar.shots(0, round(SECONDS * 1e9), _pose_at, scenes.build("plain", 1).world)
     false = shots.echoes.ghost | shots.echoes.dust
     seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
     return lidar.points_m(shots)[seen].astype(np.float32), lidar.stamps_ns(shots)[seen]
