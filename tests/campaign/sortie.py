@@ -166,7 +166,7 @@ class Sortie(Mission):
         assert self.task is not None
         for wire in self.sim.router.wires:
             if isinstance(wire, faults.FaultyWire):
-                wire.treatment = faults.link.Loss()
+                wire.treatment = faults.link_faults.Loss()
         self.task.cancel()
 
     def restart(self) -> None:
