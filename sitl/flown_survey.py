@@ -103,7 +103,7 @@ def fly(
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
     track = Track(scene, lines)
     for start in range(0, int(track.duration_s * 1e9), CHUNK_NS):
-        shots = lidar.look(start, start + CHUNK_NS, track.at, scene.world)
+        shots = lidar.shots(start, start + CHUNK_NS, track.at, scene.world)
         good = (shots.echoes.range_m != 0) & (lidar.tags(shots) == 0)
         points, stamps = lidar.points_m(shots)[good], lidar.stamps_ns(shots)[good]
         position, attitude = track.at(stamps)

@@ -28,7 +28,7 @@ class Intruder:
         self._bearing = 0.0
         self._next_ns = 0
 
-    def step(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: Simulation) -> None:
         """Move the car, or check the condition for its start."""
         s = simulation
         if self.started_ns is None:

@@ -124,13 +124,13 @@ class Simulation:
         if not self.held_up:
             self._fly()
         else:
-            self.autopilot.lose(self._tick_ns)
+            self.autopilot.pause_clock(self._tick_ns)
             self.now_ns += self._tick_ns
         self._ticks += 1
         truth = self.vehicle.truth
         self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
         if self.intruder is not None:
-            self.intruder.step(self)
+            self.intruder.on_tick(self)
         if self._ticks % self._lidar_ticks == 0:
             self._scan()
         if not self.held_up:
@@ -143,19 +143,19 @@ class Simulation:
         """Step pilot, autopilot and vehicle by one tick."""
         self.router.read(self.now_ns)
         if self.pilot is not None:
-            self.pilot.step(self.now_ns)
+            self.pilot.on_tick(self.now_ns)
         dt = self._tick_ns * 1e-9
         truth = self.vehicle.truth
         if not self._track.stamps:
             self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
         estimate = self.estimator.update(dt, truth)
-        demand = self.autopilot.step(dt, self.now_ns, estimate, self.vehicle.on_ground)
+        demand = self.autopilot.update(dt, self.now_ns, estimate, self.vehicle.on_ground)
         self.now_ns += self._tick_ns
         if self._ticks % 4 == 3 or truth.pos_enu_m[2] - self._ground_m < 3.0:
             ground = self.scene.world.height_m(float(truth.pos_enu_m[0]), float(truth.pos_enu_m[1]))
             self._ground_m = ground if np.isfinite(ground) else -1e6
         if self.autopilot.armed or not self.vehicle.on_ground:
-            self.vehicle.step(dt, self.now_ns, demand, self._ground_m)
+            self.vehicle.update(dt, self.now_ns, demand, self._ground_m)
             if self.vehicle.collision is not None:
                 self.autopilot.crash()
 

@@ -48,7 +48,7 @@ def demo(
     chosen = demonstration.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     compile_at_first(parameters.mode)
-    plan = demonstration.Plan(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
+    plan = demonstration.DemoOptions(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
     demonstration.check(plan)
     with page_endpoint(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
         summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)

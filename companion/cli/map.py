@@ -53,7 +53,7 @@ def map_(
     parameters = params.load(profile, [*own, *setting])
     compile_at_first(parameters.mode)
     with survey.engine(scheduler, workers) as engine, progress(as_json) as step:
-        plan = survey.Plan(crs, classified, tile_m, engine, vertical_unit)
+        plan = survey.MapOptions(crs, classified, tile_m, engine, vertical_unit)
         summary = survey.run(files, out, parameters, step, plan)
     if as_json:
         print(json.dumps(summary))

@@ -53,20 +53,20 @@ def replay(
     """Run a recorded flight again; exit 1 if its zones are not those of the flight."""
     set_up_logging(verbose)
     from companion.desk.replay import replay_run
-    from companion.desk.replay.recording_type import Beside
+    from companion.desk.replay.recording_type import RecordingOptions
 
-    beside = Beside(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
+    options = RecordingOptions(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
     with page_endpoint(dashboard, dashboard_token) as front:
         if front is not None:
             from companion.desk.replay.replay_page import show
 
             interrupts: Interrupts = context.obj
-            show(file, setting, front, beside, speed, interrupts.handled_by)
+            show(file, setting, front, options, speed, interrupts.handled_by)
             return
 
     with progress(as_json) as step:
         summary = replay_run.run(
-            file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), beside
+            file, setting, out, speed, (start, until), lambda _at, text: step(text, 0.0), options
         )
     for line in (*summary["warnings"], *([f"no zone: {why}"] if (why := summary["why_no_zones"]) else [])):
         print(f"slz: {file}: {line}", file=sys.stderr)

@@ -110,7 +110,7 @@ class AttachedLidar:
                 self.source.restart()
             for message in peer.parse(data):
                 arrived = True
-                pose = self.source.take(message)
+                pose = self.source.on_message(message)
                 if pose is not None:
                     self._heard_s = now_s
                     self._add(pose, now_s)
@@ -133,13 +133,13 @@ class AttachedLidar:
                 return
         arrival_ns = round(now_s * 1e9)
         if not self._time.running:
-            self._time.begin(pose.boot_ns, arrival_ns, self._last_ns + 1)
-        at_ns = self._time.at(pose.boot_ns, None if self._behind else arrival_ns)
+            self._time.restart(pose.boot_ns, arrival_ns, self._last_ns + 1)
+        at_ns = self._time.to_sensor_ns(pose.boot_ns, None if self._behind else arrival_ns)
         if self._track.stamps:
             step_ns = at_ns - self._track.stamps[-1]
             if step_ns < -GAP_NS:  # the autopilot rebooted; the sensor did not
                 at_ns, step_ns = self._last_ns + GAP_NS, GAP_NS + 1
-                self._time.begin(pose.boot_ns, arrival_ns, at_ns)
+                self._time.restart(pose.boot_ns, arrival_ns, at_ns)
             if step_ns <= 0:
                 return
             if step_ns > GAP_NS:

@@ -103,7 +103,7 @@ class PoseSource:
         self._attitude: tuple[int, F64, F64] | None = None
         self._first_ns: int | None = None
 
-    def take(self, message: Any) -> Pose | None:
+    def on_message(self, message: Any) -> Pose | None:
         """Return the pose that a message completes, None without one."""
         name = message.get_type()
         if name == "HEARTBEAT":

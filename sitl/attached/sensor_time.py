@@ -36,16 +36,16 @@ class SensorTime:
 
     @property
     def running(self) -> bool:
-        """Whether `begin` was called."""
+        """Whether `restart` was called."""
         return self._boot_ns is not None
 
-    def begin(self, boot_ns: int, arrival_ns: int, at_ns: int) -> None:
+    def restart(self, boot_ns: int, arrival_ns: int, at_ns: int) -> None:
         """Start or restart: this boot time, received at this real time, is the sensor's time `at_ns`."""
         self._boot_ns, self._arrival_ns = boot_ns, at_ns - arrival_ns
         self._offset_ns, self._rate = float(at_ns - boot_ns), 0.0
         self._errors_ns.clear()
 
-    def at(self, boot_ns: int, arrival_ns: int | None) -> int:
+    def to_sensor_ns(self, boot_ns: int, arrival_ns: int | None) -> int:
         """Return the sensor's time of a boot time received at a real time.
 
         None marks a message that waited unread for an unknown time and so carries no information on the rate.

@@ -173,7 +173,7 @@ class Autopilot:
         """Queue a message for one link, or for all."""
         self._outgoing.append((link, message))
 
-    def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
+    def send_text(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
         """Send a STATUSTEXT to all links."""
         self.send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50], 0, 0))
 
@@ -183,7 +183,7 @@ class Autopilot:
         if self._now_ns < self._silent_until_ns:
             return []
         self.telemetry.emit(self._now_ns)
-        self.rally.step(self._now_ns)
+        self.rally.on_tick(self._now_ns)
         out = list(self._outgoing)
         self._outgoing.clear()
         return out
@@ -208,7 +208,9 @@ class Autopilot:
     def set_mode(self, mode: Mode) -> bool:
         """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
         if self.estimate is None or (mode in NEEDS_POSITION and not self.position_ok):
-            self.say(f"Mode change to {mode.name} failed: requires position", mavlink.MAV_SEVERITY_WARNING)
+            self.send_text(
+                f"Mode change to {mode.name} failed: requires position", mavlink.MAV_SEVERITY_WARNING
+            )
             return False
         if mode is not self.mode:
             self.mode = mode
@@ -239,7 +241,7 @@ class Autopilot:
         self._settled_since_ns = None
         self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
-        self.say("Arming motors")
+        self.send_text("Arming motors")
         return None
 
     def disarm(self, *, force: bool = False) -> str | None:
@@ -249,7 +251,7 @@ class Autopilot:
         if self.armed:
             self.armed = False
             self.airborne = False
-            self.say("Disarming motors")
+            self.send_text("Disarming motors")
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return None
 
@@ -257,9 +259,9 @@ class Autopilot:
         """Stop the motors, like the crash check."""
         if self.armed:
             self.disarm(force=True)
-            self.say("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
+            self.send_text("Crash: Disarming", mavlink.MAV_SEVERITY_EMERGENCY)
 
-    def lose(self, elapsed_ns: int) -> None:
+    def pause_clock(self, elapsed_ns: int) -> None:
         """Pause for a time: the time since boot does not advance."""
         self.boot_offset_ns -= elapsed_ns
 
@@ -296,7 +298,7 @@ class Autopilot:
         self.navigator.takeoff_up_m = float(self.navigator.home_enu_m[2]) + height_m
         return None
 
-    def step(self, dt_s: float, now_ns: int, estimate: State, on_ground: bool) -> Demand:
+    def update(self, dt_s: float, now_ns: int, estimate: State, on_ground: bool) -> Demand:
         """Return the commanded body rates (rad/s) and thrust (m/s2)."""
         self._now_ns = now_ns
         first = self.estimate is None
@@ -323,8 +325,8 @@ class Autopilot:
         if jump_enu_m is not None:
             self.follow_reset(jump_enu_m)
         self.failsafes.check()
-        for severity, text in self.precland.news(self._now_ns):
-            self.say(text, severity)
+        for severity, text in self.precland.status_texts(self._now_ns):
+            self.send_text(text, severity)
 
     def _outer(self, now_ns: int, estimate: State, on_ground: bool) -> None:
         dt_s = OUTER_LOOP_NS * 1e-9

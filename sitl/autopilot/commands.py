@@ -149,7 +149,7 @@ class Commands:
     def _refuse(self, reason: str | None) -> int:
         if reason is None:
             return ACCEPTED
-        self._ap.say(reason, mavlink.MAV_SEVERITY_CRITICAL)
+        self._ap.send_text(reason, mavlink.MAV_SEVERITY_CRITICAL)
         return FAILED
 
     def _arm(self, p: Params, _link: int) -> int:
@@ -301,7 +301,7 @@ class Commands:
         if p["PLND_ENABLED"] and p["PLND_TYPE"] == 1:
             text = self._ap.precland.receive(message, self._ap.now_ns, p["PLND_LAG"])
             if text:
-                self._ap.say(text, mavlink.MAV_SEVERITY_WARNING)
+                self._ap.send_text(text, mavlink.MAV_SEVERITY_WARNING)
 
     def _distance_sensor(self, message: Any, _link: int) -> None:
         if message.orientation == self._ap.parameters["RNGFND1_ORIENT"]:

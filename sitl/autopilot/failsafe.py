@@ -62,7 +62,7 @@ class Failsafes:
             self._act("Radio", RTL)
         elif self.radio and not lost:
             self.radio = False
-            self._ap.say("Radio Failsafe Cleared", WARNING)
+            self._ap.send_text("Radio Failsafe Cleared", WARNING)
 
     def _check_ground_station(self) -> None:
         p, heard_ns = self._ap.parameters, self.station_heard_ns
@@ -74,7 +74,7 @@ class Failsafes:
             self._act("GCS", RTL)
         elif self.ground_station and not lost:
             self.ground_station = False
-            self._ap.say("GCS Failsafe Cleared", WARNING)
+            self._ap.send_text("GCS Failsafe Cleared", WARNING)
 
     def _check_battery(self) -> None:
         ap, p = self._ap, self._ap.parameters
@@ -91,7 +91,7 @@ class Failsafes:
         )
         if long or 0 < p["BATT_LOW_MAH"] >= left_mah:
             self.battery = True
-            ap.say(f"Battery 1 is low {ap.battery_v:.2f}V used {ap.battery_used_mah:.0f} mAh", WARNING)
+            ap.send_text(f"Battery 1 is low {ap.battery_v:.2f}V used {ap.battery_used_mah:.0f} mAh", WARNING)
             self._act("Battery", int(p["BATT_FS_LOW_ACT"]))
 
     def _check_ekf(self) -> None:
@@ -101,10 +101,10 @@ class Failsafes:
             self._ekf_bad = min(EKF_CHECKS, self._ekf_bad + 1)
         if self.ekf and self._ekf_bad == 0:
             self.ekf = False
-            self._ap.say("EKF Failsafe Cleared", CRITICAL)
+            self._ap.send_text("EKF Failsafe Cleared", CRITICAL)
         elif not self.ekf and self._ekf_bad == EKF_CHECKS:
             self.ekf = True
-            self._ap.say("EKF variance", CRITICAL)
+            self._ap.send_text("EKF variance", CRITICAL)
             self._without_position()
 
     def _check_fence(self) -> None:
@@ -115,12 +115,12 @@ class Failsafes:
         new = self.fence.check(from_home_enu_m, ap.now_ns, ap.boot_ns // 1_000_000)
         if not new or not ap.airborne:
             return
-        ap.say(f"{names(new)} fence breached", mavlink.MAV_SEVERITY_NOTICE)
+        ap.send_text(f"{names(new)} fence breached", mavlink.MAV_SEVERITY_NOTICE)
         action = int(ap.parameters["FENCE_ACTION"])
         if action == 1:
-            self._take(Mode.RTL)
+            self._change_mode(Mode.RTL)
         elif action == 2:
-            self._take(Mode.LAND)
+            self._change_mode(Mode.LAND)
 
     # ---- actions -----------------------------------------------------------------------------------
 
@@ -129,12 +129,12 @@ class Failsafes:
         if not ap.armed:
             return
         if not ap.airborne:
-            ap.say(f"{cause} Failsafe - Disarming", WARNING)
+            ap.send_text(f"{cause} Failsafe - Disarming", WARNING)
             ap.disarm()
             return
-        ap.say(f"{cause} Failsafe", WARNING)
+        ap.send_text(f"{cause} Failsafe", WARNING)
         if action != WITHOUT:
-            self._take(Mode.LAND if action == LAND else Mode.RTL)
+            self._change_mode(Mode.LAND if action == LAND else Mode.RTL)
 
     def _without_position(self) -> None:
         """Land without a position: at once if already landing, after a pause from other modes."""
@@ -142,12 +142,12 @@ class Failsafes:
         if ap.mode is Mode.LAND or ap.mode not in NEEDS_POSITION:
             if ap.mode is Mode.LAND:
                 ap.navigator.blind = self.in_charge = True
-            ap.say("EKF Failsafe", CRITICAL)
+            ap.send_text("EKF Failsafe", CRITICAL)
             return
-        self._take(Mode.LAND)
-        ap.say(f"EKF Failsafe: changed to {ap.mode.name} Mode", CRITICAL)
+        self._change_mode(Mode.LAND)
+        ap.send_text(f"EKF Failsafe: changed to {ap.mode.name} Mode", CRITICAL)
 
-    def _take(self, mode: Mode) -> None:
+    def _change_mode(self, mode: Mode) -> None:
         """Change to RTL, or to LAND with a pause if RTL is refused."""
         ap = self._ap
         taken = mode is not Mode.LAND and ap.set_mode(mode)

@@ -35,10 +35,10 @@ class Pilot:
         self.calls: deque[tuple[int, str]] = deque(maxlen=CALLS)
         """Component and text of the newest texts of severity CRITICAL or worse."""
         self.acks: list[tuple[int, int]] = []
-        self.told: dict[str, float] = {}
+        self.named_values: dict[str, float] = {}
         """Newest NAMED_VALUE_FLOAT of each name."""
 
-    def step(self, now_ns: int) -> None:
+    def on_tick(self, now_ns: int) -> None:
         """Read received messages, and advance the script."""
         for data in self._wire.received:
             for message in self._codec.parse_buffer(bytearray(data)) or []:
@@ -94,7 +94,7 @@ class Pilot:
             if message.severity <= mavlink.MAV_SEVERITY_CRITICAL:
                 self._call(message)
         elif kind == "NAMED_VALUE_FLOAT":
-            self.told[message.name] = float(message.value)
+            self.named_values[message.name] = float(message.value)
         elif kind == "COMMAND_ACK":
             self.acks.append((message.command, message.result))
 

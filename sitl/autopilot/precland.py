@@ -83,7 +83,7 @@ class PrecisionLanding:
         long_enough = self._last_ns - self._first_ns >= NEEDED_NS
         return long_enough and now_ns - self._last_ns <= PREDICTED_NS
 
-    def news(self, now_ns: int) -> list[tuple[int, str]]:
+    def status_texts(self, now_ns: int) -> list[tuple[int, str]]:
         """Return severity and ArduPilot's text of each change of the target since the last call."""
         before, self._stage = self._stage, self._stage_now(now_ns)
         if self._stage < before:

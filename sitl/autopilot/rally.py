@@ -73,7 +73,7 @@ class Rally:
             found.append(enu)
         return found
 
-    def step(self, now_ns: int) -> None:
+    def on_tick(self, now_ns: int) -> None:
         """Repeat the request for a missing item, and give up in the end."""
         receipt = self._receipt
         if receipt is None or now_ns - receipt.asked_ns < REPEAT_NS:

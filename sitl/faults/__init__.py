@@ -20,9 +20,9 @@ from sitl.faults import (
     stick_fault,
 )
 from sitl.faults.fault import Fault
-from sitl.faults.faulty_wire import SpoiltWire
+from sitl.faults.faulty_wire import FaultyWire
 
-__all__ = ["NAMES", "Fault", "SpoiltWire", "build"]
+__all__ = ["NAMES", "Fault", "FaultyWire", "build"]
 
 _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "link_loss": lambda rng: link_faults.LinkFault(link_faults.Loss()),
@@ -34,7 +34,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "reboot": lambda rng: autopilot_faults.Reboot(),
     "ekf_jump": autopilot_faults.EstimateJump,
     "gps_drift": autopilot_faults.EstimateDrift,
-    "autopilot_held_up": autopilot_faults.HeldUp,
+    "autopilot_held_up": autopilot_faults.ClockStall,
     "pilot_mode": autopilot_faults.PilotMode,
     "pilot_stick": stick_fault.PilotStick,
     "gps_loss": failsafe_faults.GpsLoss,

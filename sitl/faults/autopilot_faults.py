@@ -32,7 +32,7 @@ class Reboot(Fault):
     intervals.
     """
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         simulation.autopilot.reboot(REBOOT_S)
 
 
@@ -42,7 +42,7 @@ class EstimateJump(Fault):
     def __init__(self, rng: np.random.Generator) -> None:
         self._jump_enu_m = _level(rng, JUMP_M)
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         simulation.estimator.jump_enu_m = simulation.estimator.jump_enu_m + self._jump_enu_m
         simulation.autopilot.follow_reset(self._jump_enu_m)
 
@@ -55,10 +55,10 @@ class EstimateDrift(Fault):
         self._last_ns: int | None = None
         self._moved_m = 0.0
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         self._last_ns = simulation.now_ns
 
-    def step(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: Simulation) -> None:
         if self._last_ns is None or self._moved_m >= DRIFT_M:
             return
         elapsed_s = min((simulation.now_ns - self._last_ns) * 1e-9, TICK_LIMIT_S)
@@ -68,7 +68,7 @@ class EstimateDrift(Fault):
         estimator.jump_enu_m = estimator.jump_enu_m + self._velocity_enu_ms * elapsed_s
 
 
-class HeldUp(Fault):
+class ClockStall(Fault):
     """Repeated pauses of a simulated autopilot on a busy computer, so that its clock loses time.
 
     The autopilot and its vehicle pause for up to 0.3 s, a third of the time; sensors and the companion
@@ -79,16 +79,16 @@ class HeldUp(Fault):
         self._rng = rng
         self._until_ns = 0
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         self._until_ns = simulation.now_ns
 
-    def step(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: Simulation) -> None:
         if simulation.now_ns >= self._until_ns:
             simulation.held_up = not simulation.held_up
             spans_s = HELD_S if simulation.held_up else GOES_ON_S
             self._until_ns = simulation.now_ns + round(float(self._rng.uniform(*spans_s)) * 1e9)
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.held_up = False
 
 
@@ -98,20 +98,20 @@ class PilotMode(Fault):
     Raises
     ------
     ValueError
-        On `begin`, if the simulation has no pilot.
+        On `start`, if the simulation has no pilot.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.mode = PILOTS[int(rng.integers(len(PILOTS)))]
         self._next_ns = 0
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         if simulation.pilot is None:
             raise ValueError("pilot mode: this simulation has no pilot; give it pilot_height_m")
         self._next_ns = simulation.now_ns
-        self.step(simulation)
+        self.on_tick(simulation)
 
-    def step(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: Simulation) -> None:
         pilot = simulation.pilot
         if pilot is not None and pilot.mode != self.mode and simulation.now_ns >= self._next_ns:
             self._next_ns = simulation.now_ns + RETRY_NS

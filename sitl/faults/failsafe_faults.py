@@ -24,10 +24,10 @@ class GpsLoss(Fault):
     def __init__(self, rng: np.random.Generator) -> None:
         self._bearing_rad = float(rng.uniform(0.0, 2 * math.pi))
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         simulation.autopilot.aiding.lose_gps(self._bearing_rad)
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.autopilot.aiding.regain_gps()
 
 
@@ -37,22 +37,22 @@ class BatteryFailsafe(Fault):
     def __init__(self, rng: np.random.Generator) -> None:
         self._volts = float(rng.uniform(*LOW_V))
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         autopilot = simulation.autopilot
         autopilot.parameters.update({"BATT_FS_LOW_ACT": RETURN, "BATT_LOW_TIMER": 1.0})
         autopilot.battery_sag_v += autopilot.battery_v - self._volts
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.autopilot.battery_sag_v = 0.0
 
 
 class RadioFailsafe(Fault):
     """Loss of the pilot's transmitter: the autopilot returns after a second."""
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         simulation.autopilot.receiver.transmitting = False
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.autopilot.receiver.transmitting = True
 
 
@@ -63,7 +63,7 @@ class FenceBreach(Fault):
         self._fence = FENCES[int(rng.integers(len(FENCES)))]
         self._share = float(rng.uniform(*SHARE))
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         autopilot = simulation.autopilot
         estimate = autopilot.estimate
         if estimate is None:
@@ -72,5 +72,5 @@ class FenceBreach(Fault):
         reached_m = up if self._fence == "FENCE_ALT_MAX" else math.hypot(east, north)
         autopilot.parameters.update({"FENCE_ENABLE": 1.0, self._fence: self._share * reached_m})
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.autopilot.parameters["FENCE_ENABLE"] = 0.0

@@ -9,13 +9,13 @@ if TYPE_CHECKING:
 
 
 class Fault:
-    """Fault that begins and ends once in a flight; `step` is called after each tick between the two."""
+    """Fault that starts and stops once in a flight; `on_tick` is called after each tick between the two."""
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         """Start the fault."""
 
-    def step(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: Simulation) -> None:
         """Continue the fault for one tick."""
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         """Undo what can be undone; a moved estimate stays moved."""

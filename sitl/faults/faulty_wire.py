@@ -21,7 +21,7 @@ class Treatment(Protocol):
         """Return the resulting datagrams with their delays in seconds; an empty list if it is lost."""
 
 
-class SpoiltWire(Wire):
+class FaultyWire(Wire):
     """Wrapper of another wire that treats all datagrams while a treatment is set.
 
     Parameters

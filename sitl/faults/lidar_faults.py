@@ -39,14 +39,14 @@ _CRC_AT, _CHECKED_FROM = HEADER.size - 4, HEADER.size
 class Stop(Fault):
     """Silent sensor, as without power."""
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         simulation.lidar_on = False
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.lidar_on = True
 
 
-class _Spoilt:
+class _FaultySensor:
     """Sensor whose packets are modified before they are sent."""
 
     def __init__(self, sensor: Sensor, treat: Callable[[Packets], Packets]) -> None:
@@ -54,8 +54,8 @@ class _Spoilt:
         self.clock = sensor.clock
         self._treat = treat
 
-    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Packets:
-        return self._treat(self.sensor.step(t0_ns, t1_ns, pose_at, world))
+    def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Packets:
+        return self._treat(self.sensor.scan(t0_ns, t1_ns, pose_at, world))
 
 
 class PacketFault(Fault):
@@ -64,19 +64,19 @@ class PacketFault(Fault):
     Raises
     ------
     ValueError
-        On `begin`, if the simulation has no such LiDAR.
+        On `start`, if the simulation has no such LiDAR.
     """
 
     def __init__(self, treat: Callable[[Packets], Packets]) -> None:
         self._treat = treat
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         port = _port(simulation)
-        port.sensor = _Spoilt(port.sensor, self._treat)
+        port.sensor = _FaultySensor(port.sensor, self._treat)
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         port = _port(simulation)
-        if isinstance(port.sensor, _Spoilt):
+        if isinstance(port.sensor, _FaultySensor):
             port.sensor = port.sensor.sensor
 
 
@@ -138,7 +138,7 @@ class ClockStep(Fault):
     def __init__(self, rng: np.random.Generator) -> None:
         self._step_ns = STEP_NS if rng.random() < 0.5 else -STEP_NS
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         sensor = _pulsed(simulation)
         clock = sensor.clock
         sensor.clock = Clock(clock.offset_ns + self._step_ns, clock.drift_ppb)
@@ -152,13 +152,13 @@ class Misalignment(Fault):
         self._turn_deg = TILT_DEG if rng.random() < 0.5 else -TILT_DEG
         self._before: Mount | None = None
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         sensor = _pulsed(simulation)
         self._before = sensor.mount
         turned = getattr(sensor.mount, self._axis) + self._turn_deg
         sensor.mount = replace(sensor.mount, **{self._axis: turned})
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         if self._before is not None:
             _pulsed(simulation).mount = self._before
 
@@ -170,12 +170,12 @@ class Weather(Fault):
         self._weather = reach, noise
         self._before: tuple[Reach, Noise] | None = None
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         sensor = _pulsed(simulation)
         self._before = sensor.reach, sensor.noise
         sensor.reach, sensor.noise = self._weather
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         sensor = _pulsed(simulation)
         if self._before is not None:
             sensor.reach, sensor.noise = self._before

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sitl.faults.fault import Fault
-from sitl.faults.faulty_wire import SpoiltWire, Treatment
+from sitl.faults.faulty_wire import FaultyWire, Treatment
 
 if TYPE_CHECKING:
     from sitl.simulation import Simulation
@@ -23,30 +23,30 @@ CORRUPTED, MOST_BITS = 0.2, 8
 
 
 class LinkFault(Fault):
-    """Fault treatment of all `SpoiltWire`s of a simulation.
+    """Fault treatment of all `FaultyWire`s of a simulation.
 
     Raises
     ------
     ValueError
-        On `begin`, if none of the wires is a `SpoiltWire`.
+        On `start`, if none of the wires is a `FaultyWire`.
     """
 
     def __init__(self, treatment: Treatment) -> None:
         self._treatment = treatment
 
-    def begin(self, simulation: Simulation) -> None:
-        for wire in _spoilt(simulation):
+    def start(self, simulation: Simulation) -> None:
+        for wire in _faulty_wires(simulation):
             wire.treatment = self._treatment
 
-    def end(self, simulation: Simulation) -> None:
-        for wire in _spoilt(simulation):
+    def stop(self, simulation: Simulation) -> None:
+        for wire in _faulty_wires(simulation):
             wire.treatment = None
 
 
-def _spoilt(simulation: Simulation) -> list[SpoiltWire]:
-    wires = [wire for wire in simulation.router.wires if isinstance(wire, SpoiltWire)]
+def _faulty_wires(simulation: Simulation) -> list[FaultyWire]:
+    wires = [wire for wire in simulation.router.wires if isinstance(wire, FaultyWire)]
     if not wires:
-        raise ValueError("link fault: no wire of this simulation is a SpoiltWire; open it as one")
+        raise ValueError("link fault: no wire of this simulation is a FaultyWire; open it as one")
     return wires
 
 

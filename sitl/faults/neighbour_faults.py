@@ -30,12 +30,12 @@ class _Neighbour(Fault, ABC):
         self._next_ns = 0
         self._every_ns = SLOW_NS
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         self._peers = simulation.router.peers()
         simulation.router.wires.append(self._wire)
         self._next_ns = simulation.now_ns
 
-    def step(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: Simulation) -> None:
         self._wire.received.clear()
         if simulation.now_ns < self._next_ns:
             return
@@ -47,7 +47,7 @@ class _Neighbour(Fault, ABC):
             for peer in self._peers:  # a shared link: also messages not addressed to them
                 peer.write(data)
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.router.wires.remove(self._wire)
 
     @abstractmethod

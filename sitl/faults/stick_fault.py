@@ -23,8 +23,8 @@ class PilotStick(Fault):
         sign = 1 if rng.random() < 0.5 else -1
         self._pulse_us = AT_REST[self._channel] + sign * round(float(rng.uniform(*DEFLECTION_US)))
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         simulation.autopilot.receiver.transmitter[self._channel] = self._pulse_us
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         simulation.autopilot.receiver.transmitter[self._channel] = AT_REST[self._channel]

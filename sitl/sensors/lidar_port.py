@@ -25,7 +25,7 @@ class Sensor(Protocol):
 
     clock: Clock
 
-    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
+    def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
         """Measure in [t0_ns, t1_ns) and return the datagrams to send."""
 
 
@@ -55,7 +55,7 @@ class UdpPort:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> None:
-        for packet in self.sensor.step(t0_ns, t1_ns, pose_at, world):
+        for packet in self.sensor.scan(t0_ns, t1_ns, pose_at, world):
             try:
                 self._socket.sendto(packet, self._address)
             except OSError:
@@ -90,7 +90,7 @@ class SerialPort:
             asked = os.read(self._line, 65536)
         except OSError:
             asked = b""
-        self._write(self.sensor.receive(asked) + self.sensor.step(t0_ns, t1_ns, pose_at, world))
+        self._write(self.sensor.receive(asked) + self.sensor.scan(t0_ns, t1_ns, pose_at, world))
 
     def _write(self, data: bytes) -> None:
         if data:

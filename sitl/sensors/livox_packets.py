@@ -58,7 +58,6 @@ class TimeType(IntEnum):
     """Clock of the timestamp of a packet."""
 
     FREE_RUNNING = 0
-    PTP = 1
     GPS = 2
 
 
@@ -107,12 +106,6 @@ def encode_points(
     data["reflectivity"] = reflectivity
     data["tag"] = tag
     return _packet(label, data_type, len(points_m), data.tobytes())
-
-
-def encode_imu(label: Label, gyro_rad_s: F64, acceleration_g: F64) -> bytes:
-    """Encode one IMU packet; both vectors in the axes of the point cloud, acceleration in g."""
-    data = np.concatenate([gyro_rad_s, acceleration_g]).astype("<f4").tobytes()
-    return _packet(label, DataType.IMU, 1, data)
 
 
 def _spherical(points_m: F64) -> NDArray[np.void]:

@@ -130,10 +130,10 @@ class PulseLidar(ABC):
 
     # ---- use ------------------------------------------------------------------------------------
 
-    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
+    def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
         """Fire every pulse due in [t0_ns, t1_ns) and return the full packets.
 
-        Points that do not fill a packet wait for the next step. A gap between steps means that the sensor was
+        Points that do not fill a packet wait for the next scan. A gap between scans means that the sensor was
         switched off and on: waiting points are lost.
 
         Parameters
@@ -159,7 +159,7 @@ class PulseLidar(ABC):
             self._pending = shots if self._pending is None else self._pending.followed_by(shots)
         return self._full_packets()
 
-    def look(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Shots:
+    def shots(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> Shots:
         """Fire every pulse due in [t0_ns, t1_ns) and return the shots without packets."""
         index = np.arange(self._pulses_before(t0_ns), self._pulses_before(t1_ns), dtype=np.int64)
         return self.fire(index, pose_at, world)

@@ -102,7 +102,7 @@ class Sf45:
         swing: F64 = self.half_angle_deg * (4 * np.abs(turn - 0.5) - 1)
         return swing
 
-    def step(self, t0_ns: int, t1_ns: int, pose_at: object, world: World) -> bytes:
+    def scan(self, t0_ns: int, t1_ns: int, pose_at: object, world: World) -> bytes:
         """Fire the pulses due in [t0_ns, t1_ns) and return their frames, none while not streaming."""
         period = 1_000_000_000 // RATES_HZ[self.rate]
         first, last = -(-t0_ns // period), -(-t1_ns // period)

@@ -126,7 +126,7 @@ class Vehicle:
         x = self._x.copy()
         return State(x[0:3], x[3:6], x[6:10], x[10:13], x[14:17])
 
-    def step(self, dt_s: float, now_ns: int, demand: tuple[F64, float], ground_z_m: float) -> None:
+    def update(self, dt_s: float, now_ns: int, demand: tuple[F64, float], ground_z_m: float) -> None:
         """Advance by `dt_s` under commanded body rates (rad/s) and thrust (m/s2).
 
         Records a touchdown and a collision. After a collision, the vehicle falls to the ground that was below

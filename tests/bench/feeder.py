@@ -78,7 +78,7 @@ class Feeder:
         )
         packets = []
         for t in range(0, round(PERIOD_S * 1e9), 50_000_000):
-            for packet in lidar.step(t, t + 50_000_000, pose_at, world):
+            for packet in lidar.scan(t, t + 50_000_000, pose_at, world):
                 stamp = STAMP.unpack_from(packet, HEADER.size)[0]
                 interval = struct.unpack_from("<H", packet, 3)[0] * 100
                 packets.append((stamp + interval, packet))

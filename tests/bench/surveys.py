@@ -148,7 +148,7 @@ def measure(folder: Path, out: Path, workers: int | None, cell_m: float) -> dict
         pids = engine.process_ids() if workers else [os.getpid()]
         with _watched(pids) as memory:
             wall, cpu = time.perf_counter(), _cpu_s(pids) + time.process_time() * bool(workers)
-            told = survey.run(files, out, parameters, lambda *_: None, survey.Plan(engine=engine))
+            told = survey.run(files, out, parameters, lambda *_: None, survey.MapOptions(engine=engine))
             wall = time.perf_counter() - wall
             cpu = _cpu_s(pids) + time.process_time() * bool(workers) - cpu
     n = told["points"]["read"]

@@ -59,10 +59,10 @@ class SlowComputer(Fault):
         self._late_s = float(rng.uniform(*LATE_S))
         self._ticks = int(rng.integers(*STALL_TICKS))
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         self._loop.late_s, self._loop.stall_ticks = self._late_s, self._ticks
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         self._loop.late_s, self._loop.stall_ticks = 0.0, 1
 
 
@@ -71,11 +71,11 @@ class _Patched(Fault):
 
     _patches: list[Any]
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         for patch in self._patches:
             patch.start()
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         for patch in self._patches:
             patch.stop()
 
@@ -115,10 +115,10 @@ class Killed(Fault):
     def __init__(self, sortie: Sortie, rng: np.random.Generator) -> None:
         self._sortie = sortie
 
-    def begin(self, simulation: Simulation) -> None:
+    def start(self, simulation: Simulation) -> None:
         self._sortie.kill()
 
-    def end(self, simulation: Simulation) -> None:
+    def stop(self, simulation: Simulation) -> None:
         self._sortie.restart()
 
 

@@ -54,7 +54,7 @@ class Sortie(Mission):
         self.plan = plan
         self._rng, line = (np.random.default_rng(s) for s in np.random.SeedSequence(plan.number).spawn(2))
         self.mavlink_port = free_port()
-        wire = faults.SpoiltWire(
+        wire = faults.FaultyWire(
             open_wire(f"udpout:127.0.0.1:{self.mavlink_port}"), line, lambda: self.sim.now_ns
         )
         self.sim = Simulation(
@@ -95,7 +95,7 @@ class Sortie(Mission):
     def told(self) -> Phase | None:
         """The landing state that ground stations are told, None while they are told none."""
         assert self.sim.pilot is not None
-        return TOLD.get(self.sim.pilot.told.get("SLZ_PHASE", -1.0))
+        return TOLD.get(self.sim.pilot.named_values.get("SLZ_PHASE", -1.0))
 
     @property
     def down(self) -> bool:
@@ -123,15 +123,15 @@ class Sortie(Mission):
 
     async def _fail(self) -> None:
         fault = self._fault()
-        step = fault.step
+        on_tick = fault.on_tick
         self.witness.fault_begins()
-        fault.begin(self.sim)
-        self.sim.every_tick.append(step)
+        fault.start(self.sim)
+        self.sim.every_tick.append(on_tick)
         try:
             await self._until(lambda: self.down, self.plan.lasts_s)
         finally:
-            self.sim.every_tick.remove(step)
-            fault.end(self.sim)
+            self.sim.every_tick.remove(on_tick)
+            fault.stop(self.sim)
             self.witness.fault_ends()
 
     def _fault(self) -> faults.Fault:
@@ -165,14 +165,14 @@ class Sortie(Mission):
         """End the companion without its good-bye."""
         assert self.task is not None
         for wire in self.sim.router.wires:
-            if isinstance(wire, faults.SpoiltWire):
-                wire.treatment = faults.link.Loss()
+            if isinstance(wire, faults.FaultyWire):
+                wire.treatment = faults.link_faults.Loss()
         self.task.cancel()
 
     def restart(self) -> None:
         """Start another companion."""
         for wire in self.sim.router.wires:
-            if isinstance(wire, faults.SpoiltWire):
+            if isinstance(wire, faults.FaultyWire):
                 wire.treatment = None
         self.restarts += 1
         self.companion = self.new_companion()

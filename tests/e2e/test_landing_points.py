@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.desk.reproduce.places import PLACES, Watched, watch
-from companion.desk.reproduce.source_scenes import begin
+from companion.desk.reproduce.places import PLACES, ObservedPoint, watch
+from companion.desk.reproduce.source_scenes import pipeline_for
 from companion.desk.reproduce.survey_recording import fly
 from slz import Grid, Obstacle, Pipeline, PointState, SelectedPoint, Window
 
@@ -24,7 +24,7 @@ SCATTER_M = 0.2
 HEIGHT_M = 0.1
 OPEN, BUILDINGS, STADIUM = PLACES
 
-Seen = Callable[[str, str], Watched]
+Seen = Callable[[str, str], ObservedPoint]
 both_modes = pytest.mark.parametrize("mode", ["default", "source"])
 
 
@@ -51,7 +51,7 @@ def test_nothing_stands_around_a_point_on_the_open_plain(seen: Seen, mode: str) 
 # ---- 2: between two buildings ---------------------------------------------------------------------
 
 
-def beside(watched: Watched, region: str) -> tuple[Obstacle, NDArray[np.float64], float]:
+def beside(watched: ObservedPoint, region: str) -> tuple[Obstacle, NDArray[np.float64], float]:
     """Return the largest obstacle on a building, the building's edges and its height in the exact world."""
     corners = watched.truth.regions[region]
     edges = np.array([*corners.min(axis=0), *corners.max(axis=0)])
@@ -146,7 +146,7 @@ class Flight:
     def __init__(self, surveys: Path, mode: str) -> None:
         near = [w for w in fly(OPEN.survey, surveys).windows() if np.hypot(*w.sensor_enu_m[:2]) < 25]
         self._again = min(near, key=lambda w: float(np.hypot(*w.sensor_enu_m[:2])))
-        self._pipeline: Pipeline = begin(OPEN.case(mode))[0]
+        self._pipeline: Pipeline = pipeline_for(OPEN.case(mode))[0]
         for window in near:
             self._pipeline.process(window)
         self._pipeline.select(np.zeros(3))

@@ -16,8 +16,8 @@ from tests.e2e.harness import Mission
 def beside(mission: Mission, name: str) -> None:
     """Put somebody on the line for the whole flight."""
     fault = faults.build(name, np.random.default_rng(1))
-    fault.begin(mission.sim)
-    mission.sim.every_tick.append(fault.step)
+    fault.start(mission.sim)
+    mission.sim.every_tick.append(fault.on_tick)
 
 
 def test_two_vehicles_end_the_program_by_name_before_it_commands() -> None:

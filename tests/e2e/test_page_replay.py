@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.desk.replay.recording_type import Beside as Files
+from companion.desk.replay.recording_type import RecordingOptions
 from companion.desk.replay.replay_page import ReplayPage
 from companion.flight.dashboard.page import Front
 from tests.e2e.chromium import Chromium
@@ -43,7 +43,7 @@ class Replayed(Beside):
         super().__init__(self._serve)
         self.front = Front("127.0.0.1:0")
         self.url = f"http://{self.front.address}/"
-        self.page = ReplayPage(path, [], Files(), speed)
+        self.page = ReplayPage(path, [], RecordingOptions(), speed)
 
     async def _serve(self, stopped: asyncio.Event, ready: threading.Event) -> None:
         ready.set()

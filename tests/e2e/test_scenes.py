@@ -14,11 +14,11 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, MODES, NO_ID_REUSE, Scenario
-from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, Case, Outcome, run
+from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, Case, CaseOutcome, run
 from slz import SAFE, Zone, zone_mask
 
 Mask = NDArray[np.bool_]
-Flown = Callable[[Case], Outcome]
+Flown = Callable[[Case], CaseOutcome]
 COURT_M, ENTRANCE_M = (106.0, 73.0), (55.0, 62.0)
 TOLERANCE_M = 4.0  # a footprint of 3 m and a cell
 HILL_M = 70.0
@@ -31,46 +31,46 @@ def flown(surveys: Path) -> Flown:
     return cache(lambda case: run(case, surveys)[0])
 
 
-def scene(flown: Flown, name: str, mode: str, *, room: bool = True) -> Outcome:
+def scene(flown: Flown, name: str, mode: str, *, room: bool = True) -> CaseOutcome:
     return flown(BY_SCENE[name].case(mode, room=room))
 
 
-def places(outcome: Outcome) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def places(outcome: CaseOutcome) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return east and north of the map's cells."""
     box, grid = outcome.maps.box, outcome.maps.grid
     rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
     return grid.west_m + (cols + 0.5) * grid.cell_m, grid.south_m + (rows + 0.5) * grid.cell_m
 
 
-def corners(outcome: Outcome, region: str) -> tuple[float, float, float, float]:
+def corners(outcome: CaseOutcome, region: str) -> tuple[float, float, float, float]:
     (x0, y0), (x1, y1) = outcome.regions[region].min(axis=0), outcome.regions[region].max(axis=0)
     return float(x0), float(y0), float(x1), float(y1)
 
 
-def inner(outcome: Outcome, region: str, margin_m: float, across_m: float | None = None) -> Mask:
+def inner(outcome: CaseOutcome, region: str, margin_m: float, across_m: float | None = None) -> Mask:
     """Return the cells of a rectangular region, so far from its edges in the east and in the north."""
     (east, north), (x0, y0, x1, y1) = places(outcome), corners(outcome, region)
     across_m = margin_m if across_m is None else across_m
     return (east > x0 + margin_m) & (east < x1 - margin_m) & (north > y0 + across_m) & (north < y1 - across_m)
 
 
-def surveyed(outcome: Outcome) -> Mask:
+def surveyed(outcome: CaseOutcome) -> Mask:
     (east, north), (x0, y0, x1, y1) = places(outcome), outcome.case.survey.extent_m
     return (east > x0) & (east < x1) & (north > y0) & (north < y1)
 
 
-def of(outcome: Outcome, *zones: Zone) -> Mask:
+def of(outcome: CaseOutcome, *zones: Zone) -> Mask:
     return zone_mask(zones, outcome.maps.box)
 
 
-def zone_at(outcome: Outcome, region: str) -> Zone:
+def zone_at(outcome: CaseOutcome, region: str) -> Zone:
     """Return the largest zone with most of its cells in a region."""
     within = inner(outcome, region, -3.0)
     own = [zone for zone in outcome.report.zones if share(within, of(outcome, zone)) > 0.8]
     return max(own, key=lambda zone: zone.area_m2)
 
 
-def size_m(outcome: Outcome, zone: Zone) -> tuple[float, float]:
+def size_m(outcome: CaseOutcome, zone: Zone) -> tuple[float, float]:
     rows, cols = zone.box.shape
     return cols * outcome.maps.grid.cell_m, rows * outcome.maps.grid.cell_m
 
@@ -79,11 +79,11 @@ def share(mask: Mask, cells: Mask) -> float:
     return float(mask[cells].mean())
 
 
-def safe_share(outcome: Outcome, cells: Mask) -> float:
+def safe_share(outcome: CaseOutcome, cells: Mask) -> float:
     return share(outcome.maps.state == SAFE, cells)
 
 
-def stands(outcome: Outcome) -> Mask:
+def stands(outcome: CaseOutcome) -> Mask:
     """Return the 8 m beyond the court's four sides; the corners between the stands are flat and safe."""
     sides = inner(outcome, "court", -8.0, 4.0) | inner(outcome, "court", 4.0, -8.0)
     return sides & ~inner(outcome, "court", -2.0)

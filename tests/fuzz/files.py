@@ -15,7 +15,7 @@ import params
 from companion.desk.clouds.cloud import open_source
 from companion.desk.clouds.crs import from_option
 from companion.desk.replay.captures.pcap import Capture
-from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.recording_reader import RecordingReader
 from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
 from companion.flight.recorder import journal
 from companion.runtime.errors import UsageError
@@ -60,7 +60,7 @@ def read_cloud(path: Path) -> None:
 
 def read_recording(path: Path) -> None:
     """Read a recording of ours and all that a replay unpacks."""
-    for raw in Recording(path).messages():
+    for raw in RecordingReader(path).messages():
         try:
             if raw.topic == journal.LIDAR:
                 journal.unpack_batch(raw.data)

@@ -243,12 +243,12 @@ def _above(stamps: Any) -> tuple[Any, Any]:
 
 @functools.cache
 def flash() -> Sequence[bytes]:
-    return FlashSensor(np.random.default_rng(1)).step(0, 130_000_000, _above, _ground())[:24]
+    return FlashSensor(np.random.default_rng(1)).scan(0, 130_000_000, _above, _ground())[:24]
 
 
 @functools.cache
 def radar() -> Sequence[bytes]:
-    return RadarSensor(np.random.default_rng(1)).step(0, 900_000_000, _above, _ground())[:9]
+    return RadarSensor(np.random.default_rng(1)).scan(0, 900_000_000, _above, _ground())[:9]
 
 
 def lightware() -> Sequence[bytes]:

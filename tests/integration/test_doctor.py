@@ -85,8 +85,8 @@ class OtherVehicle:
 
     def __init__(self, sim: Simulation) -> None:
         self.fault = faults.build("second_vehicle", np.random.default_rng(1))
-        self.fault.begin(sim)
-        sim.every_tick.append(self.fault.step)
+        self.fault.start(sim)
+        sim.every_tick.append(self.fault.on_tick)
 
 
 def test_two_vehicles_fail_by_name_and_the_named_one_is_examined() -> None:

@@ -33,8 +33,8 @@ def polar(points: F64, up_m: F64) -> tuple[F64, F64]:
 def fired(make: type[PulseLidar], **options: object) -> tuple[PulseLidar, list[bytes], Shots]:
     """Return a sensor, its packets, and the shots that are in them, of two sensors with the same luck."""
     both = [make(np.random.default_rng(1), clock=CLOCK, **options) for _ in range(2)]  # type: ignore[call-arg]
-    packets = both[0].step(0, SPAN_NS, hover(), flat_world())
-    shots = both[1].look(0, SPAN_NS, hover(), flat_world())[slice(len(packets) * both[0].pulses_per_packet)]
+    packets = both[0].scan(0, SPAN_NS, hover(), flat_world())
+    shots = both[1].shots(0, SPAN_NS, hover(), flat_world())[slice(len(packets) * both[0].pulses_per_packet)]
     return both[1], packets, shots
 
 

@@ -43,7 +43,7 @@ def quiet(what: str, share: float) -> None:
 
 def mapped(files: list[Path], out: Path, *settings: str, crs: str | None = None) -> dict[str, Any]:
     parameters = load("quadcopter", ["cell_m=0.5", *settings])
-    return survey.run(files, out, parameters, quiet, survey.Plan(crs))
+    return survey.run(files, out, parameters, quiet, survey.MapOptions(crs))
 
 
 def raster(path: Path) -> tuple[np.ndarray, Any]:

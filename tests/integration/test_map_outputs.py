@@ -33,7 +33,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def mapped(files: list[Path], out: Path, *settings: str, crs: str | None = None) -> dict[str, Any]:
     parameters = load("quadcopter", ["cell_m=0.5", *settings])
-    return survey.run(files, out, parameters, lambda *_: None, survey.Plan(crs, classified=True))
+    return survey.run(files, out, parameters, lambda *_: None, survey.MapOptions(crs, classified=True))
 
 
 def state_of(out: Path, points: np.ndarray) -> np.ndarray:

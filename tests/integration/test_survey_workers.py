@@ -86,7 +86,7 @@ def test_relative_names_mean_the_same_to_workers_of_another_folder(
     monkeypatch.chdir(tmp_path)
     files(tmp_path, POINTS, np.arange(len(POINTS)), 1)
     (tmp_path / "there").mkdir()
-    elsewhere = survey.Plan(engine=Elsewhere(tmp_path / "there"))
+    elsewhere = survey.MapOptions(engine=Elsewhere(tmp_path / "there"))
     told = survey.run([Path("1.laz")], Path("out"), parameters(), lambda *_: None, elsewhere)
     assert len(told["zones"]) >= 2
     assert not told["skipped"]

@@ -11,8 +11,8 @@ import numpy as np
 
 from companion.desk.calibrate.calibration_flight import FlownReturns, corrected, mount_angles
 from companion.desk.calibrate.overlap_agreement import NAMES, Fit, TooLittleError, solve
-from companion.desk.replay.recorded_sensors import Senses
-from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.recorded_sensors import RecordedSensors
+from companion.desk.replay.recording_reader import RecordingReader
 from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.recorder.journal import BadRecordError
 from companion.flight.sensors.returns import Returns, join
@@ -38,7 +38,7 @@ def run(path: Path, settings: Iterable[str]) -> dict[str, Any]:
     CompanionError
         The flight shows no ground twice, or determines none of the corrections.
     """
-    recording = Recording(path)
+    recording = RecordingReader(path)
     parameters = recording.header.parameters(settings)
     flown = _read(path, recording, parameters)
     try:
@@ -76,27 +76,27 @@ def _summary(path: Path, fit: Fit, unsure: np.ndarray[Any, Any], parameters: Par
     }
 
 
-def _read(path: Path, recording: Recording, parameters: Parameters) -> FlownReturns:
+def _read(path: Path, recording: RecordingReader, parameters: Parameters) -> FlownReturns:
     """Return the flight's returns, subsampled where there are many, and its poses."""
-    some = Some(MOST_RETURNS)
-    senses = Senses(recording.header, parameters, some.take, MOST_POSES)
+    sample = SystematicSample(MOST_RETURNS)
+    sensors = RecordedSensors(recording.header, parameters, sample.add_batch, MOST_POSES)
     bad = 0
     for message in recording.messages():
         try:
-            senses.take(message)
+            sensors.on_message(message)
         except BadRecordError:
             bad += 1
     if bad:
         log.warning("%d messages cannot be read and are left out", bad)
-    if not some.parts or senses.history.frame is None:
+    if not sample.parts or sensors.history.frame is None:
         raise CompanionError(f"{path}: it holds no returns or no positions")
-    flown = FlownReturns(join(some.parts), senses.history, parameters)
+    flown = FlownReturns(join(sample.parts), sensors.history, parameters)
     if not len(flown):
         raise CompanionError(f"{path}: it holds no return that is in range and has a pose")
     return flown
 
 
-class Some:
+class SystematicSample:
     """Systematic sample of a flight's returns, since an hour of them would not fit into memory.
 
     parts: the kept returns in order, at most `most`.
@@ -107,7 +107,7 @@ class Some:
         self._most = most
         self._every, self._skip, self._count = 1, 0, 0
 
-    def take(self, returns: Returns) -> None:
+    def add_batch(self, returns: Returns) -> None:
         """Add a batch; when there are too many, keep every second return of all."""
         part = returns.part(slice(self._skip, None, self._every))
         self._skip = (self._skip - len(returns)) % self._every

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.clouds import memory_limit
-from companion.desk.clouds.cloud_format import kind_of
+from companion.desk.clouds.cloud_format import cloud_format_of
 from companion.desk.clouds.cloud_source import Source
 from companion.desk.clouds.crs import Reference, from_option
 from companion.desk.clouds.las import open_las
@@ -22,12 +22,13 @@ from companion.runtime.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True)
-class Cloud:
+class GeoreferencedCloud:
     """Points of one or more files.
 
     points: (n, 3) float64, x y z in the units of `reference`, finite. gps_s: (n,) float64, or None unless
-    all files have times of one clock. dropped: points left out, by reason. step: spacing of neighbouring x
-    or y coordinates, in CRS units, where a file holds 32-bit floating point numbers; 0 where none does.
+    all files have times of one clock. dropped: points left out, by reason. coordinate_spacing: between
+    neighbouring x or y coordinates, in CRS units, where a file holds 32-bit floating point numbers; 0 where
+    none does.
     """
 
     points: NDArray[np.float64]
@@ -35,7 +36,7 @@ class Cloud:
     reference: Reference
     n_read: int
     dropped: dict[str, int]
-    step: float = 0.0
+    coordinate_spacing: float = 0.0
 
 
 def read(
@@ -43,7 +44,7 @@ def read(
     crs: str | None = None,
     progress: Callable[[float], None] = lambda share: None,
     vertical_unit: str | None = None,
-) -> Cloud:
+) -> GeoreferencedCloud:
     """Read files of one CRS; their formats may differ.
 
     Parameters
@@ -76,7 +77,7 @@ def read(
     gps_s = np.empty(n_points) if timed else None
     dropped: Counter[str] = Counter()
     n_read = n = 0
-    step = 0.0
+    coordinate_spacing = 0.0
     for source in sources:
         begin, read_before = n, n_read
         for chunk in source.chunks():
@@ -93,9 +94,16 @@ def read(
                 f"{source.path}: none of its {n_read - read_before} points is usable{_reasons(dropped)}"
             )
         if source.single:
-            step = max(step, float(np.spacing(np.float32(np.abs(points[begin:n, :2]).max()))))
-    return Cloud(
-        points[:n], None if gps_s is None else gps_s[:n], sources[0].reference, n_read, dict(dropped), step
+            coordinate_spacing = max(
+                coordinate_spacing, float(np.spacing(np.float32(np.abs(points[begin:n, :2]).max())))
+            )
+    return GeoreferencedCloud(
+        points[:n],
+        None if gps_s is None else gps_s[:n],
+        sources[0].reference,
+        n_read,
+        dict(dropped),
+        coordinate_spacing,
     )
 
 
@@ -107,7 +115,7 @@ def open_source(path: Path, given: Reference | None, vertical_unit: str | None =
     UsageError
         Its format is unknown, it cannot be used, or neither the file nor the user states its CRS.
     """
-    kind = kind_of(path)
+    kind = cloud_format_of(path)
     if kind == "las":
         return open_las(path, given, vertical_unit)
     if given is None:

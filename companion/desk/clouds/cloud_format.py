@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from companion.desk.clouds.cloud_source import passing, unread
+from companion.desk.clouds.cloud_source import is_transient, unread
 from companion.runtime.errors import UsageError
 
 Kind = Literal["las", "pcd", "ply", "text"]
@@ -16,7 +16,7 @@ _PCD_WORDS = (b"# .PCD", b"VERSION", b"FIELDS", b"COLUMNS")
 _PLY_LINES = (b"ply\n", b"ply\r")
 
 
-def kind_of(path: Path) -> Kind:
+def cloud_format_of(path: Path) -> Kind:
     """Return the format of a file.
 
     Raises
@@ -30,7 +30,7 @@ def kind_of(path: Path) -> Kind:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file") from None
     except OSError as error:
-        if passing(error):
+        if is_transient(error):
             raise unread(path, error) from None
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     if not head:

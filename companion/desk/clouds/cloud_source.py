@@ -86,7 +86,7 @@ def reason_of(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:160]
 
 
-def passing(error: BaseException) -> bool:
+def is_transient(error: BaseException) -> bool:
     """Return whether an error is transient: the disk, the network or memory failed, not the file."""
     if isinstance(error, OSError):
         return error.errno is not None and error.errno not in LASTING
@@ -106,6 +106,6 @@ def translated(path: Path) -> Iterator[None]:
     except (CompanionError, Interrupted, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
-        if passing(error):
+        if is_transient(error):
             raise unread(path, error) from None
         raise corrupt(path, reason_of(error)) from None

@@ -6,7 +6,7 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
-from companion.desk.clouds.cloud_source import passing, unread
+from companion.desk.clouds.cloud_source import is_transient, unread
 from companion.runtime.errors import UsageError
 
 SHORTEST, SHORTEST_1_4 = 227, 375  # bytes of a LAS header (ASPRS LAS 1.4 R15, table 3)
@@ -14,7 +14,7 @@ FORMAT_AT, COMPRESSED = 104, 0xC0  # offset of the point format, and its two hig
 RECORD_BYTES, EXTENDED_BYTES = 54, 60  # smallest variable length record and extended one
 
 
-def look(path: Path) -> None:
+def check_header(path: Path) -> None:
     """Refuse a LAS or LAZ file whose header refers to more than the file holds.
 
     Raises
@@ -30,7 +30,7 @@ def look(path: Path) -> None:
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file") from None
     except OSError as error:
-        if passing(error):
+        if is_transient(error):
             raise unread(path, error) from None
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     if len(head) < SHORTEST:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from companion.desk.clouds.cloud_source import CHUNK, Chunk, Clock, translated
 from companion.desk.clouds.crs import Reference, of_header
-from companion.desk.clouds.header_check import look
+from companion.desk.clouds.header_check import check_header
 from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
 from companion.desk.clouds.laz_reader import read_points
 from companion.runtime.errors import UsageError
@@ -111,7 +111,7 @@ def open_las(path: Path, given: Reference | None, vertical_unit: str | None = No
     UsageError
         The file is empty, truncated, corrupt or without a usable CRS.
     """
-    look(path)
+    check_header(path)
     with translated(path), laspy.open(path, encoding_errors="replace") as reader:
         header = reader.header
         n_points = int(header.point_count)

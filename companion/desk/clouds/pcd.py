@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from companion.desk.clouds import memory_limit
 from companion.desk.clouds.cloud_source import CHUNK, Chunk, finite, translated
 from companion.desk.clouds.crs import Reference
-from companion.desk.clouds.records import MOST_HEADER, Layout, from_lines, from_records, layout_of, truncated
+from companion.desk.clouds.records import (
+    MOST_HEADER,
+    RecordLayout,
+    from_lines,
+    from_records,
+    layout_of,
+    truncated,
+)
 from companion.runtime.errors import UsageError
 
 WORDS = frozenset(
@@ -64,7 +71,7 @@ class PcdSource:
     path: Path
     n_points: int
     reference: Reference
-    layout: Layout
+    layout: RecordLayout
     data: str
     start: int
     fields: tuple[Field, ...] = ()
@@ -107,11 +114,16 @@ class PcdSource:
                     [field.form for field in self.fields],
                 )
                 whole = np.dtype(
-                    {"names": names, "formats": forms, "offsets": offsets, "itemsize": self.layout.step}
+                    {
+                        "names": names,
+                        "formats": forms,
+                        "offsets": offsets,
+                        "itemsize": self.layout.record_bytes,
+                    }
                 )
-                data = file.read(self.n_points * self.layout.step)
-                if len(data) < self.n_points * self.layout.step:
-                    raise truncated(self.path, len(data) // self.layout.step, self.n_points)
+                data = file.read(self.n_points * self.layout.record_bytes)
+                if len(data) < self.n_points * self.layout.record_bytes:
+                    raise truncated(self.path, len(data) // self.layout.record_bytes, self.n_points)
                 return np.frombuffer(data, whole)
             plain = self._plain(file)
             return _table(names, [self._axis(plain, field.offset, field.form) for field in self.fields])
@@ -150,7 +162,7 @@ class PcdSource:
         packed = file.read(packed_bytes)
         if len(packed) < packed_bytes:
             raise truncated(self.path, 0, self.n_points)
-        if plain_bytes != self.n_points * self.layout.step or plain_bytes > packed_bytes * MOST_RATIO:
+        if plain_bytes != self.n_points * self.layout.record_bytes or plain_bytes > packed_bytes * MOST_RATIO:
             raise UsageError(f"{self.path}: it is corrupt, its sizes contradict each other: copy it again")
         memory_limit.check_bytes(plain_bytes, self.path)
         plain = np.empty(plain_bytes, np.uint8)
@@ -186,7 +198,7 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
         data = " ".join(words["DATA"])
         if data not in ("ascii", "binary", "binary_compressed"):
             raise _corrupt(path, f"DATA {data[:40]!r} is not known")
-        least = {"ascii": 2 * sum(counts) * n_points, "binary": layout.step * n_points}.get(data, 8)
+        least = {"ascii": 2 * sum(counts) * n_points, "binary": layout.record_bytes * n_points}.get(data, 8)
         if size - start < least - 1:  # the last line may lack its end
             raise UsageError(
                 f"{path}: it is truncated, {size} bytes where its header asks for {start + least}:"

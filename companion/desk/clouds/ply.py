@@ -15,7 +15,7 @@ from companion.desk.clouds.crs import Reference
 from companion.desk.clouds.records import (
     MOST_HEADER,
     MOST_LINE,
-    Layout,
+    RecordLayout,
     from_lines,
     from_records,
     layout_of,
@@ -39,7 +39,7 @@ class _Element:
     has_list: bool = False
 
     @property
-    def step(self) -> int:
+    def stride(self) -> int:
         return sum(np.dtype(form).itemsize for _, form, _ in self.fields)
 
 
@@ -50,7 +50,7 @@ class PlySource:
     path: Path
     n_points: int
     reference: Reference
-    layout: Layout
+    layout: RecordLayout
     is_text: bool
     start: int
     skipped_lines: int
@@ -108,8 +108,8 @@ def open_ply(path: Path, reference: Reference) -> PlySource:
         if is_text:
             least = start + 2 * (len(element.fields) * element.count + lines) - 1
         else:
-            start += sum(part.step * part.count for part in before)
-            least = start + layout.step * element.count
+            start += sum(part.stride * part.count for part in before)
+            least = start + layout.record_bytes * element.count
         if size < least:
             raise UsageError(
                 f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"

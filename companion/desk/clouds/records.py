@@ -20,14 +20,14 @@ MOST_LINE = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class RecordLayout:
     """Position of the coordinates in a record.
 
-    step: bytes of a record. offsets, formats: of x, y, z, in bytes and as NumPy types. columns: of x, y, z
-    on a line of text.
+    record_bytes: size of a record. offsets, formats: of x, y, z, in bytes and as NumPy types. columns: of
+    x, y, z on a line of text.
     """
 
-    step: int
+    record_bytes: int
     offsets: tuple[int, ...]
     formats: tuple[str, ...]
     columns: tuple[int, ...]
@@ -41,11 +41,16 @@ class Layout:
     def dtype(self) -> np.dtype[np.void]:
         """NumPy type of the record with x, y and z only."""
         return np.dtype(
-            {"names": list("xyz"), "formats": self.formats, "offsets": self.offsets, "itemsize": self.step}
+            {
+                "names": list("xyz"),
+                "formats": self.formats,
+                "offsets": self.offsets,
+                "itemsize": self.record_bytes,
+            }
         )
 
 
-def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> Layout:
+def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> RecordLayout:
     """Return the positions of x, y and z among fields of (name, NumPy type, count).
 
     Raises
@@ -72,17 +77,19 @@ def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> Layout:
     if missing:
         raise UsageError(f"{path}: its points have no {' and no '.join(missing)}")
     offsets, formats, columns = zip(*(found[name] for name in "xyz"), strict=True)
-    return Layout(at, offsets, formats, columns)
+    return RecordLayout(at, offsets, formats, columns)
 
 
-def from_records(file: BinaryIO, layout: Layout, n_points: int, path: Path) -> Iterator[NDArray[np.float64]]:
+def from_records(
+    file: BinaryIO, layout: RecordLayout, n_points: int, path: Path
+) -> Iterator[NDArray[np.float64]]:
     """Read (n, 3) coordinates of records from the current position of the file, a million at a time."""
     left = n_points
     while left:
         n = min(left, CHUNK)
-        data = file.read(n * layout.step)
-        if len(data) < n * layout.step:
-            raise truncated(path, n_points - left + len(data) // layout.step, n_points)
+        data = file.read(n * layout.record_bytes)
+        if len(data) < n * layout.record_bytes:
+            raise truncated(path, n_points - left + len(data) // layout.record_bytes, n_points)
         yield stacked(np.frombuffer(data, layout.dtype))
         left -= n
 

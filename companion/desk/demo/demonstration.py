@@ -35,7 +35,7 @@ from params import Parameters
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Front
 
-__all__ = ["Plan", "fly", "sensor_named", "table"]
+__all__ = ["DemoOptions", "fly", "sensor_named", "table"]
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ CAR_BELOW_M = 200.0
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class DemoOptions:
     """Options of a demonstration: scene, seed, speed, folder, intruder, sensor and limits."""
 
     scene: str
@@ -63,7 +63,7 @@ class Plan:
 
 
 def fly(
-    plan: Plan,
+    plan: DemoOptions,
     parameters: Parameters,
     console: Console,
     interrupts: Interrupts,
@@ -118,7 +118,7 @@ def fly(
     return summary
 
 
-def check(plan: Plan) -> None:
+def check(plan: DemoOptions) -> None:
     """Raise `UsageError` for options that the simulator would refuse, before it is started."""
     if plan.scene not in SCENES:
         raise UsageError(f"--scene {plan.scene!r} is unknown: use {', '.join(SCENES)}")
@@ -184,7 +184,7 @@ class _Simulator:
 
 
 def _run(
-    plan: Plan,
+    plan: DemoOptions,
     parameters: Parameters,
     simulator: _Simulator,
     status: Status,
@@ -214,7 +214,7 @@ def _run(
 
 
 async def _mission(
-    plan: Plan,
+    plan: DemoOptions,
     parameters: Parameters,
     simulator: _Simulator,
     status: Status,
@@ -238,7 +238,7 @@ async def _mission(
     return companion
 
 
-async def _watch(companion: Companion, plan: Plan, status: Status, interrupts: Interrupts) -> None:
+async def _watch(companion: Companion, plan: DemoOptions, status: Status, interrupts: Interrupts) -> None:
     """Show the progress; stop the companion after landing, at the time limit or on a signal."""
     loop = asyncio.get_running_loop()
     start, wall = loop.time(), time.perf_counter()
@@ -279,7 +279,7 @@ def _truth_folder(interrupts: Interrupts) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _simulator(
-    plan: Plan, parameters: Parameters, truth: Path, interrupts: Interrupts
+    plan: DemoOptions, parameters: Parameters, truth: Path, interrupts: Interrupts
 ) -> Iterator[_Simulator]:
     """Run the simulator in a child process; it is killed at the end of the block."""
     mavlink_port, lidar_port, radar_port = _free_udp_ports(3)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.replay.own_replay import Outcome
+from companion.desk.replay.own_replay import ReplayOutcome
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
@@ -36,7 +36,7 @@ class Feed(Protocol):
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         """Yield every measurement in order: its time (ns), and the call that hands it over."""
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Return the chosen sources and the counts, for JSON."""
 
 
@@ -66,7 +66,7 @@ class Rerun:
         self.parameters = parameters
         self.history = PoseHistory(parameters, frame)
         self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
-        self.outcome = Outcome()
+        self.outcome = ReplayOutcome()
         self.report: Report | None = None
         self.standing = False
         self.standing_scans = 0
@@ -79,7 +79,7 @@ class Rerun:
         self._mapping = True
         self._fresh: Report | None = None
 
-    def take(self, act: Act, mapping: bool = True) -> Report | None:
+    def hand_over(self, act: Act, mapping: bool = True) -> Report | None:
         """Hand over a measurement of a feed; return the report of a window that it completed, else None."""
         self._mapping, self._fresh = mapping, None
         act()

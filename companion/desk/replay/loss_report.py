@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from companion.desk.replay.foreign_replay import Feed, Rerun
-from companion.desk.replay.own_replay import Outcome
+from companion.desk.replay.own_replay import ReplayOutcome
 from companion.desk.replay.time_of_day import time_of_day
 from params import Parameters
 from slz import SAFE, UNKNOWN, TerrainMaps
@@ -22,7 +22,7 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
     Parameters
     ----------
     source
-        `Feed.told`.
+        `Feed.summary`.
     returns
         `Rerun.returns` as `read`, and the assembler's statistics.
     """
@@ -56,10 +56,10 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
 
 def why_nothing(feed: Feed, rerun: Rerun) -> str:
     """Return the reason why no return could be georeferenced."""
-    others = [*absent(feed.told()), *([f"{feed.bad} messages cannot be read"] if feed.bad else [])]
+    others = [*absent(feed.summary()), *([f"{feed.bad} messages cannot be read"] if feed.bad else [])]
     if not rerun.returns or rerun.span_ns is None:
         return "; ".join(["it holds no return of the LiDAR", *others])
-    if rerun.poses_ns is None and feed.told().get("positions_without_fix"):
+    if rerun.poses_ns is None and feed.summary().get("positions_without_fix"):
         return "; ".join(["its autopilot has no fix, by its own GPS_RAW_INT or estimator's flags", *others])
     if rerun.poses_ns is None:
         return "; ".join(["it holds no attitude, or no position, of the vehicle", *others])
@@ -76,7 +76,7 @@ def why_nothing(feed: Feed, rerun: Rerun) -> str:
     )
 
 
-def why_no_zone(outcome: Outcome, maps: TerrainMaps | None, parameters: Parameters) -> str:
+def why_no_zone(outcome: ReplayOutcome, maps: TerrainMaps | None, parameters: Parameters) -> str:
     """Return the areas seen, judged and safe, as the reason why there is no zone."""
     if not outcome.windows:
         return "no window was mapped"
@@ -111,7 +111,7 @@ def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
         found.append(f"{rerun.standing_scans} scans were made while the vehicle stood on the ground")
     if rerun.history.epoch:
         found.append(f"the position estimate jumped {rerun.history.epoch} times, and the map began anew")
-    return [*absent(feed.told()), *found]
+    return [*absent(feed.summary()), *found]
 
 
 def absent(source: Counts) -> list[str]:

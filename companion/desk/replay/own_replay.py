@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.replay.recorded_sensors import Senses
+from companion.desk.replay.recorded_sensors import RecordedSensors
 from companion.desk.replay.recording_reader import Header, Raw
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
@@ -29,7 +29,7 @@ MOST_SCANS = 4000  # kept for later windows: three minutes
 
 
 @dataclass(slots=True)
-class Outcome:
+class ReplayOutcome:
     """Counts and path of a replay.
 
     windows: processed. same, other: reports equal to the flight's to the last bit, and different ones.
@@ -73,23 +73,23 @@ class Replay:
 
     def __init__(self, header: Header, parameters: Parameters) -> None:
         self.parameters = parameters
-        self._senses = Senses(header, parameters, self._on_returns)
-        self._assembler = ScanAssembler(parameters, self._senses.history, self._on_scan)
+        self._sensors = RecordedSensors(header, parameters, self._on_returns)
+        self._assembler = ScanAssembler(parameters, self._sensors.history, self._on_scan)
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._before = header.scans
         self._document = b""
         self.report: Report | None = None
-        self.outcome = Outcome()
+        self.outcome = ReplayOutcome()
 
-    def take(self, message: Raw, mapping: bool = True) -> Report | None:
+    def process_message(self, message: Raw, mapping: bool = True) -> Report | None:
         """Process the next message; return the report if it was a window that is mapped, else None."""
         try:
             if message.topic == journal.REPORT:
                 self._compare(message.data)
             elif message.topic == journal.GAP:
                 self.outcome.lost += int(json.loads(message.data)["lost"])
-            elif (event := self._senses.take(message)) is not None:
+            elif (event := self._sensors.on_message(message)) is not None:
                 return self._window(event, mapping)
         except (ValueError, TypeError, KeyError) as error:
             self.outcome.bad += 1
@@ -103,12 +103,12 @@ class Replay:
     @property
     def history(self) -> PoseHistory:
         """The vehicle's poses."""
-        return self._senses.history
+        return self._sensors.history
 
     @property
     def vehicle(self) -> VehicleState:
         """The vehicle's state, from the autopilot's messages up to now."""
-        return self._senses.vehicle
+        return self._sensors.vehicle
 
     @property
     def pipeline(self) -> Pipeline:

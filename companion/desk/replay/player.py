@@ -38,7 +38,7 @@ class Player:
 
     Parameters
     ----------
-    begin
+    open_run
         Opens the recording: returns the run and its steps.
     on_step
         Called after every step with the run, the second of the flight, the step's stamp (ns) and its report
@@ -58,13 +58,13 @@ class Player:
 
     def __init__(
         self,
-        begin: Callable[[], tuple[Playing, Iterator[Step]]],
+        open_run: Callable[[], tuple[Playing, Iterator[Step]]],
         on_step: Callable[[Playing, float, int, Report | None], None],
         on_begin: Callable[[], None],
         length_s: float = 0.0,
         speed: float = 1.0,
     ) -> None:
-        self._begin, self._on_step, self._on_begin = begin, on_step, on_begin
+        self._open_run, self._on_step, self._on_begin = open_run, on_step, on_begin
         self._wake = threading.Condition()
         self._target_s: float | None = None
         self._closed = False
@@ -101,7 +101,7 @@ class Player:
             self._on_begin()
             self.ended, self.at_s = False, 0.0
             self._anchor = 0.0, time.monotonic()
-            self._play(*self._begin())
+            self._play(*self._open_run())
             self._wait_to_go_back()
 
     def _play(self, playing: Playing, steps: Iterator[Step]) -> None:

@@ -26,7 +26,7 @@ from slz import LocalFrame
 ORDERS = ("COMMAND_LONG", "COMMAND_INT")
 
 
-class Senses:
+class RecordedSensors:
     """Decoders and clocks of a flight, fed with recorded messages.
 
     Parameters
@@ -66,7 +66,7 @@ class Senses:
         """The vehicle's state, from the autopilot's messages up to now."""
         return self._inbox.followed
 
-    def take(self, message: Raw) -> WindowEvent | None:
+    def on_message(self, message: Raw) -> WindowEvent | None:
         """Process the next message; return its event if it is a window's, else None.
 
         Raises

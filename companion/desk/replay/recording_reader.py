@@ -57,7 +57,7 @@ class Raw:
     data: bytes
 
 
-class Recording:
+class RecordingReader:
     """A file of `slz run --record`.
 
     Attributes

@@ -32,7 +32,7 @@ BESIDE_LOG = "a capture (.pcap), a georeferenced cloud (.laz), or a folder of .p
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class RecordingOptions:
     """Options for a recording of another program.
 
     points: topic of the points, or path of the points of a log. poses: topics. lidar: kind of the sensor.
@@ -50,10 +50,10 @@ class Beside:
 
     @property
     def is_empty(self) -> bool:
-        return self == Beside(profile=self.profile)
+        return self == RecordingOptions(profile=self.profile)
 
 
-def kind_of(path: Path) -> Kind:
+def recording_type_of(path: Path) -> Kind:
     """Return the type of a recording, from its name; for MCAP from the file's profile."""
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in (".db3", ".bag"):
@@ -63,7 +63,7 @@ def kind_of(path: Path) -> Kind:
     return "bag" if suffix == ".mcap" and _profile(path).startswith("ros") else "own"
 
 
-def opened(path: Path, settings: Iterable[str], beside: Beside) -> tuple[Feed, Rerun]:
+def open_recording(path: Path, settings: Iterable[str], options: RecordingOptions) -> tuple[Feed, Rerun]:
     """Open a recording of another program.
 
     Raises
@@ -72,48 +72,50 @@ def opened(path: Path, settings: Iterable[str], beside: Beside) -> tuple[Feed, R
         It cannot be used, or an option is missing, wrong or superfluous.
     """
     settings = tuple(settings)
-    parameters = params.load(beside.profile, settings)
-    if kind_of(path) == "tlog":
-        return _telemetry(path, beside), Rerun(parameters)
-    return _bag(path, settings, beside, parameters)
+    parameters = params.load(options.profile, settings)
+    if recording_type_of(path) == "tlog":
+        return _telemetry(path, options), Rerun(parameters)
+    return _bag(path, settings, options, parameters)
 
 
-def _bag(path: Path, settings: tuple[str, ...], beside: Beside, parameters: Parameters) -> tuple[Feed, Rerun]:
-    if beside.lidar is not None:
+def _bag(
+    path: Path, settings: tuple[str, ...], options: RecordingOptions, parameters: Parameters
+) -> tuple[Feed, Rerun]:
+    if options.lidar is not None:
         raise UsageError(f"{path}: --lidar goes with packets, not with the points of a bag")
-    if beside.system is not None:
+    if options.system is not None:
         raise UsageError(f"{path}: --system goes with a telemetry log, not with a bag")
-    feed = RosFeed(path, beside.points, beside.poses)
-    if feed.is_local and beside.origin is None:
+    feed = RosFeed(path, options.points, options.poses)
+    if feed.is_local and options.origin is None:
         raise UsageError(
             f"{path}: its poses are metres of a frame of their own: say where that begins by"
             " --origin LAT,LON,ALT"
         )
-    if not feed.is_local and beside.origin is not None:
+    if not feed.is_local and options.origin is not None:
         raise UsageError(f"{path}: its poses are latitudes and longitudes: leave out --origin")
     if feed.body_points and not any(setting.startswith("lidar_") for setting in settings):
         parameters = parameters.model_copy(update=LEVEL_MOUNT)
-    return feed, Rerun(parameters, None if beside.origin is None else _frame(beside.origin))
+    return feed, Rerun(parameters, None if options.origin is None else _frame(options.origin))
 
 
-def _telemetry(path: Path, beside: Beside) -> Feed:
-    if beside.poses or beside.origin is not None:
+def _telemetry(path: Path, options: RecordingOptions) -> Feed:
+    if options.poses or options.origin is not None:
         raise UsageError(f"{path}: it tells where the vehicle was: leave out --pose and --origin")
-    if beside.points is None:
+    if options.points is None:
         raise UsageError(f"{path}: name what the LiDAR measured by --points: {BESIDE_LOG}")
-    log, points = TelemetryLog(path), Path(beside.points)
+    log, points = TelemetryLog(path), Path(options.points)
     placed, folder = points.suffix.lower() in PLACED, points.is_dir()
-    if beside.lidar is not None and (placed or folder):
+    if options.lidar is not None and (placed or folder):
         raise UsageError(f"{points}: --lidar goes with packets, not with points")
-    system = vehicle_of(path, log, beside.system)
+    system = vehicle_of(path, log, options.system)
     vehicle = system, tells_fix(log, system)
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), beside.vertical_unit), *vehicle)
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), options.vertical_unit), *vehicle)
     if folder:
         return TelemetryFeed(log, CloudFolder(points), *vehicle)
     if points.suffix.lower() in CLOUDS:
         raise UsageError(f"{points}: it does not say when it was measured: give {BESIDE_LOG}")
-    return TelemetryFeed(log, CapturedPackets(points, beside.lidar), *vehicle)
+    return TelemetryFeed(log, CapturedPackets(points, options.lidar), *vehicle)
 
 
 def _span_ns(log: TelemetryLog) -> tuple[int, int]:

@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 
 from companion.desk.replay.own_replay import Replay as Flight
 from companion.desk.replay.player import Player, Playing, Step
-from companion.desk.replay.recording_reader import Recording
-from companion.desk.replay.recording_type import Beside, kind_of, opened
+from companion.desk.replay.recording_reader import RecordingReader
+from companion.desk.replay.recording_type import RecordingOptions, open_recording, recording_type_of
 from companion.flight.dashboard import state_document
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Replay
@@ -59,11 +59,11 @@ class ReplayPage:
         The recording cannot be used.
     """
 
-    def __init__(self, path: Path, settings: Iterable[str], beside: Beside, speed: float) -> None:
-        self._path, self._settings, self._beside = path, tuple(settings), beside
-        playing, _ = self._begin()  # opened now, so that an unusable file is refused at once
+    def __init__(self, path: Path, settings: Iterable[str], options: RecordingOptions, speed: float) -> None:
+        self._path, self._settings, self._options = path, tuple(settings), options
+        playing, _ = self._open_run()  # opened now, so that an unusable file is refused at once
         self.board = Board(playing.parameters)
-        self.player = Player(self._begin, self._on_step, self._on_begin, _length_s(path), speed or 1.0)
+        self.player = Player(self._open_run, self._on_step, self._on_begin, _length_s(path), speed or 1.0)
         self._shown_s = 0.0
         self._anew = True
         warm_up(playing.parameters)
@@ -91,13 +91,15 @@ class ReplayPage:
 
     # ---- in the player's thread -----------------------------------------------------------------
 
-    def _begin(self) -> tuple[Any, Iterator[Step]]:
-        if kind_of(self._path) != "own":
-            feed, rerun = opened(self._path, self._settings, self._beside)
-            return rerun, ((at_ns, partial(rerun.take, act)) for at_ns, act in feed.steps(rerun))
-        recording = Recording(self._path)
+    def _open_run(self) -> tuple[Any, Iterator[Step]]:
+        if recording_type_of(self._path) != "own":
+            feed, rerun = open_recording(self._path, self._settings, self._options)
+            return rerun, ((at_ns, partial(rerun.hand_over, act)) for at_ns, act in feed.steps(rerun))
+        recording = RecordingReader(self._path)
         flight = Flight(recording.header, recording.header.parameters(self._settings))
-        return flight, ((message.at_ns, partial(flight.take, message)) for message in recording.messages())
+        return flight, (
+            (message.at_ns, partial(flight.process_message, message)) for message in recording.messages()
+        )
 
     def _on_begin(self) -> None:
         self.board.path, self.board.path_number = [], self.board.path_number + 1
@@ -121,7 +123,7 @@ def show(
     path: Path,
     settings: Iterable[str],
     front: Front,
-    beside: Beside,
+    options: RecordingOptions,
     speed: float,
     handled_by: Callable[[Callable[[], None]], AbstractContextManager[None]],
 ) -> None:
@@ -134,7 +136,7 @@ def show(
     Interrupted
         A signal arrived.
     """
-    page = ReplayPage(path, settings, beside, speed)
+    page = ReplayPage(path, settings, options, speed)
 
     async def run() -> None:
         stopped, loop = asyncio.Event(), asyncio.get_running_loop()

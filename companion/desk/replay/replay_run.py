@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from companion.desk.replay.loss_report import lost_for_time, not_mapped, why_no_zone, why_nothing
-from companion.desk.replay.own_replay import Outcome, Replay
-from companion.desk.replay.recording_reader import Recording
-from companion.desk.replay.recording_type import Beside, kind_of, opened
+from companion.desk.replay.own_replay import Replay, ReplayOutcome
+from companion.desk.replay.recording_reader import RecordingReader
+from companion.desk.replay.recording_type import RecordingOptions, open_recording, recording_type_of
 from companion.flight.outputs.zone_summary import choice_summary, zone_summary
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError
@@ -31,7 +31,7 @@ def run(
     speed: float,
     span_s: tuple[float, float],
     step: Callable[[float, str], None] = lambda _share, _text: None,
-    beside: Beside = Beside(),  # noqa: B008 - it is frozen
+    options: RecordingOptions = RecordingOptions(),  # noqa: B008 - it is frozen
 ) -> dict[str, Any]:
     """Replay a recording and return the summary.
 
@@ -47,7 +47,7 @@ def run(
         First and last second to map, from the beginning of the recording.
     step
         Called for every window: seconds since the beginning, and a line on its result.
-    beside
+    options
         Options for a recording of another program.
 
     Raises
@@ -56,19 +56,19 @@ def run(
         The recording or a setting cannot be used, or the folder cannot be written.
     """
     settings = tuple(settings)
-    if kind_of(path) != "own":
-        return _run_others(path, settings, out, speed, span_s, step, beside)
-    if not beside.is_empty:
+    if recording_type_of(path) != "own":
+        return _run_others(path, settings, out, speed, span_s, step, options)
+    if not options.is_empty:
         raise UsageError(
             f"{path}: a recording of slz holds all it needs: leave out --points, --system and the like"
         )
-    recording = Recording(path)
+    recording = RecordingReader(path)
     parameters = recording.header.parameters(settings)
     replay = Replay(recording.header, parameters)
     if out is not None:
         output_folder.prepare(out)
     warm_up(parameters)
-    steps = ((message.at_ns, partial(replay.take, message)) for message in recording.messages())
+    steps = ((message.at_ns, partial(replay.process_message, message)) for message in recording.messages())
     if not _play(steps, speed, span_s, step):
         raise UsageError(f"{path} holds no message to replay")
     files = {} if out is None else _draw(out, replay.maps(), replay.report, replay.outcome, parameters)
@@ -84,12 +84,12 @@ def _run_others(
     speed: float,
     span_s: tuple[float, float],
     step: Callable[[float, str], None],
-    beside: Beside,
+    options: RecordingOptions,
 ) -> dict[str, Any]:
-    feed, rerun = opened(path, settings, beside)
+    feed, rerun = open_recording(path, settings, options)
     if out is not None:
         output_folder.prepare(out)
-    steps = ((at_ns, partial(rerun.take, act)) for at_ns, act in feed.steps(rerun))
+    steps = ((at_ns, partial(rerun.hand_over, act)) for at_ns, act in feed.steps(rerun))
     _play(steps, speed, span_s, step)
     rerun.finish()
     if not (rerun.assembler.scans or rerun.outcome.windows):
@@ -98,7 +98,7 @@ def _run_others(
     outcome.bad = feed.bad
     files = {} if out is None else _draw(out, rerun.maps(), rerun.report, outcome, rerun.parameters)
     summary = _summary(path, feed.cut, outcome, rerun.report, settings, files)
-    source, returns = feed.told(), {"read": rerun.returns} | rerun.assembler.statistics()
+    source, returns = feed.summary(), {"read": rerun.returns} | rerun.assembler.statistics()
     why = [] if summary["zones"] else [why_no_zone(outcome, rerun.maps(), rerun.parameters)]
     return summary | {
         "why_no_zones": "; ".join([*why, *(not_mapped(feed, rerun) if why else [])]),
@@ -128,7 +128,12 @@ def _play(
 
 
 def _summary(
-    path: Path, cut: str, o: Outcome, report: Report | None, given: tuple[str, ...], files: dict[str, str]
+    path: Path,
+    cut: str,
+    o: ReplayOutcome,
+    report: Report | None,
+    given: tuple[str, ...],
+    files: dict[str, str],
 ) -> dict[str, Any]:
     return {
         "file": str(path),
@@ -149,7 +154,7 @@ def _summary(
 
 
 def _draw(
-    out: Path, maps: TerrainMaps | None, report: Report | None, outcome: Outcome, parameters: Parameters
+    out: Path, maps: TerrainMaps | None, report: Report | None, outcome: ReplayOutcome, parameters: Parameters
 ) -> dict[str, str]:
     from companion.desk.figures import save_flight
 

@@ -22,7 +22,7 @@ from companion.desk.reproduce.near_far import CLIMBS
 from companion.desk.reproduce.places import PLACES
 from companion.desk.reproduce.reproduction_page import Section
 from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
-from companion.desk.reproduce.source_scenes import CASES, Case, Outcome
+from companion.desk.reproduce.source_scenes import CASES, Case, CaseOutcome
 from companion.desk.reproduce.source_scenes import run as run_case
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError
@@ -83,7 +83,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
 
     if not cases:
         return instrument_data.sections(devices, out, step)
-    outcomes: list[Outcome] = []
+    outcomes: list[CaseOutcome] = []
     certainties: dict[str, reliability.Bins] = {}
     for case in cases:
         step(case.name)
@@ -108,7 +108,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
     ]
 
 
-def _against_truth(outcomes: Sequence[Outcome], out: Path) -> Section:
+def _against_truth(outcomes: Sequence[CaseOutcome], out: Path) -> Section:
     """Return the section of the area errors, SLZ paper, Eq. (20), and the maps of every case."""
     pictures = [
         (o.case.name, save_maps(out / o.case.folder, o.maps, o.report.zones, o.parameters)) for o in outcomes
@@ -117,7 +117,7 @@ def _against_truth(outcomes: Sequence[Outcome], out: Path) -> Section:
     return Section([reproduction_page.scene_table(outcomes)], pictures, figures)
 
 
-def _figures(outcome: Outcome) -> dict[str, Any]:
+def _figures(outcome: CaseOutcome) -> dict[str, Any]:
     s = outcome.scores
     return {
         "area_error": round(s.area_error, 5),

@@ -11,7 +11,7 @@ import numpy as np
 from companion.desk.figures.layer_figures import draw_surface
 from companion.desk.figures.map_furniture import Marks, draw_frame, draw_marks
 from companion.desk.figures.picture import Picture
-from companion.desk.reproduce.places import ABOVE_DEG, BELOW_DEG, Place, Watched, watch
+from companion.desk.reproduce.places import ABOVE_DEG, BELOW_DEG, ObservedPoint, Place, watch
 from companion.desk.reproduce.reproduction_page import Pictures, Section, Table
 from companion.desk.reproduce.scenarios import MODES
 from companion.desk.reproduce.survey_recording import fly
@@ -66,7 +66,7 @@ def section(places: Sequence[Place], out: Path, surveys: Path, progress: Callabl
     return Section(tables, pictures, {"landing_points": figures})
 
 
-def _rows(name: str, watched: Watched) -> list[tuple[str, ...]]:
+def _rows(name: str, watched: ObservedPoint) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [
         (
             name,
@@ -81,14 +81,14 @@ def _rows(name: str, watched: Watched) -> list[tuple[str, ...]]:
     return rows or [(name, "none", "", "", "", "")]
 
 
-def _edges(extent_m: tuple[float, float, float, float], watched: Watched) -> str:
+def _edges(extent_m: tuple[float, float, float, float], watched: ObservedPoint) -> str:
     east, north = watched.place.east_north_m
     west_m, south_m, east_m, north_m = extent_m
     across = f"{west_m - east:.1f} to {east_m - east:.1f}"
     return f"{across}, {south_m - north:.1f} to {north_m - north:.1f}"
 
 
-def _horizon_row(name: str, watched: Watched) -> tuple[str, ...]:
+def _horizon_row(name: str, watched: ObservedPoint) -> tuple[str, ...]:
     return (
         name,
         watched.selected.state.value,
@@ -100,7 +100,7 @@ def _horizon_row(name: str, watched: Watched) -> tuple[str, ...]:
     )
 
 
-def _figures(watched: Watched) -> dict[str, Any]:
+def _figures(watched: ObservedPoint) -> dict[str, Any]:
     found = [pair for pair in watched.pairs if pair.found is not None]
     return {
         "state": watched.selected.state.value,
@@ -115,7 +115,7 @@ def _figures(watched: Watched) -> dict[str, Any]:
     }
 
 
-def _draw(watched: Watched, folder: Path) -> list[Path]:
+def _draw(watched: ObservedPoint, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / "around.png", folder / "horizon.png"]
     _draw_map(watched, files[0])
@@ -123,7 +123,7 @@ def _draw(watched: Watched, folder: Path) -> list[Path]:
     return files
 
 
-def _draw_map(watched: Watched, file: Path) -> None:
+def _draw_map(watched: ObservedPoint, file: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Rectangle
     from matplotlib.patheffects import withStroke
@@ -174,7 +174,7 @@ def _middle(obstacle: Obstacle, maps: TerrainMaps) -> tuple[float, float]:
     return middle if high else (obstacle.east_m, obstacle.north_m)
 
 
-def _draw_horizon(watched: Watched, file: Path) -> None:
+def _draw_horizon(watched: ObservedPoint, file: Path) -> None:
     from matplotlib.figure import Figure
 
     found, true = watched.surroundings.horizon_deg, watched.true_horizon_deg()

@@ -15,8 +15,8 @@ from companion.desk.figures.map_furniture import draw_frame
 from companion.desk.figures.picture import Picture
 from companion.desk.reproduce.reproduction_page import Pictures, Section, Table
 from companion.desk.reproduce.scenarios import MODES
-from companion.desk.reproduce.source_scenes import Case, begin
-from companion.desk.reproduce.survey_recording import Survey, fly
+from companion.desk.reproduce.source_scenes import Case, pipeline_for
+from companion.desk.reproduce.survey_recording import SurveyFlight, fly
 from params import Parameters
 from slz import Box, Grid, Report, TerrainMaps, Zone, zone_mask
 
@@ -50,7 +50,7 @@ class Climb:
     """A flight that climbs over a scene, and the settings of each mode."""
 
     name: str
-    survey: Survey
+    survey: SurveyFlight
     default: tuple[str, ...] = ("cell_m=0.5",)
     source: tuple[str, ...] = ("cell_m=1", "far_cell_m=10")
 
@@ -59,8 +59,8 @@ class Climb:
         return Case(f"{self.name}, {mode} mode", self.survey, 1.0, settings=(f"mode={mode}", *own))
 
 
-def _climb(scene: str, height_m: float) -> Survey:
-    return Survey(
+def _climb(scene: str, height_m: float) -> SurveyFlight:
+    return SurveyFlight(
         scene,
         (-80.0, -80.0, 80.0, 80.0),
         height_m=height_m,
@@ -120,7 +120,7 @@ def section(climbs: Sequence[Climb], out: Path, surveys: Path, progress: Callabl
 
 def _run(case: Case, surveys: Path) -> Flown:
     recording = fly(case.survey, surveys)
-    pipeline, parameters = begin(case)
+    pipeline, parameters = pipeline_for(case)
     reports, path = [], []
     for window in recording.windows():
         reports.append(pipeline.process(window))

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.reproduce.scenarios import ONE_MAP
-from companion.desk.reproduce.source_scenes import Case, Settings, begin
-from companion.desk.reproduce.survey_recording import Recording, Survey, fly
-from companion.desk.reproduce.true_obstacles import Around, Pair
+from companion.desk.reproduce.source_scenes import Case, Settings, pipeline_for
+from companion.desk.reproduce.survey_recording import SurveyFlight, SurveyRecording, fly
+from companion.desk.reproduce.true_obstacles import Pair, TrueSurroundings
 from params import Parameters
 from slz import Box, SelectedPoint, Surroundings, TerrainMaps
 
@@ -25,7 +25,7 @@ class Place:
     """A landing point: its position, its survey, and the settings of each mode."""
 
     name: str
-    survey: Survey
+    survey: SurveyFlight
     east_north_m: tuple[float, float]
     settings: Settings = ()
     source: Settings = ("cell_m=1",)
@@ -43,7 +43,7 @@ class Place:
 PLACES = (
     Place(
         "open plain",
-        Survey(
+        SurveyFlight(
             "plain",
             (-33.0, -33.0, 33.0, 33.0),
             spacing_m=22.0,
@@ -55,12 +55,14 @@ PLACES = (
     ),
     Place(
         "between two buildings",
-        Survey("buildings", (-28.0, -20.0, 30.0, 20.0), spacing_m=14.0, speed_ms=10.0, point_rate_hz=100_000),
+        SurveyFlight(
+            "buildings", (-28.0, -20.0, 30.0, 20.0), spacing_m=14.0, speed_ms=10.0, point_rate_hz=100_000
+        ),
         (1.0, 0.0),
     ),
     Place(
         "inside the stadium",
-        Survey(
+        SurveyFlight(
             "stadium",
             (-112.0, -14.0, 32.0, 98.0),
             spacing_m=22.0,
@@ -76,13 +78,13 @@ PLACES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class ObservedPoint:
     """A selected point after a survey, the true obstacles around it, and the map about it."""
 
     place: Place
     mode: str
     selected: SelectedPoint
-    truth: Around
+    truth: TrueSurroundings
     maps: TerrainMaps
     parameters: Parameters
 
@@ -119,10 +121,10 @@ class Watched:
         return float(np.nanmedian(np.abs(self.surroundings.horizon_deg - self.true_horizon_deg())))
 
 
-def watch(place: Place, mode: str, surveys: Path, recording: Recording | None = None) -> Watched:
+def watch(place: Place, mode: str, surveys: Path, recording: SurveyRecording | None = None) -> ObservedPoint:
     """Fly over a place, select its point before the last window, and return its surroundings and truth."""
     recording = recording or fly(place.survey, surveys)
-    pipeline, parameters = begin(place.case(mode))
+    pipeline, parameters = pipeline_for(place.case(mode))
     windows = list(recording.windows())
     if not windows:
         raise RuntimeError(f"{place.name}: nothing was seen")
@@ -137,5 +139,5 @@ def watch(place: Place, mode: str, surveys: Path, recording: Recording | None = 
     maps = pipeline.maps(box.grown(0, grid), "near")
     if selected is None or maps is None:
         raise RuntimeError(f"{place.name}: nothing is known of it")
-    truth = Around(recording, *place.east_north_m, parameters.surround_m)
-    return Watched(place, mode, selected, truth, maps, parameters)
+    truth = TrueSurroundings(recording, *place.east_north_m, parameters.surround_m)
+    return ObservedPoint(place, mode, selected, truth, maps, parameters)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.reproduce.reproduction_page import Section, Table
-from companion.desk.reproduce.survey_recording import Recording
+from companion.desk.reproduce.survey_recording import SurveyRecording
 from companion.desk.reproduce.truth_comparison import truth_at
 from slz import SAFE, UNKNOWN, TerrainMaps
 
@@ -89,7 +89,7 @@ class Bins:
         return float(np.abs(self.total - self.true).sum() / self.cells.sum())
 
 
-def count(recording: Recording, maps: TerrainMaps) -> Bins:
+def count(recording: SurveyRecording, maps: TerrainMaps) -> Bins:
     """Count the known cells of a map within the surveyed extent less its margin."""
     safe, inside = truth_at(recording, maps.grid, maps.box)
     use = inside & (maps.state != UNKNOWN)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.reproduce.inclined_planes import SlopeError
-from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, PAPER_MS, Outcome
+from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, PAPER_MS, CaseOutcome
 
 STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}"
@@ -44,7 +44,7 @@ class Section:
     figures: dict[str, Any]
 
 
-def scene_table(outcomes: Sequence[Outcome]) -> Table:
+def scene_table(outcomes: Sequence[CaseOutcome]) -> Table:
     """Return the table of area errors, SLZ paper, Eq. (20), safety errors and times by scene."""
     rows: list[tuple[str, ...]] = [
         (

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.desk.reproduce.source_scenes import Case, Settings
-from companion.desk.reproduce.survey_recording import Survey
+from companion.desk.reproduce.survey_recording import SurveyFlight
 
 MODES = ("source", "default")
 ONE_MAP = ("far_speed_ms=500", "far_height_m=10000")
@@ -27,7 +27,7 @@ class Scenario:
     """
 
     name: str
-    survey: Survey
+    survey: SurveyFlight
     settings: Settings = ()
     default: Settings = ("coverage_m=3", "footprint_m=3")
     no_filter_m: float = 3.0
@@ -54,8 +54,8 @@ def _near(
     spacing_m: float = 20.0,
     speed_ms: float = 30.0,
     point_rate_hz: int = 40_000,
-) -> Survey:
-    return Survey(
+) -> SurveyFlight:
+    return SurveyFlight(
         scene,
         extent_m,
         height_m=height_m,
@@ -69,7 +69,7 @@ def _near(
 
 
 # The simulated sensor reaches 60 m on grass, so this is the greatest height that still shows the meadows.
-_FAR = Survey(
+_FAR = SurveyFlight(
     "hill",
     (-190.0, -190.0, 190.0, 190.0),
     height_m=45.0,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import params
-from companion.desk.reproduce.survey_recording import Recording, Survey, fly
+from companion.desk.reproduce.survey_recording import SurveyFlight, SurveyRecording, fly
 from companion.desk.reproduce.truth_comparison import Scores, compare
 from params import Parameters
 from slz import Pipeline, Report, TerrainMaps, zone_mask
@@ -20,7 +20,7 @@ Settings = tuple[str, ...]
 # The sources' figures (SLZ paper, Section 4; SLZ thesis, Section 4): Eq. (20), and time per second of LiDAR.
 PAPER_AREA_ERROR = 0.287
 PAPER_MS = 600.0
-FINE = Survey("stadium", (-100.0, -10.0, 20.0, 90.0))
+FINE = SurveyFlight("stadium", (-100.0, -10.0, 20.0, 90.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Case:
     """One run: a survey, a profile with settings, and the limit of its area error, SLZ paper, Eq. (20)."""
 
     name: str
-    survey: Survey
+    survey: SurveyFlight
     area_error_limit: float
     profile: str = "quadcopter"
     settings: Settings = field(default=())
@@ -40,7 +40,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CaseOutcome:
     """Result of a run."""
 
     case: Case
@@ -71,7 +71,7 @@ class Outcome:
         return max(self.ms)
 
 
-STADIUM_AT_1_M = Survey(
+STADIUM_AT_1_M = SurveyFlight(
     "stadium",
     (-200.0, -200.0, 200.0, 200.0),
     spacing_m=20.0,
@@ -85,11 +85,11 @@ _SOURCE = ("mode=source", "zone_m=420")
 
 CASES = (
     Case("1 stadium", FINE, 0.05),
-    Case("2 road and yards", Survey("streets", (-10.0, 14.0, 90.0, 114.0)), 0.10),
-    Case("3 plain between mountains", Survey("mountains", (-50.0, -70.0, 50.0, 30.0)), 0.10),
-    Case("4 dense buildings", Survey("dense", (-38.0, -38.0, 38.0, 38.0)), 0.10),
-    Case("5 hill", Survey("hill", (-50.0, -130.0, 50.0, -30.0)), 0.10),
-    Case("plain with a lake", Survey("plain", (-10.0, -90.0, 90.0, 10.0)), 0.10),
+    Case("2 road and yards", SurveyFlight("streets", (-10.0, 14.0, 90.0, 114.0)), 0.10),
+    Case("3 plain between mountains", SurveyFlight("mountains", (-50.0, -70.0, 50.0, 30.0)), 0.10),
+    Case("4 dense buildings", SurveyFlight("dense", (-38.0, -38.0, 38.0, 38.0)), 0.10),
+    Case("5 hill", SurveyFlight("hill", (-50.0, -130.0, 50.0, -30.0)), 0.10),
+    Case("plain with a lake", SurveyFlight("plain", (-10.0, -90.0, 90.0, 10.0)), 0.10),
     Case(
         "1 stadium, source mode at 1 m",
         STADIUM_AT_1_M,
@@ -100,7 +100,7 @@ CASES = (
 )
 
 
-def begin(case: Case) -> tuple[Pipeline, Parameters]:
+def pipeline_for(case: Case) -> tuple[Pipeline, Parameters]:
     """Return a pipeline for a case, its first map about the survey's middle, and its parameters."""
     x0, y0, x1, y1 = case.survey.extent_m
     side = 2.4 * max(x1 - x0, y1 - y0)
@@ -109,10 +109,10 @@ def begin(case: Case) -> tuple[Pipeline, Parameters]:
     return Pipeline(parameters, ((x0 + x1) / 2, (y0 + y1) / 2)), parameters
 
 
-def run(case: Case, folder: Path) -> tuple[Outcome, Recording]:
+def run(case: Case, folder: Path) -> tuple[CaseOutcome, SurveyRecording]:
     """Fly a case, or load its recording from the folder, and process it window by window."""
     recording = fly(case.survey, folder)
-    pipeline, parameters = begin(case)
+    pipeline, parameters = pipeline_for(case)
     report, ms, ids = None, [], set()
     for window in recording.windows():
         started = time.perf_counter()
@@ -123,5 +123,5 @@ def run(case: Case, folder: Path) -> tuple[Outcome, Recording]:
     if report is None or maps is None:
         raise RuntimeError(f"{case.name}: nothing was seen")
     scores = compare(recording, maps, report.zones, parameters)
-    outcome = Outcome(case, scores, report, maps, parameters, tuple(ms), len(ids), recording.regions)
+    outcome = CaseOutcome(case, scores, report, maps, parameters, tuple(ms), len(ids), recording.regions)
     return outcome, recording

@@ -8,7 +8,7 @@ from pathlib import Path
 from companion.desk.figures import save_maps, save_terrain
 from companion.desk.reproduce.reproduction_page import Pictures, Section, Table
 from companion.desk.reproduce.scenarios import MODES, Scenario
-from companion.desk.reproduce.source_scenes import Outcome, run
+from companion.desk.reproduce.source_scenes import CaseOutcome, run
 
 TEXT = (
     "Figures 11 and 12 of the SLZ paper: of six zones in a part of scene 1, a square of 24 m leaves two, the "
@@ -46,7 +46,7 @@ def section(
     return Section([Table("Room to land", TEXT, COLUMNS, rows)], pictures, {"zones_without_and_with": counts})
 
 
-def _row(without: Outcome, found: Outcome) -> tuple[str, ...]:
+def _row(without: CaseOutcome, found: CaseOutcome) -> tuple[str, ...]:
     return (
         found.case.name,
         f"{len(without.report.zones)}",
@@ -57,7 +57,7 @@ def _row(without: Outcome, found: Outcome) -> tuple[str, ...]:
     )
 
 
-def _size(outcome: Outcome) -> str:
+def _size(outcome: CaseOutcome) -> str:
     """Return width and height (m) of the box around the largest zone."""
     if not outcome.report.zones:
         return "none"
@@ -66,7 +66,7 @@ def _size(outcome: Outcome) -> str:
     return f"{cols * cell:.0f} x {rows * cell:.0f}"
 
 
-def _draw(without: Outcome, found: Outcome, out: Path) -> list[Path]:
+def _draw(without: CaseOutcome, found: CaseOutcome, out: Path) -> list[Path]:
     folder = out / found.case.folder
     drawn = save_maps(folder, found.maps, found.report.zones, found.parameters)
     extra = folder / "safe_without_filter.png"

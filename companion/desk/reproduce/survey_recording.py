@@ -21,7 +21,7 @@ WINDOW_CHUNKS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class SurveyFlight:
     """Options of `python -m sitl.flown_survey`."""
 
     scene: str
@@ -55,10 +55,10 @@ class Survey:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class SurveyRecording:
     """A flown survey; rasters of the truth have rows from the south."""
 
-    survey: Survey
+    survey: SurveyFlight
     points_enu_m: NDArray[np.float32]
     stamp_ns: NDArray[np.int64]
     sensor_enu_m: NDArray[np.float64]
@@ -88,7 +88,7 @@ class Recording:
                 )
 
 
-def fly(survey: Survey, folder: Path) -> Recording:
+def fly(survey: SurveyFlight, folder: Path) -> SurveyRecording:
     """Fly a survey with the simulator; an existing recording is reused.
 
     Raises
@@ -109,7 +109,7 @@ def fly(survey: Survey, folder: Path) -> Recording:
         partial.replace(file)
     with np.load(file) as data:
         regions = {name: np.array(corners) for name, corners in json.loads(str(data["regions"])).items()}
-        return Recording(
+        return SurveyRecording(
             survey=survey,
             points_enu_m=data["points_enu_m"],
             stamp_ns=data["stamp_ns"],

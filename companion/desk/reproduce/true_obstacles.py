@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from companion.desk.reproduce.survey_recording import Recording
+from companion.desk.reproduce.survey_recording import SurveyRecording
 from slz import Surroundings
 
 SECTORS = 36
@@ -47,10 +47,10 @@ class Pair:
         return math.inf if self.found is None else self.found[1] - self.true.height_m
 
 
-class Around:
+class TrueSurroundings:
     """The truth within `radius_m` of a point."""
 
-    def __init__(self, recording: Recording, east_m: float, north_m: float, radius_m: float) -> None:
+    def __init__(self, recording: SurveyRecording, east_m: float, north_m: float, radius_m: float) -> None:
         self._recording, self._point = recording, (east_m, north_m)
         self._x0, self._y0, self.cell_m = *recording.survey.extent_m[:2], recording.survey.cell_m
         n_rows, n_cols = recording.height_m.shape

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.evaluation import relative_area_error, room_to_land
-from companion.desk.reproduce.survey_recording import Recording
+from companion.desk.reproduce.survey_recording import SurveyRecording
 from params import Parameters
 from slz import SAFE, UNKNOWN, Box, Grid, TerrainMaps, Zone, zone_mask
 
@@ -42,7 +42,7 @@ class Scores:
 
 
 def compare(
-    recording: Recording, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters
+    recording: SurveyRecording, maps: TerrainMaps, zones: tuple[Zone, ...], parameters: Parameters
 ) -> Scores:
     """Compare maps and zones with the truth, cell by cell of the map."""
     grid, box = maps.grid, maps.box
@@ -67,7 +67,7 @@ def compare(
     )
 
 
-def truth_at(recording: Recording, grid: Grid, box: Box) -> tuple[Mask, Mask]:
+def truth_at(recording: SurveyRecording, grid: Grid, box: Box) -> tuple[Mask, Mask]:
     """Return masks of the truly safe cells of a map, and of those in the extent less its margin."""
     truth = _Truth(recording, grid, box)
     return np.asarray(truth.of(recording.safe, 0) == 1), truth.inside
@@ -76,7 +76,7 @@ def truth_at(recording: Recording, grid: Grid, box: Box) -> tuple[Mask, Mask]:
 class _Truth:
     """The truth at the cells of a map."""
 
-    def __init__(self, recording: Recording, grid: Grid, box: Box) -> None:
+    def __init__(self, recording: SurveyRecording, grid: Grid, box: Box) -> None:
         x0, y0, x1, y1 = recording.survey.extent_m
         rows, cols = np.mgrid[box.row0 : box.row1, box.col0 : box.col1]
         east = grid.west_m + (cols + 0.5) * grid.cell_m

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.desk.reproduce.reproduction_page import Section, Table
-from companion.desk.reproduce.source_scenes import PAPER_MS, Outcome
+from companion.desk.reproduce.source_scenes import PAPER_MS, CaseOutcome
 
 TEXT = (
     f"Milliseconds for a window of 1 s. The SLZ paper's Figure 17 stays below {PAPER_MS:.0f} ms in C++ on a "
@@ -19,7 +19,7 @@ TICKS_MS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
 COLUMNS = ("scene", "windows", "median", "p99", "greatest", "SLZ paper")
 
 
-def section(outcomes: Sequence[Outcome], out: Path) -> Section:
+def section(outcomes: Sequence[CaseOutcome], out: Path) -> Section:
     """Plot every window's time, and tabulate median, p99 and maximum beside the source's limit."""
     rows: list[tuple[str, ...]] = [
         (
@@ -38,7 +38,7 @@ def section(outcomes: Sequence[Outcome], out: Path) -> Section:
     return Section([table], [("Time per window", [file])], {})
 
 
-def _draw(outcomes: Sequence[Outcome], file: Path) -> None:
+def _draw(outcomes: Sequence[CaseOutcome], file: Path) -> None:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter

@@ -6,12 +6,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from companion.desk.survey.map_run import Plan, run
+    from companion.desk.survey.map_run import MapOptions, run
     from companion.desk.survey.tiled.task_engine import engine
 
-__all__ = ["Plan", "engine", "run"]
+__all__ = ["MapOptions", "engine", "run"]
 
-WHERE = {"Plan": "map_run", "run": "map_run", "engine": "tiled.task_engine"}
+WHERE = {"MapOptions": "map_run", "run": "map_run", "engine": "tiled.task_engine"}
 
 
 def __getattr__(name: str) -> Any:

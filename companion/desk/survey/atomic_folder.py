@@ -20,7 +20,7 @@ WORK = ".slz-survey"
 WORTH_BYTES = 200_000_000  # of finished work; less is faster to repeat than to explain to the user
 
 
-def look(out: Path) -> None:
+def check_output_path(out: Path) -> None:
     """Refuse an output path that is a file, before minutes are spent; the folder itself is made later."""
     there = next(part for part in (out, *out.parents) if part.exists())
     if not there.is_dir():
@@ -28,7 +28,7 @@ def look(out: Path) -> None:
 
 
 @contextmanager
-def claimed(out: Path) -> Iterator[None]:
+def locked_folder(out: Path) -> Iterator[None]:
     """Make a folder and lock it against other runs; remove the folders made here if they end up empty.
 
     Raises
@@ -59,7 +59,7 @@ def _lock(folder: int, out: Path) -> None:
 
 
 @contextmanager
-def unfinished(out: Path) -> Iterator[Path]:
+def temporary_folder(out: Path) -> Iterator[Path]:
     """Yield a temporary folder within `out` for incomplete results; it is removed at the end."""
     with tempfile.TemporaryDirectory(prefix=".slz-map-", dir=out, ignore_cleanup_errors=True) as folder:
         yield Path(folder)

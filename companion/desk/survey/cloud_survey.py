@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.clouds import memory_limit
-from companion.desk.clouds.cloud import Cloud
-from companion.desk.survey.local_metres import Metric, about
+from companion.desk.clouds.cloud import GeoreferencedCloud
+from companion.desk.survey.local_metres import Metric, metric_for
 from companion.desk.survey.point_density import coverage_for, density_per_m2
-from companion.desk.survey.stray_points import near
+from companion.desk.survey.stray_points import inlier_mask
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Pipeline, Report, TerrainMaps, Window
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class CloudSurvey:
     """Result of the pipeline for a cloud."""
 
     report: Report
@@ -31,7 +31,7 @@ class Survey:
     dropped: dict[str, int]
 
 
-def survey(cloud: Cloud, parameters: Parameters) -> Survey:
+def survey(cloud: GeoreferencedCloud, parameters: Parameters) -> CloudSurvey:
     """Process a cloud with the pipeline as one window.
 
     Raises
@@ -39,12 +39,12 @@ def survey(cloud: Cloud, parameters: Parameters) -> Survey:
     UsageError
         No point is left, they are not on the Earth, or their grid does not fit into memory.
     """
-    keep = near(cloud.points, cloud.reference.vertical_m)
+    keep = inlier_mask(cloud.points, cloud.reference.vertical_m)
     points = cloud.points if keep.all() else cloud.points[keep]
     if not len(points):
         raise UsageError("no point is left: all are higher than 20 km; is the vertical unit right?")
     low, high = points.min(axis=0), points.max(axis=0)
-    metric = about(cloud.reference, low, high, parameters.cell_m)
+    metric = metric_for(cloud.reference, low, high, parameters.cell_m)
     width, height = (float(v) for v in (high - low)[:2] * (metric.x_m, metric.y_m))
     memory_limit.check_cells(width, height, parameters.cell_m, len(points))
     points = metric.local(points)
@@ -55,7 +55,7 @@ def survey(cloud: Cloud, parameters: Parameters) -> Survey:
     maps = pipeline.maps()
     assert maps is not None  # noqa: S101 - outlier removal never removes all points
     dropped = cloud.dropped | {"stray": int((~keep).sum()), "outlier": report.n_points - report.n_used}
-    return Survey(report, maps, metric, own, density, dropped)
+    return CloudSurvey(report, maps, metric, own, density, dropped)
 
 
 def _fitted(parameters: Parameters, density: float, extent_m: float) -> Parameters:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
-from companion.desk.survey.cloud_survey import Survey
+from companion.desk.survey.cloud_survey import CloudSurvey
 from companion.desk.survey.geographic_polygon import wgs84
 from companion.desk.survey.largest_square import square_centre
 from companion.desk.survey.local_metres import Metric
@@ -30,7 +30,7 @@ class Maps(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class MapsInMemory:
     """Maps in memory; row and column 0 are the first of their box."""
 
     maps: TerrainMaps
@@ -45,7 +45,7 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawings:
+class MapFiles:
     """Files written from the maps: GeoTIFFs, and the picture of the ground (PNG)."""
 
     rasters: Sequence[Path]
@@ -58,14 +58,14 @@ class Findings:
 
     shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the
     largest safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe,
-    unsafe, unknown. step: as in `Cloud`. drawings: files of the maps, if they are written already. skipped:
-    files left out, and the reasons.
+    unsafe, unknown. coordinate_spacing: as in `GeoreferencedCloud`. drawings: files of the maps, if they are
+    written already. skipped: files left out, and the reasons.
     """
 
     metric: Metric
     parameters: Parameters
     maps: Maps
-    drawings: Drawings | None
+    drawings: MapFiles | None
     zones: Sequence[Zone]
     shapes: Sequence[MultiPolygon]
     outlines_m: Sequence[MultiPolygon]
@@ -76,13 +76,13 @@ class Findings:
     n_used: int
     dropped: dict[str, int]
     density_per_m2: float
-    step: float
+    coordinate_spacing: float
     skipped: Sequence[dict[str, str]]
     n_cut: int
     stage_ms: dict[str, float]
 
 
-def of_window(found: Survey, n_read: int, step: float) -> Findings:
+def of_window(found: CloudSurvey, n_read: int, coordinate_spacing: float) -> Findings:
     """Return the findings of a cloud that was processed in one window."""
     zones, maps = found.report.zones, found.maps
     outlines_m = [zone_polygon(zone, maps.grid) for zone in zones]
@@ -90,7 +90,7 @@ def of_window(found: Survey, n_read: int, step: float) -> Findings:
     return Findings(
         metric=found.metric,
         parameters=found.parameters,
-        maps=Held(maps),
+        maps=MapsInMemory(maps),
         drawings=None,
         zones=zones,
         shapes=[wgs84(outline, found.metric) for outline in outlines_m],
@@ -108,7 +108,7 @@ def of_window(found: Survey, n_read: int, step: float) -> Findings:
         n_used=found.report.n_used,
         dropped=found.dropped,
         density_per_m2=found.density_per_m2,
-        step=step,
+        coordinate_spacing=coordinate_spacing,
         skipped=(),
         n_cut=0,
         stage_ms=dict(found.report.stage_ms),

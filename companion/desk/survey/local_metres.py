@@ -60,7 +60,7 @@ class Metric:
         return self.origin[2] * self.z_m + up_m
 
 
-def about(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Metric:
+def metric_for(reference: Reference, low: Floats, high: Floats, cell_m: float) -> Metric:
     """Return the local metres of a cloud between two corners, with the origin on a corner of a cell.
 
     Raises

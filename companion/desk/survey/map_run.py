@@ -11,14 +11,20 @@ from typing import Any
 
 from companion.desk import figures
 from companion.desk.clouds.cloud import read
-from companion.desk.survey.atomic_folder import claimed, finish, look, unfinished, work_folder
+from companion.desk.survey.atomic_folder import (
+    check_output_path,
+    finish,
+    locked_folder,
+    temporary_folder,
+    work_folder,
+)
 from companion.desk.survey.cloud_survey import survey
 from companion.desk.survey.files import survey_files
-from companion.desk.survey.findings import Findings, Held, of_window
+from companion.desk.survey.findings import Findings, MapsInMemory, of_window
 from companion.desk.survey.survey_summary import summary
 from companion.desk.survey.tiled.outcome import of_tiles, whole_maps
 from companion.desk.survey.tiled.task_engine import Engine, InProcess
-from companion.desk.survey.tiled.tiled_survey import Survey
+from companion.desk.survey.tiled.tiled_survey import TiledSurvey
 from companion.desk.survey.zone_table import rows
 from companion.runtime.errors import UsageError
 from params import Parameters
@@ -31,7 +37,7 @@ MOST_DRAWN_ZONES = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MapOptions:
     """Options of a survey besides files and parameters.
 
     crs overrides the CRS of the files, and gives that of formats that state none. classified: also write
@@ -51,7 +57,7 @@ def run(
     out: Path,
     parameters: Parameters,
     progress: Progress,
-    plan: Plan = Plan(),
+    plan: MapOptions = MapOptions(),
 ) -> dict[str, Any]:
     """Survey clouds, write zones, GeoTIFF and pictures, and return the summary for JSON.
 
@@ -77,9 +83,9 @@ def run(
     started = time.perf_counter()
     if not isinstance(plan.engine, InProcess):  # workers may have been started in another folder
         files, out = [path.absolute() for path in files], out.absolute()
-    look(out)
+    check_output_path(out)
     try:
-        with claimed(out):
+        with locked_folder(out):
             if parameters.mode == "source":
                 told = _in_one_window(files, out, parameters, progress, plan)
             else:
@@ -93,10 +99,10 @@ def run(
 
 
 def _in_tiles(
-    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: MapOptions
 ) -> dict[str, Any]:
     with work_folder(out) as work:
-        tiled = Survey(
+        tiled = TiledSurvey(
             files,
             work,
             parameters,
@@ -110,7 +116,7 @@ def _in_tiles(
 
 
 def _in_one_window(
-    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: Plan
+    files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: MapOptions
 ) -> dict[str, Any]:
     """Survey by the sources' rules, which use windows and no tiles."""
     if plan.tile_m is not None or not isinstance(plan.engine, InProcess):
@@ -120,7 +126,7 @@ def _in_one_window(
     progress("reading", 0.0)
     cloud = read(files, plan.crs, lambda share: progress("reading", 0.5 * share), plan.vertical_unit)
     progress("mapping", 0.5)
-    found = of_window(survey(cloud, parameters), cloud.n_read, cloud.step)
+    found = of_window(survey(cloud, parameters), cloud.n_read, cloud.coordinate_spacing)
     return _written(files, out, found, progress, plan)
 
 
@@ -129,11 +135,11 @@ def _scaled(progress: Progress, what: str, share: float) -> None:
 
 
 def _written(
-    files: Sequence[Path], out: Path, found: Findings, progress: Progress, plan: Plan
+    files: Sequence[Path], out: Path, found: Findings, progress: Progress, plan: MapOptions
 ) -> dict[str, Any]:
     described = rows(found)
     left_out = {one["file"] for one in found.skipped}
-    with unfinished(out) as folder:
+    with temporary_folder(out) as folder:
         progress("writing", 0.87)
         written = survey_files.rasters(folder, found)
         written += survey_files.zones(folder, files, found, described)
@@ -144,7 +150,7 @@ def _written(
         rows_, cols = found.maps.grid.rows, found.maps.grid.cols
         if rows_ * cols <= MOST_DRAWN and len(found.zones) <= MOST_DRAWN_ZONES:
             progress("drawing", 0.95)
-            maps = found.maps.maps if isinstance(found.maps, Held) else whole_maps(found)
+            maps = found.maps.maps if isinstance(found.maps, MapsInMemory) else whole_maps(found)
             written += figures.save_maps(folder, maps, found.zones, found.parameters)
         written = finish(written, out)
     return summary(files, found, described, written)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from companion.desk.survey.findings import Findings
-from companion.desk.survey.overview import step_of, thinned
+from companion.desk.survey.overview import step_of, subsampled
 from slz import UNSAFE
 
 
@@ -36,11 +36,11 @@ def reason(found: Findings) -> str | None:
 def _unsafe(found: Findings) -> str:
     """Return how much of the unsafe ground is too steep; in large surveys from a sample of cells."""
     limit, step = found.parameters.safe_slope_deg, step_of(found.maps.grid)
-    unsafe = thinned(found.maps, "state", step) == UNSAFE
+    unsafe = subsampled(found.maps, "state", step) == UNSAFE
     n = int(np.count_nonzero(unsafe))
     if not n:
         return "nothing known is unsafe"
-    slope = np.asarray(thinned(found.maps, "slope_deg", step), np.float64)[unsafe]
+    slope = np.asarray(subsampled(found.maps, "slope_deg", step), np.float64)[unsafe]
     steep = np.count_nonzero(slope > limit) / n
     return (
         f"{steep:.0%} of what is unsafe is steeper than {limit:g} degrees, {1 - steep:.0%} too rough or too"

@@ -17,7 +17,7 @@ STRIP, WIDE = 1024, 4096  # rows and columns read at a time
 SAFE_TINT, UNSAFE_TINT = (0.85, 0.91, 0.83), (0.93, 0.87, 0.80)
 
 
-def thinned(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
+def subsampled(maps: Maps, name: str, step: int) -> NDArray[np.generic]:
     """Return every `step`-th row and column of a layer; row 0 is the southernmost."""
     rows, cols = maps.grid.rows, maps.grid.cols
     strip, wide = (most // step * step or step for most in (STRIP, WIDE))
@@ -40,8 +40,8 @@ def ground_png(maps: Maps) -> bytes:
     from PIL import Image
 
     step = step_of(maps.grid)
-    state = thinned(maps, "state", step)
-    height = filled(np.asarray(thinned(maps, "height_m", step), np.float32))
+    state = subsampled(maps, "state", step)
+    height = filled(np.asarray(subsampled(maps, "height_m", step), np.float32))
     light = (0.35 + 0.75 * shade(height, maps.grid.cell_m * step)).clip(0, 1)
     tint = np.where((state == SAFE)[..., None], SAFE_TINT, UNSAFE_TINT)
     picture = np.zeros((*state.shape, 4), np.uint8)

@@ -10,7 +10,7 @@ REACH = 10.0  # a stray is farther from the median than this multiple of the cor
 HIGHEST_M = 20_000.0  # no ground, cloud or aircraft with a LiDAR is higher or deeper
 
 
-def near(points: NDArray[np.float64], z_m: float) -> NDArray[np.bool_]:
+def inlier_mask(points: NDArray[np.float64], z_m: float) -> NDArray[np.bool_]:
     """Return a mask (n,) of the (n, 3) finite points that belong to the cloud.
 
     Along each axis, a stray is farther from the median than ten times the distance that holds 99 % of the

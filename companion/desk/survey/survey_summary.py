@@ -47,7 +47,7 @@ def summary(
 
 def _coarse(found: Findings) -> list[str]:
     """Return a warning if the spacing of 32-bit coordinates exceeds a quarter of a cell."""
-    step_m = found.step * max(found.metric.x_m, found.metric.y_m)
+    step_m = found.coordinate_spacing * max(found.metric.x_m, found.metric.y_m)
     if step_m <= COARSE * found.parameters.cell_m:
         return []
     return [f"32-bit coordinates of this size are {step_m:g} m apart: store them as 64-bit numbers"]

@@ -60,7 +60,7 @@ class FlashSensor:
         )
         self._next = 0
 
-    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
+    def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
         """Return the datagrams of the frames flashed in [t0_ns, t1_ns)."""
         packets: list[bytes] = []
         self._next = max(self._next, -(-t0_ns // FRAME_NS))

@@ -58,7 +58,7 @@ class RadarSensor:
         self._next = 0
         self._gate: tuple[float, int] | None = None
 
-    def step(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
+    def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
         """Return the datagrams of the lines recorded in [t0_ns, t1_ns)."""
         packets: list[bytes] = []
         self._next = max(self._next, -(-t0_ns // LINE_NS))

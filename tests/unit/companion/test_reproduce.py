@@ -33,8 +33,8 @@ from companion.desk.reproduce.inclined_planes import SlopeError, slope_errors
 from companion.desk.reproduce.places import Place
 from companion.desk.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.desk.reproduce.source_scenes import run as run_case
-from companion.desk.reproduce.survey_recording import FRAME, Recording, Survey, fly
-from companion.desk.reproduce.true_obstacles import Around
+from companion.desk.reproduce.survey_recording import FRAME, SurveyFlight, SurveyRecording, fly
+from companion.desk.reproduce.true_obstacles import TrueSurroundings
 from companion.desk.reproduce.truth_comparison import compare
 from companion.runtime.errors import CompanionError, UsageError
 from slz import Box, Grid, Obstacle, Pipeline, PointState, Surroundings, TerrainMaps, zone_mask
@@ -43,11 +43,11 @@ from slz.landing_point.judgement import unknown
 SIDE_M = 30.0
 
 
-def survey(**more: object) -> Survey:
-    return Survey("plain", (0.0, 0.0, SIDE_M, SIDE_M), cell_m=0.5, **more)  # type: ignore[arg-type]
+def survey(**more: object) -> SurveyFlight:
+    return SurveyFlight("plain", (0.0, 0.0, SIDE_M, SIDE_M), cell_m=0.5, **more)  # type: ignore[arg-type]
 
 
-def recording(wall: bool) -> Recording:
+def recording(wall: bool) -> SurveyRecording:
     """Flat ground, flown over in one second; the wall from x = 20 on is in the truth, and seen or not."""
     rng = np.random.default_rng(1)
     points = rng.uniform(0, SIDE_M, (60_000, 3)).astype(np.float32)
@@ -61,10 +61,12 @@ def recording(wall: bool) -> Recording:
     count = np.full(10, len(points) // 10)
     stamps = np.sort(rng.integers(0, 10**9, len(points)))
     sensor = np.tile([15.0, 15.0, 20.0], (10, 1))
-    return Recording(survey(), points, stamps, sensor, count, safe, flat, flat, flat, {}, "made by hand")
+    return SurveyRecording(
+        survey(), points, stamps, sensor, count, safe, flat, flat, flat, {}, "made by hand"
+    )
 
 
-def scores(one: Recording) -> object:
+def scores(one: SurveyRecording) -> object:
     parameters = params.load("quadcopter", ["zone_m=60", "max_range_m=100", "angle_noise_deg=0"])
     pipeline = Pipeline(parameters, (15.0, 15.0))
     reports = [pipeline.process(window) for window in one.windows()]
@@ -115,7 +117,7 @@ def test_windows_hold_one_second_and_every_return() -> None:
 
 def test_the_simulator_s_refusal_is_told(tmp_path: Path) -> None:
     with pytest.raises(CompanionError, match=r"could not fly nowhere: .*unknown"):
-        fly(Survey("nowhere", (0.0, 0.0, 1.0, 1.0)), tmp_path)
+        fly(SurveyFlight("nowhere", (0.0, 0.0, 1.0, 1.0)), tmp_path)
 
 
 def test_a_survey_is_flown_once_and_read_again(tmp_path: Path) -> None:
@@ -151,7 +153,7 @@ def test_an_unknown_case_is_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def small() -> Scenario:
     """Return a field of the plain, large enough for one square of 24 m."""
-    plan = Survey("plain", (-20.0, -20.0, 20.0, 20.0), speed_ms=20.0, point_rate_hz=20_000, cell_m=1.0)
+    plan = SurveyFlight("plain", (-20.0, -20.0, 20.0, 20.0), speed_ms=20.0, point_rate_hz=20_000, cell_m=1.0)
     return Scenario("field", plan, ("min_boundary_points=40", "zone_m=200"))
 
 
@@ -225,13 +227,13 @@ def test_scenarios_fly_with_the_helicopter_s_profile_and_its_square(mode: str) -
 # ---- landing points -------------------------------------------------------------------------------
 
 
-def around_a_block() -> Around:
+def around_a_block() -> TrueSurroundings:
     """Return the truth about (15.25, 15.25): a block of 2 x 4 m, 3 m high, whose near edge is 5 m east."""
     one = recording(wall=False)
     height = np.zeros((60, 60), np.float32)
     height[27:35, 40:44] = 3.0  # x from 20 to 22, y from 13.5 to 17.5
     regions = {"the_block": np.array([(20.0, 13.5), (22.0, 13.5), (22.0, 17.5), (20.0, 17.5)])}
-    return Around(replace(one, height_m=height, regions=regions), 15.25, 15.25, 12.0)
+    return TrueSurroundings(replace(one, height_m=height, regions=regions), 15.25, 15.25, 12.0)
 
 
 def surroundings(*extents: tuple[float, float, float, float]) -> Surroundings:
@@ -404,7 +406,7 @@ def test_why_an_instrument_could_not_be_recorded_is_told(
 # ---- what is not there -----------------------------------------------------------------------------
 
 
-def silent() -> Recording:
+def silent() -> SurveyRecording:
     """Return a survey that no return came back in."""
     return replace(recording(wall=False), count=np.zeros(10, np.int64))
 
@@ -434,7 +436,7 @@ def test_a_survey_in_which_nothing_was_seen_is_said_to_be_one(
         NOTHING[module](tmp_path)
 
 
-def watched(around: Surroundings | None) -> places.Watched:
+def watched(around: Surroundings | None) -> places.ObservedPoint:
     """Return a point at 15, 15 of a plain, near the block, and what was found around it."""
     blank = np.zeros((60, 60), np.float32)
     grid, box = Grid(0.0, 0.0, 0.5, 60, 60), Box(0, 60, 0, 60)
@@ -443,7 +445,7 @@ def watched(around: Surroundings | None) -> places.Watched:
     )
     point = replace(unknown(np.array([15.0, 15.0, 0.0])), state=PointState.SAFE, surroundings=around)
     place = Place("field", survey(), (15.0, 15.0))
-    return places.Watched(place, "default", point, around_a_block(), maps, params.load())
+    return places.ObservedPoint(place, "default", point, around_a_block(), maps, params.load())
 
 
 def test_a_point_around_which_nothing_is_known_has_no_obstacles_to_compare() -> None:
@@ -478,7 +480,7 @@ def test_obstacles_around_a_landing_point_stand_beside_the_truth_and_wide_ones_h
 
 
 def test_beyond_the_survey_s_edge_the_true_horizon_is_unknown() -> None:
-    horizon = Around(recording(wall=False), 0.25, 15.25, 5.0).horizon_deg(1.0)
+    horizon = TrueSurroundings(recording(wall=False), 0.25, 15.25, 5.0).horizon_deg(1.0)
     assert np.isnan(horizon[27])  # west
     assert horizon[[0, 9, 18]].tolist() == [0, 0, 0]
 

@@ -37,9 +37,9 @@ class Bench:
     def tick(self) -> None:
         dt = TICK_NS * 1e-9
         estimate = self.estimator.update(dt, self.vehicle.truth)
-        demand = self.autopilot.step(dt, self.now_ns, estimate, self.vehicle.on_ground)
+        demand = self.autopilot.update(dt, self.now_ns, estimate, self.vehicle.on_ground)
         self.now_ns += TICK_NS
-        self.vehicle.step(dt, self.now_ns, demand, self.ground_m)
+        self.vehicle.update(dt, self.now_ns, demand, self.ground_m)
         self.sent += [message for _, message in self.autopilot.take_outgoing(self.now_ns)]
 
     def run(self, seconds: float, each: Callable[[], None] | None = None, every_s: float = 0.05) -> Bench:

@@ -54,14 +54,14 @@ class CapturedPackets:
     def bad(self) -> int:
         return self._capture.bad
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         packets = {} if self._stream is None else self._stream.statistics()
         return {"lidar": self._kind_told, "packets": packets, "no_udp": self._capture.other}
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         decoder = decoder_for(self._kind_told, self._setup)
         stream = self._stream = PacketStream(decoder, rerun.parameters, rerun.add_returns, lambda: 0)
-        see = _Eye(stream)
+        see = _BatchDecoder(stream)
         at_ns = 0
         for datagram in self._capture.datagrams():
             at_ns = datagram.at_ns
@@ -80,7 +80,7 @@ class CapturedPackets:
         return str(kinds.most_common(1)[0][0])
 
 
-class _Eye:
+class _BatchDecoder:
     """Decoder of captured packets in batches, as in the driver."""
 
     def __init__(self, stream: PacketStream) -> None:

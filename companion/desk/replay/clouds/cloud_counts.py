@@ -11,7 +11,7 @@ from companion.desk.replay.clouds.point_cloud import Decoded
 
 @dataclass(slots=True)
 class CloudCounts:
-    """Counts of clouds, of those without point times, and of omitted points; see `Decoded`, `Cloud`."""
+    """Counts of clouds, clouds without point times, and omitted points; see `Decoded`, `StampedCloud`."""
 
     clouds: int = 0
     clouds_without_point_times: int = 0
@@ -27,7 +27,7 @@ class CloudCounts:
         self.points_with_false_times += decoded.false_times
         self.points_of_low_confidence += doubtful
 
-    def told(self, clock: PointClock | str) -> dict[str, Any]:
+    def summary(self, clock: PointClock | str) -> dict[str, Any]:
         """Return the counts and the meaning of point times, or the reason they are unused, for JSON."""
         known = isinstance(clock, PointClock)
         times = {"point_times": str(clock) if known else None, "why_no_point_times": "" if known else clock}

@@ -11,7 +11,7 @@ from companion.desk.clouds.crs import from_option
 from companion.desk.clouds.pcd import open_pcd
 from companion.desk.replay.clouds.cloud_counts import CloudCounts
 from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import Cloud, clock_of, decode
+from companion.desk.replay.clouds.point_cloud import StampedCloud, clock_of, decode
 from companion.desk.replay.clouds.scan_names import stamps_of
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.runtime.errors import UsageError
@@ -40,8 +40,8 @@ class CloudFolder:
         self._counts = CloudCounts()
         self._clock = clock_of(_read(*file) for file in self._files)
 
-    def told(self) -> dict[str, Any]:
-        return self._counts.told(self._clock)
+    def summary(self) -> dict[str, Any]:
+        return self._counts.summary(self._clock)
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         self._counts = CloudCounts()
@@ -55,8 +55,8 @@ class CloudFolder:
         rerun.add_returns(decoded.returns)
 
 
-def _read(stamp_ns: int, path: Path) -> Cloud:
-    return Cloud(stamp_ns, "", open_pcd(path, _NOWHERE).records())
+def _read(stamp_ns: int, path: Path) -> StampedCloud:
+    return StampedCloud(stamp_ns, "", open_pcd(path, _NOWHERE).records())
 
 
 _NOWHERE = from_option("EPSG:4326")  # the reader requires a CRS, though the points are in the sensor's axes

@@ -38,7 +38,7 @@ NAMES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Dated:
+class ResolvedTimes:
     """Resolved times of points.
 
     kind: their meaning, one of `NAMES`. stamp_ns: (n,) int64 since 1970, zero where not in the flight.
@@ -50,7 +50,7 @@ class Dated:
     fits: NDArray[np.bool_]
 
 
-def dated(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> Dated:
+def resolve_times(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> ResolvedTimes:
     """Return the times in the meaning that puts most of them into the flight.
 
     Parameters
@@ -64,13 +64,13 @@ def dated(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) ->
     """
     middle_s = sum(span_ns) // 2_000_000_000
     first_s, last_s = (edge * 1e-9 - middle_s for edge in span_ns)
-    best: Dated | None = None
+    best: ResolvedTimes | None = None
     for kind, after_s in _meanings(gps_s, clock, middle_s):
         with np.errstate(invalid="ignore"):
             fits = (after_s >= first_s - MARGIN_S) & (after_s <= last_s + MARGIN_S)
         if best is None or np.count_nonzero(fits) > np.count_nonzero(best.fits):
             after_ns = np.rint(np.where(fits, after_s, 0.0) * 1e9).astype(np.int64)
-            best = Dated(kind, np.where(fits, after_ns + middle_s * 1_000_000_000, 0), fits)
+            best = ResolvedTimes(kind, np.where(fits, after_ns + middle_s * 1_000_000_000, 0), fits)
     assert best is not None  # noqa: S101 - `_meanings` is never empty
     return best
 

@@ -91,7 +91,7 @@ def sample(values: Values, stamp_ns: int) -> Sample | None:
     return Sample(stamp_ns, tuple(map(float, quantiles)))
 
 
-def judge(field: str, samples: Sequence[Sample], stamps_ns: Iterable[int]) -> PointClock | str:
+def infer_clock(field: str, samples: Sequence[Sample], stamps_ns: Iterable[int]) -> PointClock | str:
     """Return the clock of the times in a field, or the reason it cannot be known.
 
     Parameters

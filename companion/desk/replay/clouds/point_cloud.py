@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.replay.clouds.point_clock import PointClock, Sample, judge, sample
+from companion.desk.replay.clouds.point_clock import PointClock, Sample, infer_clock, sample
 from companion.flight.sensors.returns import Returns
 
 # PointField.datatype
@@ -29,7 +29,7 @@ class BadCloudError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Cloud:
+class StampedCloud:
     """A recorded cloud.
 
     stamp_ns: of its message, since 1970. frame: name of the frame of its points. table: (n,) records.
@@ -74,19 +74,19 @@ def decode(table: Table, stamp_ns: int, clock: PointClock | None) -> Decoded:
     n_absent = int(np.count_nonzero(~real))
     if n_absent:
         table, xyz = table[real], xyz[real]
-    dated = None
+    timed = None
     if clock is not None and clock.field in (table.dtype.names or ()):
-        dated = clock.stamps(table[clock.field], stamp_ns)
-    stamps, sound = dated or (np.full(len(table), stamp_ns, np.int64), np.ones(len(table), bool))
+        timed = clock.stamps(table[clock.field], stamp_ns)
+    stamps, sound = timed or (np.full(len(table), stamp_ns, np.int64), np.ones(len(table), bool))
     order = np.argsort(stamps, kind="stable")
     order = order[sound[order]]
     intensity, ring = (_bytes(table, names)[order] for names in (INTENSITIES, RINGS))
     one = np.ones(len(order), np.uint8)
     returns = Returns(xyz[order], stamps[order], intensity, ring, one, one.copy())
-    return Decoded(returns, dated is not None, n_absent, len(table) - len(order))
+    return Decoded(returns, timed is not None, n_absent, len(table) - len(order))
 
 
-def clock_of(clouds: Iterable[Cloud]) -> PointClock | str:
+def clock_of(clouds: Iterable[StampedCloud]) -> PointClock | str:
     """Return the clock of the points' times, from a recording's first clouds, or the reason there is none."""
     samples: dict[str, list[Sample]] = {}
     stamps_ns: list[int] = []
@@ -100,7 +100,7 @@ def clock_of(clouds: Iterable[Cloud]) -> PointClock | str:
                 samples.setdefault(name, []).append(found)
         if max(map(len, samples.values()), default=0) >= JUDGED:
             break
-    verdicts = [judge(name, samples[name], stamps_ns) for name in TIMES if name in samples]
+    verdicts = [infer_clock(name, samples[name], stamps_ns) for name in TIMES if name in samples]
     known = (verdict for verdict in verdicts if isinstance(verdict, PointClock))
     return next(known, verdicts[0] if verdicts else "the points have no times")
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Transformer
 
-from companion.desk.clouds.cloud import Cloud, read
+from companion.desk.clouds.cloud import GeoreferencedCloud, read
 from companion.desk.clouds.las import open_las
-from companion.desk.replay.clouds.gps_time import NAMES, dated, first_by_header
+from companion.desk.replay.clouds.gps_time import NAMES, first_by_header, resolve_times
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.time_of_day import time_of_day
 from companion.runtime.errors import UsageError
@@ -48,7 +48,7 @@ class StoredCloud:
         cloud = read([path], vertical_unit=vertical_unit)
         if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).any():
             raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
-        times = dated(cloud.gps_s, clock, span_ns)
+        times = resolve_times(cloud.gps_s, clock, span_ns)
         if not times.fits.any():
             raise UsageError(
                 f"{path}: none of its {len(cloud.gps_s)} points was measured during the flight, which the log"
@@ -64,7 +64,7 @@ class StoredCloud:
         self._reference = cloud.reference.name
         self._without_frame = 0
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         return {
             "crs": self._reference,
             "points": len(self._stamp_ns) + self._outside,
@@ -94,7 +94,7 @@ class StoredCloud:
         rerun.add_placed(Scan(points, stamps, sensor, frame))
 
 
-def _lla(path: Path, cloud: Cloud) -> NDArray[np.float64]:
+def _lla(path: Path, cloud: GeoreferencedCloud) -> NDArray[np.float64]:
     """Return latitude, longitude (degrees) and altitude (m) of points, (n, 3)."""
     to_wgs84 = Transformer.from_crs(cloud.reference.horizontal, "EPSG:4326", always_xy=True)
     lon, lat = to_wgs84.transform(cloud.points[:, 0], cloud.points[:, 1])

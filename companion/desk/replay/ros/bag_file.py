@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from companion.desk.replay.clouds.point_cloud import Cloud, table_of
+from companion.desk.replay.clouds.point_cloud import StampedCloud, table_of
 from companion.desk.replay.ros import livox_message
 from companion.runtime.errors import UsageError
 
@@ -50,7 +50,7 @@ class BagFile:
     def messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
         """Yield times of recording and of the header (ns), topic and message, in the order of recording.
 
-        A cloud of any type is a `Cloud`.
+        A cloud of any type is a `StampedCloud`.
         """
         self.bad, self.cut = 0, ""
         with self._opened() as reader:
@@ -67,7 +67,7 @@ class BagFile:
                 try:
                     message = self._message(raw, connection.msgtype)
                     stamp_ns = _stamp_ns(message) or at_ns
-                    if isinstance(message, Cloud):
+                    if isinstance(message, StampedCloud):
                         message = replace(message, stamp_ns=stamp_ns)
                 except Exception:  # the generated code may raise anything
                     self.bad += 1
@@ -81,7 +81,7 @@ class BagFile:
         message: Any = read(raw, kind)
         if kind != CLOUD:
             return message
-        return Cloud(_stamp_ns(message), str(message.header.frame_id), table_of(message))
+        return StampedCloud(_stamp_ns(message), str(message.header.frame_id), table_of(message))
 
     @contextmanager
     def _opened(self) -> Iterator[Any]:
@@ -143,7 +143,7 @@ def _defined(connection: Any) -> dict[str, Any]:
 
 
 def _stamp_ns(message: Any) -> int:
-    if isinstance(message, Cloud):
+    if isinstance(message, StampedCloud):
         return message.stamp_ns
     stamp = message.header.stamp
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

@@ -11,7 +11,7 @@ import struct
 
 import numpy as np
 
-from companion.desk.replay.clouds.point_cloud import BadCloudError, Cloud, Table
+from companion.desk.replay.clouds.point_cloud import BadCloudError, StampedCloud, Table
 from companion.flight.sensors.decoders.livox_points import DOUBTFUL
 
 # The message whose tags are those of the Mid-360, and those of older sensors, whose tags count returns.
@@ -25,7 +25,7 @@ AFTER_TIMEBASE = 8  # point_num, lidar_id, rsvd
 LITTLE = 1
 
 
-def parse(raw: bytes, kind: str, ros2: bool) -> Cloud:
+def parse(raw: bytes, kind: str, ros2: bool) -> StampedCloud:
     """Return the points of a message; for the Mid-360 without those of low confidence, as in flight.
 
     Raises
@@ -40,27 +40,27 @@ def parse(raw: bytes, kind: str, ros2: bool) -> Cloud:
     if kind != MID360:
         return cloud
     sure = cloud.table["tag"] & DOUBTFUL == 0
-    return Cloud(cloud.stamp_ns, cloud.frame, cloud.table[sure], int(len(sure) - sure.sum()))
+    return StampedCloud(cloud.stamp_ns, cloud.frame, cloud.table[sure], int(len(sure) - sure.sum()))
 
 
-def _packed(raw: bytes) -> Cloud:
+def _packed(raw: bytes) -> StampedCloud:
     """Parse the serialisation of ROS 1."""
     _, seconds, nanoseconds, length = struct.unpack_from("<IIII", raw)
     at = 16 + length
     frame = raw[16:at].decode()
     at += 8 + AFTER_TIMEBASE
     (n,) = struct.unpack_from("<I", raw, at)
-    return Cloud(seconds * 10**9 + nanoseconds, frame, _table(raw[at + 4 :], n, POINT_BYTES, "<"))
+    return StampedCloud(seconds * 10**9 + nanoseconds, frame, _table(raw[at + 4 :], n, POINT_BYTES, "<"))
 
 
-def _aligned(body: memoryview, order: str) -> Cloud:
+def _aligned(body: memoryview, order: str) -> StampedCloud:
     """Parse the serialisation of ROS 2, after its encapsulation."""
     seconds, nanoseconds, length = struct.unpack_from(order + "iII", body)
     at = 12 + length
     frame = bytes(body[12:at]).rstrip(b"\0").decode()
     at += -at % 8 + 8 + AFTER_TIMEBASE
     (n,) = struct.unpack_from(order + "I", body, at)
-    return Cloud(seconds * 10**9 + nanoseconds, frame, _table(body[at + 4 :], n, ALIGNED_BYTES, order))
+    return StampedCloud(seconds * 10**9 + nanoseconds, frame, _table(body[at + 4 :], n, ALIGNED_BYTES, order))
 
 
 def _table(data: bytes | memoryview, n: int, step: int, order: str) -> Table:

@@ -9,7 +9,7 @@ from typing import Any
 
 from companion.desk.replay.clouds.cloud_counts import CloudCounts
 from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import Cloud, clock_of, decode
+from companion.desk.replay.clouds.point_cloud import StampedCloud, clock_of, decode
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.ros.bag_file import CLOUDS, BagFile
 from companion.desk.replay.ros.ros_pose import GlobalPoses, LocalPoses
@@ -69,8 +69,8 @@ class RosFeed:
     def bad(self) -> int:
         return self._bad + self._bag.bad
 
-    def told(self) -> dict[str, Any]:
-        return {"points": self._points, "poses": list(self._poses)} | self._counts.told(self._clock)
+    def summary(self) -> dict[str, Any]:
+        return {"points": self._points, "poses": list(self._poses)} | self._counts.summary(self._clock)
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         poses = (LocalPoses if self.is_local else GlobalPoses)(rerun.history)
@@ -83,7 +83,7 @@ class RosFeed:
         self._bad += poses.refused
         yield at_ns, poses.finish
 
-    def _cloud(self, cloud: Cloud, rerun: Rerun) -> None:
+    def _cloud(self, cloud: StampedCloud, rerun: Rerun) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None
         decoded = decode(cloud.table, cloud.stamp_ns, clock)
         self._counts.add(decoded, cloud.doubtful)
@@ -91,7 +91,7 @@ class RosFeed:
 
     def _pose(self, message: Any, stamp_ns: int, poses: LocalPoses | GlobalPoses) -> None:
         try:
-            poses.take(message, stamp_ns)
+            poses.add_message(message, stamp_ns)
         except MISSHAPEN:
             self._bad += 1
 

@@ -35,7 +35,7 @@ class LocalPoses:
         self._velocity = _Velocity(self._placed)
         self.refused = 0
 
-    def take(self, message: Any, stamp_ns: int) -> None:
+    def add_message(self, message: Any, stamp_ns: int) -> None:
         """Add the pose of a message."""
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         place = pose.position.x, pose.position.y, pose.position.z
@@ -67,7 +67,7 @@ class GlobalPoses:
         self._scale: Place | None = None
         self.refused = 0
 
-    def take(self, message: Any, stamp_ns: int) -> None:
+    def add_message(self, message: Any, stamp_ns: int) -> None:
         """Add the fix or orientation of a message."""
         if hasattr(message, "latitude"):
             self._fix(message, stamp_ns)

@@ -33,7 +33,7 @@ class LoggedPoints(Protocol):
     def bad(self) -> int:
         """Number of unreadable parts."""
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Return the chosen sources and the counts, for JSON."""
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
@@ -67,8 +67,8 @@ class TelemetryFeed:
     def bad(self) -> int:
         return self._log.bad + self._points.bad
 
-    def told(self) -> dict[str, Any]:
-        return {"system": self._system, "positions_without_fix": self._gate.refused} | self._points.told()
+    def summary(self) -> dict[str, Any]:
+        return {"system": self._system, "positions_without_fix": self._gate.refused} | self._points.summary()
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         inbox = Inbox(
@@ -77,12 +77,12 @@ class TelemetryFeed:
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
         inbox.rebooted.subscribe(rerun.history.begin_anew)
-        hear = _Ear(inbox, rerun)
+        hear = _LogHandler(inbox, rerun)
         heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
         return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
 
 
-class _Ear:
+class _LogHandler:
     """Handler of logged messages; without quaternions in the log it converts ATTITUDE's angles."""
 
     def __init__(self, inbox: Inbox, rerun: Rerun) -> None:

@@ -25,7 +25,7 @@ def write(path: Path, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, An
         at += -(-values.nbytes // ALIGNED) * ALIGNED
     head = json.dumps(directory).encode()
     head += b" " * (-(len(head) + LENGTH) % ALIGNED)
-    with whole(path) as unfinished, unfinished.path.open("wb") as file:
+    with atomic_file(path) as unfinished, unfinished.path.open("wb") as file:
         file.write(len(head).to_bytes(LENGTH, "little") + head)
         for values in arrays.values():
             file.write(np.ascontiguousarray(values).data)
@@ -49,7 +49,7 @@ def read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     return found, directory["notes"]
 
 
-class whole:  # noqa: N801 - a context manager used as a function
+class atomic_file:  # noqa: N801 - a context manager used as a function
     """Context manager of a temporary name: renamed to the final name on success, removed on error.
 
     Each name is unique, so two processes may write the same file at once.
@@ -59,7 +59,7 @@ class whole:  # noqa: N801 - a context manager used as a function
         self._final = path
         self.path = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
 
-    def __enter__(self) -> whole:
+    def __enter__(self) -> atomic_file:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

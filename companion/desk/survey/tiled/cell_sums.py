@@ -67,7 +67,7 @@ def segments(paths: Sequence[Path], box: Box) -> Iterator[Segment]:
             )
 
 
-def gathered(
+def join_cell_sums(
     paths: Sequence[Path], inner: Box, margin: int, whole: Box, interval: tuple[int, int], cell_m: float
 ) -> Sums:
     """Join all points of a box and its margin, without strays and outliers.

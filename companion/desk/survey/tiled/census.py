@@ -41,7 +41,7 @@ class Census:
     dropped: dict[str, int]
 
 
-def take(paths: Iterable[Path], bin_m: float) -> Census:
+def count_points(paths: Iterable[Path], bin_m: float) -> Census:
     """Return the census of sorted files; at least one must hold points."""
     rows, cols, bins = (_Tally() for _ in range(3))
     dropped: Counter[str] = Counter()

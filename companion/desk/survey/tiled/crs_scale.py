@@ -10,7 +10,7 @@ import numpy as np
 from companion.desk.clouds.cloud_source import Source
 from companion.desk.clouds.crs import Reference
 from companion.desk.clouds.las import LasSource
-from companion.desk.survey.local_metres import Metric, about
+from companion.desk.survey.local_metres import Metric, metric_for
 from companion.desk.survey.tiled.census import Census
 from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
 from companion.runtime.errors import UsageError
@@ -32,7 +32,7 @@ def first_guess(sources: Sequence[Source], cell_m: float) -> Lattice:
 
 def _metric_at(reference: Reference, place: tuple[float, float], cell_m: float) -> Metric:
     corner = np.array([*place, 0.0])
-    return about(reference, corner, corner, cell_m)
+    return metric_for(reference, corner, corner, cell_m)
 
 
 def _middle_of_header(source: Source) -> tuple[float, float] | None:
@@ -52,9 +52,9 @@ def _any_point(source: Source) -> tuple[float, float]:
 
 
 def metric_of(source: Source, census: Census, lattice: Lattice) -> Metric:
-    """Return the local metres of a survey, as `about` finds them for the cells it covers."""
+    """Return the local metres of a survey, as `metric_for` finds them for the cells it covers."""
     box, cell_m = census.box, lattice.cell_m
     z = np.floor(census.lowest * UNIT_M / lattice.z_m)
     low = np.array([box.col0 * cell_m / lattice.x_m, box.row0 * cell_m / lattice.y_m, z])
     high = np.array([box.col1 * cell_m / lattice.x_m, box.row1 * cell_m / lattice.y_m, z])
-    return about(source.reference, low, high, cell_m)
+    return metric_for(source.reference, low, high, cell_m)

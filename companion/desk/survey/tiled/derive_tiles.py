@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.survey.tiled import array_file
-from companion.desk.survey.tiled.cell_sums import Sums, gathered
+from companion.desk.survey.tiled.cell_sums import Sums, join_cell_sums
 from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown, within
 from params import Parameters
 from slz import UNKNOWN, Box
@@ -59,7 +59,7 @@ def draw_tile(tile: Tile, ground: Ground) -> dict[str, Any]:
         return array_file.read(tile.drawn)[1]
     p = ground.parameters
     margin = reach_of(p, p.cell_m).margin
-    sums = gathered(tile.sources, tile.box, margin, ground.whole, ground.interval, p.cell_m)
+    sums = join_cell_sums(tile.sources, tile.box, margin, ground.whole, ground.interval, p.cell_m)
     box = common(tile.box, ground.whole)
     maps: Maps = {name: np.full(box.shape, np.nan, np.float32) for name in KEPT}
     maps["certainty"][:] = 0

@@ -39,7 +39,7 @@ def of_tiles(surveyed: Surveyed) -> Findings:
         n_used=surveyed.n_used,
         dropped=surveyed.dropped,
         density_per_m2=surveyed.density_per_m2,
-        step=surveyed.step,
+        coordinate_spacing=surveyed.coordinate_spacing,
         skipped=[one.document() for one in surveyed.skipped],
         n_cut=sum(one.cut for one in surveyed.found),
         stage_ms=surveyed.stage_ms,

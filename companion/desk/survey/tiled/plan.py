@@ -20,7 +20,7 @@ from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.derive_tiles import Tile
 from companion.desk.survey.tiled.lattice import Lattice, common, grown
 from companion.desk.survey.tiled.sort_points import Piece
-from companion.desk.survey.tiled.tile_store import Key, Layout
+from companion.desk.survey.tiled.tile_store import Key, TileLayout
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Box
@@ -44,7 +44,7 @@ class Skipped:
         return {"file": str(self.path), "reason": self.reason}
 
 
-def opened(
+def open_clouds(
     files: Sequence[Path], crs: str | None, vertical_unit: str | None = None
 ) -> tuple[list[Source], list[Skipped]]:
     """Open clouds of one CRS; unusable files are left out if any other is usable.
@@ -152,12 +152,12 @@ def claim(folder: Path, wanted: dict[str, Any]) -> bool:
             )
         return True
     folder.mkdir(parents=True, exist_ok=True)
-    with array_file.whole(path) as unfinished:
+    with array_file.atomic_file(path) as unfinished:
         unfinished.path.write_text(json.dumps(wanted), "utf-8")
     return False
 
 
-def begin(folder: Path, used: Sequence[Path]) -> None:
+def record_sources(folder: Path, used: Sequence[Path]) -> None:
     """Record the sorted files that the maps are derived from; remove maps derived from others.
 
     A file that an earlier run could not read may be readable now; maps without it would be wrong.
@@ -171,11 +171,11 @@ def begin(folder: Path, used: Sequence[Path]) -> None:
         if (folder / part).exists():
             shutil.rmtree(folder / part)
         (folder / part).mkdir()
-    with array_file.whole(path) as unfinished:
+    with array_file.atomic_file(path) as unfinished:
         unfinished.path.write_text(wanted, "utf-8")
 
 
-def tiles(layout: Layout, sources: Sequence[Path], margin: int) -> list[Tile]:
+def tiles(layout: TileLayout, sources: Sequence[Path], margin: int) -> list[Tile]:
     """Return the tiles that hold points, each with the sorted files that hold points in its reach."""
     reach: dict[Key, set[Path]] = {}
     held: set[Key] = set()

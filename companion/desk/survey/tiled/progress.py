@@ -24,14 +24,14 @@ class Progress:
         self._what = ""
         self._total = 1
 
-    def step(self, what: str, share: float, total: int, done: int = 0) -> None:
+    def begin_stage(self, what: str, share: float, total: int, done: int = 0) -> None:
         """Begin a step of `total` tasks; an earlier run completed `done` of them."""
         self._from, self._to = self._to, min(1.0, self._to + share)
         self._what, self._total = what, max(1, total)
         self._resumed += (self._to - self._from) * done / self._total
-        self.at(0)
+        self.report(0)
 
-    def at(self, count: int) -> None:
+    def report(self, count: int) -> None:
         """Report that `count` tasks of the step are done."""
         share = self._from + (self._to - self._from) * min(1.0, count / self._total)
         passed = self._clock() - self._began

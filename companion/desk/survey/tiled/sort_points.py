@@ -38,14 +38,14 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SortOutcome:
     """Result of sorting a piece: the reason it could not be read, or None."""
 
     number: int
     broken: str | None
 
 
-def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> Outcome:
+def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> SortOutcome:
     """Sort the points of a piece and write them; an existing sorted file is kept.
 
     The file holds, by block: blocks (n, 2) row and column, ends (n,), low and high (n,) of the heights;
@@ -53,7 +53,7 @@ def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> Outcome:
     of heights.
     """
     if piece.sorted.exists():
-        return Outcome(piece.number, None)
+        return SortOutcome(piece.number, None)
     sorter = _Sorter(lattice)
     try:
         given = from_option(piece.crs, piece.vertical_unit) if piece.crs else None
@@ -61,10 +61,10 @@ def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> Outcome:
         for columns in _columns(source, piece):
             sorter.add(columns)
     except UsageError as error:
-        return Outcome(piece.number, str(error))
+        return SortOutcome(piece.number, str(error))
     arrays, notes = sorter.sorted(bin_m)
     array_file.write(piece.sorted, arrays, notes)
-    return Outcome(piece.number, None)
+    return SortOutcome(piece.number, None)
 
 
 def _columns(source: Source, piece: Piece) -> Iterator[Columns]:

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from companion.desk.survey.tiled.lattice import common, within
-from companion.desk.survey.tiled.tile_store import Key, Layout, Store
+from companion.desk.survey.tiled.tile_store import Key, Store, TileLayout
 from slz import SAFE, Box
 from slz.kernels.polygons.contour import squares
 
@@ -42,7 +42,7 @@ class TileLabels:
 
 
 @dataclass(frozen=True, slots=True)
-class Joined:
+class CandidateZone:
     """Candidate zone: its extent, its first square's cell, and its labels by tile."""
 
     extent: Box
@@ -50,17 +50,17 @@ class Joined:
     parts: tuple[tuple[Key, tuple[int, ...]], ...]
 
 
-def labelled(state: NDArray[np.uint8]) -> Labels:
+def label_components(state: NDArray[np.uint8]) -> Labels:
     """Return the labels of safe cells, 8-connected; the same state always has the same labels."""
     label, _ = ndimage.label(state == SAFE, np.ones((3, 3)))
     return np.asarray(label, np.int32)
 
 
-def label_tile(layout: Layout, key: Key, least_side: int) -> TileLabels:
+def label_tile(layout: TileLayout, key: Key, least_side: int) -> TileLabels:
     """Label a tile; squares may begin in cells of the tiles before it, so those are read, too."""
     store, box = Store(layout), layout.held(key)
     local = layout.local(box)
-    label = labelled(store.state(local))
+    label = label_components(store.state(local))
     before = least_side - 1
     wide = Box(local.row0 - before, local.row1, local.col0 - before, local.col1)
     side = squares((store.state(wide) == SAFE).astype(np.uint8))[before:, before:]
@@ -77,7 +77,7 @@ def label_tile(layout: Layout, key: Key, least_side: int) -> TileLabels:
     return TileLabels(key, extent, first, edges)
 
 
-def joined(tiles: Mapping[Key, TileLabels]) -> list[Joined]:
+def join_components(tiles: Mapping[Key, TileLabels]) -> list[CandidateZone]:
     """Return all zones that hold a safe square, in the order of their first squares."""
     keys = sorted(tiles)
     start = dict(zip(keys, np.cumsum([0, *(len(tiles[key].extent) for key in keys)]).tolist(), strict=False))
@@ -106,7 +106,7 @@ def joined(tiles: Mapping[Key, TileLabels]) -> list[Joined]:
             for t in np.unique(own[members]).tolist()
         )
         box = Box(int(low[k, 0]), int(high[k, 0]), int(low[k, 1]), int(high[k, 1]))
-        found.append(Joined(box, int(first[k]), parts))
+        found.append(CandidateZone(box, int(first[k]), parts))
     return found
 
 
@@ -145,7 +145,7 @@ class Members:
         self._store = store
         self._labels: dict[Key, Labels] = {}
 
-    def cells(self, zone: Joined, window: Box) -> NDArray[np.uint8]:
+    def cells(self, zone: CandidateZone, window: Box) -> NDArray[np.uint8]:
         """Return 1 for the cells of a window (lattice) that belong to the zone, else 0."""
         layout = self._store.layout
         out = np.zeros(window.shape, np.uint8)
@@ -165,5 +165,5 @@ class Members:
             if len(self._labels) >= 8:
                 del self._labels[next(iter(self._labels))]
             layout = self._store.layout
-            self._labels[key] = labelled(self._store.state(layout.local(layout.held(key))))
+            self._labels[key] = label_components(self._store.state(layout.local(layout.held(key))))
         return self._labels[key]

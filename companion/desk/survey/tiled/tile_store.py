@@ -22,7 +22,7 @@ Key = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class TileLayout:
     """Layout of the tiles: folder of their files, cells along a side, the survey's box, and the cell size.
 
     In local metres, the south-west corner of the survey is (0, 0): that of cell (whole.row0, whole.col0).
@@ -65,9 +65,9 @@ class Layout:
 
 @dataclass(slots=True)
 class Store(UnboundedTerrain):
-    """Reader of layers over boxes counted from the survey's corner, as in `Layout.grid`; it caches tiles."""
+    """Cached reader of layers over boxes counted from the survey's corner, as in `TileLayout.grid`."""
 
-    layout: Layout
+    layout: TileLayout
     _open: OrderedDict[Key, tuple[Box, dict[str, NDArray[Any]]] | None] = field(default_factory=OrderedDict)
 
     def tile(self, key: Key) -> tuple[Box, dict[str, NDArray[Any]]] | None:

@@ -14,23 +14,23 @@ from typing import Any, TypeVar
 
 from companion.desk.clouds.cloud_source import Source
 from companion.desk.survey.files import geotiff
-from companion.desk.survey.findings import Drawings
+from companion.desk.survey.findings import MapFiles
 from companion.desk.survey.local_metres import Metric
 from companion.desk.survey.overview import ground_png
 from companion.desk.survey.point_density import coverage_for
 from companion.desk.survey.tiled import array_file, plan
 from companion.desk.survey.tiled.block_density import per_m2, tally
-from companion.desk.survey.tiled.census import Census, take
+from companion.desk.survey.tiled.census import Census, count_points
 from companion.desk.survey.tiled.crs_scale import first_guess, metric_of
 from companion.desk.survey.tiled.derive_tiles import Ground, draw_tile
 from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
 from companion.desk.survey.tiled.progress import Progress
 from companion.desk.survey.tiled.sort_points import Piece, sort_piece
 from companion.desk.survey.tiled.task_engine import Engine
-from companion.desk.survey.tiled.tile_labels import joined, label_tile
-from companion.desk.survey.tiled.tile_store import Layout, Store
+from companion.desk.survey.tiled.tile_labels import join_components, label_tile
+from companion.desk.survey.tiled.tile_store import Store, TileLayout
 from companion.desk.survey.tiled.tiled_zones import batches, describe_zones
-from companion.desk.survey.tiled.zone_file import Found, load
+from companion.desk.survey.tiled.zone_file import DescribedZone, load
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Box
@@ -53,8 +53,8 @@ R = TypeVar("R")
 class Surveyed:
     """Result of a tiled survey. found: in the order of their IDs, from 1 on. drawings: in the work folder."""
 
-    layout: Layout
-    drawings: Drawings
+    layout: TileLayout
+    drawings: MapFiles
     metric: Metric
     parameters: Parameters
     density_per_m2: float
@@ -63,13 +63,13 @@ class Surveyed:
     dropped: dict[str, int]
     n_safe: int
     n_unsafe: int
-    step: float
-    found: list[Found]
+    coordinate_spacing: float
+    found: list[DescribedZone]
     skipped: list[plan.Skipped]
     stage_ms: dict[str, float]
 
 
-class Survey:
+class TiledSurvey:
     """One survey in a work folder; finished work found there is reused."""
 
     def __init__(
@@ -101,7 +101,7 @@ class Survey:
             A file, their CRS or the work folder cannot be used, or no point is left.
         """
         p = self._parameters
-        sources, skipped = plan.opened(self._files, self._crs, self._vertical_unit)
+        sources, skipped = plan.open_clouds(self._files, self._crs, self._vertical_unit)
         guess = first_guess(sources, p.cell_m)
         self._check_room(sources)
         wanted = plan.manifest(self._files, self._crs, p, guess, self._side, self._vertical_unit)
@@ -109,8 +109,8 @@ class Survey:
         sorted_, census, metric, broken = self._sorted(sources, guess)
         skipped += broken
         _check_cells(census.box, p.cell_m)
-        plan.begin(self._work, sorted_)
-        layout = Layout(self._work / "tiles", self._side, census.box, p.cell_m)
+        plan.record_sources(self._work, sorted_)
+        layout = TileLayout(self._work / "tiles", self._side, census.box, p.cell_m)
         density, p = self._fitted(layout, sorted_)
         drawn = self._drawn(layout, sorted_, census, metric, p)
         drawings, begun = self._drawings(layout, metric)  # workers write them during the next steps
@@ -148,11 +148,11 @@ class Survey:
     ) -> list[tuple[T, R]]:
         """Wait for the tasks of a step and report its progress."""
         began = time.perf_counter()
-        self._progress.step(what, LEAST_SHARES[what], total, done)
+        self._progress.begin_stage(what, LEAST_SHARES[what], total, done)
         results = []
         for count, pair in enumerate(begun, start=1):
             results.append(pair)
-            self._progress.at(count)
+            self._progress.report(count)
         ms = (time.perf_counter() - began) * 1e3
         self.stage_ms[what] = self.stage_ms.get(what, 0.0) + ms
         return results
@@ -192,9 +192,9 @@ class Survey:
         if not whole:
             raise UsageError(broken[0].reason)
         paths = [piece.sorted for piece in whole]
-        return paths, take(paths, self._bin_m), broken
+        return paths, count_points(paths, self._bin_m), broken
 
-    def _fitted(self, layout: Layout, paths: list[Path]) -> tuple[float, Parameters]:
+    def _fitted(self, layout: TileLayout, paths: list[Path]) -> tuple[float, Parameters]:
         """Return the density, and parameters whose limits hold a survey of any size."""
         p = self._parameters
         tiles = plan.tiles(layout, paths, 0)
@@ -209,7 +209,7 @@ class Survey:
         return density, p.model_copy(update=own)
 
     def _drawn(
-        self, layout: Layout, paths: list[Path], census: Census, metric: Metric, p: Parameters
+        self, layout: TileLayout, paths: list[Path], census: Census, metric: Metric, p: Parameters
     ) -> Counter[str]:
         tiles = plan.tiles(layout, paths, reach_of(p, p.cell_m).margin + 16)
         done = sum(tile.drawn.exists() for tile in tiles)
@@ -220,7 +220,7 @@ class Survey:
             total.update({name: notes[name] for name in ("n_used", "n_outliers", "safe", "unsafe")})
         return total
 
-    def _drawings(self, layout: Layout, metric: Metric) -> tuple[Drawings, Iterator[Any]]:
+    def _drawings(self, layout: TileLayout, metric: Metric) -> tuple[MapFiles, Iterator[Any]]:
         """Start the tasks that write the GeoTIFFs and the picture."""
         folder = self._work / "drawings"
         layers = [
@@ -230,14 +230,14 @@ class Survey:
         store = Store(layout)
         rasters = self._engine.each(_write_raster, layers, store, metric)
         pictures = self._engine.each(_write_picture, [picture], store)
-        return Drawings([path for path, _ in layers], picture), chain[Any](rasters, pictures)
+        return MapFiles([path for path, _ in layers], picture), chain[Any](rasters, pictures)
 
-    def _zones(self, layout: Layout, p: Parameters) -> None:
+    def _zones(self, layout: TileLayout, p: Parameters) -> None:
         """Join the safe ground of all tiles and describe every zone."""
         keys = sorted(tuple(map(int, path.stem.split("_"))) for path in layout.folder.glob("*.tile"))
         least = side_in_cells(p.min_square_m, layout.grid)
         pairs = self._each("joining", _labelled, [(layout, key, least) for key in keys], 0)
-        work = batches(joined({found.key: found for _, found in pairs}), self._work / "zones")
+        work = batches(join_components({found.key: found for _, found in pairs}), self._work / "zones")
         done = sum(one.done.exists() for one in work)
         self._each("zones", describe_zones, work, done, layout, p)
 
@@ -269,17 +269,17 @@ def _check_cells(box: Box, cell_m: float) -> None:
 def _write_raster(asked: tuple[Path, geotiff.Layer], maps: Store, metric: Metric) -> None:
     path, layer = asked
     if not path.exists():
-        with array_file.whole(path) as unfinished:
+        with array_file.atomic_file(path) as unfinished:
             geotiff.write(unfinished.path, layer, maps, metric)
 
 
 def _write_picture(path: Path, maps: Store) -> None:
     if not path.exists():
-        with array_file.whole(path) as unfinished:
+        with array_file.atomic_file(path) as unfinished:
             unfinished.path.write_bytes(ground_png(maps))
 
 
-def _without_cells(found: Found) -> Found:
+def _without_cells(found: DescribedZone) -> DescribedZone:
     """Return a zone without its cells, which grow with its area; outline and boundary grow with its rim."""
     return replace(found, zone=replace(found.zone, cells=found.zone.cells[:0, :0]))
 
@@ -288,7 +288,7 @@ def _tally(tile: Any, whole: Any, cell_m: float) -> Any:
     return tally(tile.sources, tile.box, whole, cell_m)
 
 
-def _labelled(asked: tuple[Layout, Any, int]) -> Any:
+def _labelled(asked: tuple[TileLayout, Any, int]) -> Any:
     return label_tile(*asked)
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from companion.desk.survey.largest_square import centre_of
 from companion.desk.survey.tiled.lattice import common
-from companion.desk.survey.tiled.tile_labels import Joined, Members
-from companion.desk.survey.tiled.tile_store import Layout, Store
-from companion.desk.survey.tiled.zone_file import Found, load, save
+from companion.desk.survey.tiled.tile_labels import CandidateZone, Members
+from companion.desk.survey.tiled.tile_store import Store, TileLayout
+from companion.desk.survey.tiled.zone_file import DescribedZone, load, save
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
 from slz import Box
@@ -33,11 +33,11 @@ NOWHERE = np.full(3, np.nan)
 class Work:
     """Zones to be described together, and their output file."""
 
-    zones: tuple[Joined, ...]
+    zones: tuple[CandidateZone, ...]
     done: Path
 
 
-def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
+def describe_zones(work: Work, layout: TileLayout, parameters: Parameters) -> int:
     """Describe zones, write them to their file and return their number."""
     if work.done.exists():
         return len(load(work.done))
@@ -48,13 +48,13 @@ def describe_zones(work: Work, layout: Layout, parameters: Parameters) -> int:
     return len(found)
 
 
-def batches(zones: Sequence[Joined], folder: Path, most_cells: int = MOST_CELLS // 4) -> list[Work]:
+def batches(zones: Sequence[CandidateZone], folder: Path, most_cells: int = MOST_CELLS // 4) -> list[Work]:
     """Return zones in batches of similar size, those of one tile together, the largest batch first.
 
     A large batch that started last would keep the other workers waiting.
     """
-    found: list[tuple[int, list[Joined]]] = []
-    batch: list[Joined] = []
+    found: list[tuple[int, list[CandidateZone]]] = []
+    batch: list[CandidateZone] = []
     cells = 0
     for zone in sorted(zones, key=lambda zone: (zone.parts[0][0], zone.first)):
         rows, cols = zone.extent.shape
@@ -69,7 +69,9 @@ def batches(zones: Sequence[Joined], folder: Path, most_cells: int = MOST_CELLS 
     return [one for _, one in sorted(work, key=lambda pair: -pair[0])]
 
 
-def _found(zone: Joined, store: Store, members: Members, parameters: Parameters) -> Iterator[Found]:
+def _found(
+    zone: CandidateZone, store: Store, members: Members, parameters: Parameters
+) -> Iterator[DescribedZone]:
     """Yield the zone, or those parts of a too large one that hold a safe square."""
     layout = store.layout
     windows = list(_windows(zone.extent))
@@ -82,7 +84,7 @@ def _found(zone: Joined, store: Store, members: Members, parameters: Parameters)
             cells, layout.local(window), least, parameters.min_boundary_points
         ):
             described = describe(Content.of(candidate, store), store, NOWHERE, parameters, 0)
-            yield Found(
+            yield DescribedZone(
                 first=_first(candidate, least),
                 zone=replace(described, obstacles=()),
                 polygon_m=zone_polygon(described, layout.grid),

@@ -31,7 +31,7 @@ ARRAYS = ("cells", "boundary_cells", "corners_enu_m")
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class DescribedZone:
     """A described zone. first: its sort key in the order of IDs. cut: whether it is part of a larger zone."""
 
     first: int
@@ -42,7 +42,7 @@ class Found:
     cut: bool
 
 
-def save(path: Path, zones: Sequence[Found]) -> None:
+def save(path: Path, zones: Sequence[DescribedZone]) -> None:
     """Write zones; obstacles are stored only as a count."""
     arrays: dict[str, NDArray[Any]] = {}
     notes = []
@@ -67,13 +67,13 @@ def save(path: Path, zones: Sequence[Found]) -> None:
     array_file.write(path, arrays, {"zones": notes})
 
 
-def load(path: Path) -> list[Found]:
+def load(path: Path) -> list[DescribedZone]:
     """Read a zone file."""
     arrays, notes = array_file.read(path)
     return [_found(number, arrays, told) for number, told in enumerate(notes["zones"])]
 
 
-def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> Found:
+def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> DescribedZone:
     fields: dict[str, Any] = {name: told[name] for name in NUMBERS}
     fields |= {name: arrays[f"{number} {name}"] for name in ARRAYS}
     zone = Zone(
@@ -85,4 +85,4 @@ def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -
     east, north = told["square_centre_m"]
     polygon = shapely.from_wkb(arrays[f"{number} polygon"].tobytes())
     assert isinstance(polygon, MultiPolygon)  # noqa: S101 - `save` writes no other type
-    return Found(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"])
+    return DescribedZone(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"])

@@ -15,7 +15,7 @@ PX4 = mavlink.MAV_AUTOPILOT_PX4
 def poses(source: PoseSource, *frames: bytes) -> list[Pose]:
     codec = mavlink.MAVLink(None)
     messages = [message for frame in frames for message in codec.parse_buffer(bytearray(frame))]
-    taken = [source.take(message) for message in messages]
+    taken = [source.on_message(message) for message in messages]
     return [pose for pose in taken if pose is not None]
 
 

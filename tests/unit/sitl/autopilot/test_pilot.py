@@ -43,7 +43,7 @@ class Vehicle:
         """Let time pass; return the commands of it."""
         end = self.now_ns + round(seconds * SECOND_NS)
         while self.now_ns < end:
-            self.pilot.step(self.now_ns)
+            self.pilot.on_tick(self.now_ns)
             self.now_ns += SECOND_NS // 100
         data = b"".join(part for _, part in self.wire.poll())
         messages = self._reader.parse_buffer(bytearray(data)) or []

@@ -178,7 +178,7 @@ def told(
         if every_ms is not None and (now - start_ms) % every_ms == 0:
             landing.receive(seen(now * 1000), now * MS, 0.0)
         if now % 100 == 0:
-            out += landing.news(now * MS)
+            out += landing.status_texts(now * MS)
     return out
 
 

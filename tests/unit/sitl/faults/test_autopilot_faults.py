@@ -42,11 +42,11 @@ def hovering() -> tuple[Simulation, Station]:
 
 
 def during(sim: Simulation, each: faults.Fault, seconds: float) -> None:
-    each.begin(sim)
-    sim.every_tick.append(each.step)
+    each.start(sim)
+    sim.every_tick.append(each.on_tick)
     sim.run(seconds)
-    sim.every_tick.remove(each.step)
-    each.end(sim)
+    sim.every_tick.remove(each.on_tick)
+    each.stop(sim)
 
 
 def messages(end: Station) -> list[Any]:
@@ -96,8 +96,8 @@ def test_the_pilot_asks_until_the_mode_shows(hovering: tuple[Simulation, Station
     sim, _ = hovering
     taken = fault("pilot_mode")
     sim.router.model.cut = True
-    taken.begin(sim)
-    sim.every_tick.append(taken.step)
+    taken.start(sim)
+    sim.every_tick.append(taken.on_tick)
     sim.run(2.5)
     sim.router.model.cut = False
     sim.run(2.5)
@@ -124,7 +124,7 @@ def test_a_neighbour_is_heard_by_all_and_changes_nothing(
 def test_a_fault_of_what_is_not_there_says_so(name: str) -> None:
     sim = Simulation(scenes.build("landing_site", 1), [MemoryWire()])
     with pytest.raises(ValueError, match="this simulation has no"):
-        fault(name).begin(sim)
+        fault(name).start(sim)
 
 
 def test_a_held_up_autopilot_loses_time_that_its_sensors_do_not(

@@ -35,7 +35,7 @@ def hovering() -> Simulation:
 
 def begun(sim: Simulation, name: str, seed: int, seconds: float) -> faults.Fault:
     fault = faults.build(name, np.random.default_rng(seed))
-    fault.begin(sim)
+    fault.start(sim)
     sim.run(seconds)
     return fault
 
@@ -48,7 +48,7 @@ def test_a_loss_makes_the_autopilot_return_and_stays_so_after_its_end(
     fault = begun(hovering, name, seed, 3.0)
     assert hovering.autopilot.mode is Mode.RTL
     assert hovering.autopilot.failsafes.in_charge
-    fault.end(hovering)
+    fault.stop(hovering)
     hovering.run(3.0)
     assert hovering.autopilot.mode is Mode.RTL
     assert hovering.autopilot.failsafes.in_charge
@@ -58,7 +58,7 @@ def test_ceiling_and_circle_are_both_drawn(hovering: Simulation) -> None:
     drawn = set()
     for seed in range(8):
         hovering.autopilot.parameters.update(FAR)
-        faults.build("fence_breach", np.random.default_rng(seed)).begin(hovering)
+        faults.build("fence_breach", np.random.default_rng(seed)).start(hovering)
         drawn |= {name for name, far_m in FAR.items() if hovering.autopilot.parameters[name] < far_m}
     assert drawn == set(FAR)
 
@@ -66,7 +66,7 @@ def test_ceiling_and_circle_are_both_drawn(hovering: Simulation) -> None:
 def test_lost_gps_ends_in_a_landing_that_its_return_does_not_end(hovering: Simulation) -> None:
     fault = begun(hovering, "gps_loss", 1, 9.0)
     assert hovering.autopilot.mode is Mode.LAND
-    fault.end(hovering)
+    fault.stop(hovering)
     hovering.run(4.0)
     assert not hovering.autopilot.failsafes.any_triggered
     assert hovering.autopilot.mode is Mode.LAND
@@ -81,7 +81,7 @@ def test_a_stick_moves_a_landing_and_is_let_go(hovering: Simulation, seed: int) 
     fault = begun(hovering, "pilot_stick", seed, 3.0)
     assert np.linalg.norm((hovering.vehicle.truth.pos_enu_m - before_m)[:2]) > 0.5
     assert hovering.autopilot.navigator.repositioned
-    fault.end(hovering)
+    fault.stop(hovering)
     hovering.run(0.5)
     assert not hovering.autopilot.receiver.sticks(hovering.now_ns).steering
 
@@ -97,5 +97,5 @@ def test_what_is_drawn_is_the_same_for_the_same_seed(hovering: Simulation) -> No
     for seed in (3, 3, 4):
         fault = begun(hovering, "pilot_stick", seed, 0.01)
         pulses.append(tuple(hovering.autopilot.receiver.transmitter))
-        fault.end(hovering)
+        fault.stop(hovering)
     assert pulses[0] == pulses[1] != pulses[2]

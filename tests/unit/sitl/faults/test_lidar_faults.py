@@ -30,10 +30,10 @@ class Listener:
 
     def packets(self, seconds: float, fault: faults.Fault | None = None) -> list[bytes]:
         if fault is not None:
-            fault.begin(self.sim)
+            fault.start(self.sim)
         self.sim.run(seconds)
         if fault is not None:
-            fault.end(self.sim)
+            fault.stop(self.sim)
         got = []
         while True:
             try:
@@ -109,10 +109,10 @@ def test_a_misaligned_sensor_sees_the_same_ground_five_degrees_aside(listener: L
     sensor = listener.sim.lidar.sensor  # type: ignore[union-attr]
     before = sensor.mount.rotation_frd_from_sensor()  # type: ignore[union-attr]
     turned = fault("lidar_misaligned")
-    turned.begin(listener.sim)
+    turned.start(listener.sim)
     off = sensor.mount.rotation_frd_from_sensor() @ before.T  # type: ignore[union-attr]
     assert np.degrees(np.arccos((np.trace(off) - 1) / 2)) == pytest.approx(5.0)
-    turned.end(listener.sim)
+    turned.stop(listener.sim)
     assert (sensor.mount.rotation_frd_from_sensor() == before).all()  # type: ignore[union-attr]
 
 
@@ -128,10 +128,10 @@ def test_in_weather_less_is_seen_and_afterwards_all(
 
     clear = len(returns())
     weather = fault(name)
-    weather.begin(listener.sim)
+    weather.start(listener.sim)
     listener.packets(0.1)
     assert returns().max() < farthest_m
     assert len(returns()) < share * clear
-    weather.end(listener.sim)
+    weather.stop(listener.sim)
     listener.packets(0.1)
     assert len(returns()) == pytest.approx(clear, rel=0.05)

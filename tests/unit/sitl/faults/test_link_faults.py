@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sitl import scenes
-from sitl.faults import SpoiltWire, build, link_faults
+from sitl.faults import FaultyWire, build, link_faults
 from sitl.faults.faulty_wire import Treatment
 from sitl.simulation import Simulation
 from sitl.wire.wire import MemoryWire
@@ -20,7 +20,7 @@ class Line:
     def __init__(self, treatment: Treatment | None) -> None:
         self.now_ns = 0
         self.inner = MemoryWire()
-        self.wire = SpoiltWire(self.inner, np.random.default_rng(1), lambda: self.now_ns)
+        self.wire = FaultyWire(self.inner, np.random.default_rng(1), lambda: self.now_ns)
         self.wire.treatment = treatment
 
     def sent(self, count: int, every_ns: int = SECOND // 50) -> list[tuple[int, bytes]]:
@@ -90,8 +90,8 @@ def test_one_of_five_datagrams_is_corrupted() -> None:
 
 
 def test_a_link_fault_needs_a_spoilt_wire() -> None:
-    with pytest.raises(ValueError, match="SpoiltWire"):
-        build("link_loss", np.random.default_rng(0)).begin(
+    with pytest.raises(ValueError, match="FaultyWire"):
+        build("link_loss", np.random.default_rng(0)).start(
             Simulation(scenes.build("landing_site", 1), [MemoryWire()])
         )
 

@@ -71,7 +71,7 @@ def test_a_sensor_goes_with_its_own_kind_of_line(name: str, to: object) -> None:
 
 def test_the_paper_s_scanner_fills_its_cone_and_comes_out_of_the_livox_driver() -> None:
     opal = Opal(np.random.default_rng(1), noise=Noise.none())
-    packets = opal.step(0, 500 * MS, hovering, WORLD)
+    packets = opal.scan(0, 500 * MS, hovering, WORLD)
     decoder = LivoxDecoder()
     for packet in packets:
         assert decoder.check(packet) is not None

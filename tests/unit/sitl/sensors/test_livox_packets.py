@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
-from sitl.sensors.livox_packets import DataType, Label, TimeType, encode_imu, encode_points
+from sitl.sensors.livox_packets import DataType, Label, encode_points
 
 LABEL = Label(stamp_ns=123_456_789_012_345, interval_ns=475_000, udp_count=70_000, frame_count=300)
 POINTS = np.array([[1.2345, -2.3456, 3.4567], [0.0, 0.0, 0.0], [-40.0, 0.001, -0.001]])
@@ -59,15 +59,6 @@ def test_spherical_is_depth_zenith_and_azimuth() -> None:
         (1414, 9000, 31500),
         (0, 0, 0),
     ]
-
-
-def test_imu_packet_holds_rates_then_accelerations() -> None:
-    label = Label(5, 0, 9, time_type=TimeType.PTP)
-    packet = encode_imu(label, np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, 1.0]))
-    assert len(packet) == 60
-    assert packet[10:12] == bytes([0, 1])
-    assert struct.unpack_from("<H", packet, 5) == (1,)
-    assert struct.unpack_from("<6f", packet, 36) == pytest.approx((0.1, 0.2, 0.3, 0.0, 0.0, 1.0))
 
 
 def test_what_does_not_fit_the_fields_is_refused() -> None:

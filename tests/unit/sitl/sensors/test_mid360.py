@@ -75,7 +75,7 @@ def test_boresight_angles_are_yaw_then_pitch_then_roll_about_the_turned_axes() -
 
 
 def test_flat_ground_below_is_seen_under_the_vehicle_ahead_behind_and_to_both_sides() -> None:
-    points, _, _ = decode(lidar().step(0, 200 * MS, hover(heading_deg=90.0), flat_world()))
+    points, _, _ = decode(lidar().scan(0, 200 * MS, hover(heading_deg=90.0), flat_world()))
     seen = points[np.any(points != 0.0, axis=1)]
     frd = seen @ Mount().rotation_frd_from_sensor().T
     np.testing.assert_allclose(frd[:, 2], 10.0, atol=0.002)  # heading does not change the height
@@ -100,7 +100,7 @@ def test_an_object_ahead_is_measured_ahead_in_the_body(
         assert (x, y) == pytest.approx(expected, abs=1e-9)
     world = World(flat_world().ground, [Box(x, y, 0.0, 1.0, 1.0, 2.0)])
     mount = Mount(lever_frd_m=(0.5, -0.2, 0.3))
-    points, _, _ = decode(lidar(mount=mount).step(0, 200 * MS, hover(heading_deg=heading_deg), world))
+    points, _, _ = decode(lidar(mount=mount).scan(0, 200 * MS, hover(heading_deg=heading_deg), world))
     frd = points @ mount.rotation_frd_from_sensor().T + mount.lever_frd_m
     top = frd[np.any(points != 0.0, axis=1) & (frd[:, 2] < 8.002)]
     assert len(top) > 20
@@ -116,7 +116,7 @@ def test_points_land_where_they_were_measured_when_placed_with_the_pose_of_their
         attitude = Rotation.from_euler("ZYX", np.column_stack([1.5 * t, 0.1 * np.sin(9 * t), 0.2 * t]))
         return position, attitude.as_quat(scalar_first=True)
 
-    points, stamps, _ = decode(lidar(mount=mount).step(0, 300 * MS, turning, world))
+    points, stamps, _ = decode(lidar(mount=mount).scan(0, 300 * MS, turning, world))
     keep = np.any(points != 0.0, axis=1)
     position, quat = turning(stamps[keep] - CLOCK.offset_ns)
     ned_from_frd = Rotation.from_quat(quat, scalar_first=True)
@@ -131,18 +131,18 @@ def test_points_land_where_they_were_measured_when_placed_with_the_pose_of_their
 
 def test_output_does_not_depend_on_how_time_is_cut() -> None:
     world, noisy = flat_world(), Noise(dropout=0.05, ghost=0.02, dust=0.02)
-    whole = lidar(noise=noisy).step(0, 50 * MS, hover(), world)
+    whole = lidar(noise=noisy).scan(0, 50 * MS, hover(), world)
     pieces: list[bytes] = []
     cut, sensor = [0, 1, 333_333, 7 * MS, 7 * MS + 1, 20 * MS, 50 * MS], lidar(noise=noisy)
     for begin, end in pairwise(cut):
-        pieces += sensor.step(begin, end, hover(), world)
+        pieces += sensor.scan(begin, end, hover(), world)
     assert pieces == whole
-    assert lidar(seed=2, noise=noisy).step(0, 50 * MS, hover(), world) != whole
+    assert lidar(seed=2, noise=noisy).scan(0, 50 * MS, hover(), world) != whole
 
 
 def test_packets_count_up_and_stamps_are_evenly_spaced_on_the_sensor_clock() -> None:
     sensor = lidar(clock=Clock(offset_ns=77, drift_ppb=0))
-    packets = sensor.step(0, 100 * MS, hover(), flat_world())
+    packets = sensor.scan(0, 100 * MS, hover(), flat_world())
     assert len(packets) == 20_000 // 96
     assert {len(p) for p in packets} == {36 + 96 * 14}
     assert [struct.unpack_from("<H", p, 7)[0] for p in packets] == list(range(len(packets)))
@@ -152,7 +152,7 @@ def test_packets_count_up_and_stamps_are_evenly_spaced_on_the_sensor_clock() -> 
 
 
 def test_documented_counters_restart_with_every_frame() -> None:
-    packets = lidar(frame_restart=True).step(0, 250 * MS, hover(), flat_world())
+    packets = lidar(frame_restart=True).scan(0, 250 * MS, hover(), flat_world())
     counters = [(p[9], struct.unpack_from("<H", p, 7)[0]) for p in packets]
     assert [c for c in counters if c[1] == 0] == [(0, 0), (1, 0), (2, 0)]
 
@@ -168,7 +168,7 @@ def test_a_fast_clock_gains_what_its_drift_says_and_fires_at_the_right_simulated
     sensor = lidar(clock=clock, point_rate_hz=20_000)
     packets: list[bytes] = []
     for k in range(0, 2000, 50):
-        packets += sensor.step(k * MS, (k + 50) * MS, watched, flat_world())
+        packets += sensor.scan(k * MS, (k + 50) * MS, watched, flat_world())
     stamps = np.concatenate(asked)
     assert stamps.min() >= 0
     assert stamps.max() < 2000 * MS
@@ -181,34 +181,34 @@ def test_a_fast_clock_gains_what_its_drift_says_and_fires_at_the_right_simulated
 
 def test_a_sensor_switched_off_and_on_starts_with_fresh_packets() -> None:
     sensor, world = lidar(), flat_world()
-    sensor.step(0, 1 * MS, hover(), world)
-    packets = sensor.step(50 * MS, 51 * MS, hover(), world)
+    sensor.scan(0, 1 * MS, hover(), world)
+    packets = sensor.scan(50 * MS, 51 * MS, hover(), world)
     assert struct.unpack_from("<Q", packets[0], 28)[0] - CLOCK.offset_ns == 50 * MS
 
 
 def test_pulses_without_return_are_zeros() -> None:
-    points, _, raw = decode(lidar().step(0, 20 * MS, hover(), flat_world(Kind.WATER)))
+    points, _, raw = decode(lidar().scan(0, 20 * MS, hover(), flat_world(Kind.WATER)))
     assert not points.any()
     assert not raw["reflectivity"].any()
 
 
 @pytest.mark.parametrize(("height_m", "visible"), [(38.0, True), (50.0, False)])
 def test_dark_ground_is_lost_beyond_its_range(height_m: float, visible: bool) -> None:
-    points, _, _ = decode(lidar().step(0, 100 * MS, hover(z=height_m), flat_world(Kind.ASPHALT)))
+    points, _, _ = decode(lidar().scan(0, 100 * MS, hover(z=height_m), flat_world(Kind.ASPHALT)))
     assert bool(np.count_nonzero(points[:, 2]) > 500) is visible
 
 
 def test_errors_have_the_size_the_data_sheet_gives() -> None:
     world = flat_world()
     noisy = Noise(range_sigma_m=0.02, angle_sigma_deg=0.0, dropout=0.1, ghost=0.0, dust=0.0)
-    exact, _, _ = decode(lidar().step(0, 100 * MS, hover(), world))
-    points, _, _ = decode(lidar(noise=noisy).step(0, 100 * MS, hover(), world))
+    exact, _, _ = decode(lidar().scan(0, 100 * MS, hover(), world))
+    points, _, _ = decode(lidar(noise=noisy).scan(0, 100 * MS, hover(), world))
     was, now = np.linalg.norm(exact, axis=1), np.linalg.norm(points, axis=1)
     both = (was > 0) & (now > 0)
     assert (now - was)[both].std() == pytest.approx(0.02, rel=0.05)
     assert 1 - both.sum() / (was > 0).sum() == pytest.approx(0.1, abs=0.02)
     tilted = Noise(range_sigma_m=0.0, angle_sigma_deg=0.15, dropout=0.0, ghost=0.0, dust=0.0)
-    points, _, _ = decode(lidar(noise=tilted).step(0, 100 * MS, hover(), world))
+    points, _, _ = decode(lidar(noise=tilted).scan(0, 100 * MS, hover(), world))
     frd = points[both] @ Mount().rotation_frd_from_sensor().T
     down, out = frd[:, 2], np.hypot(frd[:, 0], frd[:, 1])
     ring = np.abs(out - 10.0) < 0.5  # at 45 deg a tilt by a moves a point's height by 20 m * a / 2
@@ -218,8 +218,8 @@ def test_errors_have_the_size_the_data_sheet_gives() -> None:
 
 def test_ghosts_lie_too_far_dust_too_near_and_most_are_tagged() -> None:
     noisy = Noise(0.0, 0.0, 0.0, ghost=0.05, dust=0.05, tagged=0.7)
-    exact, _, _ = decode(lidar().step(0, 50 * MS, hover(), flat_world()))
-    points, _, raw = decode(lidar(noise=noisy).step(0, 50 * MS, hover(), flat_world()))
+    exact, _, _ = decode(lidar().scan(0, 50 * MS, hover(), flat_world()))
+    points, _, raw = decode(lidar(noise=noisy).scan(0, 50 * MS, hover(), flat_world()))
     was, now = np.linalg.norm(exact, axis=1), np.linalg.norm(points, axis=1)
     hit = was > 0
     far, near = hit & (now > 1.04 * was), (now > 0) & (now < 0.98 * np.where(hit, was, np.inf))
@@ -231,15 +231,15 @@ def test_ghosts_lie_too_far_dust_too_near_and_most_are_tagged() -> None:
 
 @pytest.mark.parametrize(("rate", "dots"), [(200_000, 96), (20_000, 96), (10_000, 66)])
 def test_a_slow_sensor_sends_shorter_packets_rather_than_a_wrong_interval(rate: int, dots: int) -> None:
-    packets = lidar(point_rate_hz=rate).step(0, 50 * MS, hover(), flat_world())
+    packets = lidar(point_rate_hz=rate).scan(0, 50 * MS, hover(), flat_world())
     interval, count = struct.unpack_from("<HH", packets[0], 3)
     assert count == dots
     assert interval * 100 == (dots - 1) * 1_000_000_000 // rate
 
 
 def test_other_formats_carry_the_same_points() -> None:
-    exact, _, _ = decode(lidar().step(0, 5 * MS, hover(), flat_world()))
-    packets = lidar(data_type=DataType.CARTESIAN_16).step(0, 5 * MS, hover(), flat_world())
+    exact, _, _ = decode(lidar().scan(0, 5 * MS, hover(), flat_world()))
+    packets = lidar(data_type=DataType.CARTESIAN_16).scan(0, 5 * MS, hover(), flat_world())
     raw = np.concatenate([np.frombuffer(p, "<i2,<i2,<i2,u1,u1", 96, 36) for p in packets])
     np.testing.assert_allclose(raw["f2"] / 100.0, exact[:, 2], atol=0.006)
 

@@ -27,7 +27,7 @@ def lidar(**options: object) -> Ouster:
 
 
 def test_packets_count_columns_and_frames() -> None:
-    packets = lidar().step(0, 200 * MS, hover(), flat_world())
+    packets = lidar().scan(0, 200 * MS, hover(), flat_world())
     assert {len(packet) for packet in packets} == {64 + 16 * (12 + ROWS * 12)} == {LAYOUT.itemsize}
     read = np.array([np.frombuffer(packet, LAYOUT)[0] for packet in packets])
     number = read["frame_id"][:, None].astype(int) * COLUMNS + read["columns"]["measurement_id"]
@@ -40,7 +40,7 @@ def test_packets_count_columns_and_frames() -> None:
 
 def test_the_ground_below_is_seen_from_side_to_side() -> None:
     sensor = lidar()
-    shots = sensor.look(0, 100 * MS, hover(heading_deg=200.0), flat_world())
+    shots = sensor.shots(0, 100 * MS, hover(heading_deg=200.0), flat_world())
     hit = shots.echoes.range_m > 0
     frd = sensor.points_m(shots)[hit] @ CENTRED.rotation_frd_from_sensor().T
     np.testing.assert_allclose(frd[:, 2], 10.0, atol=1e-6)
@@ -51,9 +51,9 @@ def test_the_ground_below_is_seen_from_side_to_side() -> None:
 
 def test_output_does_not_depend_on_how_time_is_cut() -> None:
     world, noisy = flat_world(), Noise(dropout=0.05, ghost=0.02, dust=0.02)
-    whole = lidar(noise=noisy).step(0, 50 * MS, hover(), world)
+    whole = lidar(noise=noisy).scan(0, 50 * MS, hover(), world)
     sensor, cut = lidar(noise=noisy), [0, 1, 333_333, 7 * MS, 7 * MS + 1, 20 * MS, 50 * MS]
-    pieces = [packet for begin, end in pairwise(cut) for packet in sensor.step(begin, end, hover(), world)]
+    pieces = [packet for begin, end in pairwise(cut) for packet in sensor.scan(begin, end, hover(), world)]
     assert pieces == whole
     assert len(whole) == 16
 

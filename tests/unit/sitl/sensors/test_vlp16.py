@@ -26,7 +26,7 @@ def lidar(seed: int = 1, **options: object) -> Vlp16:
 
 def test_a_packet_is_twelve_blocks_of_two_firing_sequences() -> None:
     assert PACKET.itemsize == 1206
-    packets = lidar().step(0, 100 * MS, hover(), flat_world())
+    packets = lidar().scan(0, 100 * MS, hover(), flat_world())
     assert {len(packet) for packet in packets} == {1206}
     read = np.array([np.frombuffer(packet, PACKET)[0] for packet in packets])
     assert (read["blocks"]["flag"] == 0xEEFF).all()
@@ -41,7 +41,7 @@ def test_the_head_sweeps_the_ground_from_side_to_side() -> None:
     """Pitch 90 turns the axis forward and azimuth 0 down."""
     assert (SIDEWAYS.roll_deg, SIDEWAYS.pitch_deg, SIDEWAYS.yaw_deg) == (0.0, 90.0, 0.0)
     sensor = lidar()
-    shots = sensor.look(0, 100 * MS, hover(heading_deg=70.0), flat_world())
+    shots = sensor.shots(0, 100 * MS, hover(heading_deg=70.0), flat_world())
     hit = shots.echoes.range_m > 0
     frd = sensor.points_m(shots)[hit] @ CENTRED.rotation_frd_from_sensor().T
     np.testing.assert_allclose(frd[:, 2], 10.0, atol=1e-6)
@@ -58,15 +58,15 @@ def test_the_head_sweeps_the_ground_from_side_to_side() -> None:
 @pytest.mark.parametrize("mode", list(ReturnMode))
 def test_output_does_not_depend_on_how_time_is_cut(mode: ReturnMode) -> None:
     world, noisy = flat_world(), Noise(dropout=0.05, ghost=0.02, dust=0.02)
-    whole = lidar(noise=noisy, mode=mode).step(0, 50 * MS, hover(), world)
+    whole = lidar(noise=noisy, mode=mode).scan(0, 50 * MS, hover(), world)
     sensor, cut = lidar(noise=noisy, mode=mode), [0, 1, 333_333, 7 * MS, 7 * MS + 1, 20 * MS, 50 * MS]
-    pieces = [packet for begin, end in pairwise(cut) for packet in sensor.step(begin, end, hover(), world)]
+    pieces = [packet for begin, end in pairwise(cut) for packet in sensor.scan(begin, end, hover(), world)]
     assert pieces == whole
 
 
 def test_in_dual_mode_a_packet_spans_half_the_time_and_dust_is_the_second_strongest() -> None:
     noisy = Noise(0.0, 0.0, 0.0, ghost=0.0, dust=0.05)
-    packets = lidar(noise=noisy, mode=ReturnMode.DUAL).step(0, 50 * MS, hover(), flat_world())
+    packets = lidar(noise=noisy, mode=ReturnMode.DUAL).scan(0, 50 * MS, hover(), flat_world())
     blocks = np.array([np.frombuffer(packet, PACKET)[0] for packet in packets])["blocks"]
     last, strongest = blocks[:, ::2], blocks[:, 1::2]
     np.testing.assert_array_equal(last["azimuth"], strongest["azimuth"])
@@ -78,8 +78,8 @@ def test_in_dual_mode_a_packet_spans_half_the_time_and_dust_is_the_second_strong
 
 
 def test_at_a_lower_rate_whole_sequences_see_nothing_and_the_packets_stay() -> None:
-    full = lidar().step(0, 100 * MS, hover(), flat_world())
-    thin = lidar(point_rate_hz=50_000).step(0, 100 * MS, hover(), flat_world())
+    full = lidar().scan(0, 100 * MS, hover(), flat_world())
+    thin = lidar(point_rate_hz=50_000).scan(0, 100 * MS, hover(), flat_world())
     assert len(thin) == len(full)
     seen, all_seen = (
         np.array([np.frombuffer(p, PACKET)[0] for p in packets])["blocks"]["channels"]["distance"].reshape(
@@ -93,7 +93,7 @@ def test_at_a_lower_rate_whole_sequences_see_nothing_and_the_packets_stay() -> N
 
 def test_switched_on_again_it_begins_with_a_whole_sequence() -> None:
     sensor, world = lidar(), flat_world()
-    sensor.step(0, 1 * MS, hover(), world)
-    packets = sensor.step(50 * MS, 53 * MS, hover(), world)
+    sensor.scan(0, 1 * MS, hover(), world)
+    packets = sensor.scan(50 * MS, 53 * MS, hover(), world)
     stamp = int(np.frombuffer(packets[0], PACKET)["stamp"][0])
     assert stamp == pytest.approx(51_000, abs=111)  # the clock was at 1 ms

@@ -23,7 +23,7 @@ def fly(
     body: Vehicle, seconds: float, thrust_ms2: float, rates: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> Vehicle:
     for tick in range(round(seconds / DT_S)):
-        body.step(DT_S, round(tick * DT_S * 1e9), (np.array(rates), thrust_ms2), 0.0)
+        body.update(DT_S, round(tick * DT_S * 1e9), (np.array(rates), thrust_ms2), 0.0)
     return body
 
 
@@ -124,7 +124,7 @@ def test_a_slope_flown_into_is_a_collision() -> None:
     body._x[3] = 6.0
     for tick in range(1200):
         hill = max(0.0, 1.5 * (float(body.truth.pos_enu_m[0]) - 2.0))
-        body.step(DT_S, tick, (STILL, GRAVITY_MS2 + 0.2), hill)
+        body.update(DT_S, tick, (STILL, GRAVITY_MS2 + 0.2), hill)
     assert body.collision is not None
     assert body.contact is None
     assert body.truth.pos_enu_m[2] < 6.0

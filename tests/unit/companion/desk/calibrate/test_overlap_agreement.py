@@ -65,7 +65,7 @@ def flown(
         x, y, z, w = attitude.as_quat().T
         return position, np.stack([w, x, y, z], -1)
 
-    shots = lidar.look(0, round(seconds * 1e9), pose_at, scenes.build(scene, 1).world)
+    shots = lidar.shots(0, round(seconds * 1e9), pose_at, scenes.build(scene, 1).world)
     points, times = lidar.points_m(shots), lidar.stamps_ns(shots)
     false = shots.echoes.ghost | shots.echoes.dust
     seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)

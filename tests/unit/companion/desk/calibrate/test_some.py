@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from companion.desk.calibrate.calibration import Some
+from companion.desk.calibrate.calibration import SystematicSample
 from companion.flight.sensors.returns import Returns, join
 
 
@@ -17,11 +17,11 @@ def batch(first: int, count: int) -> Returns:
 @pytest.mark.parametrize("size", [1, 7, 100, 5000])
 @pytest.mark.parametrize("total", [900, 1000, 1001, 5000])
 def test_returns_are_thinned_evenly_and_never_more_than_so_many(size: int, total: int) -> None:
-    some = Some(1000)
+    sample = SystematicSample(1000)
     for first in range(0, total, size):
-        some.take(batch(first, min(size, total - first)))
-        assert sum(map(len, some.parts)) <= 1000
-    stamps = join(some.parts).stamp_ns
+        sample.add_batch(batch(first, min(size, total - first)))
+        assert sum(map(len, sample.parts)) <= 1000
+    stamps = join(sample.parts).stamp_ns
     if total <= 1000:
         assert stamps.tolist() == list(range(total))
     else:

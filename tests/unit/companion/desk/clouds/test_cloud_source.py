@@ -11,9 +11,9 @@ from typing import Any
 import laspy
 import pytest
 
-from companion.desk.clouds.cloud_format import kind_of
+from companion.desk.clouds.cloud_format import cloud_format_of
 from companion.desk.clouds.cloud_source import translated
-from companion.desk.clouds.header_check import look
+from companion.desk.clouds.header_check import check_header
 from companion.desk.clouds.las import open_las
 from companion.runtime.errors import CompanionError, UsageError
 from tests.unit.companion.desk.survey.clouds import field, placed, write
@@ -65,7 +65,7 @@ def test_a_disk_that_fails_within_a_file_is_no_corrupt_file(tmp_path: Path, suff
     assert not isinstance(caught.value, UsageError)
 
 
-@pytest.mark.parametrize("use", [kind_of, look, lambda path: open_las(path, None)])
+@pytest.mark.parametrize("use", [cloud_format_of, check_header, lambda path: open_las(path, None)])
 @pytest.mark.parametrize(("number", "lasting"), [(errno.EIO, False), (errno.EACCES, True)])
 def test_only_a_file_that_is_refused_for_good_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, use: Callable[[Path], Any], number: int, lasting: bool

@@ -63,7 +63,7 @@ def packets(seed: int = 1) -> tuple[tuple[int, bytes], ...]:
     return tuple(
         (begin + STEP_NS, packet)
         for begin in begins
-        for packet in lidar.step(begin, begin + STEP_NS, _pose_at, world)
+        for packet in lidar.scan(begin, begin + STEP_NS, _pose_at, world)
     )
 
 
@@ -71,7 +71,7 @@ def packets(seed: int = 1) -> tuple[tuple[int, bytes], ...]:
 def returns(seed: int = 1) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Return the Mid-360's points (n, 3), forward, left, up, and their times since the beginning (ns)."""
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=RATE_HZ)
-    shots = lidar.look(0, round(SECONDS * 1e9), _pose_at, scenes.build("plain", 1).world)
+    shots = lidar.shots(0, round(SECONDS * 1e9), _pose_at, scenes.build("plain", 1).world)
     false = shots.echoes.ghost | shots.echoes.dust
     seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)
     return lidar.points_m(shots)[seen].astype(np.float32), lidar.stamps_ns(shots)[seen]
@@ -104,9 +104,9 @@ def with_windows(messages: list[Raw], scans: int = 20) -> list[Raw]:
     flight, done = Replay(HEADER, PARAMETERS), 0
     for message in messages:
         found.append(message)
-        flight.take(message)
+        flight.process_message(message)
         event = window(message.at_ns, done + 1, done + scans)
-        report = flight.take(event) if message.topic == journal.LIDAR else None
+        report = flight.process_message(event) if message.topic == journal.LIDAR else None
         if report is not None:  # so many scans have come
             found += [event, Raw(journal.REPORT, message.at_ns, journal.report_document(report))]
             done += scans

@@ -37,7 +37,7 @@ def put(one: Rerun, second: float, east_m: float = 0.0) -> None:
 
 def placed(one: Rerun, *seconds: float, mapping: bool = True) -> list[bool]:
     """Hand over scans that are placed; return after each whether a report came of it."""
-    return [one.take(lambda at=at: one.add_placed(scan(at)), mapping) is not None for at in seconds]  # type: ignore[misc]
+    return [one.hand_over(lambda at=at: one.add_placed(scan(at)), mapping) is not None for at in seconds]  # type: ignore[misc]
 
 
 def test_a_window_is_mapped_when_the_next_begins_and_the_last_at_the_end() -> None:

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.desk.replay import replay_run
 from companion.desk.replay.own_replay import Replay
 from companion.desk.replay.recording_reader import Raw
-from companion.desk.replay.recording_type import Beside, opened
+from companion.desk.replay.recording_type import RecordingOptions, open_recording
 from companion.flight.recorder import journal
 from companion.flight.recorder.journal import BadRecordError
 from companion.runtime.errors import UsageError
@@ -63,9 +63,9 @@ def log(out: Path, begin: bytes) -> Path:
 
 
 def maps(path: Path, pcap: Path) -> TerrainMaps:
-    feed, rerun = opened(path, SETTINGS, Beside(points=str(pcap)))
+    feed, rerun = open_recording(path, SETTINGS, RecordingOptions(points=str(pcap)))
     for _, act in feed.steps(rerun):
-        rerun.take(act)
+        rerun.hand_over(act)
     rerun.finish()
     found = rerun.maps()
     assert found is not None
@@ -145,7 +145,7 @@ def test_a_flight_beside_0_0_is_mapped(
 def test_a_flight_without_a_fix_says_why_it_has_no_map(tmp_path: Path, pcap: Path) -> None:
     path = log(tmp_path / "unfixed.tlog", beat(-900) + fix(-850, 1))
     with pytest.raises(UsageError, match="no fix"):
-        replay_run.run(path, SETTINGS, None, 0.0, (0.0, 1e9), beside=Beside(points=str(pcap)))
+        replay_run.run(path, SETTINGS, None, 0.0, (0.0, 1e9), options=RecordingOptions(points=str(pcap)))
 
 
 # ---- our own recordings ---------------------------------------------------------------------------
@@ -157,7 +157,7 @@ def test_a_frame_that_began_in_flight_begins_in_its_replay() -> None:
     begun = Raw(journal.EVENT, messages[len(messages) // 2].at_ns, journal.pack_frame(origin))
     replay = Replay(HEADER, PARAMETERS)
     for message in (*messages[: len(messages) // 2], begun, *messages[len(messages) // 2 :]):
-        replay.take(message)
+        replay.process_message(message)
     assert replay.outcome.bad == 0
     assert replay.history.frame == origin
     assert replay.history.jumps == 0

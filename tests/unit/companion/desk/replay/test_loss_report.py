@@ -10,7 +10,7 @@ import pytest
 
 from companion.desk.replay.foreign_replay import Rerun
 from companion.desk.replay.loss_report import lost_for_time, not_mapped, why_no_zone
-from companion.desk.replay.own_replay import Outcome
+from companion.desk.replay.own_replay import ReplayOutcome
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.replay.flights import BEGIN_NS
@@ -91,8 +91,8 @@ def test_what_is_lost_for_time_is_said(
 
 
 def test_a_flight_without_windows_says_so() -> None:
-    assert why_no_zone(Outcome(), None, flights.PARAMETERS) == "no window was mapped"
-    failed = Outcome(windows=3, failed=3)
+    assert why_no_zone(ReplayOutcome(), None, flights.PARAMETERS) == "no window was mapped"
+    failed = ReplayOutcome(windows=3, failed=3)
     assert why_no_zone(failed, None, flights.PARAMETERS).startswith("3 of 3 windows failed")
 
 
@@ -102,7 +102,7 @@ class Told:
     cut = ""
     bad = 0
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         return {"points_without_return": 5, "packets": {"foreign": 4}}
 
     def steps(self, rerun: Rerun) -> Any:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from companion.desk.replay import replay_run
 from companion.desk.replay.clouds.stored_cloud import StoredCloud
 from companion.desk.replay.foreign_replay import Rerun
-from companion.desk.replay.recording_type import Beside, kind_of, opened
+from companion.desk.replay.recording_type import RecordingOptions, open_recording, recording_type_of
 from companion.desk.replay.ros.ros_pose import ned_from_frd
 from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
 from companion.flight.link.command_server import CommandServer
@@ -48,7 +48,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def again(path: Path, *settings: str, **beside: Any) -> dict[str, Any]:
     asked = ["cell_m=0.5", "zone_m=200", *settings]
-    return replay_run.run(path, asked, None, 0.0, (0.0, 1e9), beside=Beside(**beside))
+    return replay_run.run(path, asked, None, 0.0, (0.0, 1e9), options=RecordingOptions(**beside))
 
 
 def check_zones(summary: dict[str, Any]) -> None:
@@ -119,10 +119,10 @@ def test_scans_whose_points_have_times_are_taken_as_the_clouds_of_a_bag(
     for k in range(5):
         name = f"{BEGIN_NS // 10**9 + 1}.{k}00000000.pcd"
         (tmp_path / name).write_bytes(packing.pcd_of(columns, data))
-    feed, rerun = opened(files / "flight.tlog", (), Beside(str(tmp_path)))
+    feed, rerun = open_recording(files / "flight.tlog", (), RecordingOptions(str(tmp_path)))
     for _, act in feed.steps(rerun):
-        rerun.take(act)
-    told = feed.told()
+        rerun.hand_over(act)
+    told = feed.summary()
     assert (told["point_times"], told["points_with_false_times"]) == ("t: us since the stamp", 10)
     assert (told["clouds"], told["clouds_without_point_times"], rerun.returns) == (5, 0, 240)
     assert rerun.span_ns == (BEGIN_NS + 10**9, BEGIN_NS + 10**9 + 4 * 10**8 + 97_000_000)
@@ -152,8 +152,8 @@ def test_the_maps_of_another_program_s_flight_are_drawn(
         return [out / "dsm.png"]
 
     monkeypatch.setattr("companion.desk.figures.save_flight", save_flight)
-    out, beside = tmp_path / "out", Beside(origin=ORIGIN)
-    summary = replay_run.run(files / "odometry", ["cell_m=0.5"], out, 0.0, (0.0, 1e9), beside=beside)
+    out, options = tmp_path / "out", RecordingOptions(origin=ORIGIN)
+    summary = replay_run.run(files / "odometry", ["cell_m=0.5"], out, 0.0, (0.0, 1e9), options=options)
     assert summary["files"] == {"dsm": str(out / "dsm.png")}
     assert [len(flown) for flown in drawn] == [summary["windows"]]
 
@@ -168,10 +168,10 @@ def test_several_clouds_want_a_name_and_points_of_the_body_no_mount(tmp_path: Pa
     path = flights.write_bag(tmp_path / "bag", Bag(second_cloud=True, points_frame="base_link"))
     with pytest.raises(UsageError, match="/other, /points"):
         again(path, origin=ORIGIN)
-    feed, rerun = opened(path, (), Beside("/other", origin=ORIGIN))
+    feed, rerun = open_recording(path, (), RecordingOptions("/other", origin=ORIGIN))
     assert rerun.parameters.lidar_pitch_deg == 0.0
-    assert feed.told()["points"] == "/other"
-    _, rerun = opened(path, ("lidar_pitch_deg=20",), Beside("/other", origin=ORIGIN))
+    assert feed.summary()["points"] == "/other"
+    _, rerun = open_recording(path, ("lidar_pitch_deg=20",), RecordingOptions("/other", origin=ORIGIN))
     assert rerun.parameters.lidar_pitch_deg == 20
 
 
@@ -274,9 +274,13 @@ def test_damaged_frames_of_a_log_are_counted_and_the_rest_is_read(files: Path, t
 
 
 def test_kinds_are_told_by_name_and_profile(files: Path) -> None:
-    assert kind_of(files / "flight.tlog") == "tlog"
-    assert kind_of(files / "odometry") == kind_of(next((files / "fix").glob("*.mcap"))) == "bag"
-    assert kind_of(Path("absent.mcap")) == "own"
+    assert recording_type_of(files / "flight.tlog") == "tlog"
+    assert (
+        recording_type_of(files / "odometry")
+        == recording_type_of(next((files / "fix").glob("*.mcap")))
+        == "bag"
+    )
+    assert recording_type_of(Path("absent.mcap")) == "own"
 
 
 def test_ros_orientations_are_turned_into_ours() -> None:
@@ -313,8 +317,8 @@ def test_the_topic_of_poses_is_named_where_there_are_several(tmp_path: Path) -> 
     path = bag(tmp_path, points=CLOUD, odom=ODOMETRY, pose=POSE)
     with pytest.raises(UsageError, match=r"topics of poses are /odom, /pose: name one"):
         again(path, origin=ORIGIN)
-    feed, _ = opened(path, (), Beside(poses=("/pose",), origin=ORIGIN))
-    assert feed.told()["poses"] == ["/pose"]
+    feed, _ = open_recording(path, (), RecordingOptions(poses=("/pose",), origin=ORIGIN))
+    assert feed.summary()["poses"] == ["/pose"]
 
 
 @pytest.mark.parametrize(
@@ -351,11 +355,11 @@ def test_messages_that_cannot_be_read_are_counted_and_the_others_are_taken(tmp_p
     path = flights.write_messages(
         tmp_path / "bag", {"/odom": (ODOMETRY, odometry), "/points": (CLOUD, points)}
     )
-    feed, rerun = opened(path, (), Beside(origin=ORIGIN))
+    feed, rerun = open_recording(path, (), RecordingOptions(origin=ORIGIN))
     for _, act in feed.steps(rerun):
-        rerun.take(act)
+        rerun.hand_over(act)
     assert feed.bad == 2
-    assert (feed.told()["clouds"], rerun.returns) == (2, 4)
+    assert (feed.summary()["clouds"], rerun.returns) == (2, 4)
 
 
 FALSE = 3_604_361_924  # written by a driver where a column's packet was lost
@@ -377,12 +381,12 @@ def test_points_of_a_bag_have_their_own_times(
     path = flights.write_messages(
         tmp_path / "bag", {"/odom": (ODOMETRY, odometry), "/points": (CLOUD, clouds)}
     )
-    feed, rerun = opened(path, (), Beside(origin=ORIGIN))
+    feed, rerun = open_recording(path, (), RecordingOptions(origin=ORIGIN))
     for _, act in feed.steps(rerun):
-        rerun.take(act)
+        rerun.hand_over(act)
     assert rerun.span_ns == (BEGIN_NS, BEGIN_NS + 4 * 10**8 + 97_000_000)
     assert (rerun.returns, rerun.assembler.stale) == (5 * (50 - len(false)), 0)
-    told = feed.told()
+    told = feed.summary()
     assert (told["point_times"], told["points_with_false_times"]) == (
         f"t: {unit} since the stamp",
         5 * len(false),
@@ -465,14 +469,14 @@ def test_placed_points_before_the_first_position_are_counted_and_left_out(tmp_pa
     rerun = Rerun(flights.PARAMETERS)
     steps = list(cloud.steps(rerun))
     for _, act in steps[:3]:
-        rerun.take(act)
+        rerun.hand_over(act)
     assert rerun.returns == 0
-    before = cloud.told()["before_position"]
+    before = cloud.summary()["before_position"]
     rerun.history.add_position(BEGIN_NS, HOME.lat_deg, HOME.lon_deg, HOME.alt_m, (0.0, 0.0, 0.0))
     for _, act in steps[3:]:
-        rerun.take(act)
-    assert cloud.told()["before_position"] == before > 0
-    assert rerun.returns == cloud.told()["points"] - before
+        rerun.hand_over(act)
+    assert cloud.summary()["before_position"] == before > 0
+    assert rerun.returns == cloud.summary()["points"] - before
 
 
 def test_points_of_a_cloud_that_were_measured_before_the_flight_are_left_out_and_counted(
@@ -515,4 +519,4 @@ def test_a_cloud_whose_heights_contradict_themselves_asks_for_their_unit(tmp_pat
     las.write(tmp_path / "a.las")
     with pytest.raises(UsageError, match=r"US survey foot by .*, but m by .*9001: .*--vertical-unit"):
         StoredCloud(tmp_path / "a.las", SPAN_NS)
-    assert StoredCloud(tmp_path / "a.las", SPAN_NS, "m").told()["points"] == 2
+    assert StoredCloud(tmp_path / "a.las", SPAN_NS, "m").summary()["points"] == 2

@@ -14,8 +14,8 @@ import pytest
 
 from companion.desk.replay import replay_run
 from companion.desk.replay.own_replay import Replay
-from companion.desk.replay.recording_reader import Raw, Recording
-from companion.desk.replay.recording_type import Beside
+from companion.desk.replay.recording_reader import Raw, RecordingReader
+from companion.desk.replay.recording_type import RecordingOptions
 from companion.flight.recorder import journal
 from companion.flight.recorder.recorder import Recorder
 from companion.runtime.errors import UsageError
@@ -42,7 +42,7 @@ def begun(scans: int) -> Replay:
     replay = Replay(HEADER, PARAMETERS)
     for message in flight():
         if message.topic not in (journal.EVENT, journal.REPORT):
-            replay.take(message)
+            replay.process_message(message)
     assert 20 * len(windows()) >= scans
     return replay
 
@@ -136,19 +136,22 @@ def test_a_recording_that_ended_before_its_first_message_is_one_line(tmp_path: P
         again(path)
 
 
-@pytest.mark.parametrize("beside", [Beside(points="/points"), Beside(lidar="livox"), Beside(origin="1,2,3")])
-def test_what_other_recordings_need_is_refused_beside_our_own(path: Path, beside: Beside) -> None:
+@pytest.mark.parametrize(
+    "options",
+    [RecordingOptions(points="/points"), RecordingOptions(lidar="livox"), RecordingOptions(origin="1,2,3")],
+)
+def test_what_other_recordings_need_is_refused_beside_our_own(path: Path, options: RecordingOptions) -> None:
     with pytest.raises(UsageError, match="leave out --points"):
-        again(path, beside=beside)
+        again(path, options=options)
 
 
 def test_a_window_whose_scans_were_lost_is_counted_and_its_report_not_compared() -> None:
     replay = begun(scans=10)
-    assert replay.take(window(0, 1000, 1009)) is None
-    assert replay.take(Raw(journal.REPORT, 0, b"{}")) is None
+    assert replay.process_message(window(0, 1000, 1009)) is None
+    assert replay.process_message(Raw(journal.REPORT, 0, b"{}")) is None
     outcome = replay.outcome
     assert (outcome.without_scans, outcome.windows, outcome.same, outcome.other) == (1, 0, 0, 0)
-    assert replay.take(window(0, 1, 10)) is not None
+    assert replay.process_message(window(0, 1, 10)) is not None
     assert outcome.windows == 1
 
 
@@ -157,19 +160,19 @@ async def test_a_recording_begun_in_flight_goes_on_from_the_scans_before_it(tmp_
     replay = Replay(replace(HEADER, scans=4000), PARAMETERS)
     for message in flight():
         if message.topic not in (journal.EVENT, journal.REPORT):
-            replay.take(message)
-    assert replay.take(window(0, 1, 10)) is None
-    assert replay.take(window(0, 4001, 4010)) is not None
+            replay.process_message(message)
+    assert replay.process_message(window(0, 1, 10)) is None
+    assert replay.process_message(window(0, 4001, 4010)) is not None
     recorder = Recorder(tmp_path / "a.mcap", "livox", PARAMETERS, 0, "", 4000)
     recorder.close()
-    assert Recording(tmp_path / "a.mcap").header.scans == 4000
+    assert RecordingReader(tmp_path / "a.mcap").header.scans == 4000
 
 
 def test_a_map_that_was_begun_anew_in_flight_is_begun_anew() -> None:
     replay = begun(scans=20)
-    assert replay.take(window(0, 1, 10)) is not None
+    assert replay.process_message(window(0, 1, 10)) is not None
     assert replay.maps() is not None
-    assert replay.take(window(0, 11, 20, anew=True), mapping=False) is None
+    assert replay.process_message(window(0, 11, 20, anew=True), mapping=False) is None
     assert replay.maps() is None
     assert replay.outcome.windows == 1
 
@@ -177,10 +180,10 @@ def test_a_map_that_was_begun_anew_in_flight_is_begun_anew() -> None:
 def test_only_the_first_report_that_differs_is_told_by_its_time() -> None:
     replay = begun(scans=20)
     for stamp_ns, first in ((7, 1), (8, 11)):
-        report = replay.take(window(0, first, first + 9))
+        report = replay.process_message(window(0, first, first + 9))
         assert report is not None
         other = journal.report_document(replace(report, stamp_ns=stamp_ns))
-        replay.take(Raw(journal.REPORT, 0, other))
+        replay.process_message(Raw(journal.REPORT, 0, other))
     assert (replay.outcome.same, replay.outcome.other, replay.outcome.first_other_ns) == (0, 2, 7)
 
 
@@ -194,9 +197,9 @@ def test_a_window_that_the_pipeline_fails_on_is_counted_and_the_next_is_mapped(
 
     with monkeypatch.context() as patch:
         patch.setattr(Pipeline, "process", fail)
-        assert replay.take(window(0, 1, 10)) is None
+        assert replay.process_message(window(0, 1, 10)) is None
     assert "planted" in caplog.text
-    assert replay.take(window(0, 11, 20)) is not None
+    assert replay.process_message(window(0, 11, 20)) is not None
     assert (replay.outcome.windows, replay.outcome.failed) == (2, 1)
     assert len(replay.outcome.path_enu_m) == 1
 
@@ -204,5 +207,5 @@ def test_a_window_that_the_pipeline_fails_on_is_counted_and_the_next_is_mapped(
 def test_what_the_recorder_lost_is_added_up() -> None:
     replay = begun(scans=0)
     for lost in (3, 4):
-        replay.take(Raw(journal.GAP, 0, b'{"lost": %d}' % lost))
+        replay.process_message(Raw(journal.GAP, 0, b'{"lost": %d}' % lost))
     assert replay.outcome.lost == 7

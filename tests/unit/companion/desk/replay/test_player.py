@@ -20,10 +20,10 @@ class Tape:
         self.begun = 0
         self.taken: list[float] = []
         self.moved = threading.Condition()
-        self.player = Player(self.begin, self.step, self.on_begin, speed=FAST)
+        self.player = Player(self.open_run, self.step, self.on_begin, speed=FAST)
         self.thread = threading.Thread(target=self.player.run, daemon=True)
 
-    def begin(self) -> tuple[Any, Iterator[Step]]:
+    def open_run(self) -> tuple[Any, Iterator[Step]]:
         def take(_mapping: bool) -> Report | None:
             return None
 

@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.own_replay import Replay
-from companion.desk.replay.recorded_sensors import Senses
+from companion.desk.replay.recorded_sensors import RecordedSensors
 from companion.desk.replay.recording_reader import Header, Raw
 from companion.flight.link.command_server import CommandServer
 from companion.flight.recorder import journal
@@ -29,7 +29,7 @@ BROKEN = [
 @pytest.mark.parametrize("message", BROKEN)
 def test_a_message_that_cannot_be_read_says_so(message: Raw) -> None:
     with pytest.raises(BadRecordError):
-        Senses(HEADER, Parameters(), lambda _returns: None).take(message)
+        RecordedSensors(HEADER, Parameters(), lambda _returns: None).on_message(message)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_a_message_that_cannot_be_read_says_so(message: Raw) -> None:
 )
 def test_a_replay_counts_it_and_goes_on(message: Raw) -> None:
     replay = Replay(HEADER, Parameters())
-    assert replay.take(message) is None
+    assert replay.process_message(message) is None
     assert replay.outcome.bad == 1
 
 
@@ -58,32 +58,32 @@ BELOW = mavlink.MAVLink_distance_sensor_message(1000, 20, 5000, 800, 0, 1, 25, 0
 def test_ranges_that_came_over_mavlink_are_returns_again() -> None:
     found: list[Returns] = []
     header = Header("mavlink", HEADER.values, 0)
-    senses = Senses(header, Parameters(), found.append)
-    senses.take(heard(BELOW, SECOND))  # before anybody knows whose it is
+    sensors = RecordedSensors(header, Parameters(), found.append)
+    sensors.on_message(heard(BELOW, SECOND))  # before anybody knows whose it is
     assert not found
-    senses.take(heard(HEARTBEAT, 2 * SECOND))
-    senses.take(heard(LEVEL, 3 * SECOND))  # from poses it is known what time it is
-    senses.take(heard(BELOW, 3 * SECOND))
-    senses.take(heard(BELOW, 4 * SECOND, system=2))  # another vehicle's
-    senses.take(Raw(journal.LIDAR, 5 * SECOND, journal.pack_batch([(0, b"a packet of no sensor")])))
+    sensors.on_message(heard(HEARTBEAT, 2 * SECOND))
+    sensors.on_message(heard(LEVEL, 3 * SECOND))  # from poses it is known what time it is
+    sensors.on_message(heard(BELOW, 3 * SECOND))
+    sensors.on_message(heard(BELOW, 4 * SECOND, system=2))  # another vehicle's
+    sensors.on_message(Raw(journal.LIDAR, 5 * SECOND, journal.pack_batch([(0, b"a packet of no sensor")])))
     assert len(found) == 1
     assert np.linalg.norm(found[0].xyz_sensor_m) == pytest.approx(8.0, abs=0.5)
     assert found[0].stamp_ns.tolist() == [3 * SECOND]
-    assert senses.vehicle.sysid == 1
+    assert sensors.vehicle.sysid == 1
 
 
 def test_ranges_beside_a_lidar_with_packets_of_its_own_are_none_of_it() -> None:
     found: list[Returns] = []
-    senses = Senses(HEADER, Parameters(), found.append)
-    senses.take(heard(HEARTBEAT, 2 * SECOND))
-    senses.take(heard(BELOW, 3 * SECOND))
+    sensors = RecordedSensors(HEADER, Parameters(), found.append)
+    sensors.on_message(heard(HEARTBEAT, 2 * SECOND))
+    sensors.on_message(heard(BELOW, 3 * SECOND))
     assert not found
 
 
 def test_after_a_reboot_of_the_autopilot_poses_are_of_another_epoch() -> None:
     """Where its estimate begins anew nobody knows, even if its stamps go on."""
-    senses = Senses(HEADER, Parameters(), lambda _returns: None)
-    senses.take(heard(HEARTBEAT, SECOND))
+    sensors = RecordedSensors(HEADER, Parameters(), lambda _returns: None)
+    sensors.on_message(heard(HEARTBEAT, SECOND))
     epochs = []
     for boot_ms, at_ms in ((60_000, 1000), (60_020, 1020), (100, 3000), (120, 3020), (140, 3040)):
         at_ns = at_ms * 1_000_000
@@ -91,13 +91,13 @@ def test_after_a_reboot_of_the_autopilot_poses_are_of_another_epoch() -> None:
             boot_ms, 470_000_000, 80_000_000, 4000, 0, 0, 0, 0, 0
         )
         attitude = mavlink.MAVLink_attitude_quaternion_message(boot_ms, 1, 0, 0, 0, 0, 0, 0)
-        senses.take(heard(attitude, at_ns))
-        senses.take(heard(place, at_ns))
-        pose = senses.history.latest(at_ns)
+        sensors.on_message(heard(attitude, at_ns))
+        sensors.on_message(heard(place, at_ns))
+        pose = sensors.history.latest(at_ns)
         epochs.append(None if pose is None else pose.epoch)
     assert epochs[:2] == [0, 0]
     assert epochs[-1] == 1
-    assert senses.history.jumps == 0
+    assert sensors.history.jumps == 0
 
 
 @pytest.mark.parametrize(
@@ -112,9 +112,9 @@ def test_an_operator_s_order_is_not_carried_out_again(monkeypatch: pytest.Monkey
     asked: list[Any] = []
     monkeypatch.setattr(CommandServer, "take", lambda _server, message, *_: asked.append(message))
     replay = Replay(HEADER, Parameters())
-    replay.take(heard(HEARTBEAT, SECOND))
+    replay.process_message(heard(HEARTBEAT, SECOND))
     before = replay.vehicle
-    assert replay.take(heard(order, 2 * SECOND, system=255)) is None
+    assert replay.process_message(heard(order, 2 * SECOND, system=255)) is None
     assert asked == []
     assert replay.vehicle is before
     assert (replay.outcome.bad, replay.outcome.windows) == (0, 0)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.recording_reader import RecordingReader
 from companion.flight.recorder import foxglove_scene
 from companion.flight.recorder.recording_writer import MIB, McapWriter
 from companion.runtime.errors import UsageError
@@ -24,7 +24,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def read(path: Path) -> list[int]:
-    return [int.from_bytes(m.data[:4], "little") for m in Recording(path).messages()]
+    return [int.from_bytes(m.data[:4], "little") for m in RecordingReader(path).messages()]
 
 
 def is_a_beginning_or_refused(path: Path) -> bool:
@@ -61,9 +61,9 @@ def test_what_is_no_recording_is_one_clear_line(tmp_path: Path, content: bytes) 
     path = tmp_path / "a.mcap"
     path.write_bytes(content)
     with pytest.raises(UsageError, match=r"is no MCAP file|no recording of slz"):
-        Recording(path)
+        RecordingReader(path)
     with pytest.raises(UsageError, match="cannot be read"):
-        Recording(tmp_path)
+        RecordingReader(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_metadata_that_cannot_be_used_is_one_clear_line(
     path = tmp_path / "a.mcap"
     McapWriter(path, foxglove_scene.channels, MIB, METADATA | changed).close()
     with pytest.raises(UsageError, match=says):
-        Recording(path)
+        RecordingReader(path)
 
 
 def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp_path: Path) -> None:
@@ -90,8 +90,11 @@ def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp
     described = METADATA | {"lidar": "ouster", "lidar_setup": '{"rows": 128}'}
     McapWriter(new, foxglove_scene.channels, MIB, described).close()
     McapWriter(old, foxglove_scene.channels, MIB, METADATA).close()
-    assert (Recording(new).header.lidar, Recording(new).header.lidar_setup) == ("ouster", '{"rows": 128}')
-    assert Recording(old).header.lidar_setup == ""
+    assert (RecordingReader(new).header.lidar, RecordingReader(new).header.lidar_setup) == (
+        "ouster",
+        '{"rows": 128}',
+    )
+    assert RecordingReader(old).header.lidar_setup == ""
 
 
 def test_a_recording_of_which_only_the_last_bytes_are_spoiled_is_read_as_a_whole(
@@ -99,6 +102,6 @@ def test_a_recording_of_which_only_the_last_bytes_are_spoiled_is_read_as_a_whole
 ) -> None:
     path = tmp_path / "spoiled.mcap"
     path.write_bytes(whole.read_bytes()[:-8] + b"nonsense")
-    recording = Recording(path)
+    recording = RecordingReader(path)
     assert len(list(recording.messages())) == 300
     assert recording.cut == ""

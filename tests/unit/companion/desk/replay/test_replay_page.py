@@ -16,7 +16,7 @@ from mcap.writer import Writer
 
 from companion.desk.replay import replay_page
 from companion.desk.replay.player import Player
-from companion.desk.replay.recording_type import Beside
+from companion.desk.replay.recording_type import RecordingOptions
 from companion.desk.replay.replay_page import ReplayDesk, ReplayPage, show
 from companion.flight.dashboard.browser_orders import Command, parse
 from companion.flight.dashboard.page import Front
@@ -45,7 +45,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def page_of(path: Path, speed: float = FAST, **beside: Any) -> ReplayPage:
-    return ReplayPage(path, ["cell_m=0.5", "zone_m=200"], Beside(**beside), speed)
+    return ReplayPage(path, ["cell_m=0.5", "zone_m=200"], RecordingOptions(**beside), speed)
 
 
 @asynccontextmanager
@@ -200,6 +200,6 @@ def test_a_signal_ends_the_page(files: Path) -> None:
         yield
         ended.append(True)
 
-    show(files / "own.mcap", [], front, Beside(), 1.0, handled_by)
+    show(files / "own.mcap", [], front, RecordingOptions(), 1.0, handled_by)
     assert ended
     assert front.socket.fileno() == -1  # the port is free

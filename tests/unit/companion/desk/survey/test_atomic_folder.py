@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from companion.desk.survey import atomic_folder
-from companion.desk.survey.atomic_folder import claimed, finish, look, work_folder
+from companion.desk.survey.atomic_folder import check_output_path, finish, locked_folder, work_folder
 from companion.runtime.errors import UsageError
 from companion.runtime.interrupt import Interrupted
 
@@ -44,9 +44,9 @@ def test_a_folder_may_be_any_that_can_be_made(tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
     for there in (tmp_path, tmp_path / "not" / "yet", Path("not/yet")):
-        look(there)
+        check_output_path(there)
     with pytest.raises(UsageError, match=r"--out file/maps: file is a file: name a folder"):
-        look(Path("file/maps"))
+        check_output_path(Path("file/maps"))
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -57,7 +57,7 @@ def test_a_file_system_without_locks_is_no_reason_to_refuse(
         raise OSError(95, "Operation not supported")
 
     monkeypatch.setattr("fcntl.flock", without)
-    with claimed(tmp_path / "out"):
+    with locked_folder(tmp_path / "out"):
         (tmp_path / "out" / "zones.csv").touch()
     assert (tmp_path / "out" / "zones.csv").exists()
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.desk.clouds import memory_limit
 from companion.desk.survey.point_density import coverage_for, density_per_m2
-from companion.desk.survey.stray_points import near
+from companion.desk.survey.stray_points import inlier_mask
 from companion.desk.survey.tiled.block_density import per_m2
 from companion.runtime.errors import UsageError
 
@@ -23,32 +23,32 @@ def scattered(n: int, side: float, seed: int = 0) -> np.ndarray:
 def test_zeros_among_real_coordinates_are_astray() -> None:
     points = scattered(1000, 100.0) + np.array([500_000, 4_000_000, 0])
     points[[3, 500]] = 0
-    keep = near(points, 1.0)
+    keep = inlier_mask(points, 1.0)
     assert not keep[[3, 500]].any()
     assert keep.sum() == 998
 
 
 def test_a_long_strip_has_no_strays() -> None:
     points = scattered(1000, 1.0) * [5000, 3, 1]
-    assert near(points, 1.0).all()
+    assert inlier_mask(points, 1.0).all()
 
 
 def test_a_tile_apart_is_not_astray() -> None:
     points = np.vstack([scattered(900, 100.0), scattered(100, 100.0) + np.array([5000, 0, 0])])
-    assert near(points, 1.0).all()
+    assert inlier_mask(points, 1.0).all()
 
 
 def test_points_on_one_line_have_no_strays_across_it() -> None:
     points = scattered(1000, 100.0) * [0, 1, 1]
     points[17, 0] = 40.0  # nothing tells how wide the cloud is
-    assert near(points, 1.0).all()
+    assert inlier_mask(points, 1.0).all()
 
 
 def test_heights_no_ground_has_are_astray_in_the_unit_of_the_file() -> None:
     points = scattered(100, 10.0)
     points[0, 2], points[1, 2] = 30_000, -70_000
-    assert near(points, 1.0).sum() == 98
-    assert near(points, 0.3048).sum() == 99
+    assert inlier_mask(points, 1.0).sum() == 98
+    assert inlier_mask(points, 0.3048).sum() == 99
 
 
 def test_density_is_that_of_the_ground_that_holds_points() -> None:

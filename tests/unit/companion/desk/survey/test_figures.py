@@ -13,21 +13,21 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from companion.desk import figures
-from companion.desk.clouds.cloud import Cloud
+from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
 from companion.desk.figures.layer_figures import CERTAIN, LESS_CERTAIN, UNCERTAIN, draw_numbers
 from companion.desk.figures.map_furniture import CHOSEN, Marks
 from companion.desk.figures.picture import Picture
-from companion.desk.survey.cloud_survey import Survey, survey
+from companion.desk.survey.cloud_survey import CloudSurvey, survey
 from params import load
 from slz import UNKNOWN, Box, TerrainMaps, Zone
 from tests.unit.companion.desk.survey.clouds import field, placed
 
 
 @pytest.fixture(scope="module")
-def found() -> Survey:
+def found() -> CloudSurvey:
     points = placed(field(), "EPSG:32610")
-    cloud = Cloud(points, None, from_option("EPSG:32610"), len(points), {})
+    cloud = GeoreferencedCloud(points, None, from_option("EPSG:32610"), len(points), {})
     return survey(cloud, load("quadcopter", ["cell_m=0.5"]))
 
 
@@ -47,7 +47,7 @@ def moved(zone: Zone, rows: int, cols: int) -> Zone:
 
 @pytest.mark.parametrize(("certainty", "colour"), [(0.9, CERTAIN), (0.6, LESS_CERTAIN), (0.3, UNCERTAIN)])
 def test_zones_have_the_colour_of_their_certainty(
-    found: Survey, tmp_path: Path, certainty: float, colour: str
+    found: CloudSurvey, tmp_path: Path, certainty: float, colour: str
 ) -> None:
     zones = [replace(zone, certainty=certainty) for zone in found.report.zones]
     figures.save_terrain(tmp_path / "a.png", found.maps, "safe", "A field", zones)
@@ -58,7 +58,7 @@ def test_zones_have_the_colour_of_their_certainty(
 
 @pytest.mark.parametrize(("away_m", "beside"), [(0.0, True), (0.3, True), (10.0, False)])
 def test_the_star_of_the_chosen_point_does_not_hide_the_zone_s_number(
-    found: Survey, away_m: float, beside: bool
+    found: CloudSurvey, away_m: float, beside: bool
 ) -> None:
     (zone,) = found.report.zones
     chosen = zone.best.enu_m + np.array([away_m, 0.0, 0.0])
@@ -70,7 +70,7 @@ def test_the_star_of_the_chosen_point_does_not_hide_the_zone_s_number(
     assert (number.get_position() != (0, 0)) == beside
 
 
-def test_a_flight_is_drawn_over_every_map(found: Survey, tmp_path: Path) -> None:
+def test_a_flight_is_drawn_over_every_map(found: CloudSurvey, tmp_path: Path) -> None:
     path: NDArray[np.float64] = np.linspace([-20.0, -10, 20], [20, 10, 0], 50)
     kept = path.copy()
     paths = figures.save_flight(
@@ -84,7 +84,7 @@ def test_a_flight_is_drawn_over_every_map(found: Survey, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 200), (300, 2)])
 def test_maps_of_any_shape_and_without_data_are_drawn(
-    found: Survey, tmp_path: Path, shape: tuple[int, int]
+    found: CloudSurvey, tmp_path: Path, shape: tuple[int, int]
 ) -> None:
     blank = np.full(shape, np.nan, np.float32)
     state = np.full(shape, UNKNOWN, np.uint8)
@@ -96,7 +96,7 @@ def test_maps_of_any_shape_and_without_data_are_drawn(
 
 @pytest.mark.parametrize("most", [11, 30, 70])
 def test_a_large_map_is_thinned_and_its_zones_stay_in_place(
-    found: Survey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
+    found: CloudSurvey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
     monkeypatch.setattr("companion.desk.figures.picture.MOST_PIXELS", most)
     zones = tuple(moved(zone, 1, 2) for zone in found.report.zones)
@@ -109,7 +109,7 @@ def test_a_large_map_is_thinned_and_its_zones_stay_in_place(
     np.testing.assert_array_equal(picture.all_zones(), whole[:: picture.step, :: picture.step])
 
 
-def test_a_zone_that_lies_outside_of_the_picture_is_not_drawn(found: Survey, tmp_path: Path) -> None:
+def test_a_zone_that_lies_outside_of_the_picture_is_not_drawn(found: CloudSurvey, tmp_path: Path) -> None:
     (zone,) = found.report.zones
     far = replace(zone, box=Box(10_000, 10_000 + zone.cells.shape[0], 0, zone.cells.shape[1]))
     cells, _ = Picture(found.maps, (far,), found.parameters).zone_cells(far)

@@ -14,7 +14,7 @@ from pyproj import Geod
 from companion.desk.clouds.crs import from_option
 from companion.desk.survey.geographic_polygon import wgs84
 from companion.desk.survey.largest_square import square_centre
-from companion.desk.survey.local_metres import about
+from companion.desk.survey.local_metres import metric_for
 from companion.flight.outputs.zone_outline import zone_polygon
 from slz import SAFE, UNSAFE, Box, Grid, LandingPoint, LocalFrame, TerrainMaps, Zone
 
@@ -49,7 +49,9 @@ def test_a_hole_stays_a_hole() -> None:
 def test_outer_rings_run_anticlockwise_and_holes_clockwise() -> None:
     cells = np.ones((5, 5), np.uint8)
     cells[2, 2] = 0
-    metric = about(from_option("EPSG:32610"), np.array([5e5, 4e6, 0]), np.array([5.01e5, 4.001e6, 1]), 0.5)
+    metric = metric_for(
+        from_option("EPSG:32610"), np.array([5e5, 4e6, 0]), np.array([5.01e5, 4.001e6, 1]), 0.5
+    )
     (part,) = wgs84(zone_polygon(zone(cells), GRID), metric).geoms
     assert shapely.is_ccw(part.exterior)
     assert not shapely.is_ccw(part.interiors[0])
@@ -61,7 +63,7 @@ def test_outer_rings_run_anticlockwise_and_holes_clockwise() -> None:
 def test_a_zone_across_the_date_line_is_cut_along_it() -> None:
     cells = np.ones((9, 9), np.uint8)
     cells[4, 4] = 0
-    metric = about(
+    metric = metric_for(
         from_option("EPSG:32701"),
         np.array([180_206.0, 8_140_143, 0]),
         np.array([180_216.0, 8_140_153, 1]),
@@ -80,7 +82,7 @@ def test_a_zone_around_a_pole_is_left_as_it_is() -> None:
     cells = np.zeros((8, 8), np.uint8)
     cells[2:6] = cells[:, 2:6] = 1  # a cross, its centre at the pole
     pole = np.array([2e6, 2e6, 0])
-    metric = about(from_option("EPSG:32661"), pole - 10, pole + 10, 0.5)
+    metric = metric_for(from_option("EPSG:32661"), pole - 10, pole + 10, 0.5)
     outline = zone_polygon(zone(cells, 0, 0), Grid(-2.0, -2.0, 0.5, 8, 8))
     (part,) = wgs84(outline, metric).geoms
     assert len(part.exterior.coords) == len(outline.geoms[0].exterior.coords)

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.desk.clouds.cloud import Cloud, open_source, read
-from companion.desk.clouds.cloud_format import kind_of
+from companion.desk.clouds.cloud import GeoreferencedCloud, open_source, read
+from companion.desk.clouds.cloud_format import cloud_format_of
 from companion.desk.clouds.crs import from_option
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.survey import packing
@@ -56,7 +56,7 @@ def refusal(path: Path, crs: str | None = CRS) -> str:
 def test_every_kind_gives_the_points_to_the_last_bit(tmp_path: Path, name: str) -> None:
     cloud = read([put(tmp_path, name, KINDS[name])], CRS)
     np.testing.assert_array_equal(cloud.points, POINTS)
-    assert (cloud.n_read, cloud.step, cloud.gps_s) == (len(POINTS), 0.0, None)
+    assert (cloud.n_read, cloud.coordinate_spacing, cloud.gps_s) == (len(POINTS), 0.0, None)
     assert cloud.reference.name == CRS
 
 
@@ -81,9 +81,9 @@ def test_all_kinds_together_make_one_cloud(tmp_path: Path) -> None:
 
 def test_32_bit_coordinates_tell_how_coarse_they_are(tmp_path: Path) -> None:
     path = put(tmp_path, "a.pcd", packing.pcd(POINTS, form="<f4"))
-    assert read([path], CRS).step == 0.5  # of northings of 4.9e6 m
+    assert read([path], CRS).coordinate_spacing == 0.5  # of northings of 4.9e6 m
     path = put(tmp_path, "a.ply", packing.ply(POINTS % 1000, kind="float"))
-    assert read([path], CRS).step < 1e-4
+    assert read([path], CRS).coordinate_spacing < 1e-4
 
 
 @pytest.mark.parametrize("name", ["ascii.pcd", "compressed.pcd", "big.ply", "ascii.ply", "plain.xyz"])
@@ -199,7 +199,7 @@ def _said(path: Path) -> str:
     return str(caught.value)
 
 
-def attempt(path: Path) -> Cloud | None:
+def attempt(path: Path) -> GeoreferencedCloud | None:
     """Read a damaged file: points, or one line that names it."""
     cloud, said = None, f"{path}: "
     try:
@@ -244,8 +244,8 @@ def test_noise_is_one_clear_line(tmp_path: Path, suffix: str, content: bytes) ->
 
 
 def test_kinds_are_told_by_content(tmp_path: Path) -> None:
-    assert kind_of(put(tmp_path, "a.las", KINDS["little.ply"])) == "ply"
-    assert kind_of(put(tmp_path, "a.txt", KINDS["binary.pcd"])) == "pcd"
+    assert cloud_format_of(put(tmp_path, "a.las", KINDS["little.ply"])) == "ply"
+    assert cloud_format_of(put(tmp_path, "a.txt", KINDS["binary.pcd"])) == "pcd"
 
 
 def test_a_block_that_does_not_fit_into_memory_is_refused_before_it_is_unpacked(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
 from companion.desk.clouds.crs import from_option
-from companion.desk.survey.local_metres import Metric, about
+from companion.desk.survey.local_metres import Metric, metric_for
 from companion.runtime.errors import UsageError
 
 SYSTEMS = ["EPSG:2992", "EPSG:32610", "EPSG:2225", "EPSG:3857", "EPSG:4326", "EPSG:5070", "EPSG:26910+6360"]
@@ -19,7 +19,9 @@ def metric(crs: str, lon: float = -123.07, lat: float = 44.05, extent: float = 1
     reference = from_option(crs)
     x, y = Transformer.from_crs("EPSG:4326", reference.horizontal, always_xy=True).transform(lon, lat)
     half = extent / (reference.unit_m or 111_000.0)
-    return about(reference, np.array([x - half, y - half, 30.2]), np.array([x + half, y + half, 50.0]), 0.5)
+    return metric_for(
+        reference, np.array([x - half, y - half, 30.2]), np.array([x + half, y + half, 50.0]), 0.5
+    )
 
 
 @pytest.mark.parametrize("crs", SYSTEMS)
@@ -68,7 +70,7 @@ def test_feet_high_ground_is_feet_high() -> None:
 def test_coordinates_that_are_not_on_the_earth_are_refused(crs: str, corner: tuple[float, float]) -> None:
     low = np.array([*corner, 0.0])
     with pytest.raises(UsageError, match=r"not on the Earth.*--crs"):
-        about(from_option(crs), low, low + 1, 0.5)
+        metric_for(from_option(crs), low, low + 1, 0.5)
 
 
 def test_a_cloud_so_large_that_its_units_differ_is_refused() -> None:
@@ -79,19 +81,19 @@ def test_a_cloud_so_large_that_its_units_differ_is_refused() -> None:
 def test_a_crs_of_another_celestial_body_is_refused() -> None:
     low = np.zeros(3)
     with pytest.raises(UsageError, match=r"Moon.*not tied to the Earth.*--crs"):
-        about(from_option("IAU_2015:30100"), low, low + 1e-4, 0.5)
+        metric_for(from_option("IAU_2015:30100"), low, low + 1e-4, 0.5)
 
 
 @pytest.mark.parametrize(("crs", "turn"), [("EPSG:4326", 360.0), ("EPSG:3857", 40_075_016.686)])
 def test_a_cloud_across_the_180th_meridian_is_refused_in_one_line(crs: str, turn: float) -> None:
     low, high = np.array([-turn / 2, 0.1, 0]), np.array([turn / 2 * 0.999999, 0.2, 9])
     with pytest.raises(UsageError, match="across the 180th meridian do: map either side on its own") as said:
-        about(from_option(crs), low, high, 0.5)
+        metric_for(from_option(crs), low, high, 0.5)
     assert "\n" not in str(said.value)
 
 
 def test_a_crs_that_goes_on_beyond_the_180th_meridian_is_used_there() -> None:
-    around_it = about(
+    around_it = metric_for(
         from_option("EPSG:3031"), np.array([-50.0, -2e6, 0]), np.array([50.0, -1.9999e6, 9]), 0.5
     )
     assert abs(around_it.frame.lon_deg) == pytest.approx(180, abs=1e-3)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from companion.desk.clouds.crs import from_option
 from companion.desk.survey import overview
 from companion.desk.survey.files import geotiff
-from companion.desk.survey.local_metres import Metric, about
+from companion.desk.survey.local_metres import Metric, metric_for
 from slz import UNKNOWN, Box, Grid
 
-METRIC: Metric = about(from_option("EPSG:32632"), np.full(3, 5e5), np.full(3, 5.001e5), 0.5)
+METRIC: Metric = metric_for(from_option("EPSG:32632"), np.full(3, 5e5), np.full(3, 5.001e5), 0.5)
 MOST = 1024 * 4096  # cells read at a time
 
 
@@ -72,7 +72,7 @@ def test_the_windows_change_no_byte(
 def test_a_picture_keeps_nothing_of_the_cells_that_it_leaves_out() -> None:
     maps = Patches(1 << 16, 1024)
     tracemalloc.start()
-    small = overview.thinned(maps, "state", 64)
+    small = overview.subsampled(maps, "state", 64)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert small.shape == (1024, 16)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.desk import survey as command
-from companion.desk.clouds.cloud import Cloud
+from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
 from companion.desk.survey.cloud_survey import survey
 from companion.desk.survey.files.classified_points import UNKNOWN_CLASS, classes
@@ -24,8 +24,8 @@ FIELD = placed(field(0.8), UTM)
 Floats = NDArray[np.float64]
 
 
-def cloud(points: Floats, gps_s: Floats | None = None) -> Cloud:
-    return Cloud(points, gps_s, from_option(UTM), len(points), {})
+def cloud(points: Floats, gps_s: Floats | None = None) -> GeoreferencedCloud:
+    return GeoreferencedCloud(points, gps_s, from_option(UTM), len(points), {})
 
 
 def parameters(*settings: str) -> Parameters:

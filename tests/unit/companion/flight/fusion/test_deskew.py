@@ -43,7 +43,7 @@ def scanned(parameters: Parameters) -> tuple[World, Returns, PoseHistory]:
         return position, np.stack([w, x, y, z], -1)
 
     lidar = Mid360(np.random.default_rng(1), mount, point_rate_hz=50_000, noise=Noise(ghost=0.0, dust=0.0))
-    shots = lidar.look(0, 2000 * MS, at, world)
+    shots = lidar.shots(0, 2000 * MS, at, world)
     points, times = lidar.points_m(shots), lidar.stamps_ns(shots)
     false = shots.echoes.ghost | shots.echoes.dust
     seen = (shots.echoes.range_m > 0) & ~(false & shots.echoes.marked)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.recording_reader import RecordingReader
 from companion.flight.geometry.pose import Pose
 from companion.flight.link.vehicle_identity import VehicleIdentity
 from companion.flight.recorder import foxglove_scene, journal
@@ -35,7 +35,7 @@ async def test_what_the_disk_was_too_slow_for_is_told_as_a_gap_before_what_comes
             recorder.time_asked(at_ns)
     recorder.time_asked(5)
     recorder.close()
-    kept = [(m.topic, json.loads(m.data)) for m in Recording(tmp_path / "a.mcap").messages()]
+    kept = [(m.topic, json.loads(m.data)) for m in RecordingReader(tmp_path / "a.mcap").messages()]
     assert kept == [
         (journal.EVENT, {"time_asked_ns": 1}),
         (journal.GAP, {"lost": 3}),
@@ -97,7 +97,7 @@ async def test_a_recording_tells_which_system_is_the_vehicle_and_whether_positio
     identity = VehicleIdentity(7, remembered=3)
     Recorder(tmp_path / "a.mcap", "livox", Parameters(), 0, "", 12, identity, gated=True).close()
     Recorder(tmp_path / "b.mcap", "livox", Parameters(), 0, "", 12, VehicleIdentity()).close()
-    told = [Recording(tmp_path / name).header for name in ("a.mcap", "b.mcap")]
+    told = [RecordingReader(tmp_path / name).header for name in ("a.mcap", "b.mcap")]
     assert [(h.scans, h.system, h.remembered, h.gated) for h in told] == [
         (12, 7, 3, True),
         (12, None, None, False),

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from companion.desk.replay.recording_reader import Recording
+from companion.desk.replay.recording_reader import RecordingReader
 from companion.flight.recorder import foxglove_scene, journal, recording_writer
 from companion.flight.recorder.recording_writer import MIB, Entry, McapWriter
 from companion.runtime.errors import UsageError
@@ -32,7 +32,7 @@ def frame(number: int, size: int = 100) -> Entry:
 
 
 def numbers(path: Path) -> list[int]:
-    return [int.from_bytes(message.data[:4], "little") for message in Recording(path).messages()]
+    return [int.from_bytes(message.data[:4], "little") for message in RecordingReader(path).messages()]
 
 
 def test_what_was_written_is_read_in_order_and_on_the_companion_s_clock(tmp_path: Path) -> None:
@@ -41,7 +41,7 @@ def test_what_was_written_is_read_in_order_and_on_the_companion_s_clock(tmp_path
     assert all(out.put(frame(k)) for k in range(1000))
     out.close()
     assert numbers(path) == list(range(1000))
-    assert [m.at_ns for m in Recording(path).messages()] == list(range(1000))
+    assert [m.at_ns for m in RecordingReader(path).messages()] == list(range(1000))
     assert out.written == {journal.MAVLINK_IN: 1000}
     assert not out.dropped
 
@@ -160,7 +160,7 @@ os._exit(9)
 """
     path = tmp_path / "a.mcap"
     subprocess.run([sys.executable, "-c", program, str(path)], check=False, timeout=60)
-    recording = Recording(path)
+    recording = RecordingReader(path)
     found = [int.from_bytes(m.data[:4], "little") for m in recording.messages()]
     assert found == list(range(20))
     assert "in the middle" in recording.cut

@@ -69,7 +69,7 @@ def placed(raw: RawReturns, sensor: FlashSensor | RadarSensor, mount: Mount) -> 
 def test_flash_points_lie_on_the_ground_whatever_the_attitude() -> None:
     sensor, ground = FlashSensor(np.random.default_rng(1)), world()
     decoder = FlashDecoder()
-    points = placed(decoded(decoder, sensor.step(0, SECOND // 2, swaying, ground)), sensor, DOWN)
+    points = placed(decoded(decoder, sensor.scan(0, SECOND // 2, swaying, ground)), sensor, DOWN)
     error = points[:, 2] - ground.surface(points[:, 0], points[:, 1])[0]
     assert len(points) > 4 * 128 * 128 * 0.98
     assert abs(np.median(error)) < 0.005
@@ -81,7 +81,7 @@ def test_flash_points_lie_on_the_ground_whatever_the_attitude() -> None:
 def test_radar_points_lie_on_the_ground_whatever_the_attitude() -> None:
     sensor, ground = RadarSensor(np.random.default_rng(1)), world()
     decoder = RadarDecoder()
-    points = placed(decoded(decoder, sensor.step(0, 2 * SECOND, swaying, ground)), sensor, BODY)
+    points = placed(decoded(decoder, sensor.scan(0, 2 * SECOND, swaying, ground)), sensor, BODY)
     error = points[:, 2] - ground.surface(points[:, 0], points[:, 1])[0]
     assert len(points) > 2000
     assert points[:, 0].min() > 10  # it looks to the right, and flies north
@@ -106,7 +106,7 @@ def test_a_pitched_radar_gives_true_heights_or_none(height_m: float, pitch_deg: 
 
     flat = World(Ground(-150.0, -150.0, 4.0, np.zeros((76, 76)), np.full((75, 75), Kind.GRASS, np.uint8)), ())
     sensor = RadarSensor(np.random.default_rng(1))
-    raw = decoded(RadarDecoder(), sensor.step(0, SECOND, hovering, flat))
+    raw = decoded(RadarDecoder(), sensor.scan(0, SECOND, hovering, flat))
     assembler = ScanAssembler(radar_parameters(Parameters()), history, scans.append)
     assembler.add(raw.later(-sensor.clock.offset_ns))
     assert bool(scans) == (abs(pitch_deg) < 9)
@@ -118,7 +118,7 @@ def test_a_pitched_radar_gives_true_heights_or_none(height_m: float, pitch_deg: 
 
 def test_over_a_crate_radar_points_rise_or_are_missing() -> None:
     sensor, ground = RadarSensor(np.random.default_rng(2)), world(CRATE)
-    points = placed(decoded(RadarDecoder(), sensor.step(0, 4 * SECOND, swaying, ground)), sensor, BODY)
+    points = placed(decoded(RadarDecoder(), sensor.scan(0, 4 * SECOND, swaying, ground)), sensor, BODY)
     on_it = (np.abs(points[:, 0] - CRATE.x_m) < 1.2) & (np.abs(points[:, 1] - CRATE.y_m) < 1.2)
     low = points[on_it, 2] < 0.03 * points[on_it, 1] + 0.4
     beside = (np.abs(points[:, 0] - CRATE.x_m) < 1.2) & (np.abs(points[:, 1] - CRATE.y_m - 4) < 1.2)
@@ -137,7 +137,7 @@ def test_posts_of_a_fence_seen_by_the_flash_camera_from_30_m_make_their_ground_u
         return np.column_stack([t, 0.5 * t, 30 + 0 * t]), np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
 
     sensor = FlashSensor(np.random.default_rng(1))
-    raw = decoded(FlashDecoder(), sensor.step(0, SECOND * 3 // 4, hovering, flat))
+    raw = decoded(FlashDecoder(), sensor.scan(0, SECOND * 3 // 4, hovering, flat))
     stamps = sensor.clock.simulated_ns(raw.stamp_ns - sensor.clock.offset_ns)
     position, quat = hovering(stamps)
     points = position + DOWN.lever_enu_m(quat) + DOWN.to_enu(raw.xyz_m.astype(float), quat)
@@ -157,7 +157,7 @@ def test_posts_of_a_fence_seen_by_the_flash_camera_from_30_m_make_their_ground_u
 
 def test_a_lost_row_leaves_its_pixels_unknown_and_is_counted() -> None:
     sensor = FlashSensor(np.random.default_rng(1))
-    packets = sensor.step(0, SECOND // 4, swaying, world())
+    packets = sensor.scan(0, SECOND // 4, swaying, world())
     del packets[64]
     decoder = FlashDecoder()
     raw = decoded(decoder, packets)
@@ -166,7 +166,7 @@ def test_a_lost_row_leaves_its_pixels_unknown_and_is_counted() -> None:
 
 
 def test_a_block_of_noise_gives_nothing_and_breaks_nothing() -> None:
-    packets = RadarSensor(np.random.default_rng(1)).step(0, SECOND, swaying, world())
+    packets = RadarSensor(np.random.default_rng(1)).scan(0, SECOND, swaying, world())
     rng = np.random.default_rng(3)
     noisy = [p[:64] + rng.integers(0, 256, len(p) - 64, np.uint8).tobytes() for p in packets]
     decoder = RadarDecoder()
@@ -178,7 +178,7 @@ def test_a_block_of_noise_gives_nothing_and_breaks_nothing() -> None:
 @pytest.mark.parametrize("full", [32767, -32767, -32768])
 def test_a_saturated_converter_gives_no_point(full: int) -> None:
     """All its samples are alike, and so perfectly coherent."""
-    packets = RadarSensor(np.random.default_rng(1)).step(0, SECOND, swaying, world())
+    packets = RadarSensor(np.random.default_rng(1)).scan(0, SECOND, swaying, world())
     body = radar_decoder.HEADER.size
     saturated = [p[:body] + np.full((len(p) - body) // 2, full, "<i2").tobytes() for p in packets]
     decoder = RadarDecoder()
@@ -188,7 +188,7 @@ def test_a_saturated_converter_gives_no_point(full: int) -> None:
 
 
 def test_bins_in_which_samples_are_clipped_give_no_point() -> None:
-    packets = RadarSensor(np.random.default_rng(1)).step(0, SECOND, swaying, world())
+    packets = RadarSensor(np.random.default_rng(1)).scan(0, SECOND, swaying, world())
     whole = decoded(RadarDecoder(), packets)
     clipped = []
     for packet in packets:
@@ -211,7 +211,7 @@ def test_bins_in_which_samples_are_clipped_give_no_point() -> None:
 @pytest.mark.parametrize("kind", ["flash", "radar"])
 def test_what_is_no_packet_is_counted_and_a_foreign_one_is_named(kind: str) -> None:
     sensor = {"flash": FlashSensor, "radar": RadarSensor}[kind](np.random.default_rng(1))
-    packet = sensor.step(0, SECOND // 5, swaying, world())[0]
+    packet = sensor.scan(0, SECOND // 5, swaying, world())[0]
     decoder = decoder_for(kind)
     for broken in (b"", packet[:20], packet[:-1], b"SLZX" + packet[4:], packet[:4] + b"\x09" + packet[5:]):
         assert decoder.check(broken) is None
@@ -246,7 +246,7 @@ def test_a_header_that_cannot_be_is_counted_and_its_packet_gives_nothing(
 ) -> None:
     sensor = {"flash": FlashSensor, "radar": RadarSensor}[kind](np.random.default_rng(1))
     header = {"flash": flash_decoder.HEADER, "radar": radar_decoder.HEADER}[kind]
-    packet = changed(sensor.step(0, SECOND // 5, swaying, world())[0], header, **fields)
+    packet = changed(sensor.scan(0, SECOND // 5, swaying, world())[0], header, **fields)
     decoder = decoder_for(kind)
     assert decoder.check(packet) is None
     decoder.take(packet)
@@ -255,7 +255,7 @@ def test_a_header_that_cannot_be_is_counted_and_its_packet_gives_nothing(
 
 
 def test_a_flash_frame_in_the_dark_gives_no_point() -> None:
-    packets = FlashSensor(np.random.default_rng(1)).step(0, SECOND // 8, swaying, world())
+    packets = FlashSensor(np.random.default_rng(1)).scan(0, SECOND // 8, swaying, world())
     body = flash_decoder.HEADER.size
     black = [packet[:body] + bytes(len(packet) - body) for packet in packets]
     decoder = FlashDecoder()
@@ -265,7 +265,7 @@ def test_a_flash_frame_in_the_dark_gives_no_point() -> None:
 
 
 def test_radar_lines_before_a_pause_make_no_block_with_those_after_it() -> None:
-    packets = RadarSensor(np.random.default_rng(1)).step(0, 2 * SECOND, swaying, world())
+    packets = RadarSensor(np.random.default_rng(1)).scan(0, 2 * SECOND, swaying, world())
     late = [
         changed(
             p, radar_decoder.HEADER, _5=radar_decoder.HEADER.unpack_from(p)[5] + radar_decoder.MOST_BLOCK_NS

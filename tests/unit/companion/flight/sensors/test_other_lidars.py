@@ -21,8 +21,8 @@ from companion.flight.sensors.returns import Returns
 from companion.runtime.errors import UsageError
 from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
-from sitl.sensors.livox_control import ControlUnit
 from sitl.sensors.sf45 import Sf45, frame
+from tests.unit.companion.flight.sensors.decoders.livox_control_unit import ControlUnit
 from tests.unit.companion.flight.sensors.test_mavlink_ranges import beam
 
 MS = 1_000_000

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from companion.desk.replay.clouds.gps_time import dated, first_by_header
+from companion.desk.replay.clouds.gps_time import first_by_header, resolve_times
 
 BEGIN_NS = 1_750_000_000_000_000_000
 EPOCH_S, LEAP_S, WEEK_S = 315_964_800, 18, 604_800
@@ -37,7 +37,7 @@ def written(kind: str, begin_s: float) -> np.ndarray:
 @pytest.mark.parametrize("header", ["standard", "week"])
 @pytest.mark.parametrize("kind", ["standard", "week", "week that runs on", "gps", "unix"])
 def test_every_meaning_is_found_whatever_the_header_says(kind: str, header: Header, begin_s: int) -> None:
-    found = dated(written(kind, begin_s), header, span_ns(begin_s))
+    found = resolve_times(written(kind, begin_s), header, span_ns(begin_s))
     assert found.fits.all()
     assert found.kind == kind.split()[0]
     np.testing.assert_allclose(found.stamp_ns - begin_s * 10**9, SECONDS * 1e9, atol=500)
@@ -53,17 +53,17 @@ def test_every_meaning_is_found_whatever_the_header_says(kind: str, header: Head
 )
 def test_times_of_gps_are_ahead_of_the_time_of_day_by_leap_seconds(day: str, gps_s: int) -> None:
     at_ns = int(np.datetime64(day, "ns").astype(np.int64))
-    assert dated(np.array([gps_s - 1e9]), "standard", (at_ns, at_ns)).stamp_ns == at_ns
+    assert resolve_times(np.array([gps_s - 1e9]), "standard", (at_ns, at_ns)).stamp_ns == at_ns
     for late_s in (0, 3600):
         span = (at_ns, at_ns + late_s * 10**9)
-        assert dated(np.array([gps_s % 604_800.0]), "week", span).stamp_ns == at_ns
+        assert resolve_times(np.array([gps_s % 604_800.0]), "week", span).stamp_ns == at_ns
 
 
 def test_times_that_do_not_fit_leave_the_others_as_they_are() -> None:
     times = written("standard", 1_750_000_000)
     strange = np.array([0.0, np.nan, np.inf, -1e300, times[0] - 3600, times[-1] + 3600])
     times[10 : 10 + len(strange)] = strange
-    found = dated(times, "standard", span_ns(1_750_000_000))
+    found = resolve_times(times, "standard", span_ns(1_750_000_000))
     assert np.flatnonzero(~found.fits).tolist() == list(range(10, 10 + len(strange)))
     assert (found.stamp_ns[~found.fits] == 0).all()
     wanted = SECONDS[found.fits] * 1e9
@@ -75,12 +75,12 @@ def test_times_that_do_not_fit_leave_the_others_as_they_are() -> None:
 @pytest.mark.parametrize("header", ["standard", "week"])
 def test_times_of_another_flight_fit_nowhere(kind: str, days: int, header: Header) -> None:
     times = written(kind, 1_750_000_000 - 86_400 * days)
-    assert not dated(times, header, span_ns(1_750_000_000)).fits.any()
+    assert not resolve_times(times, header, span_ns(1_750_000_000)).fits.any()
 
 
 def test_times_of_another_day_of_the_week_fit_nowhere() -> None:
     times = written("week", 1_750_000_000 - 86_400)
-    assert not dated(times, "week", span_ns(1_750_000_000)).fits.any()
+    assert not resolve_times(times, "week", span_ns(1_750_000_000)).fits.any()
 
 
 def test_what_the_header_means_is_said_in_words() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import Cloud, Decoded, clock_of, decode
+from companion.desk.replay.clouds.point_cloud import Decoded, StampedCloud, clock_of, decode
 
 BEGIN_NS = 1_750_000_000_000_000_000
 PERIOD_NS = 100_000_000
@@ -21,23 +21,23 @@ Times = Callable[[np.ndarray, int], np.ndarray]  # of nanoseconds after a stamp
 
 def cloud(
     stamp_ns: int, times: np.ndarray, field: str = "time", form: str = "f8", points: np.ndarray | None = None
-) -> Cloud:
+) -> StampedCloud:
     table = np.zeros(len(times), [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), (field, "<" + form)])
     places = np.arange(3.0 * len(times)).reshape(-1, 3) + 1 if points is None else points
     for k, axis in enumerate("xyz"):
         table[axis] = places[:, k]
     table[field] = times
-    return Cloud(stamp_ns, "lidar", table)
+    return StampedCloud(stamp_ns, "lidar", table)
 
 
 def recording(
     times: Times, form: str = "f8", field: str = "time", period_ns: int = PERIOD_NS, count: int = 20
-) -> list[Cloud]:
+) -> list[StampedCloud]:
     stamps = [BEGIN_NS + k * period_ns for k in range(count)]
     return [cloud(stamp, times(AFTER_NS, stamp), field, form) for stamp in stamps]
 
 
-def decoded(clouds: Sequence[Cloud], which: int = 3) -> Decoded:
+def decoded(clouds: Sequence[StampedCloud], which: int = 3) -> Decoded:
     clock = clock_of(clouds)
     known = clock if isinstance(clock, PointClock) else None
     return decode(clouds[which].table, clouds[which].stamp_ns, known)
@@ -102,7 +102,7 @@ def test_the_first_field_whose_times_are_understood_is_taken() -> None:
         for name in plain.table.dtype.names or ():
             table[name] = plain.table[name]
         table["timestamp"] = (plain.stamp_ns + AFTER_NS) * 1e-9
-        clouds.append(Cloud(plain.stamp_ns, "lidar", table))
+        clouds.append(StampedCloud(plain.stamp_ns, "lidar", table))
     check_times(decoded(clouds), clouds[3].stamp_ns, 500)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mcap.writer import Writer
 
-from companion.desk.replay.clouds.point_cloud import Cloud
+from companion.desk.replay.clouds.point_cloud import StampedCloud
 from companion.desk.replay.ros.bag_file import CLOUD, BagFile
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.replay import flights
@@ -57,7 +57,7 @@ def test_a_standard_type_is_read_whatever_the_bag_says_of_it(
     assert bag.types == {"/points": CLOUD, "/odom": ODOMETRY, "/status": "maker_msgs/msg/Status"}
     (_, stamp_ns, _, cloud), (_, _, _, pose) = bag.messages(("/points", "/odom"))
     assert bag.bad == 0
-    assert isinstance(cloud, Cloud)
+    assert isinstance(cloud, StampedCloud)
     assert (cloud.stamp_ns, stamp_ns, cloud.frame) == (BEGIN_NS, BEGIN_NS, "lidar")
     assert cloud.table["t"].tolist() == AFTER[::-1].tolist()
     assert pose.pose.pose.position.z == pytest.approx(22.0)

@@ -14,7 +14,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from companion.desk.replay.clouds.point_cloud import BadCloudError
-from companion.desk.replay.recording_type import Beside, opened
+from companion.desk.replay.recording_type import RecordingOptions, open_recording
 from companion.desk.replay.ros.livox_message import MESSAGES, parse
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.replay.flights import BEGIN_NS, HOME
@@ -122,10 +122,10 @@ def test_a_bag_of_them_is_replayed(tmp_path: Path, ros2: bool, kind: str) -> Non
             some = message(types, kind, stamp, tags=(0,) * 32)
             writer.write(points, stamp, pack(some, kind))
     origin = f"{HOME.lat_deg},{HOME.lon_deg},{HOME.alt_m}"
-    feed, rerun = opened(path, ("lidar_pitch_deg=0",), Beside(origin=origin))
+    feed, rerun = open_recording(path, ("lidar_pitch_deg=0",), RecordingOptions(origin=origin))
     for _, act in feed.steps(rerun):
-        rerun.take(act)
+        rerun.hand_over(act)
     assert (rerun.returns, feed.bad) == (5 * 32, 0)
-    assert feed.told()["points"] == "/livox/lidar"
-    assert feed.told()["point_times"] == "offset_time: ns since the stamp"
+    assert feed.summary()["points"] == "/livox/lidar"
+    assert feed.summary()["point_times"] == "offset_time: ns since the stamp"
     assert rerun.span_ns == (BEGIN_NS, BEGIN_NS + 493_000_000)

@@ -45,7 +45,7 @@ def test_a_local_pose_lies_at_its_metres_from_the_origin_with_the_rate_of_its_ne
     found, history = noted()
     poses = LocalPoses(history)
     for ms in (0, 100, 200):
-        poses.take(pose(kind, ms), ms * MS)
+        poses.add_message(pose(kind, ms), ms * MS)
     assert [stamp for stamp, _, _ in found.positions] == [0, 100 * MS]  # the last waits for what follows
     poses.finish()
     assert found.attitudes == [0, 100 * MS, 200 * MS]
@@ -64,7 +64,7 @@ def test_a_local_pose_that_is_no_number_is_refused(part: str, name: str) -> None
     for ms, value in ((0, 0.5), (100, np.nan), (200, 0.5)):
         message = pose(POSE, ms)
         setattr(getattr(message.pose, part), name, value)
-        poses.take(message, ms * MS)
+        poses.add_message(message, ms * MS)
     poses.finish()
     assert poses.refused == 1
     assert found.attitudes == [stamp for stamp, _, _ in found.positions] == [0, 200 * MS]
@@ -74,8 +74,8 @@ def test_fixes_and_orientations_are_taken_apart_from_each_other() -> None:
     found, history = noted()
     poses = GlobalPoses(history)
     for ms in (0, 100):
-        poses.take(pose(FIX, ms), ms * MS)
-        poses.take(pose(IMU, ms), ms * MS + 7)
+        poses.add_message(pose(FIX, ms), ms * MS)
+        poses.add_message(pose(IMU, ms), ms * MS + 7)
     poses.finish()
     assert found.attitudes == [7, 100 * MS + 7]
     (_, first, ned), (_, second, _) = found.positions
@@ -90,8 +90,8 @@ def test_an_imu_without_an_orientation_is_refused() -> None:
     without, broken = pose(IMU, 0), pose(IMU, 0)
     without.orientation_covariance[0] = NO_ORIENTATION
     broken.orientation.x = np.inf
-    poses.take(without, 0)
-    poses.take(broken, 0)
+    poses.add_message(without, 0)
+    poses.add_message(broken, 0)
     assert (poses.refused, found.attitudes) == (2, [])
 
 
@@ -112,7 +112,7 @@ def test_a_fix_that_is_no_place_is_refused(name: str, value: float) -> None:
         message = pose(FIX, ms)
         if ms == 100:
             setattr(message.status if name == "status" else message, name, value)
-        poses.take(message, ms * MS)
+        poses.add_message(message, ms * MS)
     poses.finish()
     assert poses.refused == 1
     assert [stamp for stamp, _, _ in found.positions] == [0, 200 * MS]
@@ -122,7 +122,7 @@ def test_a_place_that_comes_again_or_too_late_has_no_velocity_and_is_passed_over
     found, history = noted()
     poses = LocalPoses(history)
     for ms in (0, 100, 100, 50, 200):
-        poses.take(pose(POSE, ms), ms * MS)
+        poses.add_message(pose(POSE, ms), ms * MS)
     poses.finish()
     assert [stamp for stamp, _, _ in found.positions] == [0, 100 * MS, 200 * MS]
     assert all(np.isfinite(ned).all() for _, _, ned in found.positions)
@@ -131,7 +131,7 @@ def test_a_place_that_comes_again_or_too_late_has_no_velocity_and_is_passed_over
 def test_a_single_place_tells_no_velocity_and_is_not_handed_on() -> None:
     found, history = noted()
     poses = GlobalPoses(history)
-    poses.take(pose(FIX, 0), 0)
+    poses.add_message(pose(FIX, 0), 0)
     poses.finish()
     poses.finish()
     assert found.positions == []
@@ -139,6 +139,6 @@ def test_a_single_place_tells_no_velocity_and_is_not_handed_on() -> None:
 
 def test_metres_from_an_origin_that_nobody_named_are_an_error() -> None:
     poses = LocalPoses(PoseHistory(Parameters()))
-    poses.take(pose(POSE, 0), 0)
+    poses.add_message(pose(POSE, 0), 0)
     with pytest.raises(RuntimeError, match="need an origin"):
-        poses.take(pose(POSE, 100), 100 * MS)
+        poses.add_message(pose(POSE, 100), 100 * MS)

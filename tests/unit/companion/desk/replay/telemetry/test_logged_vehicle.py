@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay import replay_run
-from companion.desk.replay.recording_type import Beside
+from companion.desk.replay.recording_type import RecordingOptions
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.replay.flights import BEGIN_NS, HOME
@@ -58,8 +58,8 @@ def other(kind: int, begin_ms: int = -2000) -> list[tuple[int, Any]]:
 
 def again(log: Path, files: Path, **more: Any) -> dict[str, Any]:
     asked = ["cell_m=0.5", "zone_m=200"]
-    given = Beside(points=str(files / "lidar.pcap"), **more)
-    return replay_run.run(log, asked, None, 0.0, (0.0, 1e9), beside=given)
+    given = RecordingOptions(points=str(files / "lidar.pcap"), **more)
+    return replay_run.run(log, asked, None, 0.0, (0.0, 1e9), options=given)
 
 
 @pytest.mark.parametrize("kind", [TRACKER, ROVER])
@@ -113,4 +113,4 @@ def test_the_attitude_of_a_gimbal_does_not_stand_in_for_the_vehicle_s(files: Pat
 def test_a_named_system_belongs_to_a_log(files: Path, tmp_path: Path) -> None:
     own = flights.write_own(tmp_path / "own.mcap", flights.recorded())
     with pytest.raises(UsageError, match="leave out --points, --system"):
-        replay_run.run(own, [], None, 0.0, (0.0, 1e9), beside=Beside(system=1))
+        replay_run.run(own, [], None, 0.0, (0.0, 1e9), options=RecordingOptions(system=1))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from companion.desk.survey.tiled.derive_tiles import KEPT
 from companion.desk.survey.tiled.task_engine import Engine, InProcess
 from companion.desk.survey.tiled.tile_store import Store
-from companion.desk.survey.tiled.tiled_survey import Survey, Surveyed
+from companion.desk.survey.tiled.tiled_survey import Surveyed, TiledSurvey
 from params import Parameters, load
 from tests.unit.companion.desk.survey.clouds import write
 
@@ -56,7 +56,9 @@ def surveyed(
     *settings: str,
 ) -> Surveyed:
     work.mkdir(parents=True, exist_ok=True)
-    run = Survey(paths, work, parameters(*settings), engine or InProcess(), lambda *_: None, tile_m=tile_m)
+    run = TiledSurvey(
+        paths, work, parameters(*settings), engine or InProcess(), lambda *_: None, tile_m=tile_m
+    )
     return run.run()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from companion.desk.survey.tiled import array_file
-from companion.desk.survey.tiled.cell_sums import gathered
+from companion.desk.survey.tiled.cell_sums import join_cell_sums
 from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
 from companion.desk.survey.tiled.sort_points import Piece, sort_piece
 from slz import Box
@@ -38,7 +38,7 @@ def sorted_file(folder: Path, points: np.ndarray) -> Path:
 def test_every_cell_holds_what_slow_code_finds(tmp_path: Path) -> None:
     points = scattered()
     inner = Box(-780, -756, 1012, 1036)
-    sums = gathered([sorted_file(tmp_path, points)], inner, 3, Box(-9999, 9999, -9999, 9999), ANY, 0.5)
+    sums = join_cell_sums([sorted_file(tmp_path, points)], inner, 3, Box(-9999, 9999, -9999, 9999), ANY, 0.5)
     assert sums.box == Box(-783, -753, 1009, 1039)
     got = evidence_of(sums.count, sums.total, sums.extreme, 0, UNIT_M, 0.02)[..., 0, :]
     cells = np.floor(points[:, :2] / 0.5).astype(int)
@@ -64,7 +64,7 @@ def test_a_lone_return_beyond_a_gap_is_dropped_and_three_together_are_kept(tmp_p
     path = sorted_file(tmp_path, np.vstack([points, lone, three]))
     inner = Box(-790, -750, 1000, 1050)
     interval = (0, int(60 / UNIT_M))
-    sums = gathered([path], inner, 0, Box(-9999, 9999, -9999, 9999), interval, 0.5)
+    sums = join_cell_sums([path], inner, 0, Box(-9999, 9999, -9999, 9999), interval, 0.5)
     assert (sums.n_used, sums.n_outliers) == (len(points) + 3, 1)
     top = sums.extreme[..., 2].max()
     assert top == round(95 / UNIT_M)
@@ -73,7 +73,7 @@ def test_a_lone_return_beyond_a_gap_is_dropped_and_three_together_are_kept(tmp_p
 def test_points_beyond_the_survey_s_box_count_nowhere(tmp_path: Path) -> None:
     path = sorted_file(tmp_path, scattered())
     inner = Box(-790, -750, 1000, 1050)
-    sums = gathered([path], inner, 5, Box(-770, -760, 1020, 1030), ANY, 0.5)
+    sums = join_cell_sums([path], inner, 5, Box(-770, -760, 1020, 1030), ANY, 0.5)
     assert sums.box == Box(-770, -760, 1020, 1030)
     assert sums.n_used == sums.count.sum() > 0
 
@@ -118,7 +118,7 @@ def test_a_packed_file_is_whole_or_absent(tmp_path: Path) -> None:
     assert {name: values.tolist() for name, values in found.items()} == {
         name: values.tolist() for name, values in arrays.items()
     }
-    unfinished = array_file.whole(tmp_path / "y")
+    unfinished = array_file.atomic_file(tmp_path / "y")
     unfinished.path.write_bytes(b"half")
     unfinished.__exit__(RuntimeError)
     assert [path.name for path in tmp_path.iterdir()] == ["x"]

@@ -13,8 +13,8 @@ from companion.desk.clouds.cloud import open_source
 from companion.desk.clouds.crs import from_option
 from companion.desk.survey.tiled.crs_scale import first_guess
 from companion.desk.survey.tiled.lattice import Lattice
-from companion.desk.survey.tiled.plan import MANIFEST, claim, opened, spacing, tile_side
-from companion.desk.survey.tiled.tile_labels import Joined
+from companion.desk.survey.tiled.plan import MANIFEST, claim, open_clouds, spacing, tile_side
+from companion.desk.survey.tiled.tile_labels import CandidateZone
 from companion.desk.survey.tiled.tiled_zones import batches
 from companion.runtime.errors import UsageError
 from slz import Box
@@ -26,7 +26,7 @@ DEGREES = placed(field(5.0), "EPSG:4326")
 
 def test_no_file_at_all_is_refused() -> None:
     with pytest.raises(UsageError, match="no files: name one or more clouds"):
-        opened([], None)
+        open_clouds([], None)
 
 
 @pytest.mark.parametrize("tile_m", [0.0, -5.0, math.inf, math.nan])
@@ -83,7 +83,7 @@ def test_32_bit_coordinates_are_as_coarse_as_where_the_survey_is_farthest_from_z
 
 def test_zones_are_worked_out_in_batches_of_like_size_the_largest_first(tmp_path: Path) -> None:
     sides = [10, 4, 4, 30, 5]
-    zones = [Joined(Box(0, n, 0, n), k, (((0, k), (1,)),)) for k, n in enumerate(sides)]
+    zones = [CandidateZone(Box(0, n, 0, n), k, (((0, k), (1,)),)) for k, n in enumerate(sides)]
     work = batches(zones, tmp_path, most_cells=140)
     assert [[zone.first for zone in one.zones] for one in work] == [[3], [0, 1, 2], [4]]
     assert len({one.done for one in work}) == 3

@@ -9,8 +9,8 @@ import pytest
 
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.derive_tiles import KEPT
-from companion.desk.survey.tiled.tile_labels import Members, joined, label_tile
-from companion.desk.survey.tiled.tile_store import HELD, Layout, Store
+from companion.desk.survey.tiled.tile_labels import Members, join_components, label_tile
+from companion.desk.survey.tiled.tile_store import HELD, Store, TileLayout
 from companion.desk.survey.tiled.tiled_zones import Work, describe_zones
 from companion.desk.survey.tiled.zone_file import load
 from slz import SAFE, UNKNOWN, UNSAFE, Box
@@ -20,9 +20,9 @@ WHOLE = Box(-2, 13, 5, 22)  # of five rows and six columns of tiles, those at th
 SIDE = 4
 
 
-def tiles(folder: Path, state: np.ndarray) -> Layout:
+def tiles(folder: Path, state: np.ndarray) -> TileLayout:
     """Write the tiles of a survey, of which only the state is of interest."""
-    layout = Layout(folder, SIDE, WHOLE, 0.5)
+    layout = TileLayout(folder, SIDE, WHOLE, 0.5)
     for key in layout.keys(WHOLE):
         box = layout.held(key)
         part = state[layout.local(box).slices]
@@ -63,7 +63,7 @@ def test_a_zone_over_more_tiles_than_are_held_is_one_and_whole(tmp_path: Path, s
     state[:] = SAFE
     state[7, 3:14] = UNSAFE
     layout = tiles(tmp_path, state)
-    found = joined({key: label_tile(layout, key, 3) for key in layout.keys(WHOLE)})
+    found = join_components({key: label_tile(layout, key, 3) for key in layout.keys(WHOLE)})
     assert len(found) == 1
     assert found[0].extent == WHOLE
     members = Members(Store(layout))
@@ -80,7 +80,7 @@ def test_a_zone_whose_only_square_hangs_on_its_corner_is_found_and_has_a_place(
     state[3, 2:13] = SAFE
     state[4:6, 13:15] = SAFE
     layout = tiles(tmp_path, state)
-    found = joined({key: label_tile(layout, key, 2) for key in layout.keys(WHOLE)})
+    found = join_components({key: label_tile(layout, key, 2) for key in layout.keys(WHOLE)})
     work = Work(tuple(found), tmp_path / "0.zones")
     assert describe_zones(work, layout, parameters("min_square_m=1.0", "min_boundary_points=4")) == 1
     (one,) = load(work.done)

@@ -307,7 +307,9 @@ def test_the_user_is_told_of_zones_that_were_cut_and_of_coarse_coordinates(
     monkeypatch.setattr("companion.desk.survey.tiled.tiled_zones.CUT", 64)
     path = tmp_path / "a.pcd"
     path.write_bytes(packing.pcd(FIELD, form="<f4"))
-    told = survey.run([path], tmp_path / "out", parameters("cell_m=1.0"), lambda *_: None, survey.Plan(UTM))
+    told = survey.run(
+        [path], tmp_path / "out", parameters("cell_m=1.0"), lambda *_: None, survey.MapOptions(UTM)
+    )
     assert "32-bit coordinates of this size are 0.5 m apart: store them as 64-bit numbers" in told["warnings"]
     cut = [text for text in told["warnings"] if "are parts of larger ones" in text]
     assert [text.split()[0] for text in cut] == [str(len(told["zones"]))]
@@ -317,7 +319,11 @@ def test_the_sources_rules_are_not_tiled(tmp_path: Path) -> None:
     path = write(tmp_path / "a.laz", FIELD)
     with pytest.raises(UsageError, match="one window in one piece"):
         survey.run(
-            [path], tmp_path / "out", parameters("mode=source"), lambda *_: None, survey.Plan(tile_m=9.0)
+            [path],
+            tmp_path / "out",
+            parameters("mode=source"),
+            lambda *_: None,
+            survey.MapOptions(tile_m=9.0),
         )
 
 
@@ -341,10 +347,10 @@ def test_the_time_left_is_told_and_what_was_done_before_does_not_shorten_it() ->
     now = iter(np.arange(0.0, 1000, 10.0))
     told: list[str] = []
     progress = Progress(lambda what, share: told.append(f"{what} {share:.2f}"), lambda: float(next(now)))
-    progress.step("sorting", 0.5, 10, done=5)
-    progress.at(5)
-    progress.at(10)
-    progress.step("drawing", 0.5, 10)
+    progress.begin_stage("sorting", 0.5, 10, done=5)
+    progress.report(5)
+    progress.report(10)
+    progress.begin_stage("drawing", 0.5, 10)
     assert told[0] == "sorting 0.00"
     assert told[1] == "sorting 0.25"  # nothing of it is this run's
     assert told[2] == "sorting, 60 s left 0.50"
@@ -358,8 +364,8 @@ def test_the_time_left_is_told_in_two_figures(passed_s: float, left: str) -> Non
     now = iter([0.0, 0.0, passed_s])
     told: list[str] = []
     progress = Progress(lambda what, _: told.append(what), lambda: next(now))
-    progress.step("sorting", 1.0, 2)
-    progress.at(1)
+    progress.begin_stage("sorting", 1.0, 2)
+    progress.report(1)
     assert told == ["sorting", f"sorting, {left} left"]
 
 

@@ -15,7 +15,7 @@ from companion.flight.sensors.decoders.livox_protocol import (
     encode,
     parameters,
 )
-from sitl.sensors.livox_control import ControlUnit
+from tests.unit.companion.flight.sensors.decoders.livox_control_unit import ControlUnit
 
 SECOND = 1_000_000_000
 
