@@ -15,7 +15,7 @@ from params import Parameters
 from slz.frame import is_known
 from slz.grid import Box
 from slz.kernels.raster.bitmap import packed
-from slz.kernels.raster.distance_transform import farthest, surest
+from slz.kernels.raster.distance_transform import greatest_clearance, most_certain
 from slz.landing_point.obstacles import Surroundings, grouped, horizon_at
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import CellView, TerrainView
@@ -80,7 +80,7 @@ class Widest:
 def widest(candidate: Candidate, terrain: CellView) -> Widest:
     """Return the cells whose clearance is within half a cell of the greatest."""
     wide = candidate.words_box
-    found = farthest(candidate.own_bits, candidate.square_side)
+    found = greatest_clearance(candidate.own_bits, candidate.square_side)
     cells = found[:, :2] + np.array([wide.row0, wide.col0])
     return Widest(
         cells=cells,
@@ -109,7 +109,7 @@ def best_point(
     """
     grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
     place = grid.west_m, grid.south_m, grid.cell_m
-    best = surest(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
+    best = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
     row, col = among.cells[best].tolist()
     centre = grid.centre(row, col)
     enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.paper.zone_statistics import SUM_UNIT, corners, measure
 from slz.kernels.raster.bitmap import unpacked
-from slz.kernels.raster.distance_transform import first_choice, room
+from slz.kernels.raster.distance_transform import least_steep, square_and_clearance
 from slz.kernels.raster.region_fill import all_reach, component
 from slz.landing_point.judgement import horizon_towards
 from slz.lazy_fields import Later
@@ -85,14 +85,14 @@ def _best_point(
     """
     grid, box, word0 = terrain.grid, part.box, part.words.start
     squares = search.squares[box.row0 : box.row1, part.words] & safe
-    side, square, found = room(safe, squares, search.side)
+    side, square, found = square_and_clearance(safe, squares, search.side)
     longest = 4 * len(part.boundary_cells)  # longer than most boundaries of holes
     for cells in (np.array([square]), found):
         if not all_reach(terrain.safe_bits, part.content, box.row0, word0, cells, longest):
-            side, _, found = room(own.value(), squares & own.value(), search.side)
+            side, _, found = square_and_clearance(own.value(), squares & own.value(), search.side)
             break
     row0, col0 = box.row0, 64 * word0
-    at = first_choice(
+    at = least_steep(
         found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,
         sensor_enu_m[0], sensor_enu_m[1],
     )  # fmt: skip

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from slz.kernels.points.histogram import gaps_of
-from slz.kernels.points.voxel_density_filter import has_company
+from slz.kernels.points.voxel_density_filter import is_supported
 
 COMPANY = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
@@ -80,7 +80,7 @@ def in_company(
     if not len(points_enu_m):
         return np.ones(0, bool)
     points = np.ascontiguousarray(points_enu_m)
-    keep = has_company(points, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
+    keep = is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.robust_regression import lowered, weighed
+from slz.kernels.points.robust_regression import subtract_plane, weighted_normal_equations
 from slz.terrain.tiles import Tiles
 
 MOST_RETURNS, PARTS = 20_000, 4  # returns compared with the map, and parts they are compared in
@@ -38,7 +38,7 @@ class Offset:
         up_m += self.up_m
         if up_m == self.east == self.north == 0:
             return points_enu_m
-        return lowered(points_enu_m, sensor_enu_m, up_m, self.east, self.north)
+        return subtract_plane(points_enu_m, sensor_enu_m, up_m, self.east, self.north)
 
 
 def offset(
@@ -92,7 +92,7 @@ def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[N
     for _ in range(ROUNDS):
         error = values - design @ fit
         scale = max(0.02, 1.4826 * _median(np.abs(error)))
-        left, right, share = weighed(design, values, error, 4.7 * scale)
+        left, right, share = weighted_normal_equations(design, values, error, 4.7 * scale)
         fit = np.asarray(np.linalg.solve(left + 1e-9 * np.eye(len(fit)), right))
     return fit, share
 

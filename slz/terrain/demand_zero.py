@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slz.kernels.prefault import touch
+from slz.kernels.prefault import prefault
 
 NOTHING = np.uint8(0)
 LEAST = 1 << 16  # bytes, below which an ordinary array is used
@@ -34,4 +34,4 @@ def make_ready(values: NDArray[Any], rows: slice, cols: slice) -> None:
     count, length = rows.stop - rows.start, size * (cols.stop - cols.start)
     if count > 0 and length > 0:
         first = rows.start * row + cols.start * size
-        touch(values.reshape(-1).view(np.uint8), first, row, count, length, NOTHING)
+        prefault(values.reshape(-1).view(np.uint8), first, row, count, length, NOTHING)

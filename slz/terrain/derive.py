@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
-from slz.kernels.footprint.derive_maps import draw
+from slz.kernels.footprint.derive_maps import derive
 from slz.kernels.footprint.patch import inverses
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.morphology import above, closed, dilated, eroded, higher, lowest_around, others
+from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
 from slz.kernels.simd import LANES
 
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
@@ -90,7 +90,7 @@ def drawn(
     rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
-    draw(
+    derive(
         cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits, (0, rows, 0, wide),
         maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip
@@ -105,7 +105,7 @@ def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: fl
     shore, so the rim does not count as seen.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
-    lowest, cols = lowest_around(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
-    level = known & ~higher(height_m, lowest, p.relief_m)
+    lowest, cols = minimum_filter(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
+    level = known & ~exceeds(height_m, lowest, p.relief_m)
     seen = known | closed(level, reach.gap, cols)
-    return dilated(others(seen, cols), reach.radius + 1, cols)
+    return dilated(complement(seen, cols), reach.radius + 1, cols)

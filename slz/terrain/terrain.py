@@ -26,7 +26,7 @@ from params import Parameters
 from slz.grid import Box, Grid, hull
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
-from slz.kernels.cells.resolution_pyramid import coarser
+from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.raster.bitmap import Bits
 from slz.terrain.derive import LAYERS, Seen, reach_of
@@ -201,7 +201,7 @@ class EvidenceTerrain(UnboundedTerrain):
             return self.tiles.summary(box, max_age_s)
         evidence = self.tiles.read(_scaled(box, self.level))
         for _ in range(self.level):
-            evidence = coarser(evidence, self.tiles.latest_s, max_age_s)
+            evidence = downsample(evidence, self.tiles.latest_s, max_age_s)
         return summary(evidence, self.tiles.latest_s, max_age_s)
 
     def _draw(self, box: Box) -> None:

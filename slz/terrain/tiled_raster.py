@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import copy_cells, copy_layer, put_layers, reach_of, set_bits
-from slz.kernels.footprint.derive_maps import draw_tiles
+from slz.kernels.footprint.derive_maps import derive_tiles
 from slz.kernels.raster.bitmap import Bits
 from slz.terrain.demand_zero import make_ready, untouched
 from slz.terrain.derive import Seen
@@ -68,7 +68,7 @@ class TiledLayers:
         """Derive the layers and states of a box and write them, see `slz.terrain.derive.drawn`."""
         table = self._opened(box)
         for first, held, states in self._blocks:
-            draw_tiles(
+            derive_tiles(
                 seen.cells, seen.covered, seen.unseen, seen.edge, seen.radius, seen.limits,
                 held, states, first, table, box.row0, box.col0,
             )  # fmt: skip

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.cells.accumulate import (
+    accumulate,
     cells_of,
     contradicts,
     copy_evidence,
     count_by_tile,
     differences,
-    gather_evidence,
     sorted_by_tile,
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
@@ -132,11 +132,11 @@ class Tiles:
         cells, samples = sorted_by_tile(
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
         )
-        table, touched = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
-        used = gather_evidence(
-            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, touched
+        table, hit_boxes = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
+        used = accumulate(
+            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, hit_boxes
         )
-        boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] < touched[..., 1]])
+        boxes = tuple(Box(*map(int, row)) for row in hit_boxes[hit_boxes[..., 0] < hit_boxes[..., 1]])
         return Change(boxes, evicted, inside - int(used))
 
     def _make_room(

@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from slz.kernels.polygons.cell_rings import edges
-from slz.kernels.polygons.inner_simplification import shrunk
+from slz.kernels.polygons.cell_rings import boundary_rings
+from slz.kernels.polygons.inner_simplification import simplify_inside
 
 Ring = NDArray[np.int32]
 Points = NDArray[np.float64]
@@ -42,7 +42,7 @@ def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon,
     the centres of the next. Cells that touch at a corner only belong to separate polygons; small polygons may
     be left out.
     """
-    rings = _split(edges(np.ascontiguousarray(cells, np.uint8)))
+    rings = _split(boundary_rings(np.ascontiguousarray(cells, np.uint8)))
     if not rings:
         return ()
     areas = np.array([_area(ring) for ring in rings])
@@ -85,7 +85,9 @@ def _few(
     sums = np.zeros((cells.shape[0], cells.shape[1] + 1), np.int32)
     np.cumsum(cells != 0, axis=1, out=sums[:, 1:])
     number = np.repeat(np.arange(len(rings)), [len(ring) for ring in start])
-    left = shrunk(np.concatenate(start), number, worth, sums, spare, times * most_lost * total, enough)
+    left = simplify_inside(
+        np.concatenate(start), number, worth, sums, spare, times * most_lost * total, enough
+    )
     return [left[left[:, 0] == i, 1:] for i in range(len(rings))]
 
 
@@ -112,8 +114,8 @@ def _beside(ring: Ring, reach: float) -> Points:
     step = np.roll(ring, -1, axis=0) - ring
     middles = ring + step / 2 + reach * np.stack([-step[:, 1], step[:, 0]], axis=1)
     back, ahead = middles - np.roll(middles, 1, axis=0), np.roll(middles, -1, axis=0) - middles
-    bends = np.abs(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]) > 1e-9
-    return np.ascontiguousarray(middles[bends][:, ::-1])
+    corners = np.abs(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]) > 1e-9
+    return np.ascontiguousarray(middles[corners][:, ::-1])
 
 
 def _split(found: NDArray[np.int32]) -> list[Ring]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.zonal_sums import TOLD, carry_over, tally, tally_tiles
+from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over, zonal_sums, zonal_sums_of_tiles
 from slz.terrain.derive import LAYERS
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNSAFE
@@ -25,7 +25,7 @@ PLACES = LAYERS.index("certainty"), LAYERS.index("slope_deg"), LAYERS.index("rou
 class Tally:
     """Zonal statistics of a zone.
 
-    told: statistics as in `tally`, the sums of `parts`, (rows, columns, statistics). holes: unsafe cells
+    told: statistics as in `zonal_sums`, the sums of `parts`, (rows, columns, statistics). holes: unsafe cells
     inside the contour. versions: of the tiles, (rows, columns). lasts: whether all tiles were unchanged.
     """
 
@@ -47,7 +47,7 @@ def tallied(
         return _by_tiles(candidate, terrain, old, known)
     content, wide = candidate.content_bits, candidate.words_box
     starts, holes = range(0, len(content), STRIP), np.zeros_like(content)
-    parts = np.zeros((len(starts), 1, TOLD))
+    parts = np.zeros((len(starts), 1, ZONAL_STATISTICS))
     for part, row in enumerate(starts):
         rows = slice(row, min(row + STRIP, len(content)))
         held = np.flatnonzero(content[rows].any(axis=0))
@@ -55,7 +55,7 @@ def tallied(
         west, south = wide.col0 + 64 * words.start, wide.row0 + row
         box = Box(south, wide.row0 + rows.stop, west, wide.col0 + 64 * words.stop)
         certainty, slope = terrain.layer("certainty", box), terrain.layer("slope_deg", box)
-        tally(
+        zonal_sums(
             candidate.own_bits[rows, words], content[rows, words], terrain.state(box), SAFE, UNSAFE,
             certainty, slope, terrain.layer("roughness", box), parts[part, 0], holes[rows, words],
         )  # fmt: skip
@@ -69,7 +69,7 @@ def _by_tiles(
     there, table, versions, blocks = terrain.tiles_within(wide)
     if there.col0 % TILE:
         raise ValueError("the words of a candidate must be rows of the terrain's tiles: see `safe_bits`")
-    holes, parts = np.zeros_like(content), np.zeros((*table.shape, TOLD))
+    holes, parts = np.zeros_like(content), np.zeros((*table.shape, ZONAL_STATISTICS))
     wanted, lasts = np.ones(table.shape, bool), False
     if old is not None and known is not None:
         down, right = wide.row0 - old.words_box.row0, (wide.col0 - old.words_box.col0) // 64
@@ -78,7 +78,7 @@ def _by_tiles(
             known.versions, old.own_bits, old.content_bits, known.parts, known.holes, wanted, parts, holes,
         )  # fmt: skip
     for first, layers, states in blocks:
-        tally_tiles(
+        zonal_sums_of_tiles(
             layers, states, first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE, own, content, parts,
             holes,
         )  # fmt: skip
@@ -86,5 +86,5 @@ def _by_tiles(
 
 
 def _total(parts: NDArray[np.float64]) -> NDArray[np.float64]:
-    total: NDArray[np.float64] = parts.reshape(-1, TOLD).sum(axis=0)
+    total: NDArray[np.float64] = parts.reshape(-1, ZONAL_STATISTICS).sum(axis=0)
     return total

@@ -16,8 +16,8 @@ from slz.kernels.footprint.certainty import certainty
 from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
 from slz.kernels.paper.zone_search import find
 from slz.kernels.raster.bitmap import packed
-from slz.kernels.raster.connected_components import largest_groups, middle_height, obstacles
-from slz.kernels.raster.distance_transform import farthest, room
+from slz.kernels.raster.connected_components import largest_groups, median_height, obstacles
+from slz.kernels.raster.distance_transform import greatest_clearance, square_and_clearance
 from slz.kernels.raster.region_fill import component
 from slz.paper.window_cells import Returns
 from slz.points.outliers import LoneReturns, gap_interval, in_a_group, in_company
@@ -63,15 +63,15 @@ def zones() -> Iterator[Any]:
         rest, own = seeds.copy(), bits
         for row, col in np.argwhere(square)[:: max(1, int(square.sum()) // 2)].tolist():
             own = component(bits, row, col)
-            side, _, cells = room(own, rest & own, 3)
-            yield side, cells, farthest(own, side)
+            side, _, cells = square_and_clearance(own, rest & own, 3)
+            yield side, cells, greatest_clearance(own, side)
         holes = packed(np.pad(blob(rng, 24, 150, 0.7, 0.2), ((0, 0), (0, 42))))
         height = rng.normal(0, 1, (24, 64 * bits.shape[1])).astype(np.float32)
         yield obstacles(holes & ~own, own, height, 100.0, 50.0, 0.5, 12, 3)
         yield largest_groups(holes, 5)
         wide = np.pad(height, 9, constant_values=np.nan)
         places = (-2, 60), (8, 30), (20, 120)
-        yield [middle_height(own, wide[r + 9 : r + 14, c + 9 : c + 18], r, c) for r, c in places]
+        yield [median_height(own, wide[r + 9 : r + 14, c + 9 : c + 18], r, c) for r, c in places]
 
 
 def clouds() -> Iterator[Any]:

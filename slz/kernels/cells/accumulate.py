@@ -19,7 +19,7 @@ from slz.kernels.cells.cell_record import (
     TIME,
 )
 from slz.kernels.jit import kernel
-from slz.kernels.simd import LANES, ask_for, load, store
+from slz.kernels.simd import LANES, load, prefetch, store
 
 OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
 AHEAD = 24  # points between the prefetch of a cell and its use
@@ -30,7 +30,7 @@ NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
 @kernel("void(float64[::1], float64, float64, float64, float64[:, ::1])")
-def _placed(
+def _place(
     points: NDArray[np.float64], west: float, south: float, cell: float, out: NDArray[np.float64]
 ) -> None:
     """Write rows, columns and heights of points, without a branch, so that the compiler vectorises the loop.
@@ -63,7 +63,7 @@ def cells_of(
     flat, places, rows, cols = points.ravel(), at.ravel(), placed[0], placed[1]
     for start in range(0, len(points), CHUNK):
         n, to = min(CHUNK, len(points) - start), np.uint64(2 * start)
-        _placed(flat[3 * start : 3 * (start + n)], west, south, cell, placed)
+        _place(flat[3 * start : 3 * (start + n)], west, south, cell, placed)
         held = 0
         for k in range(np.uint64(n)):
             r, c = rows[k], cols[k]
@@ -124,7 +124,7 @@ def hit_squares(
     high, wide, elsewhere = float(rows), float(cols), np.int32(rows * cols)
     for start in range(0, len(points), CHUNK):
         n = min(CHUNK, len(points) - start)
-        _placed(flat[3 * start : 3 * (start + n)], west, south, side, placed)
+        _place(flat[3 * start : 3 * (start + n)], west, south, side, placed)
         for k in range(np.uint64(n)):
             r, c = row[k], col[k]
             inside = (r >= 0.0) & (r < high) & (c >= 0.0) & (c < wide)
@@ -164,7 +164,7 @@ def count_by_tile(
 
 
 @kernel("void(float64[::1], float64[:], float64, float64, float32[:, ::1])")
-def _sampled(
+def _sample(
     points: NDArray[np.float64],
     sensor: NDArray[np.float64],
     range_noise_m: float,
@@ -227,7 +227,7 @@ def sorted_by_tile(
         stop = min(len(at), start + CHUNK)
         mine = cells[2 * start : 2 * stop]
         _tiles_of(mine, wide, np.int32(tile_row * cols + tile_col), elsewhere, tile)
-        _sampled(flat[3 * start : 3 * stop], sensor, range_noise_m, angle_noise_rad, some)
+        _sample(flat[3 * start : 3 * stop], sensor, range_noise_m, angle_noise_rad, some)
         for k in range(np.uint64(stop - start)):
             own = np.uint64(tile[k])
             to = np.uint64(place[own])
@@ -238,7 +238,7 @@ def sorted_by_tile(
 
 
 @kernel("UniTuple(int64, 4)(int32[::1], float32[:, ::1], float32, float32, float32, float32[:, :, ::1])")
-def _gather(
+def _accumulate_in_tile(
     cells: NDArray[np.int32],
     samples: NDArray[np.float32],
     now_s: float,
@@ -246,11 +246,11 @@ def _gather(
     max_age_s: float,
     tile: NDArray[np.float32],
 ) -> tuple[int, int, int, int]:
-    """Add the points of a tile to its cells, see `gather_evidence`; return the box of the cells hit."""
+    """Add the points of a tile to its cells, see `accumulate`; return the box of the cells hit."""
     r0, r1, c0, c1 = TILE, -1, TILE, -1
     flat, last = tile.ravel(), len(cells) - 1
     for i in range(len(cells)):
-        ask_for(flat, 2 * FIELDS * cells[min(i + AHEAD, last)])
+        prefetch(flat, 2 * FIELDS * cells[min(i + AHEAD, last)])
         r, c = cells[i] >> TILE_BITS, cells[i] & (TILE - 1)
         r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
         h, variance = samples[i, 0], samples[i, 1]
@@ -285,7 +285,7 @@ def _gather(
     "int64(int32[::1], float32[:, ::1], int64[:, ::1], int64, int64, float32, float32, float32,"
     " float32[:, :, :, :, ::1], int32[:, ::1], int64[:, :, ::1])"
 )
-def gather_evidence(
+def accumulate(
     cells: NDArray[np.int32],
     samples: NDArray[np.float32],
     count: NDArray[np.int64],
@@ -296,11 +296,11 @@ def gather_evidence(
     max_age_s: float,
     pool: NDArray[np.float32],
     table: NDArray[np.int32],
-    touched: NDArray[np.int64],
+    hit_boxes: NDArray[np.int64],
 ) -> int:
     """Add points, sorted by tile, to the per-cell statistics; return how many were used.
 
-    `table` holds the slot in the pool of each tile, -1 where there is none. `touched` receives row0, row1,
+    `table` holds the slot in the pool of each tile, -1 where there is none. `hit_boxes` receives row0, row1,
     col0, col1 (half open) of the cells hit in each tile.
 
     A cell has a current and a previous epoch. When new points arrive and the current epoch is older than
@@ -315,9 +315,9 @@ def gather_evidence(
             if n > 0 and slot >= 0:
                 tile = pool[slot].reshape(TILE * TILE, 2, FIELDS)
                 cell, sample = cells[first : first + n], samples[first : first + n]
-                r0, r1, c0, c1 = _gather(cell, sample, now_s, hold_s, max_age_s, tile)
+                r0, r1, c0, c1 = _accumulate_in_tile(cell, sample, now_s, hold_s, max_age_s, tile)
                 south, west = (tile_row + tr) * TILE, (tile_col + tc) * TILE
-                box = touched[tr, tc]
+                box = hit_boxes[tr, tc]
                 box[0], box[1], box[2], box[3] = south + r0, south + r1, west + c0, west + c1
                 used += n
             first += n

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, NOISE, RISE, UPPER
 from slz.kernels.jit import kernel
-from slz.kernels.simd import LANES, every, load, store, where
+from slz.kernels.simd import LANES, broadcast, load, store, where
 
 MOST_ROWS, COLS = 16, 32  # footprints of a patch
 SAMPLED = 5  # rows and columns of a patch sampled for its median height, about
@@ -65,10 +65,10 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
 
 
 @kernel("void(float32[::1], float32[::1], int64, int64, float32, float32[::1], int64, int64)")
-def _take_some(
+def _gather_some_cells(
     cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
 ) -> None:
-    """Write 16 cells, unknown from number `count` on, see `take`."""
+    """Write 16 cells, unknown from number `count` on, see `gather_cells`."""
     layer = len(inverse)
     for i in range(LANES):
         here = i < count and at + i < layer
@@ -83,7 +83,7 @@ def _take_some(
 
 
 @kernel("void(float32[::1], float32[::1], int64, int64, int64, int64, int64, float32, float32[::1])")
-def take(
+def gather_cells(
     cells: Row,
     inverse: Row,
     cols: int,
@@ -104,18 +104,18 @@ def take(
         Columns of `cells`.
     """
     layer, size = len(inverse), tall * wide
-    zero, over = every(F0), every(level)
+    zero, over = broadcast(F0), broadcast(level)
     for i in range(tall):
         for c in range(0, wide, LANES):
             to, at = i * wide + c, (row + i) * cols + col + c
             if at + LANES > layer or col + c + LANES > cols:
-                _take_some(cells, inverse, at, cols - col - c, level, held, to, size)
+                _gather_some_cells(cells, inverse, at, cols - col - c, level, held, to, size)
                 continue
             known, excess = zero < load(cells, WEIGHT * layer + at), load(cells, EXCESS * layer + at)
             bottom, top = load(cells, BOTTOM * layer + at), load(cells, TOP * layer + at)
-            store(held, KNOWN * size + to, where(known, every(F1), zero))
+            store(held, KNOWN * size + to, where(known, broadcast(F1), zero))
             store(held, RISE * size + to, where(known, load(cells, HEIGHT * layer + at) - over, zero))
             store(held, INVERSE * size + to, load(inverse, at))
             store(held, NOISE * size + to, where(known, load(cells, SPREAD * layer + at), zero))
-            store(held, LOWER * size + to, where(known, (bottom - over) + excess, every(HIGHEST)))
-            store(held, UPPER * size + to, where(known, (top - over) - excess, every(LOWEST)))
+            store(held, LOWER * size + to, where(known, (bottom - over) + excess, broadcast(HIGHEST)))
+            store(held, UPPER * size + to, where(known, (top - over) - excess, broadcast(LOWEST)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slz.kernels.arctangent import arctangent
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
-from slz.kernels.simd import LANES, below, both, every, load, root, store, where
+from slz.kernels.simd import LANES, below, broadcast, load, logical_and, sqrt, store, where
 
 Row = NDArray[np.float32]
 Rows = NDArray[np.float32]
@@ -102,7 +102,7 @@ def _slopes(
     south, here, north
         Index of the first of `cells` cells in each row; each row has one more cell at either end.
     """
-    scale, degrees, nothing = every(k), every(DEGREES), every(NAN)
+    scale, degrees, nothing = broadcast(k), broadcast(DEGREES), broadcast(NAN)
     for i in range(0, cells, LANES):
         at = here + i
         if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & SOME == NONE:
@@ -111,7 +111,7 @@ def _slopes(
         mid = load(values, at)
         dx = (load(values, at + 1) - load(values, at - 1)) * scale  # SLZ paper, Eq. (7)
         dy = (load(values, north + i) - load(values, south + i)) * scale  # SLZ paper, Eq. (8)
-        angle = arctangent(root(dx * dx + dy * dy)) * degrees  # SLZ paper, Eq. (9)
+        angle = arctangent(sqrt(dx * dx + dy * dy)) * degrees  # SLZ paper, Eq. (9)
         store(out, at, where(mid == mid, angle, nothing))
 
 
@@ -135,7 +135,7 @@ def _join(
     final choice instead, the compiler would emit masked stores, which some processors do one number at a
     time.
     """
-    half, most = every(HALF), every(worst)
+    half, most = broadcast(HALF), broadcast(worst)
     for i in range(0, WORD, LANES):
         if (sloped >> np.uint64(i)) & SOME == NONE:
             continue
@@ -163,12 +163,12 @@ def _join_rough(
     to: int,
 ) -> None:
     """Fuse the roughness of a word, known in fewer cells than the slope; unknown is the worst case."""
-    half, most = every(HALF), every(worst)
+    half, most = broadcast(HALF), broadcast(worst)
     for i in range(0, WORD, LANES):
         if (roughened >> np.uint64(i)) & SOME == NONE:
             continue
         q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
-        q = where(both(s < most, q == q), q, old)
+        q = where(logical_and(s < most, q == q), q, old)
         joint = where(old < q, q, old) if greatest else half * (old + q)
         store(total_rough, to + i, where(old == most, q, joint))
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 from slz.kernels.paper.point_pass import DROPPED
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
-from slz.kernels.simd import LANES, every, flags_of, load
+from slz.kernels.simd import LANES, broadcast, flags_of, load
 
 Points = NDArray[np.float64]
 Counts = NDArray[np.int32]
@@ -58,7 +58,7 @@ def _count(
     every: int,
     count: Counts,
 ) -> None:
-    """Count the points of one chunk in `every` by bin."""
+    """Count the points of one chunk in `broadcast` by bin."""
     count[:] = 0
     bins, mine = count.shape[1] - 1, np.empty(CHUNK, np.uint16)
     for start in range(0, len(cells), CHUNK * every):
@@ -78,7 +78,7 @@ def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: n
     if start + CHUNK <= len(heights):
         for at in range(start, start + CHUNK, LANES):
             some = load(heights, at)
-            word |= (flags_of(some < every(least)) | flags_of(every(most) < some)) << i
+            word |= (flags_of(some < broadcast(least)) | flags_of(broadcast(most) < some)) << i
             i += np.uint64(LANES)
         return word
     for at in range(start, len(heights)):

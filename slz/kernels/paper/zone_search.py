@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.growable_array import doubled, put, put_rows
 from slz.kernels.jit import kernel
-from slz.kernels.polygons.boundary_tracing import extent, tour, westmost
+from slz.kernels.polygons.boundary_tracing import extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import NONE, Bits, lowest, signed
 from slz.kernels.raster.region_fill import component, fill
 
@@ -106,7 +106,7 @@ def find(
     while row < row1:
         r, c = row, 64 * w + signed(lowest(seeds[row, w] & ~taken[row, w]))
         while True:  # west to an edge; the trace of a hole is followed to its first cell, farther south
-            n, area = tour(safe, r, westmost(safe, r, c), path, edges)
+            n, area = trace_boundary(safe, r, westmost(safe, r, c), path, edges)
             if n > len(path):
                 path, edges = _longer(path, edges, 0)
                 continue

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.paper.fuse import HALF, OLD
-from slz.kernels.polygons.contour import bends
+from slz.kernels.polygons.contour import corner_indices
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, signed
 
 Map = NDArray[np.float32]
@@ -99,8 +99,8 @@ def measure(
 def corners(
     boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
 ) -> NDArray[np.float64]:
-    """Return (m, 3) east, north, height of the boundary cells that `bends` keeps."""
-    kept = bends(boundary)
+    """Return (m, 3) east, north, height of the boundary cells that `corner_indices` keeps."""
+    kept = corner_indices(boundary)
     out = np.empty((len(kept), 3))
     for k in range(len(kept)):
         i = kept[k]

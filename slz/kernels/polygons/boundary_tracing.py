@@ -16,7 +16,7 @@ WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offse
 SEVEN = np.uint64(7)
 
 
-def _table() -> NDArray[np.int32]:
+def _step_table() -> NDArray[np.int32]:
     """Return the next step of a trace, by (search start - 1) / 2 and by the 3 x 3 neighbourhood.
 
     Bit 3 (row + 1) + column + 1 of the neighbourhood is the neighbour at (row, column). The low byte of an
@@ -52,11 +52,11 @@ def _table() -> NDArray[np.int32]:
     return table
 
 
-TABLE = _table()
+TABLE = _step_table()
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
-def _around(safe: Bits, row: int, col: int) -> Any:
+def _neighbourhood(safe: Bits, row: int, col: int) -> Any:
     """Return the 3 x 3 cells around a cell as nine bits; all must be inside the map."""
     k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
     if shift <= np.uint64(61):
@@ -70,7 +70,7 @@ def _around(safe: Bits, row: int, col: int) -> Any:
 
 
 @kernel("UniTuple(int64, 2)(uint64[:, ::1], int64, int64, int32[:, ::1], uint8[::1])")
-def tour(
+def trace_boundary(
     safe: Bits, row: int, col: int, path: NDArray[np.int32], edges: NDArray[np.uint8]
 ) -> tuple[int, int]:
     """Trace a component's boundary from a cell with no set western neighbour, until its first step repeats.
@@ -88,7 +88,7 @@ def tour(
     r, c, index, n, area, first = row, col, 0, 0, 0, -1
     most = len(path)
     while True:
-        entry = signed(TABLE[index, _around(safe, r, c)])
+        entry = signed(TABLE[index, _neighbourhood(safe, r, c)])
         direction = entry & DIRECTION
         if direction == NOWHERE:
             path[0, 0], path[0, 1], edges[0] = r, c, entry

@@ -16,7 +16,7 @@ from slz import Pipeline, Report, Window, Zone
 from slz.default_method import ZoneMap
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.raster.bitmap import ALL
-from slz.kernels.raster.zonal_sums import TOLD, carry_over
+from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over
 from slz.zones.description import Content
 from tests.unit.slz.hand_made import FRAME, near_map
 
@@ -150,7 +150,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     if rng.random() < 0.3:
         new[rng.integers(row0, stop), word] ^= np.uint64(4)
     versions, old_versions = (rng.random((2, 5, 5)) < 0.1).astype(np.int64)
-    told, all_holes = rng.random((5, 5, TOLD)), rng.integers(1, 2**63, (side, 5), np.uint64) & old
+    told, all_holes = rng.random((5, 5, ZONAL_STATISTICS)), rng.integers(1, 2**63, (side, 5), np.uint64) & old
 
     def tiles(first: int, last: int) -> slice:
         return slice(first >> TILE_BITS, ((last - 1) >> TILE_BITS) + 1)
@@ -163,7 +163,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     shape = (here[0].stop - here[0].start, n)
     wanted, parts, holes = (
         np.ones(shape, bool),
-        np.zeros((*shape, TOLD)),
+        np.zeros((*shape, ZONAL_STATISTICS)),
         np.zeros((stop - row0, n), np.uint64),
     )
     mine, theirs = (
