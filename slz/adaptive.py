@@ -74,7 +74,7 @@ class Adapter:
         self._level = COARSEST
         self._asked = [COARSEST] * STEADY
 
-    def look(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
+    def choose(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
         """Return the choice after a window, from its returns in use."""
         some = points_enu_m[:: max(1, len(points_enu_m) // SOME)]
         ground_m = float(np.median(some[:, 2])) if len(some) >= FEWEST else math.nan
@@ -89,7 +89,7 @@ class Adapter:
             window_s = self._wanted_window(density / span_s, reach, height, speed)
         return Choice(density, height, speed, self._far, level, window_s)
 
-    def look_at_some(self, window: Window, returns: Returns) -> Choice:
+    def choose_from_cells(self, window: Window, returns: Returns) -> Choice:
         """Return the choice in source mode, where only near and far change, from a sample of the returns.
 
         Where the position of the sensor is unknown nothing changes and the density is 0.
@@ -97,7 +97,7 @@ class Adapter:
         if not is_known(window.sensor_enu_m):
             return Choice(0.0, math.nan, self._speed(window), self._far, self._level, self._p.window_s)
         every = max(1, returns.n // SOME)
-        choice = self.look(window, returns.kept(every))
+        choice = self.choose(window, returns.kept(every))
         return replace(choice, density_per_m2=every * choice.density_per_m2)
 
     def _speed(self, window: Window) -> float:

@@ -64,7 +64,7 @@ class SelectedPoint:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Widest:
+class GreatestClearance:
     """Cells of a zone with the greatest clearance, with their slope and certainty.
 
     cells: (n, 2) rows and columns of the grid. distance2: squared distance to the nearest cell outside the
@@ -77,12 +77,12 @@ class Widest:
     certainty: NDArray[np.float32]
 
 
-def widest(candidate: Candidate, terrain: CellView) -> Widest:
+def greatest_clearance_of(candidate: Candidate, terrain: CellView) -> GreatestClearance:
     """Return the cells whose clearance is within half a cell of the greatest."""
     wide = candidate.words_box
     found = greatest_clearance(candidate.own_bits, candidate.square_side)
     cells = found[:, :2] + np.array([wide.row0, wide.col0])
-    return Widest(
+    return GreatestClearance(
         cells=cells,
         distance2=found[:, 2],
         slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
@@ -91,7 +91,7 @@ def widest(candidate: Candidate, terrain: CellView) -> Widest:
 
 
 def best_point(
-    among: Widest,
+    among: GreatestClearance,
     square_side: int,
     terrain: CellView,
     sensor_enu_m: NDArray[np.float64],
@@ -134,7 +134,7 @@ def ground_m(terrain: TerrainView, cell: Box) -> float:
     return float("nan")
 
 
-def judge(
+def judge_point(
     enu_m: NDArray[np.float64], near: TerrainView, far: TerrainView, parameters: Parameters
 ) -> SelectedPoint | None:
     """Judge a selected point anew; None where neither map has it.

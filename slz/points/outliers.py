@@ -45,7 +45,7 @@ def gap_interval(
     return gaps_of(np.ascontiguousarray(height_m), gap_m, max_share)
 
 
-def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:
+def in_cluster(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:
     """Return which points have at least `least` points within a radius, themselves included.
 
     Among the points beyond a gap these are a wire, a mast or a shaft: no outliers, however few they are.
@@ -56,7 +56,7 @@ def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -
     return np.asarray(tree.query_ball_point(points_enu_m, radius_m, return_length=True) >= least)
 
 
-def in_company(
+def not_isolated(
     points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.bool_]:
     """Return which returns of a window are not isolated.
@@ -84,7 +84,7 @@ def in_company(
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
 
 
-class LoneReturns:
+class IsolatedReturns:
     """Memory of isolated returns: a thin object may send back one in every window.
 
     An isolated return counts when `OFTEN` of the last `RECENT` windows, the present one included, had one
@@ -95,7 +95,7 @@ class LoneReturns:
     def __init__(self) -> None:
         self._windows: deque[cKDTree] = deque(maxlen=RECENT - 1)
 
-    def returning(
+    def recurring(
         self, lone_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
     ) -> NDArray[np.float64]:
         """Add the isolated returns of a window of `n_returns`; return (m, 3) those that count now."""

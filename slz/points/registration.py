@@ -31,7 +31,7 @@ class Offset:
     east: float = 0.0
     north: float = 0.0
 
-    def taken_out(
+    def removed_from(
         self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], up_m: float
     ) -> NDArray[np.float64]:
         """Return points (n, 3) without the offset, lowered by `up_m`; the same array if both are zero."""

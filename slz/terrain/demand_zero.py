@@ -15,7 +15,7 @@ NOTHING = np.uint8(0)
 LEAST = 1 << 16  # bytes, below which an ordinary array is used
 
 
-def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+def demand_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """Return zeros of a shape and dtype, in pages of the smallest size.
 
     `numpy.zeros` asks for huge pages where it can: each takes 2 MiB, and clearing it takes tens of
@@ -27,7 +27,7 @@ def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     return np.frombuffer(mmap.mmap(-1, size), dtype).reshape(shape)
 
 
-def make_ready(values: NDArray[Any], rows: slice, cols: slice) -> None:
+def prefault_range(values: NDArray[Any], rows: slice, cols: slice) -> None:
     """Prefault a part of (rows, columns, ...), so that writing there does not wait; values are unchanged."""
     size = values.itemsize * math.prod(values.shape[2:])
     row = size * values.shape[1]

@@ -13,8 +13,8 @@ from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import copy_cells, copy_layer, put_layers, reach_of, set_bits
 from slz.kernels.footprint.derive_maps import derive_tiles
 from slz.kernels.raster.bitmap import Bits
-from slz.terrain.demand_zero import make_ready, untouched
-from slz.terrain.derive import Seen
+from slz.terrain.demand_zero import demand_zeros, prefault_range
+from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import SERIALS, Key, keys_over, tiles_over
 
@@ -64,8 +64,8 @@ class TiledLayers:
             put_layers(held, first, table, box.row0, box.col0, np.ascontiguousarray(layers))
             put_layers(held_states, first, table, box.row0, box.col0, np.ascontiguousarray(states))
 
-    def draw(self, box: Box, seen: Seen) -> None:
-        """Derive the layers and states of a box and write them, see `slz.terrain.derive.drawn`."""
+    def derive(self, box: Box, seen: CoveredCells) -> None:
+        """Derive the layers and states of a box and write them, see `slz.terrain.derive.derive`."""
         table = self._opened(box)
         for first, held, states in self._blocks:
             derive_tiles(
@@ -144,7 +144,7 @@ class TiledLayers:
             self._add_block()
         for slot in self._free[len(self._free) - count :]:
             for held in self._held(slot):
-                make_ready(held[None], slice(0, 1), slice(0, len(held)))
+                prefault_range(held[None], slice(0, 1), slice(0, len(held)))
 
     def keys(self) -> tuple[Key, ...]:
         """Return the keys of all tiles."""
@@ -173,7 +173,7 @@ class TiledLayers:
         first = len(self._versions)
         size = max(self._expected, first)
         shape: tuple[Any, ...] = (size, len(self._empty), TILE, TILE)
-        layers, states = untouched(shape, np.float32), untouched((size, 1, TILE, TILE), np.uint8)
+        layers, states = demand_zeros(shape, np.float32), demand_zeros((size, 1, TILE, TILE), np.uint8)
         self._blocks.append(Block(first, layers, states))
         self._versions = np.concatenate([self._versions, np.full(size, NOTHING)])
         self._free[:0] = range(first, first + size)[::-1]

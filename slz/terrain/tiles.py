@@ -22,7 +22,7 @@ from slz.kernels.cells.accumulate import (
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import summarise
-from slz.terrain.demand_zero import make_ready
+from slz.terrain.demand_zero import prefault_range
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
@@ -168,7 +168,7 @@ class Tiles:
         """Prefault the memory of `count` more tiles."""
         rows = self._pool.reshape(self.capacity, TILE * TILE, -1)
         for slot in self._free[len(self._free) - count :]:
-            make_ready(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
+            prefault_range(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
 
     def _give_up(self, key: Key) -> None:
         slot = self._slot.pop(key)

@@ -33,7 +33,7 @@ class Polygon:
     holes: tuple[Points, ...]
 
 
-def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon, ...]:
+def polygonise(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon, ...]:
     """Return the polygons of the set cells in units of cells, (column, row) from the array's corner.
 
     The polygons hold the centre of no other cell, and their area differs from that of the cells by at most

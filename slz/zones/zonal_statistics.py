@@ -22,23 +22,26 @@ PLACES = LAYERS.index("certainty"), LAYERS.index("slope_deg"), LAYERS.index("rou
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tally:
+class ZonalStatistics:
     """Zonal statistics of a zone.
 
-    told: statistics as in `zonal_sums`, the sums of `parts`, (rows, columns, statistics). holes: unsafe cells
-    inside the contour. versions: of the tiles, (rows, columns). lasts: whether all tiles were unchanged.
+    totals: statistics as in `zonal_sums`, the sums of `parts`, (rows, columns, statistics). holes: unsafe
+    cells inside the contour. versions: of the tiles, (rows, columns). unchanged: whether no tile changed.
     """
 
-    told: NDArray[np.float64]
+    totals: NDArray[np.float64]
     holes: Bits
     parts: NDArray[np.float64]
     versions: NDArray[np.int64]
-    lasts: bool = False
+    unchanged: bool = False
 
 
-def tallied(
-    candidate: Candidate, terrain: CellView, old: Candidate | None = None, known: Tally | None = None
-) -> Tally:
+def zonal_statistics_of(
+    candidate: Candidate,
+    terrain: CellView,
+    old: Candidate | None = None,
+    known: ZonalStatistics | None = None,
+) -> ZonalStatistics:
     """Return the zonal statistics of a candidate; those of unchanged tiles come from an older candidate.
 
     Sums are taken per tile first, then over all tiles, so they do not depend on what was cached.
@@ -59,21 +62,21 @@ def tallied(
             candidate.own_bits[rows, words], content[rows, words], terrain.state(box), SAFE, UNSAFE,
             certainty, slope, terrain.layer("roughness", box), parts[part, 0], holes[rows, words],
         )  # fmt: skip
-    return Tally(_total(parts), holes, parts, np.empty((0, 0), np.int64))
+    return ZonalStatistics(_total(parts), holes, parts, np.empty((0, 0), np.int64))
 
 
 def _by_tiles(
-    candidate: Candidate, terrain: EvidenceTerrain, old: Candidate | None, known: Tally | None
-) -> Tally:
+    candidate: Candidate, terrain: EvidenceTerrain, old: Candidate | None, known: ZonalStatistics | None
+) -> ZonalStatistics:
     own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
     there, table, versions, blocks = terrain.tiles_within(wide)
     if there.col0 % TILE:
         raise ValueError("the words of a candidate must be rows of the terrain's tiles: see `safe_bits`")
     holes, parts = np.zeros_like(content), np.zeros((*table.shape, ZONAL_STATISTICS))
-    wanted, lasts = np.ones(table.shape, bool), False
+    wanted, unchanged = np.ones(table.shape, bool), False
     if old is not None and known is not None:
         down, right = wide.row0 - old.words_box.row0, (wide.col0 - old.words_box.col0) // 64
-        lasts = carry_over(
+        unchanged = carry_over(
             there.row0, versions, own, content, down, right,
             known.versions, old.own_bits, old.content_bits, known.parts, known.holes, wanted, parts, holes,
         )  # fmt: skip
@@ -82,7 +85,7 @@ def _by_tiles(
             layers, states, first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE, own, content, parts,
             holes,
         )  # fmt: skip
-    return Tally(_total(parts), holes, parts, versions, lasts)
+    return ZonalStatistics(_total(parts), holes, parts, versions, unchanged)
 
 
 def _total(parts: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ VOXEL_M, LEAST = 0.3, 2
 
 
 def plainly(points: Floats, sensor: Floats, object_m2: float) -> list[bool]:
-    """The rule of `slz.points.outliers.in_company`, counted point against point."""
+    """The rule of `slz.points.outliers.not_isolated`, counted point against point."""
     edge = np.array([VOXEL_M, VOXEL_M, VOXEL_M / 4])
     at = ((points - edge * np.floor(points.min(axis=0) / edge)) / edge).astype(np.int64)
     keep = []

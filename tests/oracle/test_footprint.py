@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.cells.cell_statistics import summary
-from slz.kernels.footprint.derive_maps import derive
+from slz.kernels.footprint.derive_maps import derive_box
 from slz.kernels.footprint.moments import HELD, RISES, SUMS, over_columns, over_rows, rises_over_columns
 from slz.kernels.footprint.patch import COLS as PATCH
 from slz.kernels.footprint.patch import gather_cells, inverses, rows_of_patch
@@ -54,7 +54,7 @@ def planes(
     about[:, k : k + rows, k : k + cols] = cells
     whole = eroded(packed(np.pad(covered, k)), k, cols + 2 * k)
     maps, states = np.empty((7, rows, wide), np.float32), np.empty(rows * wide, np.uint8)
-    derive(
+    derive_box(
         about, inverses(about), whole, np.zeros_like(whole), k, k, (cell_m, NOISE_M, limit, 9.0),
         (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,
     )  # fmt: skip

@@ -39,7 +39,7 @@ Limits = tuple[float, float, float, float]
     "void(float32[:, :, ::1], float32[::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
     " UniTuple(float32, 4), UniTuple(int64, 4), float32[::1], int64, int64, int64, uint8[::1], int64)"
 )
-def derive(
+def derive_box(
     cells: Layers,
     inverse: Row,
     covered: Bits,
@@ -55,7 +55,7 @@ def derive(
     states: NDArray[np.uint8],
     place: int,
 ) -> None:
-    """Derive the maps and states of a box of cells, see `slz.terrain.derive.drawn`.
+    """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def derive_tiles(
                 continue
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
-            derive(
+            derive_box(
                 cells, inverse, covered, unseen, edge, radius, limits, box,
                 maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at,
             )  # fmt: skip

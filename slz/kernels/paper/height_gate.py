@@ -48,7 +48,7 @@ def _bins(
     "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64,"
     " int32[:, ::1])"
 )
-def _count(
+def _count_by_bin(
     points: Points,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -72,7 +72,7 @@ def _count(
 
 
 @kernel("uint64(float32[::1], int64, float32, float32)")
-def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
+def _outside_mask(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
     """Return a mask of 64 heights, fewer at the end: 1 below the least or above the most."""
     word, i = NONE, np.uint64(0)
     if start + CHUNK <= len(heights):
@@ -91,7 +91,7 @@ def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: n
     "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, int64,"
     " int32[:, ::1])"
 )
-def _count_ends(
+def _count_end_bins(
     points: Points,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -108,7 +108,7 @@ def _count_ends(
     near = bins * ROUNDING
     least, most = np.float32((lower + near) / scale - shift), np.float32((upper - near) / scale - shift)
     for start in range(0, len(cells), CHUNK):
-        word = _beyond(heights, start, least, most)
+        word = _outside_mask(heights, start, least, most)
         while word != NONE:
             i = start + signed(lowest(word))
             word &= word - ONE
@@ -121,7 +121,7 @@ def _count_ends(
 
 
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64)")
-def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
+def _dense_bins(count: Counts, sparse: float) -> tuple[int, int]:
     """Return the first and the last bin that are not sparse; first equals last if all are sparse."""
     first, last = 0, count.shape[1] - 2
     while first < last and count[:, first].sum() < sparse:
@@ -132,7 +132,7 @@ def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
 
 
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64, int64, float64)")
-def _trimmed(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
+def _kept_bins(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
     """Return the first and last bin that are kept."""
     first, last, left = 0, count.shape[1] - 2, n
     while first < last:
@@ -152,7 +152,7 @@ def _trimmed(count: Counts, sparse: float, n: int, threshold: float) -> tuple[in
     "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
     " int64, int64, float64)"
 )
-def interval(
+def accepted_interval(
     points: Points,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -179,15 +179,15 @@ def interval(
     scale, sparse = bins / (high - low), (1 - threshold) * n / bins
     guessed = False
     if n > MANY:
-        _count(points, cells, heights, level, low, scale, SAMPLED, count)
-        first, last = _not_sparse(count, CLEARLY * sparse / SAMPLED)
+        _count_by_bin(points, cells, heights, level, low, scale, SAMPLED, count)
+        first, last = _dense_bins(count, CLEARLY * sparse / SAMPLED)
         sure_first, sure_last = count[:, first].sum() >= sparse, count[:, last].sum() >= sparse
         lower, upper = first + 1 - int(sure_first), last + int(sure_last)
-        _count_ends(points, cells, heights, level, low, scale, lower, upper, count)
+        _count_end_bins(points, cells, heights, level, low, scale, lower, upper, count)
         count[0, first] += n * int(sure_first)
         count[0, last] += n * int(sure_last)
         guessed = count[0, first] >= sparse and count[0, last] >= sparse
     if not guessed:
-        _count(points, cells, heights, level, low, scale, 1, count)
-    first, last = _trimmed(count, sparse, n, threshold)
+        _count_by_bin(points, cells, heights, level, low, scale, 1, count)
+    first, last = _kept_bins(count, sparse, n, threshold)
     return low + first / scale, low + (last + 1) / scale

@@ -1,7 +1,7 @@
 """Single pass over a window's points in source mode: cell and height of each (SLZ paper, section 3.2.1).
 
-It leaves 8 bytes a point, for the histogram of heights (`height_gate.interval`) and for the sums of the cells
-(`height_sums.scatter`).
+It leaves 8 bytes a point, for the histogram of heights (`height_gate.accepted_interval`) and for the sums of
+the cells (`height_sums.sum_heights`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ EDGE = 1e-7  # cells: closer to an edge, a product may round to its other side t
     "boolean(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64, float64,"
     " float64, float64, uint32[::1], float32[::1])"
 )
-def _chunk(
+def _place_chunk(
     points: Points,
     west: float,
     south: float,
@@ -67,7 +67,7 @@ def _chunk(
 
 
 @kernel("void(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, uint32[::1])")
-def _exactly(
+def _place_exactly(
     points: Points, west: float, south: float, cell: float, rows: int, cols: int, cells: NDArray[np.uint32]
 ) -> None:
     """Place the points of a chunk using quotients."""
@@ -80,7 +80,7 @@ def _exactly(
 
 
 @kernel("Tuple((uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
-def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
+def _chunk_extremes(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
     """Return the least and greatest cell, the least and greatest column, the least and greatest height.
 
     Heights are float32 bit patterns with the magnitude bits of negative numbers inverted: as int32 these have
@@ -99,7 +99,7 @@ def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
 
 
 @kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
-def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
+def _height_range(points: Points, low: float, high: float) -> tuple[float, float]:
     """Return the lowest and highest of all points and of the two given heights."""
     a0 = a1 = a2 = a3 = low
     b0 = b1 = b2 = b3 = high
@@ -132,7 +132,7 @@ def _first_height(points: Points, sensor_east: float, sensor_north: float, range
     "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:],"
     " float64, float64, uint32[::1], float32[::1])"
 )
-def stream(
+def place_points(
     points: Points,
     west: float,
     south: float,
@@ -174,18 +174,18 @@ def stream(
     for start in range(0, n, CHUNK):
         stop = min(n, start + CHUNK)
         some, mine = points[3 * start : 3 * stop], cells[start:stop]
-        if _chunk(
+        if _place_chunk(
             some, west, south, cell, rows, cols, sensor[0], sensor[1], range_m * range_m, level,
             mine, heights[start:stop],
         ):  # fmt: skip
-            _exactly(some, west, south, cell, rows, cols, mine)
-        first, last, c0, c1, lower, upper = _ends(mine, bits[start:stop])
+            _place_exactly(some, west, south, cell, rows, cols, mine)
+        first, last, c0, c1, lower, upper = _chunk_extremes(mine, bits[start:stop])
         if last < OUTSIDE:
             row0, row1 = min(row0, first >> HALF), max(row1, last >> HALF)
             col0, col1 = min(col0, c0), max(col1, c1)
             if lower <= least or upper >= greatest:  # in float32: the extremes in float64 are among these
                 least, greatest = min(least, lower), max(greatest, upper)
-                low, high = _heights(some, low, high)
+                low, high = _height_range(some, low, high)
             continue
         for i in range(stop - start):
             at = mine[i]

@@ -196,7 +196,7 @@ def _voxels_of(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, in
 def is_supported(
     points: NDArray[np.float64], sensor: NDArray[np.float64], voxel: float, least: int, object_m2: float
 ) -> NDArray[np.bool_]:
-    """Return which points have enough others near them, see `slz.points.outliers.in_company`.
+    """Return which points have enough others near them, see `slz.points.outliers.not_isolated`.
 
     Voxels are a quarter as high as wide.
     """
