@@ -32,7 +32,7 @@ from slz.zones.ranking import rank
 from slz.zones.tracking import ZoneTracker
 
 CERTAINTY = 0.5  # of surveyed ground: less than a landing requires (`min_certainty`)
-FEWEST_RETURNS = 200
+FEWEST_COMPARED = 200
 AGREEING = 0.5  # share of returns that must agree with the survey; else all ground hit is removed
 FIRST_ID = 100_001  # of its zones, so that the live maps' zones have the same IDs with and without a prior
 LEVEL_M = 0.05  # change of the survey's level after which its zones are searched again
@@ -230,7 +230,7 @@ class Prior:
         over = heights_over(points, *place, (surveyed.state == SAFE).view(np.uint8), surveyed.height_m)
         hit = np.flatnonzero(np.isfinite(over))
         least_m, noise = p.relief_m, math.radians(p.angle_noise_deg)
-        if len(hit) >= FEWEST_RETURNS:
+        if len(hit) >= FEWEST_COMPARED:
             sample = over[hit[:: max(1, len(hit) // SAMPLE)]]
             middle = float(np.median(sample))
             if float((np.abs(sample - middle) <= least_m).mean()) >= AGREEING:

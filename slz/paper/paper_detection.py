@@ -14,7 +14,7 @@ from slz.paper.paper_terrain import PaperTerrain
 from slz.terrain.demand_zero import demand_zeros
 
 Bits = NDArray[np.uint64]
-FEWEST = 4096  # boundary cells that fit at least
+LEAST_TRACE = 4096  # boundary cells that fit at least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +65,7 @@ class PaperDetection:
         self.side, self._boundary = least_side, least_boundary
         self.squares, self._taken = (demand_zeros(terrain.safe_bits.shape, np.uint64) for _ in "st")
         self._parts: list[Part] = []
-        self._longest = FEWEST
+        self._longest = LEAST_TRACE
         self._found: tuple[Part, ...] = ()
 
     def update(self) -> tuple[Part, ...]:
@@ -117,7 +117,7 @@ class PaperDetection:
             self._longest + self._longest // 4,
         )  # fmt: skip
         rows = table.tolist()
-        self._longest = max([FEWEST, *(row[N_BOUNDARY] for row in rows)])
+        self._longest = max([LEAST_TRACE, *(row[N_BOUNDARY] for row in rows)])
         low, high, left, right = spread.tolist()
         taken[low:high, left:right] = 0
         for part in kept:

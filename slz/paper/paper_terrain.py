@@ -23,10 +23,12 @@ from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.tiles import SERIALS, Key, box_of_tile, keys_over
 
-NOWHERE = np.full(3, np.nan)
-NOTHING = Box(0, 0, 0, 0)
-AHEAD = 32  # margin in cells around the expected next window
-SPARSE = 4  # cells of a window's box with margin for each return, above which some returns are far off
+UNKNOWN_POSITION = np.full(3, np.nan)
+EMPTY_BOX = Box(0, 0, 0, 0)
+MARGIN_CELLS = 32  # margin in cells around the expected next window
+MOST_CELLS_PER_RETURN = (
+    4  # cells of a window's box with margin for each return, above which some returns are far off
+)
 Map = NDArray[np.float32]
 
 
@@ -59,7 +61,7 @@ class PaperTerrain:
         self.begun = demand_zeros((grid.rows, words), np.uint8)
         self.safe_bits, self.known_bits = (demand_zeros((grid.rows, words), np.uint64) for _ in "sk")
         self.blocks = demand_zeros((grid.rows, words, 2), np.int32)
-        self.seen = self.changed = NOTHING
+        self.seen = self.changed = EMPTY_BOX
         self._last: tuple[Box, ...] = ()  # boxes of the last two windows, from which the next is predicted
         self.serial = next(SERIALS)
         self.changed_tiles: set[Key] = set()
@@ -75,9 +77,9 @@ class PaperTerrain:
         The sources use neither the sensor's position nor the age of a map.
         """
         returns = Returns()
-        returns.read(points_enu_m, NOWHERE, math.inf, self.grid)
+        returns.read(points_enu_m, UNKNOWN_POSITION, math.inf, self.grid)
         self.fuse(returns)
-        return returns.box if returns.n > returns.n_outside else NOTHING
+        return returns.box if returns.n > returns.n_outside else EMPTY_BOX
 
     def fuse(self, returns: Returns) -> int:
         """Fuse the returns of a window placed in this grid; return how many were used."""
@@ -92,8 +94,8 @@ class PaperTerrain:
         )  # fmt: skip
         self.height_copies.change(box)
         self.seen = self.seen.union(returns.box)
-        area = math.prod(side + 2 * AHEAD for side in returns.box.shape)
-        dense = area <= SPARSE * (returns.n - returns.n_outside)
+        area = math.prod(side + 2 * MARGIN_CELLS for side in returns.box.shape)
+        dense = area <= MOST_CELLS_PER_RETURN * (returns.n - returns.n_outside)
         self._last = (*self._last[-1:], returns.box) if dense else ()
         self.changed = self.changed.union(Box(*changed))
         self.changed_tiles.update(keys_over(returns.box))
@@ -107,7 +109,7 @@ class PaperTerrain:
         down = (box.row0 - before.row0 + box.row1 - before.row1) // 2
         right = (box.col0 - before.col0 + box.col1 - before.col1) // 2
         ahead = Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right)
-        ahead = ahead.grown(AHEAD, self.grid)
+        ahead = ahead.grown(MARGIN_CELLS, self.grid)
         if ahead.empty:
             return
         rows, words = slice(ahead.row0, ahead.row1), _words(ahead)
@@ -118,7 +120,7 @@ class PaperTerrain:
 
     def pop_changed_box(self) -> Box:
         """Return the box in which the safety of cells changed since the last call."""
-        box, self.changed = self.changed, NOTHING
+        box, self.changed = self.changed, EMPTY_BOX
         return box
 
     def moved(self, grid: Grid) -> PaperTerrain:

@@ -16,7 +16,10 @@ from slz.kernels.paper.point_pass import DROPPED, OUTSIDE, place_points
 Points = NDArray[np.float64]
 FINEST_BITS = 36  # binary digits of a metre to which heights are rounded, at best
 SUM_BITS = 51  # bits of a sum of heights, at most
-LARGE, FEW = 1 << 22, 64  # cells of sums, and cells for each point, above which demand-zero memory is used
+LARGE_SUMS, CELLS_PER_POINT = (
+    1 << 22,
+    64,
+)  # cells of sums, and cells for each point, above which demand-zero memory is used
 FAR_OFF_M = 100.0  # distance of the level from the accepted heights; float32 resolves 0.004 mm there
 
 
@@ -103,7 +106,9 @@ class Returns:
         """Return the sums over whole words (see `sum_heights`), their unit (m), count bits, points used."""
         row0, col0, (rows, width) = self.whole.row0, self.whole.col0, self.whole.shape
         n_cells = rows * width
-        if n_cells > max(LARGE, FEW * self.n):  # some points are far apart: untouched pages take no memory
+        if n_cells > max(
+            LARGE_SUMS, CELLS_PER_POINT * self.n
+        ):  # some points are far apart: untouched pages take no memory
             sums = np.zeros(n_cells, np.uint64)
         else:
             if n_cells > len(self._sums):

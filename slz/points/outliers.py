@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from slz.kernels.points.histogram import gaps_of
 from slz.kernels.points.voxel_density_filter import is_supported
 
-COMPANY = 2
+LEAST_SUPPORT = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
 CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
 FLIGHT_GROUP = (0.6, 5)  # the smallest object to detect, 0.5 x 0.3 m with 5 pulses; echoes are farther apart
@@ -65,7 +65,7 @@ def not_isolated(
     range. A return is isolated when fewer others are around it than an object of `OBJECT_M2` would send back
     at that range, if the sensor spread its pulses over the whole sphere. The neighbourhood is a slab of 3 x 3
     voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that ground does not support an echo 0.15 m
-    below it. Where the expected number is below `COMPANY`, `COMPANY` returns must be in a block 3.75 voxels
+    below it. Where fewer than `LEAST_SUPPORT` are expected, that many returns must be in a block 3.75 voxels
     high. A return that is isolated on its level and close below a surface of many returns is dropped. Very
     sparsely sampled ground is dropped too, and stays unknown. Where most returns are isolated, isolation is
     no criterion, and all are kept.
@@ -80,7 +80,7 @@ def not_isolated(
     if not len(points_enu_m):
         return np.ones(0, bool)
     points = np.ascontiguousarray(points_enu_m)
-    keep = is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
+    keep = is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), LEAST_SUPPORT, OBJECT_M2)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
 
 
@@ -101,7 +101,7 @@ class IsolatedReturns:
         """Add the isolated returns of a window of `n_returns`; return (m, 3) those that count now."""
         way = lone_enu_m - sensor_enu_m
         expected = OBJECT_M2 * n_returns / (4 * np.pi) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
-        lone = lone_enu_m[expected <= COMPANY]
+        lone = lone_enu_m[expected <= LEAST_SUPPORT]
         before = [tree for tree in self._windows if tree.n]
         self._windows.append(cKDTree(lone))
         if not len(lone) or len(before) < OFTEN - 1:

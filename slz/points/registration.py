@@ -16,7 +16,7 @@ from slz.kernels.points.robust_regression import subtract_plane, weighted_normal
 from slz.terrain.tiles import Tiles
 
 MOST_RETURNS, PARTS = 20_000, 4  # returns compared with the map, and parts they are compared in
-ENOUGH = 4_000  # returns over known ground: their mean is better than a millimetre
+ENOUGH_RETURNS = 4_000  # returns over known ground: their mean is better than a millimetre
 FEWEST_RETURNS = 300
 FEWEST_SPREAD_M = 2.0  # standard deviation of the positions, below which no tilt is fitted
 MOST_TILT_RAD = np.radians(4.0)  # two attitudes that are off by 1.3 degrees differ by 2.6 (PX4, accelerating)
@@ -79,7 +79,7 @@ def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: 
     for first in range(0, step, step // PARTS):
         some = points_enu_m[used[first::step]] - np.array([0.0, 0.0, tiles.datum_m])
         parts.append(tiles.differences(some))
-        if sum(map(len, parts)) >= ENOUGH:
+        if sum(map(len, parts)) >= ENOUGH_RETURNS:
             break
     return np.concatenate(parts)
 

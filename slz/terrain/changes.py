@@ -12,7 +12,7 @@ from slz.kernels.cells.cell_record import TILE
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.terrain.tiles import Key
 
-NAMES = ("height_m", "slope_deg", "relief_m", "certainty")
+DISPLAYED_LAYERS = ("height_m", "slope_deg", "relief_m", "certainty")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ def read_changes(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.
     changed.difference_update(keys)
     tiles, gone = [], []
     for key in keys:
-        found = terrain.tile(key, NAMES)
+        found = terrain.tile(key, DISPLAYED_LAYERS)
         if found is None:
             gone.append(key)
         else:

@@ -11,8 +11,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from slz.kernels.prefault import prefault
 
-NOTHING = np.uint8(0)
-LEAST = 1 << 16  # bytes, below which an ordinary array is used
+ZERO_BYTE = np.uint8(0)
+LEAST_BYTES = 1 << 16  # bytes, below which an ordinary array is used
 
 
 def demand_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
@@ -22,7 +22,7 @@ def demand_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     milliseconds when memory is fragmented, however little of it is written.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    if size < LEAST:
+    if size < LEAST_BYTES:
         return np.zeros(shape, dtype)
     return np.frombuffer(mmap.mmap(-1, size), dtype).reshape(shape)
 
@@ -34,4 +34,4 @@ def prefault_range(values: NDArray[Any], rows: slice, cols: slice) -> None:
     count, length = rows.stop - rows.start, size * (cols.stop - cols.start)
     if count > 0 and length > 0:
         first = rows.start * row + cols.start * size
-        prefault(values.reshape(-1).view(np.uint8), first, row, count, length, NOTHING)
+        prefault(values.reshape(-1).view(np.uint8), first, row, count, length, ZERO_BYTE)

@@ -39,7 +39,7 @@ HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
 MORE = 4  # tiles prefaulted beyond those expected
-BLOCK = 512  # cells along the side of a box that is derived at a time
+DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
 
@@ -339,21 +339,21 @@ def _in_patches(box: Box, rows: int) -> Box:
 
 
 def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
-    """Yield few disjoint boxes that cover the given ones, none longer than `BLOCK`."""
+    """Yield few disjoint boxes that cover the given ones, none longer than `DERIVED_BLOCK`."""
     boxes = [box for box in boxes if not box.empty]
     whole = hull(boxes)
-    if max(whole.shape) <= BLOCK:
+    if max(whole.shape) <= DERIVED_BLOCK:
         yield from [] if whole.empty else [whole]
         return
     parts: dict[Key, list[Box]] = {}
     for box in boxes:
-        for row in range(box.row0 // BLOCK, (box.row1 - 1) // BLOCK + 1):
-            for col in range(box.col0 // BLOCK, (box.col1 - 1) // BLOCK + 1):
+        for row in range(box.row0 // DERIVED_BLOCK, (box.row1 - 1) // DERIVED_BLOCK + 1):
+            for col in range(box.col0 // DERIVED_BLOCK, (box.col1 - 1) // DERIVED_BLOCK + 1):
                 part = Box(
-                    max(box.row0, row * BLOCK),
-                    min(box.row1, (row + 1) * BLOCK),
-                    max(box.col0, col * BLOCK),
-                    min(box.col1, (col + 1) * BLOCK),
+                    max(box.row0, row * DERIVED_BLOCK),
+                    min(box.row1, (row + 1) * DERIVED_BLOCK),
+                    max(box.col0, col * DERIVED_BLOCK),
+                    min(box.col1, (col + 1) * DERIVED_BLOCK),
                 )
                 parts.setdefault((row, col), []).append(part)
     yield from map(hull, parts.values())

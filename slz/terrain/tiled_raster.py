@@ -18,8 +18,8 @@ from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import SERIALS, Key, keys_over, tiles_over
 
-FEWEST, MOST = 64, 4096  # tiles of the first block
-NOTHING = -1  # version of a tile that is not held
+FEWEST_TILES, MOST_TILES = 64, 4096  # tiles of the first block
+NO_VERSION = -1  # version of a tile that is not held
 
 Table = NDArray[np.int32]
 
@@ -45,9 +45,9 @@ class TiledLayers:
         Tiles that fit in the first block.
     """
 
-    def __init__(self, empty: Sequence[float], expected: int = FEWEST) -> None:
+    def __init__(self, empty: Sequence[float], expected: int = FEWEST_TILES) -> None:
         self._empty = np.array(empty, np.float32)
-        self._expected = min(max(FEWEST, expected), MOST)
+        self._expected = min(max(FEWEST_TILES, expected), MOST_TILES)
         self._blocks: list[Block] = []
         self._versions = np.empty(0, np.int64)
         self._slot: dict[Key, int] = {}
@@ -128,7 +128,7 @@ class TiledLayers:
         The version of a tile changes with every write.
         """
         table = self._table(box)
-        versions = np.where(table < 0, NOTHING, self._versions[table]) if self._blocks else table
+        versions = np.where(table < 0, NO_VERSION, self._versions[table]) if self._blocks else table
         return table, np.asarray(versions, np.int64), iter(self._blocks)
 
     def keep(self, wanted: Callable[[Key], bool]) -> list[Key]:
@@ -175,7 +175,7 @@ class TiledLayers:
         shape: tuple[Any, ...] = (size, len(self._empty), TILE, TILE)
         layers, states = demand_zeros(shape, np.float32), demand_zeros((size, 1, TILE, TILE), np.uint8)
         self._blocks.append(Block(first, layers, states))
-        self._versions = np.concatenate([self._versions, np.full(size, NOTHING)])
+        self._versions = np.concatenate([self._versions, np.full(size, NO_VERSION)])
         self._free[:0] = range(first, first + size)[::-1]
 
     def _table(self, box: Box) -> Table:

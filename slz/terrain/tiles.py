@@ -28,8 +28,8 @@ Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of a cache line; the size of a cell's evidence
 LEAP_S = 100_000.0
-ROUNDING = 1e-6  # relative, of a time plus 1,000 s: more than the error of single precision
-FEWEST = 16  # tiles, however small the budget
+TIME_ROUNDING = 1e-6  # relative, of a time plus 1,000 s: more than the error of single precision
+LEAST_CAPACITY = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # serial numbers of maps, so that a follower notices a replacement
 
 
@@ -64,7 +64,7 @@ class Tiles:
 
     def __init__(self, west_m: float, south_m: float, cell_m: float, budget_bytes: float) -> None:
         self.west_m, self.south_m, self.cell_m = west_m, south_m, cell_m
-        capacity = max(FEWEST, int(budget_bytes // TILE_BYTES))
+        capacity = max(LEAST_CAPACITY, int(budget_bytes // TILE_BYTES))
         self._pool = _aligned((capacity, TILE, TILE, 2, FIELDS))
         self._slot: dict[Key, int] = {}
         self._last_s: dict[Key, float] = {}
@@ -216,7 +216,7 @@ class Tiles:
         if slot is None:
             return math.inf
         seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
-        return float(seen_s[seen_s >= since_s - ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
+        return float(seen_s[seen_s >= since_s - TIME_ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""

@@ -24,7 +24,7 @@ from slz.zones.zonal_statistics import ZonalStatistics, zonal_statistics_of
 
 MOST_OBSTACLES = 200
 AROUND = 3  # cells around an obstacle whose ground its height refers to
-SOME = 1 << 16  # cells of such ground read at a time
+BATCH_CELLS = 1 << 16  # cells of such ground read at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +117,7 @@ def _obstacles(holes: Bits, own: Bits, box: Box, terrain: CellView) -> Groups:
     def grounds(groups: NDArray[np.int64], _: NDArray[np.int32]) -> NDArray[np.float64]:
         found = [np.empty(0)]
         while (done := sum(map(len, found))) < len(groups):
-            cells, ends = cells_around(own, groups, done, AROUND, SOME)
+            cells, ends = cells_around(own, groups, done, AROUND, BATCH_CELLS)
             cells[:, 0] += box.row0
             cells[:, 1] += box.col0
             found.append(medians(terrain.kept_at("height_m", cells), ends))

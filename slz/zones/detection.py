@@ -17,8 +17,8 @@ from slz.kernels.raster.distance_transform import largest_square
 from slz.kernels.raster.region_fill import fill
 from slz.kernels.raster.square_erosion import erode_to_side
 
-FEWEST = 4096  # boundary cells that fit at least
-CRUMB = 9  # cells, below which a part of a zone that touches the rest at a corner only is left out
+LEAST_TRACE = 4096  # boundary cells that fit at least
+SMALL_PART = 9  # cells, below which a part of a zone that touches the rest at a corner only is left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def search_bits(
     squares = cells.copy()  # marked at their south-west corners
     erode_to_side(squares, 1, least_side)
     runs, groups = components(cells, squares)
-    path, edges = np.empty((FEWEST, 2), np.int32), np.empty(FEWEST, np.uint8)
+    path, edges = np.empty((LEAST_TRACE, 2), np.int32), np.empty(LEAST_TRACE, np.uint8)
     for row0, row1, col0, col1, first, stop in groups.tolist():
         run = runs[first:stop]
         while (n := trace_boundary(cells, row0, int(run[0, 1]), path, edges)[0]) > len(path):
@@ -108,7 +108,7 @@ def search_bits(
         words = slice(col0 >> 6, ((col1 - 1) >> 6) + 1)
         content, own = (np.zeros((row1 - row0, words.stop - words.start), np.uint64) for _ in "co")
         fill(path, edges, n, row0, words.start, content)
-        put_without_small_parts(run, CRUMB, own)
+        put_without_small_parts(run, SMALL_PART, own)
         corners = own & squares[row0:row1, words]
         if not corners.any():  # the square itself must not be dropped
             put_without_small_parts(run, least_side**2, own)

@@ -18,8 +18,10 @@ Points = NDArray[np.float64]
 # the centre of the next cell, and multiple of the area share that may be lost in cell centres.
 ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0))
 REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
-FEW = 1 / 7  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
-ENOUGH = 1 / 10  # share of the corners, below which area counts for more than points
+FEW_POINTS = (
+    1 / 7
+)  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
+ENOUGH_POINTS = 1 / 10  # share of the corners, below which area counts for more than points
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +53,12 @@ def polygonise(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polyg
     best = _whole(rings, areas, most_lost)
     most = max((1 + most_lost) * areas.sum(), sum(map(_shoelace, best)))
     for reach, times in ATTEMPTS:
-        found = _few(cells, rings, areas, groups, reach, times, most_lost, int(ENOUGH * corners))
+        found = _few(cells, rings, areas, groups, reach, times, most_lost, int(ENOUGH_POINTS * corners))
         if found is None or sum(map(_shoelace, found)) > most:
             continue
         if _points(found) < _points(best) and _valid(found, groups):
             best = found
-        if _points(best) <= FEW * corners:
+        if _points(best) <= FEW_POINTS * corners:
             break
     return tuple(Polygon(best[i[0]], tuple(best[j] for j in i[1:])) for i in groups if len(best[i[0]]))
 

@@ -19,7 +19,7 @@ from slz.kernels.raster.region_fill import component
 from slz.kernels.raster.square_erosion import erode_to_side
 from slz.paper.paper_detection import PaperDetection
 from slz.paper.paper_terrain import PaperTerrain
-from slz.zones.detection import FEWEST, Candidate, search_components
+from slz.zones.detection import LEAST_TRACE, Candidate, search_components
 from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]
@@ -64,7 +64,7 @@ def test_the_tracing_of_a_long_contour_is_complete() -> None:
     safe[1:3, 1:-1] = 1
     safe[3:39, 1:-1:2] = 1
     (found,) = search_components(safe, Box(0, 40, 0, 203), 2, 1)
-    assert len(found.boundary_cells) > FEWEST
+    assert len(found.boundary_cells) > LEAST_TRACE
     assert [tuple(cell) for cell in found.boundary_cells.tolist()] == moore(safe, 1, 1)
 
 

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.footprint.derive_maps import derive_box
-from slz.kernels.footprint.moments import HELD, RISES, SUMS, over_columns, over_rows, rises_over_columns
+from slz.kernels.footprint.moments import (
+    PATCH_LAYERS,
+    RISES,
+    SUMS,
+    over_columns,
+    over_rows,
+    rises_over_columns,
+)
 from slz.kernels.footprint.patch import COLS as PATCH
 from slz.kernels.footprint.patch import gather_cells, inverses, rows_of_patch
 from slz.kernels.jit import kernel
@@ -231,7 +238,7 @@ def test_sums_over_footprints_are_those_of_their_cells(k: int) -> None:
     cells[SPREAD] = rng.uniform(0, 1e-3, cells.shape[1:])
     unknown = cells[WEIGHT] == 0
     cells[[HEIGHT, SPREAD]] = np.where(unknown, np.nan, cells[[HEIGHT, SPREAD]])
-    held, sums = np.empty(HELD * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
+    held, sums = np.empty(PATCH_LAYERS * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
     rises, heights = np.empty(RISES * rows * wide), np.empty((4, LANES))
     gather_cells(cells.ravel(), inverses(cells), cells.shape[2], 3, 2, tall, wide, level, held)
     over_rows(held, rows, k, wide, sums, rises)

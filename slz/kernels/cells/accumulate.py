@@ -21,11 +21,11 @@ from slz.kernels.cells.cell_record import (
 from slz.kernels.jit import kernel
 from slz.kernels.simd import LANES, load, prefetch, store
 
-OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
-AHEAD = 24  # points between the prefetch of a cell and its use
+OUTSIDE_BOX, INT32_MAX = np.int32(-(2**31)), np.int32(2**31 - 1)
+PREFETCH_AHEAD = 24  # points between the prefetch of a cell and its use
 BITS = np.int32(TILE_BITS)
 CHUNK = 64  # points processed together
-ONE, TWO = np.float32(1), np.float32(2)
+F1, F2 = np.float32(1), np.float32(2)
 NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
@@ -55,7 +55,7 @@ def cells_of(
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and count inside.
 
-    Cells count from (west, south). Points outside `within` (row0, row1, col0, col1) get the row `OUTSIDE`.
+    Cells count from (west, south). Points outside `within` (row0, row1, col0, col1) get row `OUTSIDE_BOX`.
     """
     at, placed = np.empty((len(points), 2), np.int32), np.empty((3, CHUNK))
     south0, north0, west0, east0 = within[0] + 0.0, within[1] + 0.0, within[2] + 0.0, within[3] + 0.0
@@ -72,12 +72,12 @@ def cells_of(
             for k in range(np.uint64(n)):
                 r, c = rows[k], cols[k]
                 here = (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
-                places[to + PAIR * k], places[to + PAIR * k + NEXT] = OUTSIDE, 0
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = OUTSIDE_BOX, 0
                 if here:
                     places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
                     r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
         else:
-            least_row, most_row, least_col, most_col = LARGEST, OUTSIDE, LARGEST, OUTSIDE
+            least_row, most_row, least_col, most_col = INT32_MAX, OUTSIDE_BOX, INT32_MAX, OUTSIDE_BOX
             for k in range(np.uint64(n)):
                 row, col = np.int32(rows[k]), np.int32(cols[k])
                 places[to + PAIR * k], places[to + PAIR * k + NEXT] = row, col
@@ -142,7 +142,7 @@ def _tiles_of(
     for k in range(np.uint64(len(at) // 2)):
         row, col = at[PAIR * k], at[PAIR * k + NEXT]
         number = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
-        tile[k] = np.int32(number) if row != OUTSIDE else elsewhere
+        tile[k] = np.int32(number) if row != OUTSIDE_BOX else elsewhere
 
 
 @kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
@@ -250,7 +250,7 @@ def _accumulate_in_tile(
     r0, r1, c0, c1 = TILE, -1, TILE, -1
     flat, last = tile.ravel(), len(cells) - 1
     for i in range(len(cells)):
-        prefetch(flat, 2 * FIELDS * cells[min(i + AHEAD, last)])
+        prefetch(flat, 2 * FIELDS * cells[min(i + PREFETCH_AHEAD, last)])
         r, c = cells[i] >> TILE_BITS, cells[i] & (TILE - 1)
         r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
         h, variance = samples[i, 0], samples[i, 1]
@@ -267,12 +267,12 @@ def _accumulate_in_tile(
             now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
         else:
             # No branch: extremes are unpredictable.
-            n = now[COUNT] + ONE
+            n = now[COUNT] + F1
             low, high = now[LOW], now[HIGH]
             above, below = (h if h > low else low), (h if h < high else high)
             low2 = above if above < now[LOW2] else now[LOW2]
             high2 = below if below > now[HIGH2] else now[HIGH2]
-            now[LOW2], now[HIGH2] = (above, below) if n == TWO else (low2, high2)
+            now[LOW2], now[HIGH2] = (above, below) if n == F2 else (low2, high2)
             now[LOW], now[HIGH] = (h if h < low else low), (h if h > high else high)
             now[COUNT] = n
             now[MEAN] += (h - now[MEAN]) / n

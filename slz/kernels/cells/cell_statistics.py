@@ -13,12 +13,12 @@ from slz.kernels.cells.cell_record import (
     HEIGHT,
     HIGH,
     HIGH2,
-    LAYERS,
     LOW,
     LOW2,
     MEAN,
     NOISE,
     SPREAD,
+    SUMMARY_LAYERS,
     TILE,
     TIME,
     TOP,
@@ -42,16 +42,16 @@ from slz.kernels.simd import (
     where,
 )
 
-FEW = np.float32(20)  # returns of 3 x 3 cells, up to which extremes need no support
+FEW_RETURNS = np.float32(20)  # returns of 3 x 3 cells, up to which extremes need no support
 CROWD = np.float32(64)  # returns of a cell, above which a hazard shows in more than one of them
 STRAY = np.float32(0.5)  # m beyond the supported extreme, above which a return is left out of the mean
 
 # Layers of a row during evaluation, for both epochs together and then for the current one: number of returns,
 # highest, second highest, lowest, second lowest, and support up and down that the cell lends to neighbours.
-COUNTED, MOST, MOST2, LEAST, LEAST2, UP, DOWN = range(7)
+COUNTED, ROW_MAX, ROW_MAX2, ROW_MIN, ROW_MIN2, UP, DOWN = range(7)
 EPOCH = 7
 MEAN_HEIGHT, MEAN_NOISE = 2 * EPOCH, 2 * EPOCH + 1
-HELD = 2 * EPOCH + 2
+ROW_LAYERS = 2 * EPOCH + 2
 RECORD = 2 * FIELDS  # numbers in a cell's evidence
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
@@ -68,8 +68,8 @@ def expected_maximum(n: float) -> float:
 
 
 ALONE = np.float32(8)  # returns, up to which the excess is 0
-MANY = 1024
-BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(MANY)])
+TABLE_LENGTH = 1024
+BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(TABLE_LENGTH)])
 
 
 @kernel()
@@ -78,10 +78,10 @@ def _store_epoch(
 ) -> None:
     nobody, single = n == broadcast(F0), n < broadcast(CROWD)
     store(held, at + COUNTED * width, n)
-    store(held, at + MOST * width, most)
-    store(held, at + MOST2 * width, most2)
-    store(held, at + LEAST * width, least)
-    store(held, at + LEAST2 * width, least2)
+    store(held, at + ROW_MAX * width, most)
+    store(held, at + ROW_MAX2 * width, most2)
+    store(held, at + ROW_MIN * width, least)
+    store(held, at + ROW_MIN2 * width, least2)
     store(held, at + UP * width, where(nobody, broadcast(LOWEST), where(single, most, most2)))
     store(held, at + DOWN * width, where(nobody, broadcast(HIGHEST), where(single, least, least2)))
 
@@ -89,7 +89,7 @@ def _store_epoch(
 @kernel("void(float32[::1], int64, int64)")
 def _store_empty(held: Row, at: int, width: int) -> None:
     """Write 16 cells without a return."""
-    for layer in range(HELD):
+    for layer in range(ROW_LAYERS):
         store(held, at + layer * width, broadcast(F0))
     for epoch in range(2):
         store(held, at + (epoch * EPOCH + UP) * width, broadcast(LOWEST))
@@ -155,8 +155,8 @@ def _read_row(
 @kernel()
 def _supported(held: Row, width: int, south: int, here: int, north: int) -> tuple[Floats, Floats]:
     """Return the supported top and bottom of cells, see `summarise`."""
-    n, most, least = load(held, here), load(held, here + MOST * width), load(held, here + LEAST * width)
-    most2, least2 = load(held, here + MOST2 * width), load(held, here + LEAST2 * width)
+    n, most, least = load(held, here), load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
+    most2, least2 = load(held, here + ROW_MAX2 * width), load(held, here + ROW_MIN2 * width)
     nearby, up, down = n, broadcast(LOWEST), broadcast(HIGHEST)
     for row in (south, here, north):
         for at in range(row - 1, row + 2):
@@ -170,7 +170,7 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
     top, bottom = minimum(most, most2), maximum(least, least2)
     crossed, level = top < bottom, where(most2 < most, most2, least2)  # a lone return far from all others
     top, bottom = where(crossed, level, top), where(crossed, level, bottom)
-    enough, alone = broadcast(FEW) < nearby, most2 == broadcast(LOWEST)
+    enough, alone = broadcast(FEW_RETURNS) < nearby, most2 == broadcast(LOWEST)
     return (
         where(alone, most, where(enough, top, most)),
         where(alone, least, where(enough, bottom, least)),
@@ -184,7 +184,7 @@ def _summarise_lanes(
     """Write the layers of `summarise` for 16 cells, `layer` apart."""
     stray, nothing, one, unknown = broadcast(STRAY), broadcast(F0), broadcast(F1), broadcast(NAN)
     n, height = load(held, here), load(held, here + MEAN_HEIGHT * width)
-    most, least = load(held, here + MOST * width), load(held, here + LEAST * width)
+    most, least = load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
     top, bottom = _supported(held, width, south, here, north)
     high, total = stray < most - top, height * n
     total, left = where(high, total - most, total), where(high, n - one, n)
@@ -205,7 +205,7 @@ def _summarise_lanes(
     if flags_of(broadcast(ALONE) < n) != NONE:
         for i in range(LANES):
             count = out[to + WEIGHT * layer + i]
-            more = BEYOND_ONE[int(count)] if count < MANY else expected_maximum(count) - 1
+            more = BEYOND_ONE[int(count)] if count < TABLE_LENGTH else expected_maximum(count) - 1
             out[to + EXCESS * layer + i] = more * np.sqrt(out[to + SPREAD * layer + i])
 
 
@@ -238,11 +238,11 @@ def summarise(
     rows, before = len(places), first % LANES
     # With lanes to the west and to the east in which nothing was seen.
     width = -(-(before + cols) // LANES) * LANES + 2 * LANES
-    line, size, west = HELD * width, rows * cols, first - before
+    line, size, west = ROW_LAYERS * width, rows * cols, first - before
     held, row, whole = (
         aligned_empty(3 * line),
-        aligned_empty(LAYERS * LANES),
-        np.empty(LAYERS * size, np.float32),
+        aligned_empty(SUMMARY_LAYERS * LANES),
+        np.empty(SUMMARY_LAYERS * size, np.float32),
     )
     for c in range(0, width, LANES):
         for r in range(3):
@@ -262,10 +262,10 @@ def summarise(
                 _summarise_lanes(held, width, south + at, here + at, north + at, whole, to, size)
                 continue
             _summarise_lanes(held, width, south + at, here + at, north + at, row, 0, LANES)
-            for layer in range(LAYERS):
+            for layer in range(SUMMARY_LAYERS):
                 for i in range(n):
                     whole[layer * size + to + i] = row[layer * LANES + i]
-    return whole.reshape(LAYERS, rows, cols)
+    return whole.reshape(SUMMARY_LAYERS, rows, cols)
 
 
 def summary(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:

@@ -20,15 +20,17 @@ RELIEF_SPREAD = 0.6  # standard deviation of that bias, in the same unit
 HIDDEN = 0.01  # probability that gaps hide a hazard, times the share of gaps to the fourth power
 RIM = 0.15  # share of hazards seen only in a footprint's outermost cells that do reach into it
 LEAST_NOISE_M = 1e-3
-ENOUGH = 6.0  # standard deviations, beyond which a probability is 1 in single precision
-F0, F1, LEAST = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
-ROOM = np.float32(ENOUGH * RELIEF_SPREAD - RELIEF_NOISE)  # margin of the relief, in deviations of a return
+CERTAIN_SIGMAS = 6.0  # standard deviations, beyond which a probability is 1 in single precision
+F0, F1, F_LEAST_NOISE = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
+RELIEF_MARGIN = np.float32(
+    CERTAIN_SIGMAS * RELIEF_SPREAD - RELIEF_NOISE
+)  # margin of the relief, in deviations of a return
 
 
 @kernel("float64(float64)")
 def _normal_cdf(deviations: float) -> float:
     """Return the standard normal distribution function; NaN of NaN."""
-    if deviations > ENOUGH:
+    if deviations > CERTAIN_SIGMAS:
         return 1.0
     return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
 
@@ -92,8 +94,14 @@ def undoubted(
     margin = broadcast(np.float32(SLOPE_MARGIN_DEG))
     left = broadcast(slope_limit_deg) - margin - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
-    most2, left_m = broadcast(ROOM * ROOM), broadcast(relief_limit_m) - relief_m
-    noise2 = where(noise2_m2 < broadcast(LEAST * LEAST), broadcast(LEAST * LEAST), noise2_m2)
+    most2, left_m = broadcast(RELIEF_MARGIN * RELIEF_MARGIN), broadcast(relief_limit_m) - relief_m
+    noise2 = where(
+        noise2_m2 < broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
+        broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
+        noise2_m2,
+    )
     level = logical_and(broadcast(F0) < left_m, most2 * noise2 < left_m * left_m)
-    gentle = logical_and(broadcast(F0) < left, broadcast(np.float32(ENOUGH * ENOUGH)) * spread2 < left * left)
+    gentle = logical_and(
+        broadcast(F0) < left, broadcast(np.float32(CERTAIN_SIGMAS * CERTAIN_SIGMAS)) * spread2 < left * left
+    )
     return broadcast(F1) - broadcast(np.float32(HIDDEN)) * hidden * hidden, logical_and(gentle, level)

@@ -14,7 +14,7 @@ from slz.kernels.footprint.classify import (
     classify,
     leave_unknown,
 )
-from slz.kernels.footprint.moments import HELD, LOWER, RISES, SUMS, UPPER, over_rows
+from slz.kernels.footprint.moments import LOWER, PATCH_LAYERS, RISES, SUMS, UPPER, over_rows
 from slz.kernels.footprint.patch import (
     COLS,
     MOST_SAMPLED,
@@ -79,7 +79,7 @@ def derive_box(
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
     held, sums, away = (
-        aligned_empty(HELD * tall * wide),
+        aligned_empty(PATCH_LAYERS * tall * wide),
         aligned_empty(SUMS * high * wide),
         np.empty(2 * k + 1, np.float32),
     )

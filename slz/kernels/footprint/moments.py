@@ -29,11 +29,11 @@ from slz.kernels.simd import (
 
 # Layers of a patch's cells: 1 where known, height over the patch's level, 1 / number of returns, variance of
 # the noise, all 0 where unknown; lowest and highest ground, +inf and -inf where unknown.
-KNOWN, RISE, INVERSE, NOISE, LOWER, UPPER = range(6)
-HELD = 6
+KNOWN, RISE, INVERSE, RETURN_NOISE, LOWER, UPPER = range(6)
+PATCH_LAYERS = 6
 
-# Layers of sums over the rows of footprints: KNOWN times 1, y, y², INVERSE, NOISE; and, in double precision,
-# RISE times 1, y and RISE.
+# Layers of sums over the rows of footprints: KNOWN times 1, y, y², INVERSE, RETURN_NOISE; and, in double
+# precision, RISE times 1, y and RISE.
 SUMS, RISES = 5, 3
 F0, D0 = np.float32(0), np.float64(0)
 
@@ -52,7 +52,7 @@ def _add_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
         s[1] + known_north,
         fused_multiply_add(known_north, north, s[2]),
         s[3] + load(held, at + INVERSE * layer),
-        s[4] + load(held, at + NOISE * layer),
+        s[4] + load(held, at + RETURN_NOISE * layer),
     )
 
 

@@ -41,7 +41,7 @@ from slz.kernels.simd import (
     widened,
 )
 
-LEAST = np.float32(5.5)  # a plane needs more cells than this
+LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
 THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
 
 # Statistics of a footprint's plane, 16 lanes each: slope and its standard error (deg); relief (m), the
@@ -53,7 +53,7 @@ WEST, NORTH, LEVEL = range(3)  # rise of a plane per cell to the west, to the no
 PLANE = 3
 
 D2 = np.float64(2)
-F0, F1, HALF, THREE, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
+F0, F1, HALF, F3, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
 DEGREES = np.float32(57.29577951308232)
 Row = NDArray[np.float32]
 Wide = NDArray[np.float64]
@@ -91,9 +91,9 @@ def _fit(
     sxx, sxy, syy = s[WXX] - s[WX] * mx, s[WXY] - s[WX] * my, s[WYY] - s[WY] * my
     sxz, syz = narrowed(z[WXZ] - widened(s[WX]) * mz), narrowed(z[WYZ] - widened(s[WY]) * mz)
     szz = narrowed(z[WZZ] - z[WZ] * mz)
-    free, det, trace = w - broadcast(THREE), sxx * syy - sxy * sxy, sxx + syy
+    free, det, trace = w - broadcast(F3), sxx * syy - sxy * sxy, sxx + syy
     good = logical_and(
-        flags(covered), logical_and(broadcast(LEAST) < w, broadcast(THIN) * trace * trace < det)
+        flags(covered), logical_and(broadcast(LEAST_CELLS) < w, broadcast(THIN) * trace * trace < det)
     )
     over_both = broadcast(F1) / (free * det)
     scale, over_free = over_both * free, over_both * det
@@ -121,7 +121,7 @@ def _fit(
     store(plane, to + WEST * LANES, nothing - a)
     store(plane, to + NORTH * LANES, b)
     store(plane, to + LEVEL * LANES, narrowed(mz) - a * mx - b * my)
-    return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(THREE) * sigma))
+    return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(F3) * sigma))
 
 
 @kernel(

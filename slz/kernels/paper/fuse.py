@@ -22,7 +22,7 @@ NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float
 F0, F1 = np.float32(0.0), np.float32(1.0)
 INFINITE = np.float32(np.inf)
 WORD = 64  # cells of a word of the maps
-SOME = np.uint64((1 << LANES) - 1)
+LANE_MASK = np.uint64((1 << LANES) - 1)
 OLD = -1  # value in `blocks`: to be recomputed
 STRIP = 16  # rows of 64 float32 cells of a map: one page of memory
 RING = 20  # rows of the ring buffer: a strip, and at least one row to the south and two to the north
@@ -105,7 +105,7 @@ def _slopes(
     scale, degrees, nothing = broadcast(k), broadcast(DEGREES), broadcast(NAN)
     for i in range(0, cells, LANES):
         at = here + i
-        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & SOME == NONE:
+        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & LANE_MASK == NONE:
             store(out, at, nothing)
             continue
         mid = load(values, at)
@@ -137,7 +137,7 @@ def _fuse_word(
     """
     half, most = broadcast(HALF), broadcast(worst)
     for i in range(0, WORD, LANES):
-        if (sloped >> np.uint64(i)) & SOME == NONE:
+        if (sloped >> np.uint64(i)) & LANE_MASK == NONE:
             continue
         h, s = load(height, at + i), load(slope, at + i)
         old_h, old_s = load(total_height, to + i), load(total_slope, to + i)
@@ -165,7 +165,7 @@ def _fuse_roughness(
     """Fuse the roughness of a word, known in fewer cells than the slope; unknown is the worst case."""
     half, most = broadcast(HALF), broadcast(worst)
     for i in range(0, WORD, LANES):
-        if (roughened >> np.uint64(i)) & SOME == NONE:
+        if (roughened >> np.uint64(i)) & LANE_MASK == NONE:
             continue
         q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
         q = where(logical_and(s < most, q == q), q, old)

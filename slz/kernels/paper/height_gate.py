@@ -13,10 +13,10 @@ from slz.kernels.simd import LANES, broadcast, flags_of, load
 Points = NDArray[np.float64]
 Counts = NDArray[np.int32]
 CHUNK = 64  # points, few enough that a chunk seldom has one near a bin's edge or far from the others
-SAMPLED = 64  # one chunk in 64 is counted to estimate the distribution
+SAMPLE_EVERY = 64  # one chunk in 64 is counted to estimate the distribution
 CLEARLY = 4.0  # multiple of a sparse bin's population, above which the sample shows a bin not to be sparse
-MANY = 50_000  # points, above which sampling is worthwhile
-ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
+SAMPLED_ABOVE = 50_000  # points, above which sampling is worthwhile
+HEIGHT_ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
 FOUR = np.uint64(3)
 
 
@@ -34,7 +34,7 @@ def _bins(
     A height so near a bin's edge that rounding to float32 may have moved it across may be wrong. The loop has
     no branch, so that the compiler vectorises it.
     """
-    near, last, odd = 0.5 - bins * ROUNDING, np.int32(bins - 1), 0
+    near, last, odd = 0.5 - bins * HEIGHT_ROUNDING, np.int32(bins - 1), 0
     for i in range(np.uint64(len(cells))):
         at = (float(heights[i]) + shift) * scale
         b = np.int32(at)
@@ -105,7 +105,7 @@ def _count_end_bins(
     """Count all points of the bins below `lower` and from `upper` on; counts in between are incomplete."""
     count[:] = 0
     bins, shift = count.shape[1] - 1, level - low
-    near = bins * ROUNDING
+    near = bins * HEIGHT_ROUNDING
     least, most = np.float32((lower + near) / scale - shift), np.float32((upper - near) / scale - shift)
     for start in range(0, len(cells), CHUNK):
         word = _outside_mask(heights, start, least, most)
@@ -178,9 +178,9 @@ def accepted_interval(
     count = np.empty((4, bins + 1), np.int32)  # four tables: successive increments of one bin need not wait
     scale, sparse = bins / (high - low), (1 - threshold) * n / bins
     guessed = False
-    if n > MANY:
-        _count_by_bin(points, cells, heights, level, low, scale, SAMPLED, count)
-        first, last = _dense_bins(count, CLEARLY * sparse / SAMPLED)
+    if n > SAMPLED_ABOVE:
+        _count_by_bin(points, cells, heights, level, low, scale, SAMPLE_EVERY, count)
+        first, last = _dense_bins(count, CLEARLY * sparse / SAMPLE_EVERY)
         sure_first, sure_last = count[:, first].sum() >= sparse, count[:, last].sum() >= sparse
         lower, upper = first + 1 - int(sure_first), last + int(sure_last)
         _count_end_bins(points, cells, heights, level, low, scale, lower, upper, count)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.paper.fuse import TWO_52
-from slz.kernels.paper.point_pass import DROPPED, HALF, LOW16, OUTSIDE
+from slz.kernels.paper.point_pass import DROPPED, HALF_BITS, LOW16, OUTSIDE
 from slz.kernels.raster.bitmap import signed
 
 CHUNK = 64  # points, few enough that a chunk seldom has an exceptional one
@@ -42,7 +42,7 @@ def _place_chunk(
         at, height = cells[i], heights[i]
         beyond = np.uint32(at >= OUTSIDE) | np.uint32(height < least) | np.uint32(height > most)
         odd = np.uint32(odd | beyond)
-        places[i] = np.uint32(np.uint32(at >> HALF) * width) + np.uint32(at & LOW16) - first
+        places[i] = np.uint32(np.uint32(at >> HALF_BITS) * width) + np.uint32(at & LOW16) - first
         scaled[i] = (float(height) + shift) * scale + TWO_52
     for i in range(np.uint64(len(cells))):
         added[i] = ((added[i] & MANTISSA) << bits) | ONE
@@ -108,6 +108,6 @@ def sum_heights(
                 over = z - low
             used += 1
             if cells[i] != OUTSIDE:
-                k = (signed(cells[i] >> HALF) - row0) * width + signed(cells[i] & LOW16) - col0
+                k = (signed(cells[i] >> HALF_BITS) - row0) * width + signed(cells[i] & LOW16) - col0
                 sums[k] += (np.uint64(signed(np.rint(over * scale))) << bits) | ONE
     return used

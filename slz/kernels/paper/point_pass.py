@@ -19,10 +19,12 @@ DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
 MOST_CELLS = 65_535  # along one side of a map: row and column of a cell have 16 bits each
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 CHUNK = 512
-HALF, LOW16, NOTHING = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
-LARGEST, LEAST, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of int32
+HALF_BITS, LOW16, ZERO = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
+INT32_MAX, INT32_MIN, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of int32
 ONE, TWO, THREE, SIX, NINE, TWELVE = (np.uint64(k) for k in (1, 2, 3, 6, 9, 12))
-EDGE = 1e-7  # cells: closer to an edge, a product may round to its other side than the quotient does
+EDGE_TOLERANCE = (
+    1e-7  # cells: closer to an edge, a product may round to its other side than the quotient does
+)
 
 
 @kernel(
@@ -62,7 +64,7 @@ def _place_chunk(
         cells[i] = at if used else DROPPED
         heights[i] = np.float32(z - level) if used else np.float32(0.0)
         from_col, from_row = abs(across - col - 0.5), abs(up - row - 0.5)
-        near |= signed((from_col > 0.5 - EDGE) | (from_row > 0.5 - EDGE))
+        near |= signed((from_col > 0.5 - EDGE_TOLERANCE) | (from_row > 0.5 - EDGE_TOLERANCE))
     return near != 0
 
 
@@ -87,13 +89,13 @@ def _chunk_extremes(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> An
     the order of the floats, and the compiler vectorises their comparison. It does so in 32 bits only where no
     intermediate is wider, such as a result of `min`.
     """
-    first, last, col0, col1 = OUTSIDE, NOTHING, LOW16, NOTHING
-    low, high = LARGEST, LEAST
+    first, last, col0, col1 = OUTSIDE, ZERO, LOW16, ZERO
+    low, high = INT32_MAX, INT32_MIN
     for i in range(np.uint64(len(cells))):
         cell, col = cells[i], np.uint32(cells[i] & LOW16)
         first, last = cell if cell < first else first, cell if cell > last else last
         col0, col1 = col if col < col0 else col0, col if col > col1 else col1
-        height = np.int32(heights[i] ^ np.int32(np.int32(heights[i] >> SIGN) & LARGEST))
+        height = np.int32(heights[i] ^ np.int32(np.int32(heights[i] >> SIGN) & INT32_MAX))
         low, high = height if height < low else low, height if height > high else high
     return first, last, col0, col1, low, high
 
@@ -169,8 +171,8 @@ def place_points(
     if level != level:  # NaN
         level = _first_height(points, sensor[0], sensor[1], range_m * range_m)
     low, high, dropped, outside = np.inf, -np.inf, 0, 0
-    bits, least, greatest = heights.view(np.int32), LARGEST, LEAST
-    row0, row1, col0, col1 = LOW16, NOTHING, LOW16, NOTHING
+    bits, least, greatest = heights.view(np.int32), INT32_MAX, INT32_MIN
+    row0, row1, col0, col1 = LOW16, ZERO, LOW16, ZERO
     for start in range(0, n, CHUNK):
         stop = min(n, start + CHUNK)
         some, mine = points[3 * start : 3 * stop], cells[start:stop]
@@ -181,7 +183,7 @@ def place_points(
             _place_exactly(some, west, south, cell, rows, cols, mine)
         first, last, c0, c1, lower, upper = _chunk_extremes(mine, bits[start:stop])
         if last < OUTSIDE:
-            row0, row1 = min(row0, first >> HALF), max(row1, last >> HALF)
+            row0, row1 = min(row0, first >> HALF_BITS), max(row1, last >> HALF_BITS)
             col0, col1 = min(col0, c0), max(col1, c1)
             if lower <= least or upper >= greatest:  # in float32: the extremes in float64 are among these
                 least, greatest = min(least, lower), max(greatest, upper)
@@ -196,6 +198,6 @@ def place_points(
             if at == OUTSIDE:
                 outside += 1
                 continue
-            row0, row1 = min(row0, at >> HALF), max(row1, at >> HALF)
+            row0, row1 = min(row0, at >> HALF_BITS), max(row1, at >> HALF_BITS)
             col0, col1 = min(col0, at & LOW16), max(col1, at & LOW16)
     return np.array([level, low, high, n - dropped, outside, row0, row1 + 1, col0, col1 + 1], np.float64)

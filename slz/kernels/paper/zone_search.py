@@ -13,7 +13,7 @@ from slz.kernels.raster.region_fill import component, fill
 
 # Columns of the table of components.
 ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
-FIELDS = 8
+COMPONENT_FIELDS = 8
 
 
 @kernel("Tuple((int32[:, ::1], uint8[::1]))(int32[:, ::1], uint8[::1], int64)")
@@ -99,7 +99,7 @@ def search_zones(
     """
     path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
     spread = np.array([row1, row0, word1, word0], np.int64)
-    table, count = np.empty((16, FIELDS), np.int64), 0
+    table, count = np.empty((16, COMPONENT_FIELDS), np.int64), 0
     boundary, n_boundary = np.empty((0, 2), np.int32), 0
     words, n_words = np.empty(0, np.uint64), 0
     row, w = _next_seed(seeds, taken, row0, word0, row1, word0, word1)

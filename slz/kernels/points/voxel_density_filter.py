@@ -9,9 +9,9 @@ from slz.kernels.jit import kernel
 
 FINE, COARSE = 1, 7  # layers of voxels above and below that are searched
 SURFACE = 100  # returns that make a surface
-ENOUGH, CLEAR_M = 5, 2.0  # returns that are an object; range up to which dense dust demands more
-SPARSE = 16  # voxel columns, or their layers, per point, above which a dense table is too large
-NOWHERE = np.int32(2**31 - 1)
+OBJECT_RETURNS, CLEAR_M = 5, 2.0  # returns that are an object; range up to which dense dust demands more
+DENSE_PER_POINT = 16  # voxel columns, or their layers, per point, above which a dense table is too large
+NO_LAYER = np.int32(2**31 - 1)
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
@@ -53,7 +53,7 @@ def _support_needed(
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
     near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
     if near > least:  # False where the sensor is unknown, NaN
-        most = ENOUGH if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
+        most = OBJECT_RETURNS if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
         return min(int(near), most), FINE
     return least, COARSE
 
@@ -98,7 +98,7 @@ def _column_spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
     Column (x, y) has the number deep * x + y. A column holds all layers between these two, an empty one none.
     """
     ends = np.empty((columns, 2), np.int32)
-    ends[:, 0], ends[:, 1] = NOWHERE, -1
+    ends[:, 0], ends[:, 1] = NO_LAYER, -1
     for i in range(len(at)):
         k, z = deep * at[i, 0] + at[i, 1], at[i, 2]
         ends[k, 0], ends[k, 1] = min(ends[k, 0], z), max(ends[k, 1], z)
@@ -205,8 +205,8 @@ def is_supported(
         return np.ones(0, np.bool_)
     at, most_x, most_y = _voxels_of(points, voxel)
     columns, deep = (most_x + 2) * (most_y + 2), most_y + 2
-    if columns <= SPARSE * n + 10_000:
+    if columns <= DENSE_PER_POINT * n + 10_000:
         starts, ends = _column_spans(at, columns, deep)
-        if starts[columns] <= SPARSE * n + 10_000:
+        if starts[columns] <= DENSE_PER_POINT * n + 10_000:
             return _by_columns(points, at, sensor, least, object_m2, deep, starts, ends)
     return _by_table(points, at, sensor, least, object_m2)

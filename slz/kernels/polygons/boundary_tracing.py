@@ -11,7 +11,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
 from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
 
-NOWHERE, DIRECTION = 8, 15
+NO_STEP, DIRECTION_BITS = 8, 15
 WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offsets of an entry's fields
 SEVEN = np.uint64(7)
 
@@ -32,7 +32,7 @@ def _step_table() -> NDArray[np.int32]:
     for index in range(4):
         for cells in range(512):
             start, seen = 2 * index + 1, []
-            direction = NOWHERE
+            direction = NO_STEP
             for k in range(8):
                 e = (start + k) & 7
                 if cells >> int(3 * (ROW_STEP[e] + 1) + COL_STEP[e] + 1) & 1:
@@ -44,7 +44,7 @@ def _step_table() -> NDArray[np.int32]:
                 entry |= 1 << WEST_BIT
             if 4 in seen or start == 5:
                 entry |= 1 << EAST_BIT
-            if direction < NOWHERE:
+            if direction < NO_STEP:
                 then = (direction + 6) & 7 if direction & 1 else (direction + 7) & 7
                 entry |= (then - 1) // 2 << START_BITS
                 entry |= int(ROW_STEP[direction] + 1) << ROW_BITS | int(COL_STEP[direction] + 1) << COL_BITS
@@ -89,8 +89,8 @@ def trace_boundary(
     most = len(path)
     while True:
         entry = signed(TABLE[index, _neighbourhood(safe, r, c)])
-        direction = entry & DIRECTION
-        if direction == NOWHERE:
+        direction = entry & DIRECTION_BITS
+        if direction == NO_STEP:
             path[0, 0], path[0, 1], edges[0] = r, c, entry
             return 1, 1
         if r == row and c == col:

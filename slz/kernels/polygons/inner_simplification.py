@@ -15,11 +15,11 @@ Offer = tuple[float, int, int, int]  # price, vertex or ring, kind, version at t
 Move = tuple[float, float, float, float, float]  # area removed, then up to two points that are inserted
 
 CUT, EXTEND, TILT, DROP = 0, 1, 2, 3
-NONE = (np.inf, 0.0, 0.0, 0.0, 0.0)
+NO_MOVE = (np.inf, 0.0, 0.0, 0.0, 0.0)
 SAME = 1e-7  # cells: points closer than this are equal
 ON = 1e-7  # square cells: twice the triangle area below which a point is on a side
 HALVINGS = 10  # bisections of the range of a tilt: the area is flat near its minimum
-AROUND = 4  # vertices to either side whose moves a move changes
+AFFECTED_VERTICES = 4  # vertices to either side whose moves a move changes
 CELLS_SHARE = 0.5  # share of cells in a move's price; the rest is area
 
 
@@ -55,7 +55,7 @@ def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Mov
     """Remove a convex vertex: the chord of its neighbours replaces it."""
     twice = _turn(at, before[i], i, after[i])
     if count <= 3 or twice < -1e-12:
-        return NONE
+        return NO_MOVE
     return max(twice, 0.0) / 2, 0.0, 0.0, 0.0, 0.0
 
 
@@ -66,16 +66,16 @@ def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> 
     d = after[c]
     at_b, at_c = _turn(at, a, b, c), _turn(at, b, c, d)
     if count <= 3 or (at_b >= 0 and at_c >= 0):
-        return NONE
+        return NO_MOVE
     ux, uy, vx, vy = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[d, 0] - at[c, 0], at[d, 1] - at[c, 1]
     s, t = _meet(at[b, 0], at[b, 1], ux, uy, at[c, 0], at[c, 1], vx, vy)
     ahead = s > 0 if at_b < 0 else -1 - 1e-9 <= s <= 0
     astern = t < 0 if at_c < 0 else 0 <= t <= 1 + 1e-9
     if not (ahead and astern):
-        return NONE
+        return NO_MOVE
     x, y = at[b, 0] + s * ux, at[b, 1] + s * uy
     if count == 4 and (_same(at, a, x, y) or _same(at, d, x, y)):
-        return NONE
+        return NO_MOVE
     return (
         abs(_cross(at[c, 0] - at[b, 0], at[c, 1] - at[b, 1], x - at[b, 0], y - at[b, 1])) / 2,
         x,
@@ -94,7 +94,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
     u, w = before[v], after[v]
     a, b = before[u], after[w]
     if count <= 3 or _turn(at, u, v, w) >= 0 or _turn(at, a, u, v) <= 0 or _turn(at, v, w, b) <= 0:
-        return NONE
+        return NO_MOVE
     ux, uy, wx, wy = at[a, 0] - at[u, 0], at[a, 1] - at[u, 1], at[b, 0] - at[w, 0], at[b, 1] - at[w, 1]
     vx, vy = at[w, 0] - at[v, 0], at[w, 1] - at[v, 1]
     straight, _ = _meet(at[u, 0], at[u, 1], ux, uy, at[v, 0], at[v, 1], vx, vy)
@@ -106,7 +106,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
         r, t = _meet(at[v, 0], at[v, 1], at[v, 0] - px, at[v, 1] - py, at[w, 0], at[w, 1], wx, wy)
         meets = r > 0 and -1e-9 <= t <= 1 + 1e-9
         if step == 0 and not meets:
-            return NONE
+            return NO_MOVE
         if meets:
             best, end = s, t
         if meets and r <= 1:
@@ -117,7 +117,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
             low = s
     px, py, qx, qy = at[u, 0] + best * ux, at[u, 1] + best * uy, at[w, 0] + end * wx, at[w, 1] + end * wy
     if count - 1 - int(_same(at, a, px, py)) - int(_same(at, b, qx, qy)) < 3:
-        return NONE
+        return NO_MOVE
     first = abs(_cross(at[v, 0] - at[u, 0], at[v, 1] - at[u, 1], px - at[u, 0], py - at[u, 1]))
     second = abs(_cross(at[v, 0] - at[w, 0], at[v, 1] - at[w, 1], qx - at[w, 0], qy - at[w, 1]))
     return (first + second) / 2, px, py, qx, qy
@@ -393,9 +393,9 @@ def simplify_inside(
             _push_ring(heap, worth, count, r)
             while place[near] < 0:
                 near = before[near]
-            for _ in range(AROUND):
+            for _ in range(AFFECTED_VERTICES):
                 near = before[near]
-            for _ in range(2 * AROUND + 2):
+            for _ in range(2 * AFFECTED_VERTICES + 2):
                 version[near] += 1
                 _push_moves(heap, sums, at, before, after, count[r], version, near)
                 near = after[near]
