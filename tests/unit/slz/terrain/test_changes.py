@@ -19,7 +19,7 @@ KEYS = {(0, 0), (0, 7), (6, 0), (-3, -4)}
 def terrain() -> Any:
     nothing = (list(np.zeros((4, TILE, TILE), np.float32)), np.zeros((TILE, TILE), np.uint8))
     return SimpleNamespace(
-        touched=set(KEYS), grid=SimpleNamespace(cell_m=CELL_M), corner_m=(100.0, 200.0), serial=7,
+        changed_tiles=set(KEYS), grid=SimpleNamespace(cell_m=CELL_M), corner_m=(100.0, 200.0), serial=7,
         tile=lambda key, _names: None if key == (-3, -4) else nothing,
     )  # fmt: skip
 
