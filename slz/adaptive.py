@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 COARSEST = 2  # pyramid level of the far map with cells of `far_cell_m`
 RETURNS_PER_CELL = 1.0  # least returns of one window in a cell
 RETURNS_WANTED = 8.0  # returns of one window in a near cell, for which the window length is chosen
-FEWEST = 30  # returns that are enough for the height of the ground
+FEWEST_FOR_HEIGHT = 30  # returns that are enough for the height of the ground
 STEADY = 3  # successive windows that must ask for another level
 TIMING_S = 0.005  # error of the time match of poses and returns
 HYSTERESIS = 0.9
 LOW_M = 8.0  # height over the ground, below which no window is extended, so that intruders are seen at once
-SOME = 20_000  # returns that are enough to characterise a window
+SAMPLE_RETURNS = 20_000  # returns that are enough to characterise a window
 MOST_SQUARES = 100_000_000
 SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that count the ground hit
 RETURNS_PER_SQUARE = 4  # mean, below which wider squares are used
@@ -74,10 +74,10 @@ class Adapter:
         self._level = COARSEST
         self._asked = [COARSEST] * STEADY
 
-    def look(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
+    def choose(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
         """Return the choice after a window, from its returns in use."""
-        some = points_enu_m[:: max(1, len(points_enu_m) // SOME)]
-        ground_m = float(np.median(some[:, 2])) if len(some) >= FEWEST else math.nan
+        some = points_enu_m[:: max(1, len(points_enu_m) // SAMPLE_RETURNS)]
+        ground_m = float(np.median(some[:, 2])) if len(some) >= FEWEST_FOR_HEIGHT else math.nan
         height = float(window.sensor_enu_m[2]) - ground_m
         speed = self._speed(window)
         density, reach = _density(points_enu_m, window.sensor_enu_m)
@@ -89,15 +89,15 @@ class Adapter:
             window_s = self._wanted_window(density / span_s, reach, height, speed)
         return Choice(density, height, speed, self._far, level, window_s)
 
-    def look_at_some(self, window: Window, returns: Returns) -> Choice:
+    def choose_from_cells(self, window: Window, returns: Returns) -> Choice:
         """Return the choice in source mode, where only near and far change, from a sample of the returns.
 
         Where the position of the sensor is unknown nothing changes and the density is 0.
         """
         if not is_known(window.sensor_enu_m):
             return Choice(0.0, math.nan, self._speed(window), self._far, self._level, self._p.window_s)
-        every = max(1, returns.n // SOME)
-        choice = self.look(window, returns.kept(every))
+        every = max(1, returns.n // SAMPLE_RETURNS)
+        choice = self.choose(window, returns.kept(every))
         return replace(choice, density_per_m2=every * choice.density_per_m2)
 
     def _speed(self, window: Window) -> float:
@@ -151,7 +151,7 @@ def _density(points: NDArray[np.float64], sensor: NDArray[np.float64]) -> tuple[
     """
     if not len(points):
         return 0.0, 0.0
-    thin = points[:: max(1, len(points) // SOME)]
+    thin = points[:: max(1, len(points) // SAMPLE_RETURNS)]
     reach = float(np.median(np.hypot(*(thin[:, :2] - sensor[:2]).T)))
     density, every = 0.0, np.ascontiguousarray(points)
     around = _widened(*extent(np.ascontiguousarray(thin)))  # very likely the extent of all

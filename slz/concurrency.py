@@ -12,7 +12,7 @@ R = TypeVar("R")
 
 
 @contextmanager
-def beside(other: Executor | None, work: Callable[[*Args], R], *args: *Args) -> Iterator[Future[R]]:
+def run_concurrently(other: Executor | None, work: Callable[[*Args], R], *args: *Args) -> Iterator[Future[R]]:
     """Run `work` on an executor while the block runs, or after the block if there is none; wait for it.
 
     Yields the future of its result. An exception in the block wins over one in `work`.

@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import COARSEST, Adapter, Choice
-from slz.concurrency import beside
+from slz.concurrency import run_concurrently
 from slz.frame import is_known
 from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable
 from slz.landing_point.judgement import SelectedPoint, unknown
-from slz.method import MapPair, Step
+from slz.method import MapPair, MethodResult
 from slz.points.mapping_reach import reach_m, within
 from slz.points.outliers import (
     CLOUD_GROUP,
     FLIGHT_GROUP,
-    LoneReturns,
+    IsolatedReturns,
     gap_interval,
-    in_a_group,
-    in_company,
+    in_cluster,
+    not_isolated,
 )
 from slz.points.registration import Offset, offset
 from slz.prior import Prior
@@ -68,7 +68,7 @@ class DefaultMethod:
         )
         self._adapter = Adapter(parameters)
         self.prior = None if prior is None else Prior(prior, parameters)
-        self._lone = LoneReturns()
+        self._lone = IsolatedReturns()
 
     @property
     def maps(self) -> tuple[ZoneMap, ZoneMap] | None:
@@ -77,16 +77,16 @@ class DefaultMethod:
 
     def process(
         self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
-    ) -> Step:
+    ) -> MethodResult:
         """Run outlier removal, registration, terrain and zones on a window."""
         new_frame = self._pair.is_new(window)
         if new_frame:
-            self._lone, self._adapter = LoneReturns(), Adapter(self._p)
+            self._lone, self._adapter = IsolatedReturns(), Adapter(self._p)
         points = self._without_outliers(window, sensor_enu_m)
         clock.lap("outliers")
-        near, far = self._pair.begin(window, lambda: points[:1]) if new_frame else self._pair.maps_now
+        near, far = self._pair.create_maps(window, lambda: points[:1]) if new_frame else self._pair.maps_now
         used = within(points, sensor_enu_m, reach_m(self._p))
-        with beside(self._other, self._chosen, window, _picked(points, used), far) as chosen:
+        with run_concurrently(self._other, self._chosen, window, _picked(points, used), far) as chosen:
             points = self._registered(points, used, sensor_enu_m, near)
             self._contradictions(points, used, sensor_enu_m, near)
         choice = chosen.result()
@@ -95,17 +95,17 @@ class DefaultMethod:
         for zone_map in (near, far):
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
-        with beside(self._other, far.take, points, sensor_enu_m, stamp_s, near.tiles):
-            near.take(_picked(points, used), sensor_enu_m, stamp_s)
+        with run_concurrently(self._other, far.add_points, points, sensor_enu_m, stamp_s, near.tiles):
+            near.add_points(_picked(points, used), sensor_enu_m, stamp_s)
         clock.lap("terrain")
-        near.name(sensor_enu_m)
-        far.name(sensor_enu_m)
+        near.identify(sensor_enu_m)
+        far.identify(sensor_enu_m)
         clock.lap("zones")
         if self.prior is not None:
             live, tiles = (near.terrain, far.terrain), near.tiles
-            self.prior.take(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
+            self.prior.update(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
             clock.lap("prior")
-        return Step(near, far, choice, int(used.sum()))
+        return MethodResult(near, far, choice, int(used.sum()))
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return an unknown point: evidence that neither map has is too old, or was given up."""
@@ -131,19 +131,19 @@ class DefaultMethod:
             points = usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
             height_m = points[:, 2].copy()
         in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
-        keep = in_company(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
+        keep = not_isolated(points, sensor_enu_m, p.cell_m) if in_flight else np.ones(len(points), bool)
         believed_m = height_m if keep.all() else heights_of(height_m, keep)
         strays = beyond(height_m, keep, *gap_interval(believed_m, p.outlier_gap_m))
-        keep[strays] = in_a_group(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
+        keep[strays] = in_cluster(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
         kept = picked(points, keep)
         if not in_flight:
             return kept
-        again = self._lone.returning(picked(points, ~keep), sensor_enu_m, len(points))
+        again = self._lone.recurring(picked(points, ~keep), sensor_enu_m, len(points))
         return np.vstack([kept, again]) if len(again) else kept
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
         """Choose the next window and the far map's level, and set that level."""
-        choice = self._adapter.look(window, points_enu_m)
+        choice = self._adapter.choose(window, points_enu_m)
         far.at_level(choice.level)
         return choice
 
@@ -153,7 +153,7 @@ class DefaultMethod:
         most_m = self._p.register_m
         if most_m > 0 and is_known(sensor):
             found = offset(points, np.flatnonzero(used), sensor, tiles, most_m)
-        points = found.taken_out(points, sensor, tiles.datum_m)
+        points = found.removed_from(points, sensor, tiles.datum_m)
         tiles.datum_m += found.up_m
         return points
 

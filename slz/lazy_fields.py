@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 T = TypeVar("T")
 
 
-class Later(Generic[T]):
+class Deferred(Generic[T]):
     """Deferred value: computed once, on first read; the function that computes it is released then."""
 
     __slots__ = ("_make", "_value")
@@ -33,7 +33,7 @@ def _itself(value: T) -> T:
 
 
 class Lazy(Generic[T]):
-    """Descriptor of a dataclass field (no slots) set to its value, or to a `Later` for the first read."""
+    """Descriptor of a dataclass field (no slots) set to its value, or to a `Deferred` for the first read."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
@@ -41,8 +41,8 @@ class Lazy(Generic[T]):
     def __get__(self, holder: Any, owner: type | None = None) -> T:
         if holder is None:
             raise AttributeError(self._name)  # a field without a default
-        held: T | Later[T] = vars(holder)[self._name]
-        return held.value() if isinstance(held, Later) else held
+        held: T | Deferred[T] = vars(holder)[self._name]
+        return held.value() if isinstance(held, Deferred) else held
 
-    def __set__(self, holder: Any, value: T | Later[T]) -> None:
+    def __set__(self, holder: Any, value: T | Deferred[T]) -> None:
         vars(holder)[self._name] = value

@@ -37,7 +37,7 @@ class ResolutionMap(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class MethodResult:
     """Outcome of one window.
 
     n_used: points near enough for the near map.
@@ -61,7 +61,7 @@ class Method(Protocol):
 
     def process(
         self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
-    ) -> Step:
+    ) -> MethodResult:
         """Run the stages from points to zones on a window; keep the evidence at the selected point."""
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
@@ -117,8 +117,8 @@ class MapPair(Generic[M]):
         """Tell whether a window is in another frame than the maps."""
         return self.maps is None or window.frame != self._frame
 
-    def begin(self, window: Window, first_point: Callable[[], Points]) -> tuple[M, M]:
-        """Begin both maps in a window's frame, at the first (0 or 1, 3) point, else at the sensor."""
+    def create_maps(self, window: Window, first_point: Callable[[], Points]) -> tuple[M, M]:
+        """Create both maps in a window's frame, at the first (0 or 1, 3) point, else at the sensor."""
         self._frame = window.frame
         centre = self._centre
         if centre is None:

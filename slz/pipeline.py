@@ -12,13 +12,13 @@ from params import Parameters
 from slz.default_method import DefaultMethod
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box
-from slz.landing_point.judgement import SelectedPoint, judge, unknown
+from slz.landing_point.judgement import SelectedPoint, judge_point, unknown
 from slz.landing_point.local_heights import nearby
-from slz.method import Method, ResolutionMap, Step
+from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report
 from slz.stage_clock import StageClock
-from slz.terrain.changes import Drawn, take_drawn
+from slz.terrain.changes import Drawn, read_changes
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
 from slz.window import Window
 
@@ -75,23 +75,23 @@ class Pipeline:
         clock = StageClock()
         self._sensor = sensor = _sensor_of(window)
         self._follow_frame(window.frame)
-        step = self.method.process(window, sensor, self._selected, clock)
-        self._far_is_active = self.method.far_is_active(step.choice)
-        self._selected = self._judge_selected(step)
+        result = self.method.process(window, sensor, self._selected, clock)
+        self._far_is_active = self.method.far_is_active(result.choice)
+        self._selected = self._judge_selected(result)
         clock.lap("landing_point")
-        around = nearby(step.near.terrain, step.far.terrain, sensor)
+        around = nearby(result.near.terrain, result.far.terrain, sensor)
         clock.lap("nearby")
         return Report(
             stamp_ns=window.end_ns,
             frame=window.frame,
-            near=MapReport(step.near.terrain.grid, step.near.zones),
-            far=MapReport(step.far.terrain.grid, step.far.zones),
-            choice=step.choice,
+            near=MapReport(result.near.terrain.grid, result.near.zones),
+            far=MapReport(result.far.terrain.grid, result.far.zones),
+            choice=result.choice,
             selected=self._selected,
             n_points=len(window),
-            n_used=step.n_used,
-            n_without_tile=step.near.n_without_tile,
-            n_evicted=step.near.n_evicted,
+            n_used=result.n_used,
+            n_without_tile=result.near.n_without_tile,
+            n_evicted=result.near.n_evicted,
             far_is_active=self._far_is_active,
             stage_ms=clock.ms,
             nearby=around,
@@ -149,7 +149,7 @@ class Pipeline:
         found = self._map(far=which == "far" or (which == "active" and self._far_is_active))
         if found is None or self._frame is None:
             return None
-        terrain = found.terrain if level is None else found.terrain.drawn_at(level)
+        terrain = found.terrain if level is None else found.terrain.maps_at_level(level)
         if box is None and terrain.seen.empty:
             return None
         box = terrain.seen if box is None else box
@@ -180,8 +180,8 @@ class Pipeline:
         if found is None:
             return None
         if anew:
-            found.terrain.touch_all()
-        return take_drawn(found.terrain, most, self._sensor)
+            found.terrain.mark_all_changed()
+        return read_changes(found.terrain, most, self._sensor)
 
     # ---- parts ----------------------------------------------------------------------------------
 
@@ -195,15 +195,15 @@ class Pipeline:
             self._selected = None
         self._frame = frame
 
-    def _judge_selected(self, step: Step) -> SelectedPoint | None:
+    def _judge_selected(self, result: MethodResult) -> SelectedPoint | None:
         if self._selected is None:
             return None
-        return self._judge(self._selected.enu_m, step.near, step.far, before=self._selected)
+        return self._judge(self._selected.enu_m, result.near, result.far, before=self._selected)
 
     def _judge(
         self, enu_m: Points, near: ResolutionMap, far: ResolutionMap, before: SelectedPoint | None
     ) -> SelectedPoint:
-        point = judge(enu_m, near.terrain, far.terrain, self._parameters)
+        point = judge_point(enu_m, near.terrain, far.terrain, self._parameters)
         if point is None:
             return self.method.without_map(enu_m, before)
         zones = near if point.judged_by == "near" else far

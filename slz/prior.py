@@ -4,7 +4,7 @@ The prior is a layer of its own. It is no evidence in the cells of the live maps
 that no live return hit, and outvotes no live return. Where a live map is known, safe or unsafe, the prior is
 unknown. A single live return above or below the surveyed ground removes that ground from the prior for the
 rest of the flight, at any distance from the sensor. The remaining zones are to fly to and inspect: the live
-maps alone decide whether a point in one is safe (`landing_point.judgement.judge`).
+maps alone decide whether a point in one is safe (`landing_point.judgement.judge_point`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from slz.zones.ranking import rank
 from slz.zones.tracking import ZoneTracker
 
 CERTAINTY = 0.5  # of surveyed ground: less than a landing requires (`min_certainty`)
-FEWEST_RETURNS = 200
+FEWEST_COMPARED = 200
 AGREEING = 0.5  # share of returns that must agree with the survey; else all ground hit is removed
 FIRST_ID = 100_001  # of its zones, so that the live maps' zones have the same IDs with and without a prior
 LEVEL_M = 0.05  # change of the survey's level after which its zones are searched again
@@ -117,12 +117,12 @@ class Prior:
         self._source = source
         self._parameters = parameters
         self._ids = itertools.count(FIRST_ID)
-        self._names = ZoneTracker(self._ids)
+        self._tracker = ZoneTracker(self._ids)
         self._frame: LocalFrame | None = None
         self._asked: Points | None = None
         self._marks: tuple[Grid, NDArray[np.int64]] | None = None
         self.terrain: PriorTerrain | None = None
-        self._looked_s = -math.inf
+        self._compared_s = -math.inf
         self._registered = False
         self._offset_m = 0.0
         self._dirty, self._level_m = True, 0.0
@@ -133,7 +133,7 @@ class Prior:
         """Raster of the surveyed ground in the map frame; None where there is none."""
         return None if self.terrain is None else self.terrain.grid
 
-    def take(
+    def update(
         self,
         points_enu_m: Points,
         sensor_enu_m: Points,
@@ -162,12 +162,12 @@ class Prior:
         terrain.datum_m = datum_m
         if self._contradicted(terrain, points_enu_m, sensor_enu_m):
             self._dirty = True
-            self._take_out(terrain)
-        due = now_s - self._looked_s >= LATER_S
+            self._remove_contradicted(terrain)
+        due = now_s - self._compared_s >= LATER_S
         overruled = any(self._overruled(zone, terrain, live) for zone in self.zones)
         if not (due or overruled):
             return
-        self._looked_s = now_s
+        self._compared_s = now_s
         if abs(terrain.level_m - self._level_m) > LEVEL_M:
             self._dirty = True
         hidden = known_to(live, terrain.grid)
@@ -175,7 +175,7 @@ class Prior:
             terrain.hidden, self._dirty, self._level_m = hidden, False, terrain.level_m
             self.zones = self._found(terrain, sensor_enu_m)
 
-    def _take_out(self, terrain: PriorTerrain) -> None:
+    def _remove_contradicted(self, terrain: PriorTerrain) -> None:
         """Remove contradicted ground from the zones at once; their outlines follow with the next search."""
         clear = self._clear(terrain).astype(np.uint8)
         self.zones = tuple(replace(zone, cells=zone.cells & clear[zone.box.slices]) for zone in self.zones)
@@ -190,7 +190,7 @@ class Prior:
         if frame != self._frame:
             self._frame, self._asked, self.terrain, self.zones = frame, None, None, ()
             self._marks, self._registered, self._offset_m = None, False, 0.0
-            self._names = ZoneTracker(self._ids)
+            self._tracker = ZoneTracker(self._ids)
         if self._asked is not None and not is_known(sensor_enu_m):
             return
         here = np.nan_to_num(sensor_enu_m)
@@ -204,7 +204,7 @@ class Prior:
         self._asked = here
         surveyed = self._source(frame, here)
         self.terrain = None if surveyed is None else PriorTerrain(surveyed)
-        self.zones, self._looked_s, self._dirty = (), -math.inf, True
+        self.zones, self._compared_s, self._dirty = (), -math.inf, True
         if old is not None:
             self._offset_m = old.offset_m
             self._marks = _remembered(self._marks, old)
@@ -213,9 +213,9 @@ class Prior:
             if self._marks is not None:
                 _mark(self.terrain, *self._marks)
             if old is not None:
-                self._names.moved(old.grid, self.terrain.grid)
+                self._tracker.regrid(old.grid, self.terrain.grid)
         else:
-            self._names = ZoneTracker(self._ids)  # the next survey has another raster
+            self._tracker = ZoneTracker(self._ids)  # the next survey has another raster
 
     def _contradicted(self, terrain: PriorTerrain, points: Points, sensor: Points) -> int:
         """Remove surveyed ground that returns contradict; return how many cells are new.
@@ -230,7 +230,7 @@ class Prior:
         over = heights_over(points, *place, (surveyed.state == SAFE).view(np.uint8), surveyed.height_m)
         hit = np.flatnonzero(np.isfinite(over))
         least_m, noise = p.relief_m, math.radians(p.angle_noise_deg)
-        if len(hit) >= FEWEST_RETURNS:
+        if len(hit) >= FEWEST_COMPARED:
             sample = over[hit[:: max(1, len(hit) // SAMPLE)]]
             middle = float(np.median(sample))
             if float((np.abs(sample - middle) <= least_m).mean()) >= AGREEING:
@@ -267,7 +267,7 @@ class Prior:
         def described(one: Candidate, number: int) -> Zone:
             return describe(Content.of(one, terrain), terrain, sensor, p, number)
 
-        return rank(self._names.update(found, described), p)
+        return rank(self._tracker.update(found, described), p)
 
 
 def known_to(live: tuple[CellView, ...], grid: Grid) -> NDArray[np.bool_]:

@@ -62,7 +62,7 @@ class Zone:
     obstacles: Lazy[tuple[Obstacle, ...]] = Lazy()
     why: str = ""
 
-    def placed(self, why: str) -> Zone:
+    def with_reason(self, why: str) -> Zone:
         """Return a copy with the reason for its rank; lazy fields stay unread."""
         zone = object.__new__(Zone)
         vars(zone).update(vars(self), why=why)

@@ -31,7 +31,7 @@ class FlashImage:
     measured: RangeImage
     filtered_m: F64
     repaired: NDArray[np.bool_]
-    verdict: Triage
+    triage: Triage
     stamp_ns: int
 
 
@@ -71,7 +71,7 @@ def sensor_pixels(
         give no point. A median of nine removes objects narrower than two pixels, such as a post. False: the
         measured range of every pixel, for stages with their own outlier removal, as in flight.
     """
-    if not image.verdict.usable:
+    if not image.triage.usable:
         return np.empty((0, 3)), np.empty(0), np.zeros(image.filtered_m.shape, bool)
     sigma = np.nan_to_num(image.measured.sigma_m, nan=camera.sample_m / 12)
     range_m = image.filtered_m if filtered else image.measured.range_m

@@ -14,7 +14,7 @@ from slz.grid import Grid
 F64 = NDArray[np.float64]
 LEAST_M = 0.25
 """Least height or depth of a hazard: 0.3 m, less what the median filter and the cells remove."""
-SHARE = 0.5
+STANDING_SHARE = 0.5
 """Share of `LEAST_M` by which a segment must stand out to belong to a hazard."""
 FIRST_M = 1.6
 """Side of the initial squares of the segmentation."""
@@ -63,7 +63,7 @@ def find_hazards(dem_m: F64, grid: Grid, least_m: float = LEAST_M, xi: float = 2
     for sign in (1.0, -1.0):
         with np.errstate(invalid="ignore"):
             out = np.maximum(sign * mean, np.where(sign * dem_m > least_m, sign * dem_m, -np.inf))
-            standing = np.nan_to_num(out, nan=-np.inf) > SHARE * least_m
+            standing = np.nan_to_num(out, nan=-np.inf) > STANDING_SHARE * least_m
         marked, _ = ndimage.label(ndimage.binary_dilation(standing, np.ones((5, 5), bool)), np.ones((3, 3)))
         marked[~standing] = 0
         for k, box in enumerate(ndimage.find_objects(marked), start=1):
@@ -82,7 +82,7 @@ def _hazard(
     if len(heights) < 2 or heights[-1] < least_m or heights[-2] < 0.75 * least_m:
         return None
     top = heights[-1] if len(heights) < 20 else heights[-2]
-    row, col = (np.asarray(c) for c in np.nonzero(own & (out_m > SHARE * least_m)))
+    row, col = (np.asarray(c) for c in np.nonzero(own & (out_m > STANDING_SHARE * least_m)))
     row, col = row + box[0].start, col + box[1].start
     cell = grid.cell_m
     west, east = grid.west_m + col.min() * cell, grid.west_m + (col.max() + 1) * cell

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.jit import kernel
-from slz.kernels.simd import Floats, every, where
+from slz.kernels.simd import Floats, broadcast, where
 
 F0, F1 = np.float32(0.0), np.float32(1.0)
 TAN_1, TAN_3 = np.float32(0.4142135623730950), np.float32(2.414213562373095)  # tan of pi / 8 and 3 pi / 8
@@ -18,9 +18,11 @@ A3, A5, A7, A9 = (
 @kernel()
 def arctangent(x: Floats) -> Floats:
     """Return the arc tangents of 16 numbers >= 0 (Cephes polynomial, relative error 2e-7); NaN of NaN."""
-    one = every(F1)
-    large, middle = every(TAN_3) < x, every(TAN_1) < x
-    r = where(large, every(-F1), where(middle, x - one, x)) / where(large, x, where(middle, x + one, one))
+    one = broadcast(F1)
+    large, middle = broadcast(TAN_3) < x, broadcast(TAN_1) < x
+    r = where(large, broadcast(-F1), where(middle, x - one, x)) / where(large, x, where(middle, x + one, one))
     z = r * r
-    start = where(large, every(RIGHT), where(middle, every(QUARTER), every(F0)))
-    return start + ((((every(A9) * z + every(A7)) * z + every(A5)) * z + every(A3)) * z * r + r)
+    start = where(large, broadcast(RIGHT), where(middle, broadcast(QUARTER), broadcast(F0)))
+    return start + (
+        (((broadcast(A9) * z + broadcast(A7)) * z + broadcast(A5)) * z + broadcast(A3)) * z * r + r
+    )

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 ROOT = Path(__file__).parents[2]
-_told = set[str]()  # modules
+_logged = set[str]()  # modules
 
 
 def kernel(*signatures: str) -> Callable[[F], F]:
@@ -35,8 +35,8 @@ def kernel(*signatures: str) -> Callable[[F], F]:
                 compiled.compile(signature)
             compiled.disable_compile()
         module = function.__module__
-        if module not in _told and getattr(compiled, "stats", None) and compiled.stats.cache_misses:
-            _told.add(module)
+        if module not in _logged and getattr(compiled, "stats", None) and compiled.stats.cache_misses:
+            _logged.add(module)
             log.info("%s is used for the first time on this computer: its kernels are compiled", module)
         return cast(F, compiled)
 

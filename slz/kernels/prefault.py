@@ -11,7 +11,7 @@ PAGE = 4096  # bytes; with larger pages some are touched more often than needed
 
 
 @kernel("void(uint8[::1], int64, int64, int64, int64, uint8)")
-def touch(
+def prefault(
     memory: NDArray[np.uint8], first: int, apart: int, count: int, length: int, nothing: np.uint8
 ) -> None:
     """Prefault the pages of `count` byte ranges, `apart` bytes apart, by rewriting their contents.

@@ -1,7 +1,7 @@
 """SIMD lanes: sixteen numbers as one value, for kernels that the compiler does not vectorise by itself.
 
 `load` reads 16 consecutive float32 as one value; +, -, *, /, <, == and the functions below apply lane by
-lane. `load_wide` reads 16 float64. `columns` reads the columns of a 16 x 16 block. `ask_for` prefetches one
+lane. `load_wide` reads 16 float64. `columns` reads the columns of a 16 x 16 block. `prefetch` loads one
 cache line for writing: 16 float32 if they are aligned. With the compiler off, lanes are NumPy arrays.
 """
 
@@ -71,7 +71,7 @@ def _place(builder: Any, data: Any, at: Any, kind: Lanes = FLOATS) -> Any:
     return builder.bitcast(builder.gep(data, [at]), kind.vector.as_pointer())
 
 
-def _all(builder: Any, value: Any, kind: Lanes) -> Any:
+def _broadcast(builder: Any, value: Any, kind: Lanes) -> Any:
     one = builder.insert_element(ir.Constant(kind.vector, ir.Undefined), value, INT32(0))
     return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(INT32, LANES), None))
 
@@ -98,7 +98,7 @@ def _columns(builder: Any, data: Any, at: Any) -> Any:
     return out
 
 
-def _ask(builder: Any, data: Any, at: Any) -> None:
+def _prefetch(builder: Any, data: Any, at: Any) -> None:
     place = builder.bitcast(builder.gep(data, [at]), ir.IntType(8).as_pointer())
     function = ir.FunctionType(ir.VoidType(), [place.type, INT32, INT32, INT32])
     to_write, soon, data_cache = INT32(1), INT32(3), INT32(1)
@@ -113,14 +113,14 @@ def _store_bytes(builder: Any, data: Any, at: Any, ones: Any, alls: Any) -> None
     builder.store(builder.or_(builder.zext(ones, kind), builder.sext(alls, kind)), place, align=1)
 
 
-def _multiplied(builder: Any, a: Any, b: Any, c: Any) -> Any:
+def _fused_multiply_add(builder: Any, a: Any, b: Any, c: Any) -> Any:
     """Return a * b + c, fused where the processor can."""
     function = ir.FunctionType(FLOATS.vector, [FLOATS.vector] * 3)
     name = f"llvm.fmuladd.v{LANES}f32"
     return builder.call(builder.module.declare_intrinsic(name, (), function), [a, b, c])
 
 
-def _root(builder: Any, value: Any) -> Any:
+def _sqrt(builder: Any, value: Any) -> Any:
     function = ir.FunctionType(FLOATS.vector, [FLOATS.vector])
     name = f"llvm.sqrt.v{LANES}f32"
     return builder.call(builder.module.declare_intrinsic(name, (), function), [value])
@@ -137,7 +137,7 @@ if vars(config)["DISABLE_JIT"]:
     def columns(values: Any, at: int) -> tuple[Floats, ...]:
         return tuple(values[at : at + LANES * LANES].reshape(LANES, LANES).T.copy())
 
-    def ask_for(values: Any, at: int) -> None:
+    def prefetch(values: Any, at: int) -> None:
         pass
 
     def widened(lanes: Floats) -> Doubles:
@@ -146,10 +146,10 @@ if vars(config)["DISABLE_JIT"]:
     def narrowed(lanes: Doubles) -> Floats:
         return lanes.astype(np.float32)
 
-    def every(value: Any) -> Floats:
+    def broadcast(value: Any) -> Floats:
         return value
 
-    def multiplied(a: Floats, b: Floats, c: Floats) -> Floats:
+    def fused_multiply_add(a: Floats, b: Floats, c: Floats) -> Floats:
         return a * b + c
 
     def flags_of(flags: Floats) -> np.uint64:
@@ -162,27 +162,29 @@ if vars(config)["DISABLE_JIT"]:
         return np.array([int(bits) >> i & 1 for i in range(LANES)], bool)
 
     where: Callable[..., Floats] = np.where
-    root, both = np.sqrt, np.logical_and
-    load_wide, store_wide, every_wide = load, store, every
+    sqrt, logical_and = np.sqrt, np.logical_and
+    load_wide, store_wide, broadcast_wide = load, store, broadcast
 else:
     load = _code(FLOATS, lambda b, data, at: b.load(_place(b, data, at), align=4))
     store = _code(
         types.void, lambda b, data, at, lanes: b.store(lanes, _place(b, data, at), align=4) and None
     )
     columns = _code(types.UniTuple(FLOATS, LANES), _columns)  # type: ignore[no-untyped-call]
-    ask_for = _code(types.void, _ask)
-    every = _code(FLOATS, lambda b, value: _all(b, value, FLOATS))
+    prefetch = _code(types.void, _prefetch)
+    broadcast = _code(FLOATS, lambda b, value: _broadcast(b, value, FLOATS))
     load_wide = _code(DOUBLES, lambda b, data, at: b.load(_place(b, data, at, DOUBLES), align=8))
     store_wide = _code(
         types.void, lambda b, data, at, lanes: b.store(lanes, _place(b, data, at, DOUBLES), align=8) and None
     )
-    every_wide = _code(DOUBLES, lambda b, x: _all(b, b.fpext(x, DOUBLE) if x.type == FLOAT else x, DOUBLES))
+    broadcast_wide = _code(
+        DOUBLES, lambda b, x: _broadcast(b, b.fpext(x, DOUBLE) if x.type == FLOAT else x, DOUBLES)
+    )
     widened = _code(DOUBLES, lambda b, lanes: b.fpext(lanes, DOUBLES.vector))
     narrowed = _code(FLOATS, lambda b, lanes: b.fptrunc(lanes, FLOATS.vector))
     where = _code(FLOATS, lambda b, flags, then, other: b.select(flags, then, other))
-    root = _code(FLOATS, _root)
-    multiplied = _code(FLOATS, _multiplied)
-    both = _code(FLAGS, lambda b, flags, others: b.and_(flags, others))
+    sqrt = _code(FLOATS, _sqrt)
+    fused_multiply_add = _code(FLOATS, _fused_multiply_add)
+    logical_and = _code(FLAGS, lambda b, flags, others: b.and_(flags, others))
     flags_of = _code(
         types.uint64, lambda b, flags: b.zext(b.bitcast(flags, ir.IntType(LANES)), ir.IntType(64))
     )
@@ -207,19 +209,19 @@ else:
 
 
 @kernel()
-def lower(a: Floats, b: Floats) -> Floats:
+def minimum(a: Floats, b: Floats) -> Floats:
     """Return the lane-wise minimum; where either is NaN, the lane of `b`."""
     return where(a < b, a, b)
 
 
 @kernel()
-def higher(a: Floats, b: Floats) -> Floats:
+def maximum(a: Floats, b: Floats) -> Floats:
     """Return the lane-wise maximum; where either is NaN, the lane of `b`."""
     return where(b < a, a, b)
 
 
 @kernel("float32[::1](int64)")
-def room(count: int) -> Any:
+def aligned_empty(count: int) -> Any:
     """Return uninitialised float32, aligned to a cache line: lanes that straddle two lines are slower."""
     whole = np.empty(count + LANES, np.float32)
     first = -(whole.ctypes.data >> 2) & (LANES - 1)
@@ -229,7 +231,7 @@ def room(count: int) -> Any:
 @kernel("uint64(float32[::1], int64, float32)")
 def below(values: NDArray[np.float32], at: int, limit: np.float32) -> np.uint64:
     """Return a bit mask of 64 values, from index `at` on: 1 where below the limit; 0 for NaN."""
-    word, most = np.uint64(0), every(limit)
+    word, most = np.uint64(0), broadcast(limit)
     for i in range(0, 64, LANES):
         word |= flags_of(load(values, at + i) < most) << np.uint64(i)
     return word

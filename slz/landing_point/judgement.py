@@ -15,7 +15,7 @@ from params import Parameters
 from slz.frame import is_known
 from slz.grid import Box
 from slz.kernels.raster.bitmap import packed
-from slz.kernels.raster.distance_transform import farthest, surest
+from slz.kernels.raster.distance_transform import greatest_clearance, most_certain
 from slz.landing_point.obstacles import Surroundings, grouped, horizon_at
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import CellView, TerrainView
@@ -64,7 +64,7 @@ class SelectedPoint:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Widest:
+class GreatestClearance:
     """Cells of a zone with the greatest clearance, with their slope and certainty.
 
     cells: (n, 2) rows and columns of the grid. distance2: squared distance to the nearest cell outside the
@@ -77,12 +77,12 @@ class Widest:
     certainty: NDArray[np.float32]
 
 
-def widest(candidate: Candidate, terrain: CellView) -> Widest:
+def greatest_clearance_of(candidate: Candidate, terrain: CellView) -> GreatestClearance:
     """Return the cells whose clearance is within half a cell of the greatest."""
     wide = candidate.words_box
-    found = farthest(candidate.own_bits, candidate.square_side)
+    found = greatest_clearance(candidate.own_bits, candidate.square_side)
     cells = found[:, :2] + np.array([wide.row0, wide.col0])
-    return Widest(
+    return GreatestClearance(
         cells=cells,
         distance2=found[:, 2],
         slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
@@ -91,7 +91,7 @@ def widest(candidate: Candidate, terrain: CellView) -> Widest:
 
 
 def best_point(
-    among: Widest,
+    among: GreatestClearance,
     square_side: int,
     terrain: CellView,
     sensor_enu_m: NDArray[np.float64],
@@ -109,7 +109,7 @@ def best_point(
     """
     grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
     place = grid.west_m, grid.south_m, grid.cell_m
-    best = surest(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
+    best = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
     row, col = among.cells[best].tolist()
     centre = grid.centre(row, col)
     enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])
@@ -134,7 +134,7 @@ def ground_m(terrain: TerrainView, cell: Box) -> float:
     return float("nan")
 
 
-def judge(
+def judge_point(
     enu_m: NDArray[np.float64], near: TerrainView, far: TerrainView, parameters: Parameters
 ) -> SelectedPoint | None:
     """Judge a selected point anew; None where neither map has it.

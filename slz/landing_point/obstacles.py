@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.connected_components import highest, largest_groups
+from slz.kernels.raster.connected_components import highest_cells, largest_groups
 from slz.kernels.raster.horizon import horizon
 
 SECTORS = 36
@@ -108,7 +108,7 @@ def grouped(
     cells[:, 0] += box.row0
     cells[:, 1] += box.col0
     tops = tops_m(cells)
-    places = highest(tops, groups)
+    places = highest_cells(tops, groups)
     top = tops[places]
     top[np.isnan(top)] = -np.inf
     over = top.astype(np.float64) - grounds_m(groups, cells[places])

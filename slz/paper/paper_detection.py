@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
-from slz.kernels.paper.zone_search import N_BOUNDARY, find
+from slz.kernels.paper.zone_search import N_BOUNDARY, search_zones
 from slz.kernels.raster.square_erosion import erode
 from slz.paper.paper_terrain import PaperTerrain
-from slz.terrain.demand_zero import untouched
+from slz.terrain.demand_zero import demand_zeros
 
 Bits = NDArray[np.uint64]
-FEWEST = 4096  # boundary cells that fit at least
+LEAST_TRACE = 4096  # boundary cells that fit at least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,9 +63,9 @@ class PaperDetection:
     def __init__(self, terrain: PaperTerrain, least_side: int, least_boundary: int) -> None:
         self._terrain = terrain
         self.side, self._boundary = least_side, least_boundary
-        self.squares, self._taken = (untouched(terrain.safe_bits.shape, np.uint64) for _ in "st")
+        self.squares, self._taken = (demand_zeros(terrain.safe_bits.shape, np.uint64) for _ in "st")
         self._parts: list[Part] = []
-        self._longest = FEWEST
+        self._longest = LEAST_TRACE
         self._found: tuple[Part, ...] = ()
 
     def update(self) -> tuple[Part, ...]:
@@ -74,14 +74,14 @@ class PaperDetection:
         Everything inside a zone's contour belongs to it, so an inner component is no zone of its own. So a
         court inside a ring of safe ground is never found; `search_components` finds it.
         """
-        changed = self._terrain.settle()
+        changed = self._terrain.pop_changed_box()
         if changed.empty:
             return self._found
         try:
             return self._updated(changed)
         except BaseException:  # the next search repeats what this one missed
             self._terrain.changed = changed
-            self._taken = untouched(self._taken.shape, np.uint64)
+            self._taken = demand_zeros(self._taken.shape, np.uint64)
             raise
 
     def _updated(self, changed: Box) -> tuple[Part, ...]:
@@ -112,12 +112,12 @@ class PaperDetection:
             box, words = part.box, part.words
             if box.row0 < row1 and row0 < box.row1 and words.start < word1 and word0 < words.stop:
                 taken[box.row0 : box.row1, words] |= part.content
-        table, boundary, content, spread = find(
+        table, boundary, content, spread = search_zones(
             self._terrain.safe_bits, self.squares, taken, row0, row1, word0, word1, self._boundary,
             self._longest + self._longest // 4,
         )  # fmt: skip
         rows = table.tolist()
-        self._longest = max([FEWEST, *(row[N_BOUNDARY] for row in rows)])
+        self._longest = max([LEAST_TRACE, *(row[N_BOUNDARY] for row in rows)])
         low, high, left, right = spread.tolist()
         taken[low:high, left:right] = 0
         for part in kept:

@@ -30,7 +30,7 @@ class PaperMap:
         self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
     ) -> None:
         self._parameters = parameters
-        self._names = RepeatFilter(parameters, numbers)
+        self._tracker = RepeatFilter(parameters, numbers)
         self._ranking = Ranking(parameters)
         self._found: tuple[Part, ...] = ()
         self.zones: tuple[Zone, ...] = ()
@@ -40,19 +40,19 @@ class PaperMap:
     def _use(self, terrain: PaperTerrain) -> None:
         p = self._parameters
         self.terrain = terrain
-        coarser = terrain.grid.cell_m / p.cell_m
-        least = max(1, int(p.min_boundary_points / coarser))
+        scale = terrain.grid.cell_m / p.cell_m
+        least = max(1, int(p.min_boundary_points / scale))
         self._search = PaperDetection(terrain, side_in_cells(p.min_square_m, terrain.grid), least)
 
-    def take(self, returns: Returns) -> int:
+    def fuse(self, returns: Returns) -> int:
         """Fuse returns placed in this map's grid with the terrain; return how many were used."""
-        return self.terrain.take(returns)
+        return self.terrain.fuse(returns)
 
     def move(self, east_m: float, north_m: float) -> None:
         """Move the grid to a point outside it; the common part is copied (SLZ paper, section 3.2.5)."""
         old = self.terrain.grid
         grid = old.recentred(east_m, north_m)
-        self._names.moved(old, grid)
+        self._tracker.regrid(old, grid)
         self._use(self.terrain.moved(grid))
 
     def zone_at(self, enu_m: Points) -> int | None:
@@ -60,13 +60,13 @@ class PaperMap:
         row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
         return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
 
-    def find(self, sensor_enu_m: Points) -> None:
+    def detect_zones(self, sensor_enu_m: Points) -> None:
         """Search the total map for zones, identify and rank them."""
         found = self._search.update()
-        if found is self._found and not self._names.changed:
+        if found is self._found and not self._tracker.changed:
             return
         self._found = found
-        named = self._names.update(
+        named = self._tracker.update(
             found,
             lambda part, zone_id: describe_paper_zone(
                 part, self.terrain, self._search, sensor_enu_m, self._parameters, zone_id

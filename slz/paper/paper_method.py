@@ -11,7 +11,7 @@ from params import Parameters
 from slz.adaptive import Adapter, Choice
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint, unknown
-from slz.method import MapPair, Step
+from slz.method import MapPair, MethodResult
 from slz.paper.paper_map import PaperMap
 from slz.paper.window_cells import Returns
 from slz.report import MapReport
@@ -57,16 +57,16 @@ class PaperMethod:
 
     def process(
         self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
-    ) -> Step:
+    ) -> MethodResult:
         """Run outlier removal, the choice of the map, terrain and zones on a window."""
         if self._pair.is_new(window):
             self._adapter = Adapter(self._p)
-            self._pair.begin(window, lambda: self._read(window, sensor_enu_m, ANYWHERE).kept()[:1])
+            self._pair.create_maps(window, lambda: self._read(window, sensor_enu_m, ANYWHERE).kept()[:1])
         near, far = self._pair.maps_now
         guess = far if self._far_was_active else near
         returns = self._read(window, sensor_enu_m, guess.terrain.grid)
         clock.lap("outliers")
-        choice = self._adapter.look_at_some(window, returns)
+        choice = self._adapter.choose_from_cells(window, returns)
         active = far if choice.far else near
         if active is not guess:
             returns = self._read(window, sensor_enu_m, active.terrain.grid)
@@ -75,13 +75,13 @@ class PaperMethod:
         if outside is not None:
             active.move(*outside)
             returns = self._read(window, sensor_enu_m, active.terrain.grid)
-        n_used = active.take(returns)
+        n_used = active.fuse(returns)
         clock.lap("terrain")
-        near.find(sensor_enu_m)
-        far.find(sensor_enu_m)
+        near.detect_zones(sensor_enu_m)
+        far.detect_zones(sensor_enu_m)
         clock.lap("zones")
         self._far_was_active = choice.far
-        return Step(near, far, choice, n_used)
+        return MethodResult(near, far, choice, n_used)
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return the last state of a point that both windows left behind (SLZ thesis, section 4.3.2.2)."""

@@ -19,14 +19,16 @@ from slz.kernels.paper.point_pass import MOST_CELLS
 from slz.kernels.raster.bitmap import unpacked
 from slz.paper.snapshots import BlockCopies
 from slz.paper.window_cells import Returns
-from slz.terrain.demand_zero import make_ready, untouched
+from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.tiles import SERIALS, Key, box_of_tile, keys_over
 
-NOWHERE = np.full(3, np.nan)
-NOTHING = Box(0, 0, 0, 0)
-AHEAD = 32  # margin in cells around the expected next window
-SPARSE = 4  # cells of a window's box with margin for each return, above which some returns are far off
+UNKNOWN_POSITION = np.full(3, np.nan)
+EMPTY_BOX = Box(0, 0, 0, 0)
+MARGIN_CELLS = 32  # margin in cells around the expected next window
+MOST_CELLS_PER_RETURN = (
+    4  # cells of a window's box with margin for each return, above which some returns are far off
+)
 Map = NDArray[np.float32]
 
 
@@ -40,7 +42,7 @@ class PaperTerrain:
 
     safe_bits, known_bits: (rows, words) bitmaps of the safe cells and of those with an elevation. blocks:
     (rows, words, 2) sums of slope and roughness over the safe cells of a word. changed: box of the cells
-    whose safety changed since `settle`.
+    whose safety changed since `pop_changed_box`.
     """
 
     def __init__(self, grid: Grid, parameters: Parameters) -> None:
@@ -53,16 +55,16 @@ class PaperTerrain:
         self._worst, self._limit = np.float32(parameters.max_slope_deg), np.float32(parameters.safe_slope_deg)
         words = (grid.cols + 63) // 64 + 1
         self.heights, self.slopes, self.roughs = (
-            untouched((words, grid.rows, 64), np.float32) for _ in "hsr"
+            demand_zeros((words, grid.rows, 64), np.float32) for _ in "hsr"
         )
         self.height_copies = BlockCopies(self.heights)
-        self.begun = untouched((grid.rows, words), np.uint8)
-        self.safe_bits, self.known_bits = (untouched((grid.rows, words), np.uint64) for _ in "sk")
-        self.blocks = untouched((grid.rows, words, 2), np.int32)
-        self.seen = self.changed = NOTHING
+        self.begun = demand_zeros((grid.rows, words), np.uint8)
+        self.safe_bits, self.known_bits = (demand_zeros((grid.rows, words), np.uint64) for _ in "sk")
+        self.blocks = demand_zeros((grid.rows, words, 2), np.int32)
+        self.seen = self.changed = EMPTY_BOX
         self._last: tuple[Box, ...] = ()  # boxes of the last two windows, from which the next is predicted
         self.serial = next(SERIALS)
-        self.touched: set[Key] = set()
+        self.changed_tiles: set[Key] = set()
 
     @property
     def corner_m(self) -> tuple[float, float]:
@@ -75,11 +77,11 @@ class PaperTerrain:
         The sources use neither the sensor's position nor the age of a map.
         """
         returns = Returns()
-        returns.read(points_enu_m, NOWHERE, math.inf, self.grid)
-        self.take(returns)
-        return returns.box if returns.n > returns.n_outside else NOTHING
+        returns.read(points_enu_m, UNKNOWN_POSITION, math.inf, self.grid)
+        self.fuse(returns)
+        return returns.box if returns.n > returns.n_outside else EMPTY_BOX
 
-    def take(self, returns: Returns) -> int:
+    def fuse(self, returns: Returns) -> int:
         """Fuse the returns of a window placed in this grid; return how many were used."""
         p, grid, box = self._parameters, self.grid, returns.whole
         if returns.n == returns.n_outside:
@@ -92,11 +94,11 @@ class PaperTerrain:
         )  # fmt: skip
         self.height_copies.change(box)
         self.seen = self.seen.union(returns.box)
-        area = math.prod(side + 2 * AHEAD for side in returns.box.shape)
-        dense = area <= SPARSE * (returns.n - returns.n_outside)
+        area = math.prod(side + 2 * MARGIN_CELLS for side in returns.box.shape)
+        dense = area <= MOST_CELLS_PER_RETURN * (returns.n - returns.n_outside)
         self._last = (*self._last[-1:], returns.box) if dense else ()
         self.changed = self.changed.union(Box(*changed))
-        self.touched.update(keys_over(returns.box))
+        self.changed_tiles.update(keys_over(returns.box))
         return used
 
     def prepare(self) -> None:
@@ -107,18 +109,18 @@ class PaperTerrain:
         down = (box.row0 - before.row0 + box.row1 - before.row1) // 2
         right = (box.col0 - before.col0 + box.col1 - before.col1) // 2
         ahead = Box(box.row0 + down, box.row1 + down, box.col0 + right, box.col1 + right)
-        ahead = ahead.grown(AHEAD, self.grid)
+        ahead = ahead.grown(MARGIN_CELLS, self.grid)
         if ahead.empty:
             return
         rows, words = slice(ahead.row0, ahead.row1), _words(ahead)
         for values in (self.heights, self.slopes, self.roughs):
-            make_ready(values, words, rows)
+            prefault_range(values, words, rows)
         for bits in (self.begun, self.safe_bits, self.known_bits, self.blocks):
-            make_ready(bits, rows, words)
+            prefault_range(bits, rows, words)
 
-    def settle(self) -> Box:
+    def pop_changed_box(self) -> Box:
         """Return the box in which the safety of cells changed since the last call."""
-        box, self.changed = self.changed, NOTHING
+        box, self.changed = self.changed, EMPTY_BOX
         return box
 
     def moved(self, grid: Grid) -> PaperTerrain:
@@ -138,7 +140,7 @@ class PaperTerrain:
             new.heights, new.slopes, new.safe_bits, new.known_bits, new.blocks,
         )  # fmt: skip
         new.seen = new.changed = theirs
-        new.touched.update(keys_over(theirs))
+        new.changed_tiles.update(keys_over(theirs))
         return new
 
     # ---- maps out ------------------------------------------------------------------------------
@@ -189,13 +191,13 @@ class PaperTerrain:
             height[there] = self.layer("height_m", inner)
         return height, height
 
-    def drawn_at(self, _level: int) -> PaperTerrain:
+    def maps_at_level(self, _level: int) -> PaperTerrain:
         """Return these maps: they have one level."""
         return self
 
-    def touch_all(self) -> None:
-        """Mark every tile seen as touched."""
-        self.touched.update(keys_over(self.seen))
+    def mark_all_changed(self) -> None:
+        """Mark every tile seen as changed."""
+        self.changed_tiles.update(keys_over(self.seen))
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], NDArray[np.uint8]]:
         """Return copies of some maps of a tile, and its state; unknown beyond the grid."""

@@ -102,7 +102,7 @@ class RepeatFilter:
                 return "replace", position
         return "add", -1
 
-    def moved(self, old: Grid, new: Grid) -> None:
+    def regrid(self, old: Grid, new: Grid) -> None:
         """Re-index the zones in a new grid; zones outside it stay in effect."""
         self._contents = [content.moved(*old.shift_to(new)) for content in self._contents]
         self._zones = [_moved(zone, *old.shift_to(new)) for zone in self._zones]

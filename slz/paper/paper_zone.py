@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.paper.zone_statistics import SUM_UNIT, corners, measure
+from slz.kernels.paper.zone_statistics import SUM_UNIT, corners, zonal_statistics
 from slz.kernels.raster.bitmap import unpacked
-from slz.kernels.raster.distance_transform import first_choice, room
+from slz.kernels.raster.distance_transform import least_steep, square_and_clearance
 from slz.kernels.raster.region_fill import all_reach, component
 from slz.landing_point.judgement import horizon_towards
-from slz.lazy_fields import Later
+from slz.lazy_fields import Deferred
 from slz.paper.paper_detection import PaperDetection, Part
 from slz.paper.paper_obstacles import source_obstacles
 from slz.paper.paper_terrain import PaperTerrain
@@ -36,17 +36,17 @@ def describe_paper_zone(
     first_row, first_col = part.boundary_cells[0].tolist()
     safe, holes = np.empty_like(part.content), np.empty_like(part.content)
     held = np.zeros((((box.row1 - 1) >> 6) + 1 - (box.row0 >> 6), safe.shape[1]), bool)
-    n_safe, n_unknown, slopes, roughs = measure(
+    n_safe, n_unknown, slopes, roughs = zonal_statistics(
         part.content, terrain.safe_bits, terrain.known_bits, box.row0, words.start,
         terrain.blocks, terrain.slopes, terrain.roughs, safe, holes, held,
     )  # fmt: skip
-    own = Later(lambda: component(safe, first_row - box.row0, first_col - 64 * words.start))
+    own = Deferred(lambda: component(safe, first_row - box.row0, first_col - 64 * words.start))
     blocks = terrain.height_copies.of(box, held)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
     return Zone(
         id=zone_id,
         box=box,
-        cells=Later(lambda: unpacked(part.content, box.col0 & 63, box.col1 - box.col0)),
+        cells=Deferred(lambda: unpacked(part.content, box.col0 & 63, box.col1 - box.col0)),
         area_m2=float(part.n_cells) * grid.cell_m**2,
         certainty=n_certain / part.n_cells,  # SLZ paper, Eq. (16) or SLZ paper, Eq. (17)
         n_safe=n_safe,
@@ -55,7 +55,7 @@ def describe_paper_zone(
         slope_deg=slopes / (float(SUM_UNIT) * n_safe),
         roughness=roughs / (float(SUM_UNIT) * n_safe),
         boundary_cells=part.boundary_cells,
-        corners_enu_m=Later(
+        corners_enu_m=Deferred(
             lambda: corners(
                 part.boundary_cells,
                 heights_at(blocks, box, part.boundary_cells),
@@ -64,7 +64,7 @@ def describe_paper_zone(
                 grid.cell_m,
             )
         ),
-        obstacles=Later(lambda: source_obstacles(holes, own.value(), blocks, box, grid)),
+        obstacles=Deferred(lambda: source_obstacles(holes, own.value(), blocks, box, grid)),
         best=_best_point(part, safe, own, terrain, search, sensor_enu_m, parameters),
     )
 
@@ -72,7 +72,7 @@ def describe_paper_zone(
 def _best_point(
     part: Part,
     safe: Bits,
-    own: Later[Bits],
+    own: Deferred[Bits],
     terrain: PaperTerrain,
     search: PaperDetection,
     sensor_enu_m: NDArray[np.float64],
@@ -85,14 +85,14 @@ def _best_point(
     """
     grid, box, word0 = terrain.grid, part.box, part.words.start
     squares = search.squares[box.row0 : box.row1, part.words] & safe
-    side, square, found = room(safe, squares, search.side)
+    side, square, found = square_and_clearance(safe, squares, search.side)
     longest = 4 * len(part.boundary_cells)  # longer than most boundaries of holes
     for cells in (np.array([square]), found):
         if not all_reach(terrain.safe_bits, part.content, box.row0, word0, cells, longest):
-            side, _, found = room(own.value(), squares & own.value(), search.side)
+            side, _, found = square_and_clearance(own.value(), squares & own.value(), search.side)
             break
     row0, col0 = box.row0, 64 * word0
-    at = first_choice(
+    at = least_steep(
         found, terrain.slopes, row0, col0, grid.west_m, grid.south_m, grid.cell_m,
         sensor_enu_m[0], sensor_enu_m[1],
     )  # fmt: skip

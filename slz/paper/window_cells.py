@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
 from slz.kernels.paper.fuse import WORD
-from slz.kernels.paper.height_gate import interval
-from slz.kernels.paper.height_sums import scatter
-from slz.kernels.paper.point_pass import DROPPED, OUTSIDE, stream
+from slz.kernels.paper.height_gate import accepted_interval
+from slz.kernels.paper.height_sums import sum_heights
+from slz.kernels.paper.point_pass import DROPPED, OUTSIDE, place_points
 
 Points = NDArray[np.float64]
 FINEST_BITS = 36  # binary digits of a metre to which heights are rounded, at best
 SUM_BITS = 51  # bits of a sum of heights, at most
-LARGE, FEW = 1 << 22, 64  # cells of sums, and cells for each point, above which demand-zero memory is used
+LARGE_SUMS, CELLS_PER_POINT = (
+    1 << 22,
+    64,
+)  # cells of sums, and cells for each point, above which demand-zero memory is used
 FAR_OFF_M = 100.0  # distance of the level from the accepted heights; float32 resolves 0.004 mm there
 
 
@@ -50,7 +53,7 @@ class Returns:
         self.box = Box(row0, row1, col0, col1)
 
     def _place(self, sensor_enu_m: Points, range_m: float, grid: Grid, level_m: float) -> list[float]:
-        found: list[float] = stream(
+        found: list[float] = place_points(
             self.points, grid.west_m, grid.south_m, grid.cell_m, grid.rows, grid.cols, sensor_enu_m, range_m,
             level_m, self.cells, self.heights,
         ).tolist()  # fmt: skip
@@ -74,7 +77,7 @@ class Returns:
         """Accept only the heights in the histogram's interval, see `slz.kernels.paper.height_gate`."""
         if not self.n or self._given is None:
             return
-        self.low_m, self.high_m = interval(
+        self.low_m, self.high_m = accepted_interval(
             self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, self.n, bins,
             threshold,
         )  # fmt: skip
@@ -100,10 +103,12 @@ class Returns:
         return (float(points[where, 0]), float(points[where, 1])) if away[where] else None
 
     def sums(self) -> tuple[NDArray[np.uint64], float, int, int]:
-        """Return the sums over the whole words (see `scatter`), their unit (m), count bits, points used."""
+        """Return the sums over whole words (see `sum_heights`), their unit (m), count bits, points used."""
         row0, col0, (rows, width) = self.whole.row0, self.whole.col0, self.whole.shape
         n_cells = rows * width
-        if n_cells > max(LARGE, FEW * self.n):  # some points are far apart: untouched pages take no memory
+        if n_cells > max(
+            LARGE_SUMS, CELLS_PER_POINT * self.n
+        ):  # some points are far apart: untouched pages take no memory
             sums = np.zeros(n_cells, np.uint64)
         else:
             if n_cells > len(self._sums):
@@ -115,5 +120,5 @@ class Returns:
         most = min(SUM_BITS, 63 - count_bits) - math.log2(max(self.n, 1)) - math.log2(span_m)
         scale = 2.0 ** min(FINEST_BITS, math.floor(most))
         given = self.points, self.cells, self.heights, self._level, self.low_m, self.high_m, scale, count_bits
-        used = scatter(*given, row0, col0, width, sums)
+        used = sum_heights(*given, row0, col0, width, sums)
         return sums, 1.0 / scale, count_bits, used

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from slz.kernels.points.histogram import gaps_of
-from slz.kernels.points.voxel_density_filter import has_company
+from slz.kernels.points.voxel_density_filter import is_supported
 
-COMPANY = 2
+LEAST_SUPPORT = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
 CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
 FLIGHT_GROUP = (0.6, 5)  # the smallest object to detect, 0.5 x 0.3 m with 5 pulses; echoes are farther apart
@@ -45,7 +45,7 @@ def gap_interval(
     return gaps_of(np.ascontiguousarray(height_m), gap_m, max_share)
 
 
-def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:
+def in_cluster(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -> NDArray[np.bool_]:
     """Return which points have at least `least` points within a radius, themselves included.
 
     Among the points beyond a gap these are a wire, a mast or a shaft: no outliers, however few they are.
@@ -56,7 +56,7 @@ def in_a_group(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -
     return np.asarray(tree.query_ball_point(points_enu_m, radius_m, return_length=True) >= least)
 
 
-def in_company(
+def not_isolated(
     points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.bool_]:
     """Return which returns of a window are not isolated.
@@ -65,7 +65,7 @@ def in_company(
     range. A return is isolated when fewer others are around it than an object of `OBJECT_M2` would send back
     at that range, if the sensor spread its pulses over the whole sphere. The neighbourhood is a slab of 3 x 3
     voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that ground does not support an echo 0.15 m
-    below it. Where the expected number is below `COMPANY`, `COMPANY` returns must be in a block 3.75 voxels
+    below it. Where fewer than `LEAST_SUPPORT` are expected, that many returns must be in a block 3.75 voxels
     high. A return that is isolated on its level and close below a surface of many returns is dropped. Very
     sparsely sampled ground is dropped too, and stays unknown. Where most returns are isolated, isolation is
     no criterion, and all are kept.
@@ -80,11 +80,11 @@ def in_company(
     if not len(points_enu_m):
         return np.ones(0, bool)
     points = np.ascontiguousarray(points_enu_m)
-    keep = has_company(points, sensor_enu_m, max(0.3, 1.5 * cell_m), COMPANY, OBJECT_M2)
+    keep = is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), LEAST_SUPPORT, OBJECT_M2)
     return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
 
 
-class LoneReturns:
+class IsolatedReturns:
     """Memory of isolated returns: a thin object may send back one in every window.
 
     An isolated return counts when `OFTEN` of the last `RECENT` windows, the present one included, had one
@@ -95,13 +95,13 @@ class LoneReturns:
     def __init__(self) -> None:
         self._windows: deque[cKDTree] = deque(maxlen=RECENT - 1)
 
-    def returning(
+    def recurring(
         self, lone_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
     ) -> NDArray[np.float64]:
         """Add the isolated returns of a window of `n_returns`; return (m, 3) those that count now."""
         way = lone_enu_m - sensor_enu_m
         expected = OBJECT_M2 * n_returns / (4 * np.pi) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
-        lone = lone_enu_m[expected <= COMPANY]
+        lone = lone_enu_m[expected <= LEAST_SUPPORT]
         before = [tree for tree in self._windows if tree.n]
         self._windows.append(cKDTree(lone))
         if not len(lone) or len(before) < OFTEN - 1:

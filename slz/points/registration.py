@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.robust_regression import lowered, weighed
+from slz.kernels.points.robust_regression import subtract_plane, weighted_normal_equations
 from slz.terrain.tiles import Tiles
 
 MOST_RETURNS, PARTS = 20_000, 4  # returns compared with the map, and parts they are compared in
-ENOUGH = 4_000  # returns over known ground: their mean is better than a millimetre
+ENOUGH_RETURNS = 4_000  # returns over known ground: their mean is better than a millimetre
 FEWEST_RETURNS = 300
 FEWEST_SPREAD_M = 2.0  # standard deviation of the positions, below which no tilt is fitted
 MOST_TILT_RAD = np.radians(4.0)  # two attitudes that are off by 1.3 degrees differ by 2.6 (PX4, accelerating)
@@ -31,14 +31,14 @@ class Offset:
     east: float = 0.0
     north: float = 0.0
 
-    def taken_out(
+    def removed_from(
         self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], up_m: float
     ) -> NDArray[np.float64]:
         """Return points (n, 3) without the offset, lowered by `up_m`; the same array if both are zero."""
         up_m += self.up_m
         if up_m == self.east == self.north == 0:
             return points_enu_m
-        return lowered(points_enu_m, sensor_enu_m, up_m, self.east, self.north)
+        return subtract_plane(points_enu_m, sensor_enu_m, up_m, self.east, self.north)
 
 
 def offset(
@@ -79,7 +79,7 @@ def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: 
     for first in range(0, step, step // PARTS):
         some = points_enu_m[used[first::step]] - np.array([0.0, 0.0, tiles.datum_m])
         parts.append(tiles.differences(some))
-        if sum(map(len, parts)) >= ENOUGH:
+        if sum(map(len, parts)) >= ENOUGH_RETURNS:
             break
     return np.concatenate(parts)
 
@@ -92,7 +92,7 @@ def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[N
     for _ in range(ROUNDS):
         error = values - design @ fit
         scale = max(0.02, 1.4826 * _median(np.abs(error)))
-        left, right, share = weighed(design, values, error, 4.7 * scale)
+        left, right, share = weighted_normal_equations(design, values, error, 4.7 * scale)
         fit = np.asarray(np.linalg.solve(left + 1e-9 * np.eye(len(fit)), right))
     return fit, share
 

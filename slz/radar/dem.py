@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Grid
-from slz.kernels.instruments.dem_fusion import HEIGHT, SQUARE, TURN, VARIANCE, WEIGHT, add_samples, fuse_cells
+from slz.kernels.instruments.dem_fusion import (
+    SUM_HEIGHT,
+    SUM_SQUARE,
+    SUM_TURN,
+    SUM_VARIANCE,
+    SUM_WEIGHT,
+    add_samples,
+    fuse_cells,
+)
 from slz.radar.heights import LEAST_COHERENCE, Heights, heights
 from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
@@ -67,10 +75,10 @@ def grid_heights(found: Heights, radar: Interferometer, grid: Grid) -> RadarDem:
         grid.west_m, grid.south_m, grid.cell_m, sums,
     )  # fmt: skip
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = sums[..., HEIGHT] / sums[..., WEIGHT]
-        scatter = np.maximum(sums[..., SQUARE] / sums[..., WEIGHT] - mean**2, 0.0)
-        sigma = np.sqrt(sums[..., VARIANCE] / sums[..., WEIGHT] + scatter)
-        turn = sums[..., TURN] / sums[..., WEIGHT]
+        mean = sums[..., SUM_HEIGHT] / sums[..., SUM_WEIGHT]
+        scatter = np.maximum(sums[..., SUM_SQUARE] / sums[..., SUM_WEIGHT] - mean**2, 0.0)
+        sigma = np.sqrt(sums[..., SUM_VARIANCE] / sums[..., SUM_WEIGHT] + scatter)
+        turn = sums[..., SUM_TURN] / sums[..., SUM_WEIGHT]
     return _certain(RadarDem(grid, mean, sigma, turn))
 
 

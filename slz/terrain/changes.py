@@ -12,7 +12,7 @@ from slz.kernels.cells.cell_record import TILE
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.terrain.tiles import Key
 
-NAMES = ("height_m", "slope_deg", "relief_m", "certainty")
+DISPLAYED_LAYERS = ("height_m", "slope_deg", "relief_m", "certainty")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +45,7 @@ class Drawn:
     left: int
 
 
-def take_drawn(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.float64]) -> Drawn:
+def read_changes(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.float64]) -> Drawn:
     """Return copies of the tiles that changed and mark them as seen; the nearest to a point first.
 
     Parameters
@@ -55,21 +55,21 @@ def take_drawn(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.fl
     around_enu_m
         (2,) or (3,) east, north; where it is not finite the order is arbitrary.
     """
-    touched, cell_m = terrain.touched, terrain.grid.cell_m
+    changed, cell_m = terrain.changed_tiles, terrain.grid.cell_m
     west_m, south_m = terrain.corner_m
-    keys = list(touched)
+    keys = list(changed)
     if len(keys) > most:
         row, col = (around_enu_m[1] - south_m) / (TILE * cell_m), (around_enu_m[0] - west_m) / (TILE * cell_m)
         if math.isfinite(row + col):
             keys.sort(key=lambda key: math.hypot(key[0] + 0.5 - row, key[1] + 0.5 - col))
         keys = keys[:most]
-    touched.difference_update(keys)
+    changed.difference_update(keys)
     tiles, gone = [], []
     for key in keys:
-        found = terrain.tile(key, NAMES)
+        found = terrain.tile(key, DISPLAYED_LAYERS)
         if found is None:
             gone.append(key)
         else:
             height_m, slope_deg, relief_m, certainty = found[0]
             tiles.append(DrawnTile(key, height_m, slope_deg, relief_m, certainty, found[1]))
-    return Drawn(terrain.serial, west_m, south_m, cell_m, tuple(tiles), tuple(gone), len(touched))
+    return Drawn(terrain.serial, west_m, south_m, cell_m, tuple(tiles), tuple(gone), len(changed))

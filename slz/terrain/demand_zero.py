@@ -9,29 +9,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from slz.kernels.prefault import touch
+from slz.kernels.prefault import prefault
 
-NOTHING = np.uint8(0)
-LEAST = 1 << 16  # bytes, below which an ordinary array is used
+ZERO_BYTE = np.uint8(0)
+LEAST_BYTES = 1 << 16  # bytes, below which an ordinary array is used
 
 
-def untouched(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+def demand_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     """Return zeros of a shape and dtype, in pages of the smallest size.
 
     `numpy.zeros` asks for huge pages where it can: each takes 2 MiB, and clearing it takes tens of
     milliseconds when memory is fragmented, however little of it is written.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    if size < LEAST:
+    if size < LEAST_BYTES:
         return np.zeros(shape, dtype)
     return np.frombuffer(mmap.mmap(-1, size), dtype).reshape(shape)
 
 
-def make_ready(values: NDArray[Any], rows: slice, cols: slice) -> None:
+def prefault_range(values: NDArray[Any], rows: slice, cols: slice) -> None:
     """Prefault a part of (rows, columns, ...), so that writing there does not wait; values are unchanged."""
     size = values.itemsize * math.prod(values.shape[2:])
     row = size * values.shape[1]
     count, length = rows.stop - rows.start, size * (cols.stop - cols.start)
     if count > 0 and length > 0:
         first = rows.start * row + cols.start * size
-        touch(values.reshape(-1).view(np.uint8), first, row, count, length, NOTHING)
+        prefault(values.reshape(-1).view(np.uint8), first, row, count, length, ZERO_BYTE)

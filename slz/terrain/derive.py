@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
-from slz.kernels.footprint.derive_maps import draw
+from slz.kernels.footprint.derive_maps import derive_box
 from slz.kernels.footprint.patch import inverses
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.morphology import above, closed, dilated, eroded, higher, lowest_around, others
+from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
 from slz.kernels.simd import LANES
 
 LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
@@ -46,7 +46,7 @@ def reach_of(parameters: Parameters, cell_m: float) -> Reach:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class CoveredCells:
     """Cell statistics for a box with a margin, and bitmaps of its footprints' coverage."""
 
     cells: NDArray[np.float32]
@@ -58,8 +58,10 @@ class Seen:
     parameters: Parameters
 
     @classmethod
-    def of(cls, cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters) -> Seen:
-        """Compute the bitmaps, see `drawn`."""
+    def of(
+        cls, cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
+    ) -> CoveredCells:
+        """Compute the bitmaps, see `derive`."""
         known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
         covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
@@ -72,7 +74,7 @@ class Seen:
         return self.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m
 
 
-def drawn(
+def derive(
     cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Derive the maps of all cells but a margin of `reach.margin` on every side.
@@ -86,11 +88,11 @@ def drawn(
     -------
     (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 states.
     """
-    seen, m = Seen.of(cells, reach, cell_m, parameters), reach.margin
+    seen, m = CoveredCells.of(cells, reach, cell_m, parameters), reach.margin
     rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
-    draw(
+    derive_box(
         cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits, (0, rows, 0, wide),
         maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip
@@ -105,7 +107,7 @@ def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: fl
     shore, so the rim does not count as seen.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
-    lowest, cols = lowest_around(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
-    level = known & ~higher(height_m, lowest, p.relief_m)
+    lowest, cols = minimum_filter(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
+    level = known & ~exceeds(height_m, lowest, p.relief_m)
     seen = known | closed(level, reach.gap, cols)
-    return dilated(others(seen, cols), reach.radius + 1, cols)
+    return dilated(complement(seen, cols), reach.radius + 1, cols)

@@ -26,10 +26,10 @@ from params import Parameters
 from slz.grid import Box, Grid, hull
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
-from slz.kernels.cells.resolution_pyramid import coarser
+from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.raster.bitmap import Bits
-from slz.terrain.derive import LAYERS, Seen, reach_of
+from slz.terrain.derive import LAYERS, CoveredCells, reach_of
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain
 from slz.terrain.tiled_raster import Block, TiledLayers
@@ -39,13 +39,13 @@ HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
 MORE = 4  # tiles prefaulted beyond those expected
-BLOCK = 512  # cells along the side of a box that is derived at a time
+DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
 State = NDArray[np.uint8]
 
 
 class EvidenceTerrain(UnboundedTerrain):
-    """A window of the evidence, and the maps drawn from it at one level of the pyramid.
+    """A window of the evidence, and the maps derived from it at one level of the pyramid.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ class EvidenceTerrain(UnboundedTerrain):
 
     Notes
     -----
-    serial: number of the maps; it changes when all tiles must be read again. touched: tiles derived or
-    dropped since the set was last emptied.
+    serial: number of the maps; it changes when all tiles must be read again. changed_tiles: tiles
+    derived or dropped since the set was last emptied.
     """
 
     def __init__(
@@ -76,10 +76,10 @@ class EvidenceTerrain(UnboundedTerrain):
         empty = [0.0 if name == "certainty" else np.nan for name in LAYERS]
         self._maps = TiledLayers(empty, self.tiles.capacity >> 2 * level)
         self.serial = next(SERIALS)
-        self.touched: set[Key] = set()
+        self.changed_tiles: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
-        self._n_drawn, self._new = 0, [0]
+        self._n_derived, self._new = 0, [0]
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -135,13 +135,13 @@ class EvidenceTerrain(UnboundedTerrain):
         for box in change.boxes:
             key = box.row0 // TILE, box.col0 // TILE
             self._oldest_s[key] = min(now_s, self._oldest_s.get(key, math.inf))
-        self._draw_all([*change.boxes, *map(box_of_tile, change.evicted)])
+        self._derive_all([*change.boxes, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
-            self._draw_all([box_of_tile(key)])
+            self._derive_all([box_of_tile(key)])
         if change.evicted:
-            self.touched.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
-            if len(self.touched) > 2 * self.tiles.capacity:  # no reader
-                self.serial, self.touched = next(SERIALS), set(self._maps.keys())
+            self.changed_tiles.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
+            if len(self.changed_tiles) > 2 * self.tiles.capacity:  # no reader
+                self.serial, self.changed_tiles = next(SERIALS), set(self._maps.keys())
         return change
 
     def _aged(self, now_s: float) -> list[Key]:
@@ -180,20 +180,20 @@ class EvidenceTerrain(UnboundedTerrain):
 
         The first window is ignored, because all its tiles are new.
         """
-        drawn = len(self._maps)
-        self._new = [*self._new[-1:], max(0, drawn - self._n_drawn) if self._n_drawn else 0]
-        self._n_drawn = drawn
+        n_derived = len(self._maps)
+        self._new = [*self._new[-1:], max(0, n_derived - self._n_derived) if self._n_derived else 0]
+        self._n_derived = n_derived
         count = max(self._new) + MORE
         self.tiles.prepare(min(count, self.tiles.n_free))
         self._maps.prepare(count)
 
     # ---- maps out -------------------------------------------------------------------------------
 
-    def _draw_all(self, fine: Iterable[Box]) -> None:
+    def _derive_all(self, fine: Iterable[Box]) -> None:
         """Derive all maps that depend on the evidence of these boxes of finest cells."""
         rows = rows_of_patch(self.radius)
         for box in _regions(_in_patches(_widened(box, self.level, self._margin), rows) for box in fine):
-            self._draw(box)
+            self._derive(box)
 
     def _cells(self, box: Box) -> NDArray[np.float32]:
         max_age_s = (1 - AGEING) * self._parameters.max_age_s  # so that no cell is shown beyond `max_age_s`
@@ -201,15 +201,15 @@ class EvidenceTerrain(UnboundedTerrain):
             return self.tiles.summary(box, max_age_s)
         evidence = self.tiles.read(_scaled(box, self.level))
         for _ in range(self.level):
-            evidence = coarser(evidence, self.tiles.latest_s, max_age_s)
+            evidence = downsample(evidence, self.tiles.latest_s, max_age_s)
         return summary(evidence, self.tiles.latest_s, max_age_s)
 
-    def _draw(self, box: Box) -> None:
+    def _derive(self, box: Box) -> None:
         """Derive the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
-        self._maps.draw(box, Seen.of(cells, self._reach, self.grid.cell_m, self._parameters))
-        self.touched.update(keys_over(box))
+        self._maps.derive(box, CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters))
+        self.changed_tiles.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (new zone of SLZ paper, section 3.2.5)."""
@@ -228,11 +228,11 @@ class EvidenceTerrain(UnboundedTerrain):
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s = self.pinned, self._aged_s
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
-        new._draw_all(self.tiles.boxes)
+        new._derive_all(self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)
         return new
 
-    def drawn_at(self, level: int) -> EvidenceTerrain:
+    def maps_at_level(self, level: int) -> EvidenceTerrain:
         """Return the maps at a level of the pyramid: these, where it is theirs."""
         return self if level == self.level else self.at_level(level)
 
@@ -268,9 +268,9 @@ class EvidenceTerrain(UnboundedTerrain):
         """West and south edge of tile (0, 0)."""
         return self.tiles.west_m, self.tiles.south_m
 
-    def touch_all(self) -> None:
-        """Mark every tile as touched."""
-        self.touched.update(self._maps.keys())
+    def mark_all_changed(self) -> None:
+        """Mark every tile as changed."""
+        self.changed_tiles.update(self._maps.keys())
 
     def tile(self, key: Key, names: Sequence[str]) -> tuple[list[NDArray[np.float32]], State] | None:
         """Return copies of some of `LAYERS` of a tile, and its state; None where nothing is derived."""
@@ -339,21 +339,21 @@ def _in_patches(box: Box, rows: int) -> Box:
 
 
 def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
-    """Yield few disjoint boxes that cover the given ones, none longer than `BLOCK`."""
+    """Yield few disjoint boxes that cover the given ones, none longer than `DERIVED_BLOCK`."""
     boxes = [box for box in boxes if not box.empty]
     whole = hull(boxes)
-    if max(whole.shape) <= BLOCK:
+    if max(whole.shape) <= DERIVED_BLOCK:
         yield from [] if whole.empty else [whole]
         return
     parts: dict[Key, list[Box]] = {}
     for box in boxes:
-        for row in range(box.row0 // BLOCK, (box.row1 - 1) // BLOCK + 1):
-            for col in range(box.col0 // BLOCK, (box.col1 - 1) // BLOCK + 1):
+        for row in range(box.row0 // DERIVED_BLOCK, (box.row1 - 1) // DERIVED_BLOCK + 1):
+            for col in range(box.col0 // DERIVED_BLOCK, (box.col1 - 1) // DERIVED_BLOCK + 1):
                 part = Box(
-                    max(box.row0, row * BLOCK),
-                    min(box.row1, (row + 1) * BLOCK),
-                    max(box.col0, col * BLOCK),
-                    min(box.col1, (col + 1) * BLOCK),
+                    max(box.row0, row * DERIVED_BLOCK),
+                    min(box.row1, (row + 1) * DERIVED_BLOCK),
+                    max(box.col0, col * DERIVED_BLOCK),
+                    min(box.col1, (col + 1) * DERIVED_BLOCK),
                 )
                 parts.setdefault((row, col), []).append(part)
     yield from map(hull, parts.values())

@@ -54,7 +54,7 @@ class DisplayedTerrain(TerrainView, Protocol):
     """Terrain maps that displays follow tile by tile."""
 
     serial: int
-    touched: set[Key]
+    changed_tiles: set[Key]
 
     @property
     def seen(self) -> Box: ...
@@ -62,13 +62,13 @@ class DisplayedTerrain(TerrainView, Protocol):
     @property
     def corner_m(self) -> tuple[float, float]: ...
 
-    def touch_all(self) -> None: ...
+    def mark_all_changed(self) -> None: ...
 
     def tile(
         self, key: Key, names: tuple[str, ...]
     ) -> tuple[list[NDArray[np.float32]], NDArray[np.uint8]] | None: ...
 
-    def drawn_at(self, level: int) -> DisplayedTerrain:
+    def maps_at_level(self, level: int) -> DisplayedTerrain:
         """Return the maps at a level of the resolution pyramid."""
 
     def prepare(self) -> None:

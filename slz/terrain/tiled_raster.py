@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import copy_cells, copy_layer, put_layers, reach_of, set_bits
-from slz.kernels.footprint.derive_maps import draw_tiles
+from slz.kernels.footprint.derive_maps import derive_tiles
 from slz.kernels.raster.bitmap import Bits
-from slz.terrain.demand_zero import make_ready, untouched
-from slz.terrain.derive import Seen
+from slz.terrain.demand_zero import demand_zeros, prefault_range
+from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import SERIALS, Key, keys_over, tiles_over
 
-FEWEST, MOST = 64, 4096  # tiles of the first block
-NOTHING = -1  # version of a tile that is not held
+FEWEST_TILES, MOST_TILES = 64, 4096  # tiles of the first block
+NO_VERSION = -1  # version of a tile that is not held
 
 Table = NDArray[np.int32]
 
@@ -45,9 +45,9 @@ class TiledLayers:
         Tiles that fit in the first block.
     """
 
-    def __init__(self, empty: Sequence[float], expected: int = FEWEST) -> None:
+    def __init__(self, empty: Sequence[float], expected: int = FEWEST_TILES) -> None:
         self._empty = np.array(empty, np.float32)
-        self._expected = min(max(FEWEST, expected), MOST)
+        self._expected = min(max(FEWEST_TILES, expected), MOST_TILES)
         self._blocks: list[Block] = []
         self._versions = np.empty(0, np.int64)
         self._slot: dict[Key, int] = {}
@@ -64,11 +64,11 @@ class TiledLayers:
             put_layers(held, first, table, box.row0, box.col0, np.ascontiguousarray(layers))
             put_layers(held_states, first, table, box.row0, box.col0, np.ascontiguousarray(states))
 
-    def draw(self, box: Box, seen: Seen) -> None:
-        """Derive the layers and states of a box and write them, see `slz.terrain.derive.drawn`."""
+    def derive(self, box: Box, seen: CoveredCells) -> None:
+        """Derive the layers and states of a box and write them, see `slz.terrain.derive.derive`."""
         table = self._opened(box)
         for first, held, states in self._blocks:
-            draw_tiles(
+            derive_tiles(
                 seen.cells, seen.covered, seen.unseen, seen.edge, seen.radius, seen.limits,
                 held, states, first, table, box.row0, box.col0,
             )  # fmt: skip
@@ -128,7 +128,7 @@ class TiledLayers:
         The version of a tile changes with every write.
         """
         table = self._table(box)
-        versions = np.where(table < 0, NOTHING, self._versions[table]) if self._blocks else table
+        versions = np.where(table < 0, NO_VERSION, self._versions[table]) if self._blocks else table
         return table, np.asarray(versions, np.int64), iter(self._blocks)
 
     def keep(self, wanted: Callable[[Key], bool]) -> list[Key]:
@@ -144,7 +144,7 @@ class TiledLayers:
             self._add_block()
         for slot in self._free[len(self._free) - count :]:
             for held in self._held(slot):
-                make_ready(held[None], slice(0, 1), slice(0, len(held)))
+                prefault_range(held[None], slice(0, 1), slice(0, len(held)))
 
     def keys(self) -> tuple[Key, ...]:
         """Return the keys of all tiles."""
@@ -173,9 +173,9 @@ class TiledLayers:
         first = len(self._versions)
         size = max(self._expected, first)
         shape: tuple[Any, ...] = (size, len(self._empty), TILE, TILE)
-        layers, states = untouched(shape, np.float32), untouched((size, 1, TILE, TILE), np.uint8)
+        layers, states = demand_zeros(shape, np.float32), demand_zeros((size, 1, TILE, TILE), np.uint8)
         self._blocks.append(Block(first, layers, states))
-        self._versions = np.concatenate([self._versions, np.full(size, NOTHING)])
+        self._versions = np.concatenate([self._versions, np.full(size, NO_VERSION)])
         self._free[:0] = range(first, first + size)[::-1]
 
     def _table(self, box: Box) -> Table:

@@ -12,24 +12,24 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.cells.accumulate import (
+    accumulate,
     cells_of,
     contradicts,
     copy_evidence,
     count_by_tile,
     differences,
-    gather_evidence,
     sorted_by_tile,
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import summarise
-from slz.terrain.demand_zero import make_ready
+from slz.terrain.demand_zero import prefault_range
 
 Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of a cache line; the size of a cell's evidence
 LEAP_S = 100_000.0
-ROUNDING = 1e-6  # relative, of a time plus 1,000 s: more than the error of single precision
-FEWEST = 16  # tiles, however small the budget
+TIME_ROUNDING = 1e-6  # relative, of a time plus 1,000 s: more than the error of single precision
+LEAST_CAPACITY = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # serial numbers of maps, so that a follower notices a replacement
 
 
@@ -64,7 +64,7 @@ class Tiles:
 
     def __init__(self, west_m: float, south_m: float, cell_m: float, budget_bytes: float) -> None:
         self.west_m, self.south_m, self.cell_m = west_m, south_m, cell_m
-        capacity = max(FEWEST, int(budget_bytes // TILE_BYTES))
+        capacity = max(LEAST_CAPACITY, int(budget_bytes // TILE_BYTES))
         self._pool = _aligned((capacity, TILE, TILE, 2, FIELDS))
         self._slot: dict[Key, int] = {}
         self._last_s: dict[Key, float] = {}
@@ -132,11 +132,11 @@ class Tiles:
         cells, samples = sorted_by_tile(
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
         )
-        table, touched = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
-        used = gather_evidence(
-            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, touched
+        table, hit_boxes = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
+        used = accumulate(
+            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, hit_boxes
         )
-        boxes = tuple(Box(*map(int, row)) for row in touched[touched[..., 0] < touched[..., 1]])
+        boxes = tuple(Box(*map(int, row)) for row in hit_boxes[hit_boxes[..., 0] < hit_boxes[..., 1]])
         return Change(boxes, evicted, inside - int(used))
 
     def _make_room(
@@ -168,7 +168,7 @@ class Tiles:
         """Prefault the memory of `count` more tiles."""
         rows = self._pool.reshape(self.capacity, TILE * TILE, -1)
         for slot in self._free[len(self._free) - count :]:
-            make_ready(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
+            prefault_range(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
 
     def _give_up(self, key: Key) -> None:
         slot = self._slot.pop(key)
@@ -216,7 +216,7 @@ class Tiles:
         if slot is None:
             return math.inf
         seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
-        return float(seen_s[seen_s >= since_s - ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
+        return float(seen_s[seen_s >= since_s - TIME_ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.polygons.contour import bends
+from slz.kernels.polygons.contour import corner_indices
 
 
 def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -19,4 +19,4 @@ def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     boundary_cells
         (n, 2) rows and columns of a closed contour.
     """
-    return boundary_cells[bends(np.ascontiguousarray(boundary_cells, np.int32))]
+    return boundary_cells[corner_indices(np.ascontiguousarray(boundary_cells, np.int32))]

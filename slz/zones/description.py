@@ -13,18 +13,18 @@ from slz.grid import Box
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.connected_components import cells_around, medians
 from slz.kernels.raster.zonal_sums import count
-from slz.landing_point.judgement import Widest, best_point, widest
+from slz.landing_point.judgement import GreatestClearance, best_point, greatest_clearance_of
 from slz.landing_point.obstacles import Groups, grouped
-from slz.lazy_fields import Later
+from slz.lazy_fields import Deferred
 from slz.terrain.terrain_view import CellView
 from slz.zone import Zone
 from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import Candidate
-from slz.zones.zonal_statistics import Tally, tallied
+from slz.zones.zonal_statistics import ZonalStatistics, zonal_statistics_of
 
 MOST_OBSTACLES = 200
 AROUND = 3  # cells around an obstacle whose ground its height refers to
-SOME = 1 << 16  # cells of such ground read at a time
+BATCH_CELLS = 1 << 16  # cells of such ground read at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,11 +35,11 @@ class Content:
     """
 
     candidate: Candidate
-    tally: Tally
+    statistics: ZonalStatistics
     corners: NDArray[np.int32]
     corners_m: NDArray[np.float32]
     obstacles: Groups
-    widest: Widest
+    clearance: GreatestClearance
 
     @classmethod
     def of(cls, candidate: Candidate, terrain: CellView, before: Content | None = None) -> Content:
@@ -48,19 +48,19 @@ class Content:
         The earlier content must be of the same terrain and grid.
         """
         if before is None:
-            tally = tallied(candidate, terrain)
+            statistics = zonal_statistics_of(candidate, terrain)
         else:
-            tally = tallied(candidate, terrain, before.candidate, before.tally)
-            if tally.lasts and candidate.same_as(before.candidate):
+            statistics = zonal_statistics_of(candidate, terrain, before.candidate, before.statistics)
+            if statistics.unchanged and candidate.same_as(before.candidate):
                 return before
         corners = without_collinear(candidate.boundary_cells)
         return cls(
             candidate=candidate,
-            tally=tally,
+            statistics=statistics,
             corners=corners,
             corners_m=terrain.kept_at("height_m", corners),
-            obstacles=_obstacles(tally.holes, candidate.own_bits, candidate.words_box, terrain),
-            widest=widest(candidate, terrain),
+            obstacles=_obstacles(statistics.holes, candidate.own_bits, candidate.words_box, terrain),
+            clearance=greatest_clearance_of(candidate, terrain),
         )
 
 
@@ -77,7 +77,7 @@ def describe(
     """
     grid, candidate, datum_m = terrain.grid, content.candidate, terrain.kept_datum_m
     n_own, n_all = count(candidate.own_bits), count(candidate.content_bits)
-    n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.tally.told.tolist()
+    n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.statistics.totals.tolist()
 
     def corners() -> NDArray[np.float64]:
         height = content.corners_m + np.float32(datum_m)
@@ -89,7 +89,7 @@ def describe(
     return Zone(
         id=zone_id,
         box=candidate.box,
-        cells=Later(lambda: candidate.component),
+        cells=Deferred(lambda: candidate.component),
         area_m2=n_own * grid.cell_m**2,
         certainty=sure / n_all,
         n_safe=int(n_safe),
@@ -98,9 +98,9 @@ def describe(
         slope_deg=slopes / n_slopes if n_slopes else math.nan,
         roughness=roughs / n_roughs if n_roughs else math.nan,
         boundary_cells=candidate.boundary_cells,
-        corners_enu_m=Later(corners),
-        obstacles=Later(lambda: content.obstacles.over(datum_m)),
-        best=best_point(content.widest, candidate.square_side, terrain, sensor_enu_m, parameters),
+        corners_enu_m=Deferred(corners),
+        obstacles=Deferred(lambda: content.obstacles.over(datum_m)),
+        best=best_point(content.clearance, candidate.square_side, terrain, sensor_enu_m, parameters),
     )
 
 
@@ -117,7 +117,7 @@ def _obstacles(holes: Bits, own: Bits, box: Box, terrain: CellView) -> Groups:
     def grounds(groups: NDArray[np.int64], _: NDArray[np.int32]) -> NDArray[np.float64]:
         found = [np.empty(0)]
         while (done := sum(map(len, found))) < len(groups):
-            cells, ends = cells_around(own, groups, done, AROUND, SOME)
+            cells, ends = cells_around(own, groups, done, AROUND, BATCH_CELLS)
             cells[:, 0] += box.row0
             cells[:, 1] += box.col0
             found.append(medians(terrain.kept_at("height_m", cells), ends))

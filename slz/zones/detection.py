@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
-from slz.kernels.polygons.boundary_tracing import tour
+from slz.kernels.polygons.boundary_tracing import trace_boundary
 from slz.kernels.raster.bitmap import Bits, packed, unpacked
-from slz.kernels.raster.connected_components import components, put_without_crumbs
+from slz.kernels.raster.connected_components import components, put_without_small_parts
 from slz.kernels.raster.distance_transform import largest_square
 from slz.kernels.raster.region_fill import fill
-from slz.kernels.raster.square_erosion import grow
+from slz.kernels.raster.square_erosion import erode_to_side
 
-FEWEST = 4096  # boundary cells that fit at least
-CRUMB = 9  # cells, below which a part of a zone that touches the rest at a corner only is left out
+LEAST_TRACE = 4096  # boundary cells that fit at least
+SMALL_PART = 9  # cells, below which a part of a zone that touches the rest at a corner only is left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,22 +96,22 @@ def search_bits(
     if not cells.any():
         return
     squares = cells.copy()  # marked at their south-west corners
-    grow(squares, 1, least_side)
+    erode_to_side(squares, 1, least_side)
     runs, groups = components(cells, squares)
-    path, edges = np.empty((FEWEST, 2), np.int32), np.empty(FEWEST, np.uint8)
+    path, edges = np.empty((LEAST_TRACE, 2), np.int32), np.empty(LEAST_TRACE, np.uint8)
     for row0, row1, col0, col1, first, stop in groups.tolist():
         run = runs[first:stop]
-        while (n := tour(cells, row0, int(run[0, 1]), path, edges)[0]) > len(path):
+        while (n := trace_boundary(cells, row0, int(run[0, 1]), path, edges)[0]) > len(path):
             path, edges = np.empty((2 * len(path), 2), np.int32), np.empty(2 * len(path), np.uint8)
         if n < least_boundary:
             continue
         words = slice(col0 >> 6, ((col1 - 1) >> 6) + 1)
         content, own = (np.zeros((row1 - row0, words.stop - words.start), np.uint64) for _ in "co")
         fill(path, edges, n, row0, words.start, content)
-        put_without_crumbs(run, CRUMB, own)
+        put_without_small_parts(run, SMALL_PART, own)
         corners = own & squares[row0:row1, words]
         if not corners.any():  # the square itself must not be dropped
-            put_without_crumbs(run, least_side**2, own)
+            put_without_small_parts(run, least_side**2, own)
             corners = own & squares[row0:row1, words]
         yield Candidate(
             boundary_cells=path[:n] + np.array([down, right], np.int32),

@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from slz.kernels.polygons.cell_rings import edges
-from slz.kernels.polygons.inner_simplification import shrunk
+from slz.kernels.polygons.cell_rings import boundary_rings
+from slz.kernels.polygons.inner_simplification import simplify_inside
 
 Ring = NDArray[np.int32]
 Points = NDArray[np.float64]
@@ -18,8 +18,10 @@ Points = NDArray[np.float64]
 # the centre of the next cell, and multiple of the area share that may be lost in cell centres.
 ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0))
 REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
-FEW = 1 / 7  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
-ENOUGH = 1 / 10  # share of the corners, below which area counts for more than points
+FEW_POINTS = (
+    1 / 7
+)  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
+ENOUGH_POINTS = 1 / 10  # share of the corners, below which area counts for more than points
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class Polygon:
     holes: tuple[Points, ...]
 
 
-def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon, ...]:
+def polygonise(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon, ...]:
     """Return the polygons of the set cells in units of cells, (column, row) from the array's corner.
 
     The polygons hold the centre of no other cell, and their area differs from that of the cells by at most
@@ -42,7 +44,7 @@ def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon,
     the centres of the next. Cells that touch at a corner only belong to separate polygons; small polygons may
     be left out.
     """
-    rings = _split(edges(np.ascontiguousarray(cells, np.uint8)))
+    rings = _split(boundary_rings(np.ascontiguousarray(cells, np.uint8)))
     if not rings:
         return ()
     areas = np.array([_area(ring) for ring in rings])
@@ -51,12 +53,12 @@ def outline(cells: NDArray[np.uint8], most_lost: float = 0.02) -> tuple[Polygon,
     best = _whole(rings, areas, most_lost)
     most = max((1 + most_lost) * areas.sum(), sum(map(_shoelace, best)))
     for reach, times in ATTEMPTS:
-        found = _few(cells, rings, areas, groups, reach, times, most_lost, int(ENOUGH * corners))
+        found = _few(cells, rings, areas, groups, reach, times, most_lost, int(ENOUGH_POINTS * corners))
         if found is None or sum(map(_shoelace, found)) > most:
             continue
         if _points(found) < _points(best) and _valid(found, groups):
             best = found
-        if _points(best) <= FEW * corners:
+        if _points(best) <= FEW_POINTS * corners:
             break
     return tuple(Polygon(best[i[0]], tuple(best[j] for j in i[1:])) for i in groups if len(best[i[0]]))
 
@@ -85,7 +87,9 @@ def _few(
     sums = np.zeros((cells.shape[0], cells.shape[1] + 1), np.int32)
     np.cumsum(cells != 0, axis=1, out=sums[:, 1:])
     number = np.repeat(np.arange(len(rings)), [len(ring) for ring in start])
-    left = shrunk(np.concatenate(start), number, worth, sums, spare, times * most_lost * total, enough)
+    left = simplify_inside(
+        np.concatenate(start), number, worth, sums, spare, times * most_lost * total, enough
+    )
     return [left[left[:, 0] == i, 1:] for i in range(len(rings))]
 
 
@@ -112,8 +116,8 @@ def _beside(ring: Ring, reach: float) -> Points:
     step = np.roll(ring, -1, axis=0) - ring
     middles = ring + step / 2 + reach * np.stack([-step[:, 1], step[:, 0]], axis=1)
     back, ahead = middles - np.roll(middles, 1, axis=0), np.roll(middles, -1, axis=0) - middles
-    bends = np.abs(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]) > 1e-9
-    return np.ascontiguousarray(middles[bends][:, ::-1])
+    corners = np.abs(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]) > 1e-9
+    return np.ascontiguousarray(middles[corners][:, ::-1])
 
 
 def _split(found: NDArray[np.int32]) -> list[Ring]:

@@ -30,7 +30,9 @@ class Ranking:
         entries = {}
         for zone in zones:
             known = self._entries.get(zone.id)
-            entries[zone.id] = known if known and known[1] is zone else (steps(zone, self._parameters), zone)
+            entries[zone.id] = (
+                known if known and known[1] is zone else (criteria(zone, self._parameters), zone)
+            )
         order = sorted(entries.values(), key=_place, reverse=True)[: self._parameters.max_zones]
         ranked, placed = [], {}
         above: Entry | None = None
@@ -42,7 +44,7 @@ class Ranking:
                 theirs, other = above
                 known_pair = self._placed.get((other.id, zone.id))
                 if not (known_pair and known_pair[0] is other and known_pair[1] is zone):
-                    known_pair = other, zone, zone.placed(_why(zone, mine, other, theirs))
+                    known_pair = other, zone, zone.with_reason(_why(zone, mine, other, theirs))
                 placed[other.id, zone.id] = known_pair
                 ranked.append(known_pair[2])
             above = entry
@@ -68,7 +70,8 @@ def _why(zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, 
     """Return the reason for a zone's rank behind another."""
     for place, (own, other) in enumerate(zip(mine, theirs, strict=True)):
         if own != other:
-            return f"{told(zone)[place]}, zone {above.id} {told(above)[place].split(' ', 1)[1]}"
+            text, text_above = criteria_text(zone)[place], criteria_text(above)[place]
+            return f"{text}, zone {above.id} {text_above.split(' ', 1)[1]}"
     return "found later"
 
 
@@ -77,7 +80,7 @@ def enough_m(parameters: Parameters) -> float:
     return max(parameters.min_square_m, 4 * parameters.footprint_m)
 
 
-def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
+def criteria(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     """Return the quantised ranking criteria of a zone, the most important first; greater is better."""
     best, enough = zone.best, enough_m(parameters)
     placed = is_known(best.enu_m)
@@ -93,7 +96,7 @@ def steps(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     )
 
 
-def told(zone: Zone) -> tuple[str, ...]:
+def criteria_text(zone: Zone) -> tuple[str, ...]:
     """Return the text of each ranking criterion."""
     best = zone.best
     placed = is_known(best.enu_m)

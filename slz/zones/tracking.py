@@ -57,7 +57,7 @@ class ZoneTracker:
         self._gone = gone[-MOST_GONE:]
         return zones
 
-    def moved(self, old: Grid, new: Grid) -> None:
+    def regrid(self, old: Grid, new: Grid) -> None:
         """Re-index the zones in a new grid, or at another level of the pyramid."""
         self._held = [regridded(held, old, new) for held in self._held]
         self._gone = [regridded(held, old, new) for held in self._gone]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.zonal_sums import TOLD, carry_over, tally, tally_tiles
+from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over, zonal_sums, zonal_sums_of_tiles
 from slz.terrain.derive import LAYERS
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNSAFE
@@ -22,23 +22,26 @@ PLACES = LAYERS.index("certainty"), LAYERS.index("slope_deg"), LAYERS.index("rou
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tally:
+class ZonalStatistics:
     """Zonal statistics of a zone.
 
-    told: statistics as in `tally`, the sums of `parts`, (rows, columns, statistics). holes: unsafe cells
-    inside the contour. versions: of the tiles, (rows, columns). lasts: whether all tiles were unchanged.
+    totals: statistics as in `zonal_sums`, the sums of `parts`, (rows, columns, statistics). holes: unsafe
+    cells inside the contour. versions: of the tiles, (rows, columns). unchanged: whether no tile changed.
     """
 
-    told: NDArray[np.float64]
+    totals: NDArray[np.float64]
     holes: Bits
     parts: NDArray[np.float64]
     versions: NDArray[np.int64]
-    lasts: bool = False
+    unchanged: bool = False
 
 
-def tallied(
-    candidate: Candidate, terrain: CellView, old: Candidate | None = None, known: Tally | None = None
-) -> Tally:
+def zonal_statistics_of(
+    candidate: Candidate,
+    terrain: CellView,
+    old: Candidate | None = None,
+    known: ZonalStatistics | None = None,
+) -> ZonalStatistics:
     """Return the zonal statistics of a candidate; those of unchanged tiles come from an older candidate.
 
     Sums are taken per tile first, then over all tiles, so they do not depend on what was cached.
@@ -47,7 +50,7 @@ def tallied(
         return _by_tiles(candidate, terrain, old, known)
     content, wide = candidate.content_bits, candidate.words_box
     starts, holes = range(0, len(content), STRIP), np.zeros_like(content)
-    parts = np.zeros((len(starts), 1, TOLD))
+    parts = np.zeros((len(starts), 1, ZONAL_STATISTICS))
     for part, row in enumerate(starts):
         rows = slice(row, min(row + STRIP, len(content)))
         held = np.flatnonzero(content[rows].any(axis=0))
@@ -55,36 +58,36 @@ def tallied(
         west, south = wide.col0 + 64 * words.start, wide.row0 + row
         box = Box(south, wide.row0 + rows.stop, west, wide.col0 + 64 * words.stop)
         certainty, slope = terrain.layer("certainty", box), terrain.layer("slope_deg", box)
-        tally(
+        zonal_sums(
             candidate.own_bits[rows, words], content[rows, words], terrain.state(box), SAFE, UNSAFE,
             certainty, slope, terrain.layer("roughness", box), parts[part, 0], holes[rows, words],
         )  # fmt: skip
-    return Tally(_total(parts), holes, parts, np.empty((0, 0), np.int64))
+    return ZonalStatistics(_total(parts), holes, parts, np.empty((0, 0), np.int64))
 
 
 def _by_tiles(
-    candidate: Candidate, terrain: EvidenceTerrain, old: Candidate | None, known: Tally | None
-) -> Tally:
+    candidate: Candidate, terrain: EvidenceTerrain, old: Candidate | None, known: ZonalStatistics | None
+) -> ZonalStatistics:
     own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
     there, table, versions, blocks = terrain.tiles_within(wide)
     if there.col0 % TILE:
         raise ValueError("the words of a candidate must be rows of the terrain's tiles: see `safe_bits`")
-    holes, parts = np.zeros_like(content), np.zeros((*table.shape, TOLD))
-    wanted, lasts = np.ones(table.shape, bool), False
+    holes, parts = np.zeros_like(content), np.zeros((*table.shape, ZONAL_STATISTICS))
+    wanted, unchanged = np.ones(table.shape, bool), False
     if old is not None and known is not None:
         down, right = wide.row0 - old.words_box.row0, (wide.col0 - old.words_box.col0) // 64
-        lasts = carry_over(
+        unchanged = carry_over(
             there.row0, versions, own, content, down, right,
             known.versions, old.own_bits, old.content_bits, known.parts, known.holes, wanted, parts, holes,
         )  # fmt: skip
     for first, layers, states in blocks:
-        tally_tiles(
+        zonal_sums_of_tiles(
             layers, states, first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE, own, content, parts,
             holes,
         )  # fmt: skip
-    return Tally(_total(parts), holes, parts, versions, lasts)
+    return ZonalStatistics(_total(parts), holes, parts, versions, unchanged)
 
 
 def _total(parts: NDArray[np.float64]) -> NDArray[np.float64]:
-    total: NDArray[np.float64] = parts.reshape(-1, TOLD).sum(axis=0)
+    total: NDArray[np.float64] = parts.reshape(-1, ZONAL_STATISTICS).sum(axis=0)
     return total

@@ -37,7 +37,7 @@ class ZoneMap:
         self._parameters = parameters
         grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
         self.terrain = EvidenceTerrain(grid, parameters)
-        self._names = ZoneTracker(numbers)
+        self._tracker = ZoneTracker(numbers)
         self.zones: tuple[Zone, ...] = ()
         self._candidates: tuple[Candidate, ...] = ()
         self._contents: dict[int, Content] = {}  # of the zones, by ID
@@ -48,7 +48,7 @@ class ZoneMap:
         """Evidence of the map."""
         return self.terrain.tiles
 
-    def take(
+    def add_points(
         self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
     ) -> None:
         """Add a window's points and search the terrain.
@@ -88,8 +88,8 @@ class ZoneMap:
         does not move for a single far return, which would discard the map.
         """
         east, north = float(sensor_enu_m[0]), float(sensor_enu_m[1])
-        room = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
-        return (east, north) if room < self._parameters.zone_m / 4 else None
+        margin_m = min(east - grid.west_m, grid.east_m - east, north - grid.south_m, grid.north_m - north)
+        return (east, north) if margin_m < self._parameters.zone_m / 4 else None
 
     def at_level(self, level: int) -> None:
         """Derive the map at another level of the pyramid; zones keep their IDs."""
@@ -97,7 +97,7 @@ class ZoneMap:
             self._become(self.terrain.at_level(level))
 
     def _become(self, terrain: EvidenceTerrain) -> None:
-        self._names.moved(self.terrain.grid, terrain.grid)
+        self._tracker.regrid(self.terrain.grid, terrain.grid)
         self._contents = {}
         self.terrain = terrain
 
@@ -107,13 +107,11 @@ class ZoneMap:
         seen = terrain.seen
         if seen.empty:
             return ()
-        coarser = terrain.grid.cell_m / p.cell_m
+        scale = terrain.grid.cell_m / p.cell_m
         side = side_in_cells(p.min_square_m, terrain.grid)
-        return tuple(
-            search_bits(*terrain.safe_bits(seen), side, max(1, int(p.min_boundary_points / coarser)))
-        )
+        return tuple(search_bits(*terrain.safe_bits(seen), side, max(1, int(p.min_boundary_points / scale))))
 
-    def name(self, sensor_enu_m: Points) -> None:
+    def identify(self, sensor_enu_m: Points) -> None:
         """Assign IDs to the zones found, describe and rank them."""
         p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
 
@@ -121,5 +119,5 @@ class ZoneMap:
             content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id))
             return describe(content, terrain, sensor_enu_m, p, zone_id)
 
-        self.zones = rank(self._names.update(self._candidates, described), p)
+        self.zones = rank(self._tracker.update(self._candidates, described), p)
         self._contents = contents

@@ -24,7 +24,7 @@ from slz.radar.heights import heights
 from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
 from slz.radar.line_buffer import RadarLines
-from slz.zones.polygonise import outline
+from slz.zones.polygonise import polygonise
 from tests.golden import pieces
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 
@@ -80,7 +80,7 @@ def flight(
         sensor = np.array([*(0.8 * centre), up_m + second])
         report = pipe.process(Window(points, stamps, sensor, FRAME, int(stamps[0]), int(stamps[-1])))
         yield report
-        yield [outline(zone.cells) for zone in report.zones]
+        yield [polygonise(zone.cells) for zone in report.zones]
         for which in ("near", "far"):
             drawn = pipe.drawn(which, 5)
             if drawn is not None:

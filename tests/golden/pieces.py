@@ -14,18 +14,18 @@ from slz.flash.ranging import likely_ranges, polynomial_map, polynomial_ranges, 
 from slz.grid import Box, Grid
 from slz.kernels.footprint.certainty import certainty
 from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
-from slz.kernels.paper.zone_search import find
+from slz.kernels.paper.zone_search import search_zones
 from slz.kernels.raster.bitmap import packed
-from slz.kernels.raster.connected_components import largest_groups, middle_height, obstacles
-from slz.kernels.raster.distance_transform import farthest, room
+from slz.kernels.raster.connected_components import largest_groups, median_height, obstacles
+from slz.kernels.raster.distance_transform import greatest_clearance, square_and_clearance
 from slz.kernels.raster.region_fill import component
 from slz.paper.window_cells import Returns
-from slz.points.outliers import LoneReturns, gap_interval, in_a_group, in_company
+from slz.points.outliers import IsolatedReturns, gap_interval, in_cluster, not_isolated
 from slz.radar.accuracy import coherence, height_error_m, phase_error_rad, whole_height_error_m
 from slz.radar.interferometer import Interferometer
 from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import search_components
-from slz.zones.polygonise import outline
+from slz.zones.polygonise import polygonise
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera
 
 U8 = NDArray[np.uint8]
@@ -44,7 +44,7 @@ def outlines(seed: int) -> Iterator[Any]:
     rng = np.random.default_rng(seed)
     for k in range(8):
         cells = blob(rng, int(rng.integers(6, 22)), int(rng.integers(6, 26)), 0.5 + 0.2 * k, 0.6)
-        yield [outline(cells, most_lost) for most_lost in (0.0, 0.02, 0.1)[k % 3 :]]
+        yield [polygonise(cells, most_lost) for most_lost in (0.0, 0.02, 0.1)[k % 3 :]]
 
 
 def zones() -> Iterator[Any]:
@@ -59,37 +59,37 @@ def zones() -> Iterator[Any]:
         square = ndimage.binary_erosion(safe, np.ones((3, 3)), origin=-1).astype(np.uint8)
         seeds = packed(np.pad(square, ((0, 0), (0, 42))))
         whole = (0, 24, 0, bits.shape[1])
-        yield find(bits, seeds, np.zeros_like(bits), *whole, 12, 64)
+        yield search_zones(bits, seeds, np.zeros_like(bits), *whole, 12, 64)
         rest, own = seeds.copy(), bits
         for row, col in np.argwhere(square)[:: max(1, int(square.sum()) // 2)].tolist():
             own = component(bits, row, col)
-            side, _, cells = room(own, rest & own, 3)
-            yield side, cells, farthest(own, side)
+            side, _, cells = square_and_clearance(own, rest & own, 3)
+            yield side, cells, greatest_clearance(own, side)
         holes = packed(np.pad(blob(rng, 24, 150, 0.7, 0.2), ((0, 0), (0, 42))))
         height = rng.normal(0, 1, (24, 64 * bits.shape[1])).astype(np.float32)
         yield obstacles(holes & ~own, own, height, 100.0, 50.0, 0.5, 12, 3)
         yield largest_groups(holes, 5)
         wide = np.pad(height, 9, constant_values=np.nan)
         places = (-2, 60), (8, 30), (20, 120)
-        yield [middle_height(own, wide[r + 9 : r + 14, c + 9 : c + 18], r, c) for r, c in places]
+        yield [median_height(own, wide[r + 9 : r + 14, c + 9 : c + 18], r, c) for r, c in places]
 
 
 def clouds() -> Iterator[Any]:
     """Yield which returns are kept of clouds, dense and sparse, wide and narrow, with strays."""
     rng = np.random.default_rng(23)
-    lone = LoneReturns()
+    lone = IsolatedReturns()
     for k in range(20):
         n, half = 300 + 20 * k, (4.0, 9.0, 30.0, 900.0)[k % 4]
         points = np.column_stack([rng.uniform(-half, half, (n, 2)), rng.normal(0, 0.05, n)])
         points[: n // 3] = rng.normal((1.0, -2.0, 0.4), (0.5, 0.5, 0.3), (n // 3, 3))
         points[-12:, 2] += rng.uniform(-9.0, 14.0, 12)
         sensor = np.array([0.3, -0.7, 12.0 + k]) if k % 5 else np.full(3, np.nan)
-        keep = in_company(points, sensor, 0.1 + 0.05 * (k % 3))
+        keep = not_isolated(points, sensor, 0.1 + 0.05 * (k % 3))
         yield keep
         yield gap_interval(points[:, 2], 0.5 + 0.4 * (k % 4), 0.004 * (k % 6))
-        yield in_a_group(points[-40:], 2.0 + k, 3)
+        yield in_cluster(points[-40:], 2.0 + k, 3)
         alone = rng.normal((3.0, 3.0, 1.0), 0.15, (3, 3))
-        yield lone.returning(np.vstack([points[~keep], alone]), np.array([0.0, 0.0, 30.0 + k]), 20_000)
+        yield lone.recurring(np.vstack([points[~keep], alone]), np.array([0.0, 0.0, 30.0 + k]), 20_000)
         returns, grid = Returns(), Grid(-5.0, -6.0, 0.25 + 0.05 * k, 30, 90)
         returns.read(points, sensor, 25.0 + 3 * k, grid)
         yield returns.low_m, returns.high_m, returns.n, returns.n_outside, returns.box

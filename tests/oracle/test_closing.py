@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from slz.kernels.raster.bitmap import packed, unpacked
-from slz.kernels.raster.morphology import above, closed, dilated, eroded, higher, lowest_around, others
+from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
 
 seeds = st.integers(0, 10_000)
 
@@ -44,9 +44,9 @@ def test_the_lowest_around_rises_with_every_row_and_column_that_it_is_away(seed:
             if max(abs(r - row), abs(c - col)) <= radius and not np.isnan(value):
                 expected[r, c] = min(expected[r, c], value + rise * (abs(r - row) + abs(c - col)))
     cols, limit = values.shape[1], np.float32(0.7)
-    lowest = lowest_around(values, radius, rise)
+    lowest = minimum_filter(values, radius, rise)
     np.testing.assert_allclose(lowest[:, :cols], expected, rtol=0, atol=5e-6)
-    bits = higher(values, lowest, limit)
+    bits = exceeds(values, lowest, limit)
     np.testing.assert_array_equal(unpacked(bits, 0, cols), values - lowest[:, :cols] > limit)
     assert not unpacked(bits, cols, -cols % 64).any()
 
@@ -56,8 +56,8 @@ def test_what_is_no_number_is_not_above_a_limit_and_what_is_not_set_ends_with_th
     values[::2, ::3] = np.nan
     bits = above(values, np.float32(0.4))
     np.testing.assert_array_equal(unpacked(bits, 0, 70), values > np.float32(0.4))
-    np.testing.assert_array_equal(unpacked(others(bits, 70), 0, 128)[:, :70], ~(values > np.float32(0.4)))
-    assert not unpacked(others(bits, 70), 70, 58).any()
+    np.testing.assert_array_equal(unpacked(complement(bits, 70), 0, 128)[:, :70], ~(values > np.float32(0.4)))
+    assert not unpacked(complement(bits, 70), 70, 58).any()
 
 
 @pytest.mark.parametrize("radius", [0, 1, 10, 31, 32, 70])
@@ -68,5 +68,5 @@ def test_erosion_is_that_of_scipy_however_wide_the_square(radius: int) -> None:
     expected = ndimage.binary_erosion(known, square)
     np.testing.assert_array_equal(unpacked(eroded(bits, radius, 200), 0, 200), expected)
     np.testing.assert_array_equal(
-        unpacked(dilated(others(bits, 200), radius, 200), 0, 200), ndimage.binary_dilation(~known, square)
+        unpacked(dilated(complement(bits, 200), radius, 200), 0, 200), ndimage.binary_dilation(~known, square)
     )

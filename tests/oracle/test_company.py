@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.points.voxel_density_filter import has_company
+from slz.kernels.points.voxel_density_filter import is_supported
 
 Floats = NDArray[np.float64]
 VOXEL_M, LEAST = 0.3, 2
 
 
 def plainly(points: Floats, sensor: Floats, object_m2: float) -> list[bool]:
-    """The rule of `slz.points.outliers.in_company`, counted point against point."""
+    """The rule of `slz.points.outliers.not_isolated`, counted point against point."""
     edge = np.array([VOXEL_M, VOXEL_M, VOXEL_M / 4])
     at = ((points - edge * np.floor(points.min(axis=0) / edge)) / edge).astype(np.int64)
     keep = []
@@ -47,5 +47,5 @@ def test_company_is_what_counting_says(seed: int, far_m: float, object_m2: float
     crowd = rng.normal(0, 0.1, (300, 3)) * [1, 1, 0.1] + [3, 3, 0]
     points = np.vstack([ground, wall, dust, echoes, crowd, [[far_m, far_m, 0.0]]])
     sensor = np.array([0.0, 0.0, float(rng.choice([0.5, 3.0, 20.0]))]) if seed % 4 else np.full(3, np.nan)
-    told = has_company(points, sensor, VOXEL_M, LEAST, object_m2).tolist()
+    told = is_supported(points, sensor, VOXEL_M, LEAST, object_m2).tolist()
     assert told == plainly(points, sensor, object_m2)

@@ -13,13 +13,13 @@ import params
 from slz.grid import Box, Grid
 from slz.kernels.polygons.contour import squares
 from slz.kernels.raster.bitmap import packed, unpacked
-from slz.kernels.raster.connected_components import components, put_without_crumbs
+from slz.kernels.raster.connected_components import components, put_without_small_parts
 from slz.kernels.raster.distance_transform import largest_square
 from slz.kernels.raster.region_fill import component
-from slz.kernels.raster.square_erosion import grow
+from slz.kernels.raster.square_erosion import erode_to_side
 from slz.paper.paper_detection import PaperDetection
 from slz.paper.paper_terrain import PaperTerrain
-from slz.zones.detection import FEWEST, Candidate, search_components
+from slz.zones.detection import LEAST_TRACE, Candidate, search_components
 from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]
@@ -64,7 +64,7 @@ def test_the_tracing_of_a_long_contour_is_complete() -> None:
     safe[1:3, 1:-1] = 1
     safe[3:39, 1:-1:2] = 1
     (found,) = search_components(safe, Box(0, 40, 0, 203), 2, 1)
-    assert len(found.boundary_cells) > FEWEST
+    assert len(found.boundary_cells) > LEAST_TRACE
     assert [tuple(cell) for cell in found.boundary_cells.tolist()] == moore(safe, 1, 1)
 
 
@@ -115,7 +115,7 @@ def test_crumbs_are_the_small_parts_that_hang_on_corners(safe: Map, fewest: int)
         size = np.bincount(parts.ravel())[1:]
         kept = np.isin(parts, 1 + np.flatnonzero(size >= min(fewest, size.max())))
         cells = np.zeros((row1 - row0, ((col1 - 1) >> 6) + 1 - (col0 >> 6)), np.uint64)
-        put_without_crumbs(runs[first:stop], fewest, cells)
+        put_without_small_parts(runs[first:stop], fewest, cells)
         np.testing.assert_array_equal(unpacked(cells, col0 & 63, col1 - col0), kept)
 
 
@@ -211,7 +211,7 @@ def search_source(safe: Map, least_side: int, least_boundary: int) -> list[Candi
 def erosion(bits: NDArray[np.uint64], side: int) -> NDArray[np.uint64]:
     """Return the south-west corners of the set squares."""
     out = bits.copy()
-    grow(out, 1, side)
+    erode_to_side(out, 1, side)
     return out
 
 

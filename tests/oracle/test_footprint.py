@@ -14,10 +14,17 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.cells.cell_statistics import summary
-from slz.kernels.footprint.derive_maps import draw
-from slz.kernels.footprint.moments import HELD, RISES, SUMS, over_columns, over_rows, rises_over_columns
+from slz.kernels.footprint.derive_maps import derive_box
+from slz.kernels.footprint.moments import (
+    PATCH_LAYERS,
+    RISES,
+    SUMS,
+    over_columns,
+    over_rows,
+    rises_over_columns,
+)
 from slz.kernels.footprint.patch import COLS as PATCH
-from slz.kernels.footprint.patch import inverses, rows_of_patch, take
+from slz.kernels.footprint.patch import gather_cells, inverses, rows_of_patch
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.morphology import eroded
@@ -54,7 +61,7 @@ def planes(
     about[:, k : k + rows, k : k + cols] = cells
     whole = eroded(packed(np.pad(covered, k)), k, cols + 2 * k)
     maps, states = np.empty((7, rows, wide), np.float32), np.empty(rows * wide, np.uint8)
-    draw(
+    derive_box(
         about, inverses(about), whole, np.zeros_like(whole), k, k, (cell_m, NOISE_M, limit, 9.0),
         (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,
     )  # fmt: skip
@@ -231,9 +238,9 @@ def test_sums_over_footprints_are_those_of_their_cells(k: int) -> None:
     cells[SPREAD] = rng.uniform(0, 1e-3, cells.shape[1:])
     unknown = cells[WEIGHT] == 0
     cells[[HEIGHT, SPREAD]] = np.where(unknown, np.nan, cells[[HEIGHT, SPREAD]])
-    held, sums = np.empty(HELD * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
+    held, sums = np.empty(PATCH_LAYERS * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
     rises, heights = np.empty(RISES * rows * wide), np.empty((4, LANES))
-    take(cells.ravel(), inverses(cells), cells.shape[2], 3, 2, tall, wide, level, held)
+    gather_cells(cells.ravel(), inverses(cells), cells.shape[2], 3, 2, tall, wide, level, held)
     over_rows(held, rows, k, wide, sums, rises)
     away, got = np.arange(-k, k + 1).astype(np.float32), np.empty((8, LANES), np.float32)
     y, x = np.mgrid[-k : k + 1, -k : k + 1]

@@ -15,7 +15,7 @@ from slz.kernels.paper.zone_search import (
     N_CELLS,
     ROW0,
     ROW1,
-    find,
+    search_zones,
 )
 from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.connected_components import largest_groups, runs
@@ -27,7 +27,7 @@ def found(safe: Bytes, least: int, longest: int) -> tuple[list[list[int]], NDArr
     bits = packed(safe)
     taken = np.zeros_like(bits)
     words = bits.shape[1]
-    table, boundary, content, _ = find(bits, bits, taken, 0, len(safe), 0, words, least, longest)
+    table, boundary, content, _ = search_zones(bits, bits, taken, 0, len(safe), 0, words, least, longest)
     return table.tolist(), boundary, content.tolist()
 
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.grid import Grid
-from slz.kernels.paper.height_gate import CHUNK, MANY, SAMPLED
+from slz.kernels.paper.height_gate import CHUNK, SAMPLE_EVERY, SAMPLED_ABOVE
 from slz.paper.window_cells import Returns
 
 Heights = NDArray[np.float64]
@@ -59,14 +59,14 @@ def ramp(n: int, rng: np.random.Generator) -> Heights:
 
 def hidden(n: int, rng: np.random.Generator) -> Heights:
     """What is highest and lowest lies in the chunks that are not sampled, what is sampled is elsewhere."""
-    chunk = np.arange(n) // CHUNK % SAMPLED
+    chunk = np.arange(n) // CHUNK % SAMPLE_EVERY
     return np.where(chunk == 0, rng.normal(5.0, 0.1, n), rng.uniform(-20.0, 30.0, n))
 
 
 def misleading(n: int, rng: np.random.Generator) -> Heights:
     """A few far below and above, all in chunks that are sampled: their bins are sparse all the same."""
     height = rng.normal(0.0, 1.0, n)
-    sampled = np.flatnonzero(np.arange(n) // CHUNK % SAMPLED == 0)
+    sampled = np.flatnonzero(np.arange(n) // CHUNK % SAMPLE_EVERY == 0)
     height[sampled[3:8]], height[sampled[20:26]] = -20.0, 25.0
     return height
 
@@ -88,7 +88,7 @@ def alike(n: int, rng: np.random.Generator) -> Heights:
     return rng.permutation(np.linspace(-30.0, 70.0, n))
 
 
-@pytest.mark.parametrize("n", [700, MANY + 1, 2 * MANY + 77])
+@pytest.mark.parametrize("n", [700, SAMPLED_ABOVE + 1, 2 * SAMPLED_ABOVE + 77])
 @pytest.mark.parametrize("make", [ground, ramp, hidden, misleading, level, bell, alike])
 def test_the_heights_accepted_are_those_of_the_whole_histogram(make: object, n: int) -> None:
     assert callable(make)

@@ -11,7 +11,7 @@ import params
 from slz.grid import Grid
 from slz.kernels.paper.zone_statistics import inside_count
 from slz.kernels.raster.bitmap import packed, unpacked
-from slz.kernels.raster.distance_transform import room
+from slz.kernels.raster.distance_transform import square_and_clearance
 from slz.kernels.raster.region_fill import all_reach, component
 from slz.paper.paper_detection import PaperDetection, Part
 from slz.paper.paper_terrain import PaperTerrain
@@ -143,7 +143,7 @@ def test_a_larger_square_on_an_island_is_not_the_zone_s_though_its_farthest_cell
 def test_where_the_largest_square_is_told_there_is_one(seed: int) -> None:
     safe = ragged(seed)
     square = ndimage.binary_erosion(safe, np.ones((SIDE, SIDE)), origin=-1).astype(np.uint8)
-    side, (row, col), _ = room(packed(safe), packed(square), SIDE)
+    side, (row, col), _ = square_and_clearance(packed(safe), packed(square), SIDE)
     assert safe[row : row + side, col : col + side].all()
     assert side == largest_square(safe.astype(bool))
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.zones.boundary_points import without_collinear
-from slz.zones.polygonise import outline
+from slz.zones.polygonise import polygonise
 from tests.oracle.source_rules import moore
 
 Cells = NDArray[np.uint8]
 
 
 def polygons(cells: Cells, most_lost: float) -> list[shapely.Polygon]:
-    return [shapely.Polygon(part.outer, part.holes) for part in outline(cells, most_lost)]
+    return [shapely.Polygon(part.outer, part.holes) for part in polygonise(cells, most_lost)]
 
 
 def holds(parts: list[shapely.Polygon], cells: Cells) -> NDArray[np.bool_]:
@@ -84,7 +84,7 @@ def test_without_loss_every_cell_and_no_other_is_inside(cells: Cells) -> None:
 @given(arrays(np.uint8, st.tuples(st.integers(1, 12), st.integers(1, 12)), elements=st.integers(0, 1)))
 @settings(max_examples=150, deadline=None)
 def test_holes_and_parts_are_those_of_four_connected_cells(cells: Cells) -> None:
-    parts = outline(cells, 0.0)
+    parts = polygonise(cells, 0.0)
     assert len(parts) == ndimage.label(cells)[1]
     outside = ndimage.label(np.pad(1 - cells, 1, constant_values=1), np.ones((3, 3)))[1] - 1
     assert sum(len(part.holes) for part in parts) == outside
@@ -169,4 +169,4 @@ def test_a_square_stays_a_square() -> None:
 
 
 def test_nothing_has_no_outline() -> None:
-    assert outline(np.zeros((4, 4), np.uint8)) == ()
+    assert polygonise(np.zeros((4, 4), np.uint8)) == ()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import params
 from slz import LocalFrame, Pipeline, TerrainMaps, Window
 from slz.grid import Box
-from slz.kernels.cells.resolution_pyramid import coarser
+from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.raster.horizon import horizon
 from slz.terrain.tiles import Noise, Tiles
 
@@ -41,7 +41,7 @@ def test_a_level_holds_the_statistics_of_all_returns_below_it(seed: int, level: 
             seen_s[place][fine] = now_s
     evidence = tiles.read(box)
     for _ in range(level):
-        evidence = coarser(evidence, 12.0, 100.0)
+        evidence = downsample(evidence, 12.0, 100.0)
     for row in range(SIDE >> level):
         for col in range(SIDE >> level):
             got, values = evidence[row, col, 0], sorted(heights[row, col])
@@ -60,8 +60,8 @@ def test_returns_too_old_are_left_out_of_the_levels() -> None:
     sensor, noise = np.zeros(3), Noise(0.02, 0.0)
     tiles.add(np.array([[0.5, 0.5, 3.0]]), sensor, noise, box, 0.0, 8.0)
     tiles.add(np.array([[1.5, 0.5, 7.0]]), sensor, noise, box, 50.0, 8.0)
-    assert coarser(tiles.read(box), 60.0, 100.0)[0, 0, 0, COUNT] == 2
-    joint = coarser(tiles.read(box), 120.0, 100.0)[0, 0, 0]
+    assert downsample(tiles.read(box), 60.0, 100.0)[0, 0, 0, COUNT] == 2
+    joint = downsample(tiles.read(box), 120.0, 100.0)[0, 0, 0]
     assert joint[[COUNT, MEAN]].tolist() == [1, 7.0]
 
 

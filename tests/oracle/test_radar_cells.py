@@ -7,11 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from slz.kernels.instruments.dem_fusion import SUMS, add_samples, fuse_cells
+from slz.kernels.instruments.dem_fusion import DEM_SUMS, add_samples, fuse_cells
 
 
 def added(points: list[list[float]], sigma: list[float], turn: list[float], azimuth: float) -> np.ndarray:
-    sums = np.zeros((3, 4, SUMS))
+    sums = np.zeros((3, 4, DEM_SUMS))
     ahead = np.array([1.0, 0.0])
     add_samples(np.array(points), np.array(sigma), np.array(turn), ahead, azimuth, 100.0, 200.0, 2.0, sums)
     return sums
@@ -19,7 +19,7 @@ def added(points: list[list[float]], sigma: list[float], turn: list[float], azim
 
 def test_a_sample_adds_itself_once_for_each_third_of_its_beam() -> None:
     sums = added([[103.0, 205.0, 7.0]], [0.5], [3.0], 1.2)  # 0.4 m to either side: one cell
-    expected = np.zeros((3, 4, SUMS))
+    expected = np.zeros((3, 4, DEM_SUMS))
     expected[2, 1] = 3 * np.array([4.0, 28.0, 196.0, 1.0, 12.0])
     np.testing.assert_allclose(sums, expected, rtol=1e-12)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.paper.height_sums import scatter
+from slz.kernels.paper.height_sums import sum_heights
 from slz.kernels.paper.point_pass import DROPPED, OUTSIDE
 
 COUNT_BITS, SCALE, LEVEL, LOW, HIGH = 8, 1024.0, 50.0, 48.0, 53.0
@@ -46,7 +46,7 @@ def test_sums_and_counts_are_those_by_hand_in_any_order(seed: int, n: int) -> No
         flat, sums = points[order].ravel(), np.zeros(ROWS * COLS, np.uint64)
         flat.flags.writeable = False
         limits = LEVEL, LOW, HIGH, SCALE, COUNT_BITS, ROW0, COL0, COLS
-        assert scatter(flat, cells[order], heights[order], *limits, sums) == used
+        assert sum_heights(flat, cells[order], heights[order], *limits, sums) == used
         found.append(sums)
     np.testing.assert_array_equal(found[0], found[1])
     np.testing.assert_array_equal(found[0], found[2])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import params
 from slz import LocalFrame, Pipeline, Report, Window
 from slz.grid import Grid
-from slz.kernels.paper.zone_search import find
+from slz.kernels.paper.zone_search import search_zones
 from slz.paper import paper_detection
 from slz.paper.paper_detection import PaperDetection
 from slz.paper.paper_terrain import PaperTerrain
@@ -134,7 +134,7 @@ def test_a_search_that_failed_is_made_up_for_by_the_next(monkeypatch: pytest.Mon
     for _ in range(6):
         terrain.add(scan(rng))
         with monkeypatch.context() as patch:
-            patch.setattr(paper_detection, "find", full)
+            patch.setattr(paper_detection, "search_zones", full)
             with pytest.raises(MemoryError):
                 search.update()
         mine = search.update()
@@ -147,7 +147,7 @@ def test_a_search_that_failed_is_made_up_for_by_the_next(monkeypatch: pytest.Mon
 
 
 def full(*given: Any) -> None:
-    find(*given)
+    search_zones(*given)
     raise MemoryError
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from slz import Grid, Zone
-from slz.zones.polygonise import outline
+from slz.zones.polygonise import polygonise
 
 DEGREE_DECIMALS = 9  # a tenth of a millimetre
 
@@ -20,5 +20,8 @@ def zone_polygon(zone: Zone, grid: Grid) -> MultiPolygon:
         return corner + ring * grid.cell_m
 
     return MultiPolygon(
-        [Polygon(metres(part.outer), [metres(hole) for hole in part.holes]) for part in outline(zone.cells)]
+        [
+            Polygon(metres(part.outer), [metres(hole) for hole in part.holes])
+            for part in polygonise(zone.cells)
+        ]
     )

@@ -19,18 +19,18 @@ from slz.kernels.cells.cell_record import (
     TIME,
 )
 from slz.kernels.jit import kernel
-from slz.kernels.simd import LANES, ask_for, load, store
+from slz.kernels.simd import LANES, load, prefetch, store
 
-OUTSIDE, LARGEST = np.int32(-(2**31)), np.int32(2**31 - 1)
-AHEAD = 24  # points between the prefetch of a cell and its use
+OUTSIDE_BOX, INT32_MAX = np.int32(-(2**31)), np.int32(2**31 - 1)
+PREFETCH_AHEAD = 24  # points between the prefetch of a cell and its use
 BITS = np.int32(TILE_BITS)
 CHUNK = 64  # points processed together
-ONE, TWO = np.float32(1), np.float32(2)
+F1, F2 = np.float32(1), np.float32(2)
 NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
 @kernel("void(float64[::1], float64, float64, float64, float64[:, ::1])")
-def _placed(
+def _place(
     points: NDArray[np.float64], west: float, south: float, cell: float, out: NDArray[np.float64]
 ) -> None:
     """Write rows, columns and heights of points, without a branch, so that the compiler vectorises the loop.
@@ -55,7 +55,7 @@ def cells_of(
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and count inside.
 
-    Cells count from (west, south). Points outside `within` (row0, row1, col0, col1) get the row `OUTSIDE`.
+    Cells count from (west, south). Points outside `within` (row0, row1, col0, col1) get row `OUTSIDE_BOX`.
     """
     at, placed = np.empty((len(points), 2), np.int32), np.empty((3, CHUNK))
     south0, north0, west0, east0 = within[0] + 0.0, within[1] + 0.0, within[2] + 0.0, within[3] + 0.0
@@ -63,7 +63,7 @@ def cells_of(
     flat, places, rows, cols = points.ravel(), at.ravel(), placed[0], placed[1]
     for start in range(0, len(points), CHUNK):
         n, to = min(CHUNK, len(points) - start), np.uint64(2 * start)
-        _placed(flat[3 * start : 3 * (start + n)], west, south, cell, placed)
+        _place(flat[3 * start : 3 * (start + n)], west, south, cell, placed)
         held = 0
         for k in range(np.uint64(n)):
             r, c = rows[k], cols[k]
@@ -72,12 +72,12 @@ def cells_of(
             for k in range(np.uint64(n)):
                 r, c = rows[k], cols[k]
                 here = (r >= south0) & (r < north0) & (c >= west0) & (c < east0)
-                places[to + PAIR * k], places[to + PAIR * k + NEXT] = OUTSIDE, 0
+                places[to + PAIR * k], places[to + PAIR * k + NEXT] = OUTSIDE_BOX, 0
                 if here:
                     places[to + PAIR * k], places[to + PAIR * k + NEXT] = np.int32(r), np.int32(c)
                     r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
         else:
-            least_row, most_row, least_col, most_col = LARGEST, OUTSIDE, LARGEST, OUTSIDE
+            least_row, most_row, least_col, most_col = INT32_MAX, OUTSIDE_BOX, INT32_MAX, OUTSIDE_BOX
             for k in range(np.uint64(n)):
                 row, col = np.int32(rows[k]), np.int32(cols[k])
                 places[to + PAIR * k], places[to + PAIR * k + NEXT] = row, col
@@ -124,7 +124,7 @@ def hit_squares(
     high, wide, elsewhere = float(rows), float(cols), np.int32(rows * cols)
     for start in range(0, len(points), CHUNK):
         n = min(CHUNK, len(points) - start)
-        _placed(flat[3 * start : 3 * (start + n)], west, south, side, placed)
+        _place(flat[3 * start : 3 * (start + n)], west, south, side, placed)
         for k in range(np.uint64(n)):
             r, c = row[k], col[k]
             inside = (r >= 0.0) & (r < high) & (c >= 0.0) & (c < wide)
@@ -142,7 +142,7 @@ def _tiles_of(
     for k in range(np.uint64(len(at) // 2)):
         row, col = at[PAIR * k], at[PAIR * k + NEXT]
         number = np.int32(np.int32(row >> BITS) * wide) + np.int32(np.int32(col >> BITS) - first)
-        tile[k] = np.int32(number) if row != OUTSIDE else elsewhere
+        tile[k] = np.int32(number) if row != OUTSIDE_BOX else elsewhere
 
 
 @kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
@@ -164,7 +164,7 @@ def count_by_tile(
 
 
 @kernel("void(float64[::1], float64[:], float64, float64, float32[:, ::1])")
-def _sampled(
+def _sample(
     points: NDArray[np.float64],
     sensor: NDArray[np.float64],
     range_noise_m: float,
@@ -227,7 +227,7 @@ def sorted_by_tile(
         stop = min(len(at), start + CHUNK)
         mine = cells[2 * start : 2 * stop]
         _tiles_of(mine, wide, np.int32(tile_row * cols + tile_col), elsewhere, tile)
-        _sampled(flat[3 * start : 3 * stop], sensor, range_noise_m, angle_noise_rad, some)
+        _sample(flat[3 * start : 3 * stop], sensor, range_noise_m, angle_noise_rad, some)
         for k in range(np.uint64(stop - start)):
             own = np.uint64(tile[k])
             to = np.uint64(place[own])
@@ -238,7 +238,7 @@ def sorted_by_tile(
 
 
 @kernel("UniTuple(int64, 4)(int32[::1], float32[:, ::1], float32, float32, float32, float32[:, :, ::1])")
-def _gather(
+def _accumulate_in_tile(
     cells: NDArray[np.int32],
     samples: NDArray[np.float32],
     now_s: float,
@@ -246,11 +246,11 @@ def _gather(
     max_age_s: float,
     tile: NDArray[np.float32],
 ) -> tuple[int, int, int, int]:
-    """Add the points of a tile to its cells, see `gather_evidence`; return the box of the cells hit."""
+    """Add the points of a tile to its cells, see `accumulate`; return the box of the cells hit."""
     r0, r1, c0, c1 = TILE, -1, TILE, -1
     flat, last = tile.ravel(), len(cells) - 1
     for i in range(len(cells)):
-        ask_for(flat, 2 * FIELDS * cells[min(i + AHEAD, last)])
+        prefetch(flat, 2 * FIELDS * cells[min(i + PREFETCH_AHEAD, last)])
         r, c = cells[i] >> TILE_BITS, cells[i] & (TILE - 1)
         r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
         h, variance = samples[i, 0], samples[i, 1]
@@ -267,12 +267,12 @@ def _gather(
             now[LOW] = now[LOW2] = now[HIGH] = now[HIGH2] = h
         else:
             # No branch: extremes are unpredictable.
-            n = now[COUNT] + ONE
+            n = now[COUNT] + F1
             low, high = now[LOW], now[HIGH]
             above, below = (h if h > low else low), (h if h < high else high)
             low2 = above if above < now[LOW2] else now[LOW2]
             high2 = below if below > now[HIGH2] else now[HIGH2]
-            now[LOW2], now[HIGH2] = (above, below) if n == TWO else (low2, high2)
+            now[LOW2], now[HIGH2] = (above, below) if n == F2 else (low2, high2)
             now[LOW], now[HIGH] = (h if h < low else low), (h if h > high else high)
             now[COUNT] = n
             now[MEAN] += (h - now[MEAN]) / n
@@ -285,7 +285,7 @@ def _gather(
     "int64(int32[::1], float32[:, ::1], int64[:, ::1], int64, int64, float32, float32, float32,"
     " float32[:, :, :, :, ::1], int32[:, ::1], int64[:, :, ::1])"
 )
-def gather_evidence(
+def accumulate(
     cells: NDArray[np.int32],
     samples: NDArray[np.float32],
     count: NDArray[np.int64],
@@ -296,11 +296,11 @@ def gather_evidence(
     max_age_s: float,
     pool: NDArray[np.float32],
     table: NDArray[np.int32],
-    touched: NDArray[np.int64],
+    hit_boxes: NDArray[np.int64],
 ) -> int:
     """Add points, sorted by tile, to the per-cell statistics; return how many were used.
 
-    `table` holds the slot in the pool of each tile, -1 where there is none. `touched` receives row0, row1,
+    `table` holds the slot in the pool of each tile, -1 where there is none. `hit_boxes` receives row0, row1,
     col0, col1 (half open) of the cells hit in each tile.
 
     A cell has a current and a previous epoch. When new points arrive and the current epoch is older than
@@ -315,9 +315,9 @@ def gather_evidence(
             if n > 0 and slot >= 0:
                 tile = pool[slot].reshape(TILE * TILE, 2, FIELDS)
                 cell, sample = cells[first : first + n], samples[first : first + n]
-                r0, r1, c0, c1 = _gather(cell, sample, now_s, hold_s, max_age_s, tile)
+                r0, r1, c0, c1 = _accumulate_in_tile(cell, sample, now_s, hold_s, max_age_s, tile)
                 south, west = (tile_row + tr) * TILE, (tile_col + tc) * TILE
-                box = touched[tr, tc]
+                box = hit_boxes[tr, tc]
                 box[0], box[1], box[2], box[3] = south + r0, south + r1, west + c0, west + c1
                 used += n
             first += n

@@ -10,7 +10,7 @@ TILE = 1 << TILE_BITS  # cells along the side of a tile
 
 # Layers of `slz.kernels.cells.cell_statistics.summarise`.
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
-LAYERS = 6
+SUMMARY_LAYERS = 6
 
 # States of a cell, see `slz.terrain.terrain_maps`.
 IS_UNSAFE, IS_SAFE, IS_UNKNOWN = np.uint8(0), np.uint8(1), np.uint8(255)

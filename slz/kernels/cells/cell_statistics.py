@@ -13,12 +13,12 @@ from slz.kernels.cells.cell_record import (
     HEIGHT,
     HIGH,
     HIGH2,
-    LAYERS,
     LOW,
     LOW2,
     MEAN,
     NOISE,
     SPREAD,
+    SUMMARY_LAYERS,
     TILE,
     TIME,
     TOP,
@@ -29,29 +29,29 @@ from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
     Floats,
-    ask_for,
-    both,
+    aligned_empty,
+    broadcast,
     columns,
-    every,
     flags_of,
-    higher,
     load,
-    lower,
-    room,
+    logical_and,
+    maximum,
+    minimum,
+    prefetch,
     store,
     where,
 )
 
-FEW = np.float32(20)  # returns of 3 x 3 cells, up to which extremes need no support
+FEW_RETURNS = np.float32(20)  # returns of 3 x 3 cells, up to which extremes need no support
 CROWD = np.float32(64)  # returns of a cell, above which a hazard shows in more than one of them
 STRAY = np.float32(0.5)  # m beyond the supported extreme, above which a return is left out of the mean
 
 # Layers of a row during evaluation, for both epochs together and then for the current one: number of returns,
 # highest, second highest, lowest, second lowest, and support up and down that the cell lends to neighbours.
-COUNTED, MOST, MOST2, LEAST, LEAST2, UP, DOWN = range(7)
+COUNTED, ROW_MAX, ROW_MAX2, ROW_MIN, ROW_MIN2, UP, DOWN = range(7)
 EPOCH = 7
 MEAN_HEIGHT, MEAN_NOISE = 2 * EPOCH, 2 * EPOCH + 1
-HELD = 2 * EPOCH + 2
+ROW_LAYERS = 2 * EPOCH + 2
 RECORD = 2 * FIELDS  # numbers in a cell's evidence
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
@@ -68,51 +68,53 @@ def expected_maximum(n: float) -> float:
 
 
 ALONE = np.float32(8)  # returns, up to which the excess is 0
-MANY = 1024
-BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(MANY)])
+TABLE_LENGTH = 1024
+BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(TABLE_LENGTH)])
 
 
 @kernel()
-def _hold(
+def _store_epoch(
     held: Row, width: int, at: int, n: Floats, most: Floats, most2: Floats, least: Floats, least2: Floats
 ) -> None:
-    nobody, single = n == every(F0), n < every(CROWD)
+    nobody, single = n == broadcast(F0), n < broadcast(CROWD)
     store(held, at + COUNTED * width, n)
-    store(held, at + MOST * width, most)
-    store(held, at + MOST2 * width, most2)
-    store(held, at + LEAST * width, least)
-    store(held, at + LEAST2 * width, least2)
-    store(held, at + UP * width, where(nobody, every(LOWEST), where(single, most, most2)))
-    store(held, at + DOWN * width, where(nobody, every(HIGHEST), where(single, least, least2)))
+    store(held, at + ROW_MAX * width, most)
+    store(held, at + ROW_MAX2 * width, most2)
+    store(held, at + ROW_MIN * width, least)
+    store(held, at + ROW_MIN2 * width, least2)
+    store(held, at + UP * width, where(nobody, broadcast(LOWEST), where(single, most, most2)))
+    store(held, at + DOWN * width, where(nobody, broadcast(HIGHEST), where(single, least, least2)))
 
 
 @kernel("void(float32[::1], int64, int64)")
-def _nothing(held: Row, at: int, width: int) -> None:
+def _store_empty(held: Row, at: int, width: int) -> None:
     """Write 16 cells without a return."""
-    for layer in range(HELD):
-        store(held, at + layer * width, every(F0))
+    for layer in range(ROW_LAYERS):
+        store(held, at + layer * width, broadcast(F0))
     for epoch in range(2):
-        store(held, at + (epoch * EPOCH + UP) * width, every(LOWEST))
-        store(held, at + (epoch * EPOCH + DOWN) * width, every(HIGHEST))
+        store(held, at + (epoch * EPOCH + UP) * width, broadcast(LOWEST))
+        store(held, at + (epoch * EPOCH + DOWN) * width, broadcast(HIGHEST))
 
 
 @kernel("void(float32[::1], int64, float32, float32, float32[::1], int64, int64)")
-def _read(records: Row, first: int, now_s: float, max_age_s: float, held: Row, at: int, width: int) -> None:
+def _read_lanes(
+    records: Row, first: int, now_s: float, max_age_s: float, held: Row, at: int, width: int
+) -> None:
     """Write the evidence of 16 cells as layers; evidence that is too old counts as no return."""
-    nothing, one, cell = every(F0), every(F1), columns(records, first)
-    old = every(max_age_s) < every(now_s) - cell[FIELDS + TIME]
+    nothing, one, cell = broadcast(F0), broadcast(F1), columns(records, first)
+    old = broadcast(max_age_s) < broadcast(now_s) - cell[FIELDS + TIME]
     n, mean, noise = where(old, nothing, cell[COUNT]), cell[MEAN], cell[NOISE]
     pair, most, least = one < n, cell[HIGH], cell[LOW]
-    most2, least2 = where(pair, cell[HIGH2], every(LOWEST)), where(pair, cell[LOW2], every(HIGHEST))
-    _hold(held, width, at + EPOCH * width, n, most, most2, least, least2)
+    most2, least2 = where(pair, cell[HIGH2], broadcast(LOWEST)), where(pair, cell[LOW2], broadcast(HIGHEST))
+    _store_epoch(held, width, at + EPOCH * width, n, most, most2, least, least2)
 
     n_then = where(n == nothing, nothing, cell[FIELDS + COUNT])
     also, pair, high, low = nothing < n_then, one < n_then, cell[FIELDS + HIGH], cell[FIELDS + LOW]
     high2, low2 = where(pair, cell[FIELDS + HIGH2], most2), where(pair, cell[FIELDS + LOW2], least2)
-    most2 = where(also, higher(lower(most, high), higher(most2, high2)), most2)
-    least2 = where(also, lower(higher(least, low), lower(least2, low2)), least2)
-    most, least = where(also, higher(most, high), most), where(also, lower(least, low), least)
-    _hold(held, width, at, n + n_then, most, most2, least, least2)
+    most2 = where(also, maximum(minimum(most, high), maximum(most2, high2)), most2)
+    least2 = where(also, minimum(maximum(least, low), minimum(least2, low2)), least2)
+    most, least = where(also, maximum(most, high), most), where(also, minimum(least, low), least)
+    _store_epoch(held, width, at, n + n_then, most, most2, least, least2)
     total = n + n_then
     mean_then, noise_then = cell[FIELDS + MEAN], cell[FIELDS + NOISE]
     store(held, at + MEAN_HEIGHT * width, where(also, (mean * n + mean_then * n_then) / total, mean))
@@ -143,32 +145,32 @@ def _read_row(
         place, ahead = places[r, stretch], places[min(r + 1, len(places) - 1), stretch]
         if ahead >= 0:
             for k in range(LANES):
-                ask_for(records, RECORD * (ahead + k) + there)
+                prefetch(records, RECORD * (ahead + k) + there)
         if place < 0:
-            _nothing(held, at + c - first, width)
+            _store_empty(held, at + c - first, width)
         else:
-            _read(records, RECORD * place + there, now_s, max_age_s, held, at + c - first, width)
+            _read_lanes(records, RECORD * place + there, now_s, max_age_s, held, at + c - first, width)
 
 
 @kernel()
 def _supported(held: Row, width: int, south: int, here: int, north: int) -> tuple[Floats, Floats]:
     """Return the supported top and bottom of cells, see `summarise`."""
-    n, most, least = load(held, here), load(held, here + MOST * width), load(held, here + LEAST * width)
-    most2, least2 = load(held, here + MOST2 * width), load(held, here + LEAST2 * width)
-    nearby, up, down = n, every(LOWEST), every(HIGHEST)
+    n, most, least = load(held, here), load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
+    most2, least2 = load(held, here + ROW_MAX2 * width), load(held, here + ROW_MIN2 * width)
+    nearby, up, down = n, broadcast(LOWEST), broadcast(HIGHEST)
     for row in (south, here, north):
         for at in range(row - 1, row + 2):
             if at != here:
                 nearby = nearby + load(held, at)
-                up = higher(up, load(held, at + UP * width))
-                down = lower(down, load(held, at + DOWN * width))
-    single = n < every(CROWD)
-    most2 = where(single, higher(most2, up), most2)
-    least2 = where(single, lower(least2, down), least2)
-    top, bottom = lower(most, most2), higher(least, least2)
+                up = maximum(up, load(held, at + UP * width))
+                down = minimum(down, load(held, at + DOWN * width))
+    single = n < broadcast(CROWD)
+    most2 = where(single, maximum(most2, up), most2)
+    least2 = where(single, minimum(least2, down), least2)
+    top, bottom = minimum(most, most2), maximum(least, least2)
     crossed, level = top < bottom, where(most2 < most, most2, least2)  # a lone return far from all others
     top, bottom = where(crossed, level, top), where(crossed, level, bottom)
-    enough, alone = every(FEW) < nearby, most2 == every(LOWEST)
+    enough, alone = broadcast(FEW_RETURNS) < nearby, most2 == broadcast(LOWEST)
     return (
         where(alone, most, where(enough, top, most)),
         where(alone, least, where(enough, bottom, least)),
@@ -176,21 +178,23 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
 
 
 @kernel("void(float32[::1], int64, int64, int64, int64, float32[::1], int64, int64)")
-def _judge(held: Row, width: int, south: int, here: int, north: int, out: Row, to: int, layer: int) -> None:
+def _summarise_lanes(
+    held: Row, width: int, south: int, here: int, north: int, out: Row, to: int, layer: int
+) -> None:
     """Write the layers of `summarise` for 16 cells, `layer` apart."""
-    stray, nothing, one, unknown = every(STRAY), every(F0), every(F1), every(NAN)
+    stray, nothing, one, unknown = broadcast(STRAY), broadcast(F0), broadcast(F1), broadcast(NAN)
     n, height = load(held, here), load(held, here + MEAN_HEIGHT * width)
-    most, least = load(held, here + MOST * width), load(held, here + LEAST * width)
+    most, least = load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
     top, bottom = _supported(held, width, south, here, north)
     high, total = stray < most - top, height * n
     total, left = where(high, total - most, total), where(high, n - one, n)
-    low = both(stray < bottom - least, one < left)
+    low = logical_and(stray < bottom - least, one < left)
     total, left = where(low, total - least, total), where(low, left - one, left)
-    height = where(one < n, total / left, lower(higher(height, bottom), top))
+    height = where(one < n, total / left, minimum(maximum(height, bottom), top))
     now = EPOCH * width
     top_now, bottom_now = _supported(held, width, south + now, here + now, north + now)
     cut = nothing < where(top < most, one, where(least < bottom, one, nothing))
-    top, bottom = where(cut, higher(top, top_now), top), where(cut, lower(bottom, bottom_now), bottom)
+    top, bottom = where(cut, maximum(top, top_now), top), where(cut, minimum(bottom, bottom_now), bottom)
     seen, spread = nothing < n, load(held, here + MEAN_NOISE * width)
     store(out, to + HEIGHT * layer, where(seen, height, unknown))
     store(out, to + BOTTOM * layer, where(seen, bottom, unknown))
@@ -198,10 +202,10 @@ def _judge(held: Row, width: int, south: int, here: int, north: int, out: Row, t
     store(out, to + WEIGHT * layer, n)
     store(out, to + SPREAD * layer, where(seen, spread, unknown))
     store(out, to + EXCESS * layer, where(seen, nothing, unknown))
-    if flags_of(every(ALONE) < n) != NONE:
+    if flags_of(broadcast(ALONE) < n) != NONE:
         for i in range(LANES):
             count = out[to + WEIGHT * layer + i]
-            more = BEYOND_ONE[int(count)] if count < MANY else expected_maximum(count) - 1
+            more = BEYOND_ONE[int(count)] if count < TABLE_LENGTH else expected_maximum(count) - 1
             out[to + EXCESS * layer + i] = more * np.sqrt(out[to + SPREAD * layer + i])
 
 
@@ -234,30 +238,34 @@ def summarise(
     rows, before = len(places), first % LANES
     # With lanes to the west and to the east in which nothing was seen.
     width = -(-(before + cols) // LANES) * LANES + 2 * LANES
-    line, size, west = HELD * width, rows * cols, first - before
-    held, row, whole = room(3 * line), room(LAYERS * LANES), np.empty(LAYERS * size, np.float32)
+    line, size, west = ROW_LAYERS * width, rows * cols, first - before
+    held, row, whole = (
+        aligned_empty(3 * line),
+        aligned_empty(SUMMARY_LAYERS * LANES),
+        np.empty(SUMMARY_LAYERS * size, np.float32),
+    )
     for c in range(0, width, LANES):
         for r in range(3):
-            _nothing(held, r * line + c, width)
+            _store_empty(held, r * line + c, width)
     for r in range(rows + 1):
         north, here, south = r % 3 * line, (r + 2) % 3 * line, (r + 1) % 3 * line
         if r < rows:
             _read_row(records, places, r, west, before + cols, now_s, max_age_s, held, north + LANES, width)
         else:
             for c in range(0, width, LANES):
-                _nothing(held, north + c, width)
+                _store_empty(held, north + c, width)
         if r == 0:
             continue
         for c in range(0, cols, LANES):
             at, to, n = LANES + before + c, (r - 1) * cols + c, min(LANES, cols - c)
             if n == LANES:
-                _judge(held, width, south + at, here + at, north + at, whole, to, size)
+                _summarise_lanes(held, width, south + at, here + at, north + at, whole, to, size)
                 continue
-            _judge(held, width, south + at, here + at, north + at, row, 0, LANES)
-            for layer in range(LAYERS):
+            _summarise_lanes(held, width, south + at, here + at, north + at, row, 0, LANES)
+            for layer in range(SUMMARY_LAYERS):
                 for i in range(n):
                     whole[layer * size + to + i] = row[layer * LANES + i]
-    return whole.reshape(LAYERS, rows, cols)
+    return whole.reshape(SUMMARY_LAYERS, rows, cols)
 
 
 def summary(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:

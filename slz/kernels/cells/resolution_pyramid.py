@@ -10,7 +10,7 @@ from slz.kernels.jit import kernel
 
 
 @kernel("float32[:, :, :, ::1](float32[:, :, :, ::1], float32, float32)")
-def coarser(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
+def downsample(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
     """Merge 2 x 2 cells, (2 r, 2 c) the first of cell (r, c), and both their epochs into one epoch.
 
     The statistics are those of all returns together. Cells not seen for `max_age_s` count as unseen; the time

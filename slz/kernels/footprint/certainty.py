@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from slz.kernels.jit import kernel
-from slz.kernels.simd import Floats, both, every, where
+from slz.kernels.simd import Floats, broadcast, logical_and, where
 
 SLOPE_MARGIN_DEG = 0.06  # bias of a fitted plane's slope against the ground, and its standard deviation
 RELIEF_NOISE = 1.3  # bias of a relief by noise beyond its excess, in standard deviations of one return
@@ -20,22 +20,24 @@ RELIEF_SPREAD = 0.6  # standard deviation of that bias, in the same unit
 HIDDEN = 0.01  # probability that gaps hide a hazard, times the share of gaps to the fourth power
 RIM = 0.15  # share of hazards seen only in a footprint's outermost cells that do reach into it
 LEAST_NOISE_M = 1e-3
-ENOUGH = 6.0  # standard deviations, beyond which a probability is 1 in single precision
-F0, F1, LEAST = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
-ROOM = np.float32(ENOUGH * RELIEF_SPREAD - RELIEF_NOISE)  # margin of the relief, in deviations of a return
+CERTAIN_SIGMAS = 6.0  # standard deviations, beyond which a probability is 1 in single precision
+F0, F1, F_LEAST_NOISE = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
+RELIEF_MARGIN = np.float32(
+    CERTAIN_SIGMAS * RELIEF_SPREAD - RELIEF_NOISE
+)  # margin of the relief, in deviations of a return
 
 
 @kernel("float64(float64)")
-def _below(deviations: float) -> float:
+def _normal_cdf(deviations: float) -> float:
     """Return the standard normal distribution function; NaN of NaN."""
-    if deviations > ENOUGH:
+    if deviations > CERTAIN_SIGMAS:
         return 1.0
     return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
 
 
 @kernel("float64(float64, float64, float64)")
-def _even(relief_m: float, noise_m: float, limit_m: float) -> float:
-    return _below(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
+def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> float:
+    return _normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
 
 
 @kernel("float64(float64, float64, float64, float64, float64, float64, float64, float64)")
@@ -67,9 +69,9 @@ def certainty(
     hidden = (1 - share_seen) * (1 - share_seen)
     seen, left_deg = 1 - HIDDEN * hidden * hidden, slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
-    gentle = _below(left_deg / math.sqrt(spread2))
-    outer = _even(relief_m, noise_m, relief_limit_m)
-    inner = _even(inner_relief_m, noise_m, relief_limit_m)
+    gentle = _normal_cdf(left_deg / math.sqrt(spread2))
+    outer = _relief_probability(relief_m, noise_m, relief_limit_m)
+    inner = _relief_probability(inner_relief_m, noise_m, relief_limit_m)
     return gentle * (RIM * outer + (1 - RIM) * inner) * seen
 
 
@@ -87,13 +89,19 @@ def undoubted(
 
     It holds on most ground, and takes no root, division or error function.
     """
-    gap = every(F1) - share_seen
+    gap = broadcast(F1) - share_seen
     hidden = gap * gap
-    margin = every(np.float32(SLOPE_MARGIN_DEG))
-    left = every(slope_limit_deg) - margin - slope_deg
+    margin = broadcast(np.float32(SLOPE_MARGIN_DEG))
+    left = broadcast(slope_limit_deg) - margin - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
-    most2, left_m = every(ROOM * ROOM), every(relief_limit_m) - relief_m
-    noise2 = where(noise2_m2 < every(LEAST * LEAST), every(LEAST * LEAST), noise2_m2)
-    level = both(every(F0) < left_m, most2 * noise2 < left_m * left_m)
-    gentle = both(every(F0) < left, every(np.float32(ENOUGH * ENOUGH)) * spread2 < left * left)
-    return every(F1) - every(np.float32(HIDDEN)) * hidden * hidden, both(gentle, level)
+    most2, left_m = broadcast(RELIEF_MARGIN * RELIEF_MARGIN), broadcast(relief_limit_m) - relief_m
+    noise2 = where(
+        noise2_m2 < broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
+        broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
+        noise2_m2,
+    )
+    level = logical_and(broadcast(F0) < left_m, most2 * noise2 < left_m * left_m)
+    gentle = logical_and(
+        broadcast(F0) < left, broadcast(np.float32(CERTAIN_SIGMAS * CERTAIN_SIGMAS)) * spread2 < left * left
+    )
+    return broadcast(F1) - broadcast(np.float32(HIDDEN)) * hidden * hidden, logical_and(gentle, level)

@@ -9,7 +9,7 @@ from slz.kernels.footprint.certainty import certainty, undoubted
 from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SLOPE
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
-from slz.kernels.simd import LANES, both, every, flags, flags_of, load, store, store_bytes, where
+from slz.kernels.simd import LANES, broadcast, flags, flags_of, load, logical_and, store, store_bytes, where
 
 SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
 LOW16 = np.uint64(0xFFFF)
@@ -25,8 +25,8 @@ Row = NDArray[np.float32]
 @kernel(
     "uint64(float32[::1], int64, uint64, float32, float32, float32[::1], int64, int64, uint8[::1], int64)"
 )
-def judge(
-    told: Row,
+def classify(
+    statistics: Row,
     at: int,
     hidden: np.uint64,
     slope_limit: float,
@@ -39,11 +39,11 @@ def judge(
 ) -> np.uint64:
     """Write 16 cells of the maps from the slope on, and their states: safe, unsafe or unknown.
 
-    Return a bit mask of the cells whose certainty is left to `settle`.
+    Return a bit mask of the cells whose certainty is left to `certainty_of_doubtful`.
 
     Parameters
     ----------
-    told, at
+    statistics, at
         Plane statistics and the index of the first, see `slz.kernels.footprint.plane_fit.fit_planes`.
     hidden
         Bit mask of the footprints that hold unseen ground: never safe, and unknown unless otherwise unsafe.
@@ -52,27 +52,31 @@ def judge(
     states, place
         States, and index of the first cell's state.
     """
-    slope, sigma, unknown = load(told, at + SLOPE * LANES), load(told, at + SIGMA * LANES), every(NAN)
-    relief, open_ = load(told, at + RELIEF * LANES), hidden ^ LOW16
-    gentle = slope + every(SIGMAS) * sigma < every(slope_limit)  # False for NaN
-    even = flags_of(both(gentle, relief < every(relief_limit)))
+    slope, sigma, unknown = (
+        load(statistics, at + SLOPE * LANES),
+        load(statistics, at + SIGMA * LANES),
+        broadcast(NAN),
+    )
+    relief, open_ = load(statistics, at + RELIEF * LANES), hidden ^ LOW16
+    gentle = slope + broadcast(SIGMAS) * sigma < broadcast(slope_limit)  # False for NaN
+    even = flags_of(logical_and(gentle, relief < broadcast(relief_limit)))
     safe, known = even & open_, flags_of(slope == slope) & (open_ | (even ^ LOW16))
     store_bytes(states, place, flags(safe), flags(known ^ LOW16))
     held = flags(known)
     store(maps, A_SLOPE * layer + to, where(held, slope, unknown))
     store(maps, A_SIGMA * layer + to, where(held, sigma, unknown))
     store(maps, A_RELIEF * layer + to, where(held, relief, unknown))
-    store(maps, A_ROUGHNESS * layer + to, where(held, load(told, at + RMS * LANES), unknown))
-    noise2, share = load(told, at + NOISE2 * LANES), load(told, at + SHARE * LANES)
+    store(maps, A_ROUGHNESS * layer + to, where(held, load(statistics, at + RMS * LANES), unknown))
+    noise2, share = load(statistics, at + NOISE2 * LANES), load(statistics, at + SHARE * LANES)
     sure, clear = undoubted(slope, sigma, relief, noise2, share, slope_limit, relief_limit)
     seen, clear_ones = known & open_, flags_of(clear)
-    store(maps, A_CERTAINTY * layer + to, where(flags(seen & clear_ones), sure, every(F0)))
+    store(maps, A_CERTAINTY * layer + to, where(flags(seen & clear_ones), sure, broadcast(F0)))
     return seen & (clear_ones ^ LOW16) & flags_of(relief == relief)
 
 
 @kernel("void(float32[::1], int64, uint64, float32, float32, float32[::1], int64)")
-def settle(
-    told: Row,
+def certainty_of_doubtful(
+    statistics: Row,
     at: int,
     doubtful: np.uint64,
     slope_limit: float,
@@ -85,16 +89,17 @@ def settle(
         i = signed(lowest(doubtful))
         doubtful &= doubtful - ONE
         certainties[to + i] = certainty(
-            told[at + SLOPE * LANES + i], told[at + SIGMA * LANES + i], told[at + RELIEF * LANES + i],
-            told[at + INNER * LANES + i], np.sqrt(told[at + NOISE2 * LANES + i]),
-            told[at + SHARE * LANES + i], slope_limit, relief_limit,
+            statistics[at + SLOPE * LANES + i], statistics[at + SIGMA * LANES + i],
+            statistics[at + RELIEF * LANES + i], statistics[at + INNER * LANES + i],
+            np.sqrt(statistics[at + NOISE2 * LANES + i]), statistics[at + SHARE * LANES + i],
+            slope_limit, relief_limit,
         )  # fmt: skip
 
 
 @kernel("void(float32[::1], int64, int64, uint8[::1], int64)")
 def leave_unknown(maps: Row, to: int, layer: int, states: NDArray[np.uint8], place: int) -> None:
-    """Write 16 cells of the maps, from the slope on, as unknown, see `judge`."""
+    """Write 16 cells of the maps, from the slope on, as unknown, see `classify`."""
     for q in range(A_SLOPE, A_CERTAINTY):
-        store(maps, q * layer + to, every(NAN))
-    store(maps, A_CERTAINTY * layer + to, every(F0))
+        store(maps, q * layer + to, broadcast(NAN))
+    store(maps, A_CERTAINTY * layer + to, broadcast(F0))
     store_bytes(states, place, flags(NONE), flags(LOW16))

@@ -6,13 +6,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.cells.cell_record import HEIGHT, TILE, TILE_BITS, TOP
-from slz.kernels.footprint.classify import A_CERTAINTY, A_HEIGHT, A_TOP, judge, leave_unknown, settle
-from slz.kernels.footprint.moments import HELD, LOWER, RISES, SUMS, UPPER, over_rows
-from slz.kernels.footprint.patch import COLS, MOST_SAMPLED, inverses, middle_height, rows_of_patch, take
-from slz.kernels.footprint.plane_fit import PLANE, TOLD, add_inner_relief, fit_planes
+from slz.kernels.footprint.classify import (
+    A_CERTAINTY,
+    A_HEIGHT,
+    A_TOP,
+    certainty_of_doubtful,
+    classify,
+    leave_unknown,
+)
+from slz.kernels.footprint.moments import LOWER, PATCH_LAYERS, RISES, SUMS, UPPER, over_rows
+from slz.kernels.footprint.patch import (
+    COLS,
+    MOST_SAMPLED,
+    gather_cells,
+    inverses,
+    middle_height,
+    rows_of_patch,
+)
+from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, add_inner_relief, fit_planes
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, Bits, word_at
-from slz.kernels.simd import LANES, load, room, store
+from slz.kernels.simd import LANES, aligned_empty, load, store
 
 LOW16 = np.uint64(0xFFFF)
 Row = NDArray[np.float32]
@@ -25,7 +39,7 @@ Limits = tuple[float, float, float, float]
     "void(float32[:, :, ::1], float32[::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
     " UniTuple(float32, 4), UniTuple(int64, 4), float32[::1], int64, int64, int64, uint8[::1], int64)"
 )
-def draw(
+def derive_box(
     cells: Layers,
     inverse: Row,
     covered: Bits,
@@ -41,7 +55,7 @@ def draw(
     states: NDArray[np.uint8],
     place: int,
 ) -> None:
-    """Derive the maps and states of a box of cells, see `slz.terrain.derive.drawn`.
+    """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`.
 
     Parameters
     ----------
@@ -64,11 +78,15 @@ def draw(
     cell_m, noise_m, slope_limit, relief_limit = limits
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
-    held, sums, away = room(HELD * tall * wide), room(SUMS * high * wide), np.empty(2 * k + 1, np.float32)
-    rises = room(2 * RISES * high * wide).view(np.float64)
+    held, sums, away = (
+        aligned_empty(PATCH_LAYERS * tall * wide),
+        aligned_empty(SUMS * high * wide),
+        np.empty(2 * k + 1, np.float32),
+    )
+    rises = aligned_empty(2 * RISES * high * wide).view(np.float64)
     lower, upper = held[LOWER * tall * wide : UPPER * tall * wide], held[UPPER * tall * wide :]
-    told, plane = room(high * TOLD * LANES), room(high * PLANE * LANES)
-    some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), room(MOST_SAMPLED)
+    statistics, plane = aligned_empty(high * PLANE_STATISTICS * LANES), aligned_empty(high * PLANE * LANES)
+    some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), aligned_empty(MOST_SAMPLED)
     for i in range(2 * k + 1):
         away[i] = i - k
     for r in range(row0, row1, high):
@@ -82,7 +100,7 @@ def draw(
                 if np.isnan(level):
                     any_ = NONE
             if any_ != NONE:
-                take(flat, inverse, cols, edge - k + r, edge - k + c, tall, wide, level, held)
+                gather_cells(flat, inverse, cols, edge - k + r, edge - k + c, tall, wide, level, held)
                 over_rows(held, high, k, wide, sums, rises)
             for g in range(0, min(COLS, col1 - c), LANES):
                 shift, fits = np.uint64(g), False
@@ -92,7 +110,7 @@ def draw(
                 if fits:
                     fit_planes(
                         sums, rises, lower, upper, wide, g, away, own, cell_m, noise_m, slope_limit,
-                        told, plane,
+                        statistics, plane,
                     )  # fmt: skip
                 for j in range(count):
                     here = (r - row0 + j) * stride + c - col0 + g
@@ -101,14 +119,22 @@ def draw(
                     store(maps, A_TOP * layer + to + here, load(flat, TOP * rows * cols + at))
                     if fits:
                         hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
-                        doubtful = judge(
-                            told, j * TOLD * LANES, hidden, slope_limit, relief_limit,
+                        doubtful = classify(
+                            statistics, j * PLANE_STATISTICS * LANES, hidden, slope_limit, relief_limit,
                             maps, to + here, layer, states, place + here,
                         )  # fmt: skip
                         if doubtful != NONE:
-                            add_inner_relief(lower, upper, j, g, wide, away, plane, told)
+                            add_inner_relief(lower, upper, j, g, wide, away, plane, statistics)
                             first = A_CERTAINTY * layer + to + here
-                            settle(told, j * TOLD * LANES, doubtful, slope_limit, relief_limit, maps, first)
+                            certainty_of_doubtful(
+                                statistics,
+                                j * PLANE_STATISTICS * LANES,
+                                doubtful,
+                                slope_limit,
+                                relief_limit,
+                                maps,
+                                first,
+                            )
                     else:
                         leave_unknown(maps, to + here, layer, states, place + here)
 
@@ -117,7 +143,7 @@ def draw(
     "void(float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, UniTuple(float32, 4),"
     " float32[:, :, :, ::1], uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64)"
 )
-def draw_tiles(
+def derive_tiles(
     cells: Layers,
     covered: Bits,
     unseen: Bits,
@@ -142,7 +168,7 @@ def draw_tiles(
         South-west corner of the box, in the rows and columns of the tiling.
     """
     rows, cols = cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge
-    inverse, maps, told, size = inverses(cells), block.ravel(), states.ravel(), TILE * TILE
+    inverse, maps, flat_states, size = inverses(cells), block.ravel(), states.ravel(), TILE * TILE
     for tr in range(table.shape[0]):
         south = (((row0 >> TILE_BITS) + tr) << TILE_BITS) - row0
         for tc in range(table.shape[1]):
@@ -151,7 +177,7 @@ def draw_tiles(
                 continue
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
-            draw(
+            derive_box(
                 cells, inverse, covered, unseen, edge, radius, limits, box,
-                maps, slot * block.shape[1] * size + at, size, TILE, told, slot * size + at,
+                maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at,
             )  # fmt: skip

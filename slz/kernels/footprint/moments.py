@@ -17,11 +17,11 @@ from slz.kernels.jit import kernel
 from slz.kernels.simd import (
     LANES,
     Doubles,
-    every,
-    every_wide,
+    broadcast,
+    broadcast_wide,
+    fused_multiply_add,
     load,
     load_wide,
-    multiplied,
     store,
     store_wide,
     widened,
@@ -29,11 +29,11 @@ from slz.kernels.simd import (
 
 # Layers of a patch's cells: 1 where known, height over the patch's level, 1 / number of returns, variance of
 # the noise, all 0 where unknown; lowest and highest ground, +inf and -inf where unknown.
-KNOWN, RISE, INVERSE, NOISE, LOWER, UPPER = range(6)
-HELD = 6
+KNOWN, RISE, INVERSE, RETURN_NOISE, LOWER, UPPER = range(6)
+PATCH_LAYERS = 6
 
-# Layers of sums over the rows of footprints: KNOWN times 1, y, y², INVERSE, NOISE; and, in double precision,
-# RISE times 1, y and RISE.
+# Layers of sums over the rows of footprints: KNOWN times 1, y, y², INVERSE, RETURN_NOISE; and, in double
+# precision, RISE times 1, y and RISE.
 SUMS, RISES = 5, 3
 F0, D0 = np.float32(0), np.float64(0)
 
@@ -43,28 +43,28 @@ Sums = Any  # a tuple of lanes, one for each sum
 
 
 @kernel()
-def _with_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
+def _add_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
     """Return the sums with one more row of cells added."""
-    north, known = every(np.float32(y)), load(held, at)
+    north, known = broadcast(np.float32(y)), load(held, at)
     known_north = known * north
     return (
         s[0] + known,
         s[1] + known_north,
-        multiplied(known_north, north, s[2]),
+        fused_multiply_add(known_north, north, s[2]),
         s[3] + load(held, at + INVERSE * layer),
-        s[4] + load(held, at + NOISE * layer),
+        s[4] + load(held, at + RETURN_NOISE * layer),
     )
 
 
 @kernel()
-def _with_rises(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
+def _add_rises(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
     """Return the sums of heights with one more row of cells added."""
     rise = widened(load(held, at + RISE * layer))
-    return s[0] + rise, s[1] + rise * every_wide(y), s[2] + rise * rise
+    return s[0] + rise, s[1] + rise * broadcast_wide(y), s[2] + rise * rise
 
 
 @kernel()
-def _keep(sums: Row, rises: Wide, at: int, layer: int, s: Sums, z: Sums) -> None:
+def _store_sums(sums: Row, rises: Wide, at: int, layer: int, s: Sums, z: Sums) -> None:
     store(sums, at, s[0])
     store(sums, at + layer, s[1])
     store(sums, at + 2 * layer, s[2])
@@ -89,22 +89,22 @@ def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wi
         Receive `SUMS` and `RISES` layers of `rows` rows.
     """
     layer, out, side, middle = (rows + 2 * radius) * wide, rows * wide, 2 * radius + 1, rows // 2 + radius
-    none, nothing = every(F0), every_wide(D0)
+    none, nothing = broadcast(F0), broadcast_wide(D0)
     for c in range(0, wide, LANES):
         s, z = (none, none, none, none, none), (nothing, nothing, nothing)
         for i in range(rows - 1, side):  # rows of cells common to all footprints
-            s = _with_row(held, i * wide + c, layer, i - middle, s)
-            z = _with_rises(held, i * wide + c, layer, float(i - middle), z)
+            s = _add_row(held, i * wide + c, layer, i - middle, s)
+            z = _add_rises(held, i * wide + c, layer, float(i - middle), z)
         for j in range(rows - 1, -1, -1):  # further rows of cells to the south
             if j < rows - 1:
-                s = _with_row(held, j * wide + c, layer, j - middle, s)
-                z = _with_rises(held, j * wide + c, layer, float(j - middle), z)
-            _keep(sums, rises, j * wide + c, out, s, z)
+                s = _add_row(held, j * wide + c, layer, j - middle, s)
+                z = _add_rises(held, j * wide + c, layer, float(j - middle), z)
+            _store_sums(sums, rises, j * wide + c, out, s, z)
         s, z = (none, none, none, none, none), (nothing, nothing, nothing)
         for j in range(1, rows):  # further rows of cells to the north
             i, at = side + j - 1, j * wide + c
-            s = _with_row(held, i * wide + c, layer, i - middle, s)
-            z = _with_rises(held, i * wide + c, layer, float(i - middle), z)
+            s = _add_row(held, i * wide + c, layer, i - middle, s)
+            z = _add_rises(held, i * wide + c, layer, float(i - middle), z)
             whole = (
                 load(sums, at) + s[0],
                 load(sums, at + out) + s[1],
@@ -117,7 +117,7 @@ def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wi
                 load_wide(rises, at + out) + z[1],
                 load_wide(rises, at + 2 * out) + z[2],
             )
-            _keep(sums, rises, at, out, whole, heights)
+            _store_sums(sums, rises, at, out, whole, heights)
 
 
 # Sums over footprints, by their index in the result of `over_columns` and of `rises_over_columns`.
@@ -143,20 +143,20 @@ def over_columns(sums: Row, at: int, layer: int, away: Row, y: float) -> Sums:
     radius = len(away) // 2
     k, yk, yyk = at + radius, at + radius + layer, at + radius + 2 * layer
     inverse, noise = at + radius + 3 * layer, at + radius + 4 * layer
-    w, wx, wxx = load(sums, k), every(F0), every(F0)
-    wy, wxy, wyy = load(sums, yk), every(F0), load(sums, yyk)
+    w, wx, wxx = load(sums, k), broadcast(F0), broadcast(F0)
+    wy, wxy, wyy = load(sums, yk), broadcast(F0), load(sums, yyk)
     inverses, noises = load(sums, inverse), load(sums, noise)
     for d in range(1, radius + 1):
-        x = every(away[radius + d])
+        x = broadcast(away[radius + d])
         east, west = load(sums, k + d), load(sums, k - d)
         both, more = east + west, (east - west) * x
-        w, wx, wxx = w + both, wx + more, multiplied(both, x * x, wxx)
+        w, wx, wxx = w + both, wx + more, fused_multiply_add(both, x * x, wxx)
         east, west = load(sums, yk + d), load(sums, yk - d)
-        wy, wxy = wy + (east + west), multiplied(east - west, x, wxy)
+        wy, wxy = wy + (east + west), fused_multiply_add(east - west, x, wxy)
         wyy = wyy + (load(sums, yyk + d) + load(sums, yyk - d))
         inverses = inverses + (load(sums, inverse + d) + load(sums, inverse - d))
         noises = noises + (load(sums, noise + d) + load(sums, noise - d))
-    north = every(np.float32(y))
+    north = broadcast(np.float32(y))
     wyy = wyy - north * (wy + wy - north * w)
     return w, wx, wxx, wy - north * w, wxy - north * wx, wyy, inverses, noises
 
@@ -166,10 +166,10 @@ def rises_over_columns(rises: Wide, at: int, layer: int, away: Row, y: float) ->
     """Return the sums of heights over 16 footprints, see `over_columns`."""
     radius = len(away) // 2
     z, yz, zz = at + radius, at + radius + layer, at + radius + 2 * layer
-    wz, wxz, wyz, wzz = load_wide(rises, z), every_wide(D0), load_wide(rises, yz), load_wide(rises, zz)
+    wz, wxz, wyz, wzz = load_wide(rises, z), broadcast_wide(D0), load_wide(rises, yz), load_wide(rises, zz)
     for d in range(1, radius + 1):
         east, west = load_wide(rises, z + d), load_wide(rises, z - d)
-        wz, wxz = wz + (east + west), wxz + (east - west) * every_wide(away[radius + d])
+        wz, wxz = wz + (east + west), wxz + (east - west) * broadcast_wide(away[radius + d])
         wyz = wyz + (load_wide(rises, yz + d) + load_wide(rises, yz - d))
         wzz = wzz + (load_wide(rises, zz + d) + load_wide(rises, zz - d))
-    return wz, wxz, wyz - every_wide(y) * wz, wzz
+    return wz, wxz, wyz - broadcast_wide(y) * wz, wzz

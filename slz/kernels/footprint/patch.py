@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
-from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, NOISE, RISE, UPPER
+from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, RETURN_NOISE, RISE, UPPER
 from slz.kernels.jit import kernel
-from slz.kernels.simd import LANES, every, load, store, where
+from slz.kernels.simd import LANES, broadcast, load, store, where
 
 MOST_ROWS, COLS = 16, 32  # footprints of a patch
-SAMPLED = 5  # rows and columns of a patch sampled for its median height, about
+SAMPLED_ROWS = 5  # rows and columns of a patch sampled for its median height, about
 MOST_SAMPLED = 128
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
@@ -46,8 +46,8 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
     found: scratch, `MOST_SAMPLED` long.
     """
     north, east, n = min(row + rows, cells.shape[1]), min(col + cols, cells.shape[2]), 0
-    for r in range(row, north, max(1, rows // SAMPLED)):
-        for c in range(col, east, max(1, cols // SAMPLED)):
+    for r in range(row, north, max(1, rows // SAMPLED_ROWS)):
+        for c in range(col, east, max(1, cols // SAMPLED_ROWS)):
             if cells[WEIGHT, r, c] > F0 and n < MOST_SAMPLED:
                 height, k = cells[HEIGHT, r, c], n
                 while k > 0 and found[k - 1] > height:
@@ -65,10 +65,10 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
 
 
 @kernel("void(float32[::1], float32[::1], int64, int64, float32, float32[::1], int64, int64)")
-def _take_some(
+def _gather_some_cells(
     cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
 ) -> None:
-    """Write 16 cells, unknown from number `count` on, see `take`."""
+    """Write 16 cells, unknown from number `count` on, see `gather_cells`."""
     layer = len(inverse)
     for i in range(LANES):
         here = i < count and at + i < layer
@@ -76,14 +76,14 @@ def _take_some(
         held[KNOWN * size + to + i] = F1 if known else F0
         held[RISE * size + to + i] = cells[HEIGHT * layer + at + i] - level if known else F0
         held[INVERSE * size + to + i] = inverse[at + i] if known else F0
-        held[NOISE * size + to + i] = cells[SPREAD * layer + at + i] if known else F0
+        held[RETURN_NOISE * size + to + i] = cells[SPREAD * layer + at + i] if known else F0
         excess = cells[EXCESS * layer + at + i] if known else F0
         held[LOWER * size + to + i] = cells[BOTTOM * layer + at + i] - level + excess if known else HIGHEST
         held[UPPER * size + to + i] = cells[TOP * layer + at + i] - level - excess if known else LOWEST
 
 
 @kernel("void(float32[::1], float32[::1], int64, int64, int64, int64, int64, float32, float32[::1])")
-def take(
+def gather_cells(
     cells: Row,
     inverse: Row,
     cols: int,
@@ -104,18 +104,18 @@ def take(
         Columns of `cells`.
     """
     layer, size = len(inverse), tall * wide
-    zero, over = every(F0), every(level)
+    zero, over = broadcast(F0), broadcast(level)
     for i in range(tall):
         for c in range(0, wide, LANES):
             to, at = i * wide + c, (row + i) * cols + col + c
             if at + LANES > layer or col + c + LANES > cols:
-                _take_some(cells, inverse, at, cols - col - c, level, held, to, size)
+                _gather_some_cells(cells, inverse, at, cols - col - c, level, held, to, size)
                 continue
             known, excess = zero < load(cells, WEIGHT * layer + at), load(cells, EXCESS * layer + at)
             bottom, top = load(cells, BOTTOM * layer + at), load(cells, TOP * layer + at)
-            store(held, KNOWN * size + to, where(known, every(F1), zero))
+            store(held, KNOWN * size + to, where(known, broadcast(F1), zero))
             store(held, RISE * size + to, where(known, load(cells, HEIGHT * layer + at) - over, zero))
             store(held, INVERSE * size + to, load(inverse, at))
-            store(held, NOISE * size + to, where(known, load(cells, SPREAD * layer + at), zero))
-            store(held, LOWER * size + to, where(known, (bottom - over) + excess, every(HIGHEST)))
-            store(held, UPPER * size + to, where(known, (top - over) - excess, every(LOWEST)))
+            store(held, RETURN_NOISE * size + to, where(known, load(cells, SPREAD * layer + at), zero))
+            store(held, LOWER * size + to, where(known, (bottom - over) + excess, broadcast(HIGHEST)))
+            store(held, UPPER * size + to, where(known, (top - over) - excess, broadcast(LOWEST)))

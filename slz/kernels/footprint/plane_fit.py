@@ -28,32 +28,32 @@ from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
-    both,
-    every,
-    every_wide,
+    broadcast,
+    broadcast_wide,
     flags,
     flags_of,
     load,
+    logical_and,
     narrowed,
-    root,
+    sqrt,
     store,
     where,
     widened,
 )
 
-LEAST = np.float32(5.5)  # a plane needs more cells than this
+LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
 THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
 
 # Statistics of a footprint's plane, 16 lanes each: slope and its standard error (deg); relief (m), the
 # peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
 # variance of one return (m²); share of the cells with a return; relief without the outermost cells (m).
 SLOPE, SIGMA, RELIEF, RMS, NOISE2, SHARE, INNER = range(7)
-TOLD = 7
+PLANE_STATISTICS = 7
 WEST, NORTH, LEVEL = range(3)  # rise of a plane per cell to the west, to the north; middle height (m)
 PLANE = 3
 
 D2 = np.float64(2)
-F0, F1, HALF, THREE, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
+F0, F1, HALF, F3, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
 DEGREES = np.float32(57.29577951308232)
 Row = NDArray[np.float32]
 Wide = NDArray[np.float64]
@@ -74,51 +74,61 @@ def _fit(
     cell_m: float,
     noise_m: float,
     slope_limit: float,
-    told: Row,
+    statistics: Row,
     plane: Row,
 ) -> np.uint64:
     """Write planes and statistics of 16 footprints; return a mask of those whose relief is needed."""
     wide = len(sums) // (SUMS * rows)
     s = over_columns(sums, row * wide + col, rows * wide, away, row - rows // 2)
     z = rises_over_columns(rises, row * wide + col, rows * wide, away, float(row - rows // 2))
-    w, nothing, unknown, per_m = s[W], every(F0), every(NAN), every(F1 / cell_m)
-    share = every(F1) / w
+    w, nothing, unknown, per_m = s[W], broadcast(F0), broadcast(NAN), broadcast(F1 / cell_m)
+    share = broadcast(F1) / w
     mx, my, wide_share = s[WX] * share, s[WY] * share, widened(share)
-    wide_share = wide_share * (every_wide(D2) - widened(w) * wide_share)  # Newton step: to double precision
+    wide_share = wide_share * (
+        broadcast_wide(D2) - widened(w) * wide_share
+    )  # Newton step: to double precision
     mz = z[WZ] * wide_share
     sxx, sxy, syy = s[WXX] - s[WX] * mx, s[WXY] - s[WX] * my, s[WYY] - s[WY] * my
     sxz, syz = narrowed(z[WXZ] - widened(s[WX]) * mz), narrowed(z[WYZ] - widened(s[WY]) * mz)
     szz = narrowed(z[WZZ] - z[WZ] * mz)
-    free, det, trace = w - every(THREE), sxx * syy - sxy * sxy, sxx + syy
-    good = both(flags(covered), both(every(LEAST) < w, every(THIN) * trace * trace < det))
-    over_both = every(F1) / (free * det)
+    free, det, trace = w - broadcast(F3), sxx * syy - sxy * sxy, sxx + syy
+    good = logical_and(
+        flags(covered), logical_and(broadcast(LEAST_CELLS) < w, broadcast(THIN) * trace * trace < det)
+    )
+    over_both = broadcast(F1) / (free * det)
     scale, over_free = over_both * free, over_both * det
     a, b = (sxz * syy - syz * sxy) * scale, (syz * sxx - sxz * sxy) * scale
     left = szz - a * sxz - b * syz
     squares = where(nothing < left, left, nothing)
-    single2, spread2 = every(noise_m * noise_m) * (s[S_INVERSE] * share), squares * over_free
+    single2, spread2 = broadcast(noise_m * noise_m) * (s[S_INVERSE] * share), squares * over_free
     noise2 = where(single2 < spread2, spread2, single2)
     square = (a * a + b * b) * (per_m * per_m)
-    slope = arctangent(where(good, root(square), unknown)) * every(DEGREES)
-    sigma = root(noise2 * every(HALF) * trace * scale) * per_m / (every(F1) + square) * every(DEGREES)
-    at, to = row * TOLD * LANES, row * PLANE * LANES
-    store(told, at + SLOPE * LANES, slope)
-    store(told, at + SIGMA * LANES, where(good, sigma, unknown))
-    store(told, at + RMS * LANES, where(good, root(squares * share), unknown))
-    store(told, at + NOISE2 * LANES, where(good, s[S_NOISE] * share, unknown))
-    store(told, at + SHARE * LANES, where(good, w * every(F1 / np.float32(len(away) * len(away))), unknown))
-    store(told, at + RELIEF * LANES, unknown)
+    slope = arctangent(where(good, sqrt(square), unknown)) * broadcast(DEGREES)
+    sigma = (
+        sqrt(noise2 * broadcast(HALF) * trace * scale) * per_m / (broadcast(F1) + square) * broadcast(DEGREES)
+    )
+    at, to = row * PLANE_STATISTICS * LANES, row * PLANE * LANES
+    store(statistics, at + SLOPE * LANES, slope)
+    store(statistics, at + SIGMA * LANES, where(good, sigma, unknown))
+    store(statistics, at + RMS * LANES, where(good, sqrt(squares * share), unknown))
+    store(statistics, at + NOISE2 * LANES, where(good, s[S_NOISE] * share, unknown))
+    store(
+        statistics,
+        at + SHARE * LANES,
+        where(good, w * broadcast(F1 / np.float32(len(away) * len(away))), unknown),
+    )
+    store(statistics, at + RELIEF * LANES, unknown)
     store(plane, to + WEST * LANES, nothing - a)
     store(plane, to + NORTH * LANES, b)
     store(plane, to + LEVEL * LANES, narrowed(mz) - a * mx - b * my)
-    return flags_of(both(good, slope < every(slope_limit) + every(THREE) * sigma))
+    return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(F3) * sigma))
 
 
 @kernel(
     "void(float32[::1], float32[::1], int64, int64, int64, float32[::1], uint64, uint64, float32[::1],"
     " float32[::1])"
 )
-def _relieve(
+def _add_relief(
     lower: Row,
     upper: Row,
     row: int,
@@ -128,30 +138,30 @@ def _relieve(
     asked: np.uint64,
     asked_north: np.uint64,
     plane: Row,
-    told: Row,
+    statistics: Row,
 ) -> None:
     """Write the reliefs of 16 footprints of a row and of the next row to the north, where asked for."""
-    p, q, at = row * PLANE * LANES, (row + 1) * PLANE * LANES, row * TOLD * LANES + RELIEF * LANES
+    p, q, at = row * PLANE * LANES, (row + 1) * PLANE * LANES, row * PLANE_STATISTICS * LANES + RELIEF * LANES
     west = load(plane, p + WEST * LANES), load(plane, q + WEST * LANES)
     north = load(plane, p + NORTH * LANES), load(plane, q + NORTH * LANES)
     level = load(plane, p + LEVEL * LANES), load(plane, q + LEVEL * LANES)
     whole, whole_north = reliefs(lower, upper, row * wide + col, wide, away, west, north, level)
-    store(told, at, where(flags(asked), whole, every(NAN)))
-    store(told, at + TOLD * LANES, where(flags(asked_north), whole_north, every(NAN)))
+    store(statistics, at, where(flags(asked), whole, broadcast(NAN)))
+    store(statistics, at + PLANE_STATISTICS * LANES, where(flags(asked_north), whole_north, broadcast(NAN)))
 
 
 @kernel("void(float32[::1], float32[::1], int64, int64, int64, float32[::1], float32[::1], float32[::1])")
 def add_inner_relief(
-    lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, told: Row
+    lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, statistics: Row
 ) -> None:
     """Write the relief of 16 footprints of a row without their outermost cells, see `fit_planes`."""
-    p, at = row * PLANE * LANES, row * TOLD * LANES + INNER * LANES
+    p, at = row * PLANE * LANES, row * PLANE_STATISTICS * LANES + INNER * LANES
     west, north, level = (
         load(plane, p + WEST * LANES),
         load(plane, p + NORTH * LANES),
         load(plane, p + LEVEL * LANES),
     )
-    store(told, at, relief(lower, upper, row * wide + col, wide, away, 1, west, north, level))
+    store(statistics, at, relief(lower, upper, row * wide + col, wide, away, 1, west, north, level))
 
 
 @kernel(
@@ -170,7 +180,7 @@ def fit_planes(
     cell_m: float,
     noise_m: float,
     slope_limit: float,
-    told: Row,
+    statistics: Row,
     plane: Row,
 ) -> None:
     """Fit a plane to the cells of each footprint of a patch in 16 columns, and write its statistics.
@@ -187,18 +197,31 @@ def fit_planes(
         East offsets of the columns of a footprint from its middle, in cells.
     covered
         For each row, a mask of the footprints that are wholly covered by seen cells.
-    told
-        (rows, TOLD, 16), flat: receives the statistics. NaN where a footprint is not covered, has fewer than
-        six cells with a height or only collinear ones; the relief also where the slope exceeds its limit by
-        three standard errors. INNER is left to `add_inner_relief`.
+    statistics
+        (rows, PLANE_STATISTICS, 16), flat: receives the statistics. NaN where a footprint is not covered, has
+        fewer than six cells with a height or only collinear ones; the relief also where the slope exceeds its
+        limit by three standard errors. INNER is left to `add_inner_relief`.
     plane
         (rows, PLANE, 16), flat: receives the planes, undefined where there is none.
     """
     rows = len(covered)
     for j in range(0, rows, 2):
-        asked = _fit(sums, rises, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, told, plane)
+        asked = _fit(
+            sums, rises, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, statistics, plane
+        )
         north = _fit(
-            sums, rises, j + 1, col, rows, away, covered[j + 1], cell_m, noise_m, slope_limit, told, plane
+            sums,
+            rises,
+            j + 1,
+            col,
+            rows,
+            away,
+            covered[j + 1],
+            cell_m,
+            noise_m,
+            slope_limit,
+            statistics,
+            plane,
         )
         if asked | north != NONE:
-            _relieve(lower, upper, j, col, wide, away, asked, north, plane, told)
+            _add_relief(lower, upper, j, col, wide, away, asked, north, plane, statistics)

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.simd import Floats, every, load, multiplied
-from slz.kernels.simd import higher as highest_of
-from slz.kernels.simd import lower as lowest_of
+from slz.kernels.simd import Floats, broadcast, fused_multiply_add, load, maximum, minimum
 
 F0, HIGHEST, LOWEST = np.float32(0), np.float32(np.inf), np.float32(-np.inf)
 Row = NDArray[np.float32]
@@ -20,11 +18,11 @@ Pair = Any  # of lanes
 @kernel()
 def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, west: Floats) -> Pair:
     """Return the lowest and highest of cells of a row, less the eastward rise of the plane."""
-    low, high = every(HIGHEST), every(LOWEST)
+    low, high = broadcast(HIGHEST), broadcast(LOWEST)
     for d in range(first, stop):
-        far = every(away[d])
-        low = lowest_of(multiplied(west, far, load(lower, at + d)), low)
-        high = highest_of(multiplied(west, far, load(upper, at + d)), high)
+        far = broadcast(away[d])
+        low = minimum(fused_multiply_add(west, far, load(lower, at + d)), low)
+        high = maximum(fused_multiply_add(west, far, load(upper, at + d)), high)
     return low, high
 
 
@@ -41,12 +39,12 @@ def relief(
     level: Floats,
 ) -> Floats:
     """Return the relief of 16 footprints about their planes, without a rim of cells; see `reliefs`."""
-    side, lowest, highest = len(away), every(HIGHEST), every(LOWEST)
+    side, lowest, highest = len(away), broadcast(HIGHEST), broadcast(LOWEST)
     for i in range(rim, side - rim):
         low, high = _of_row(lower, upper, at + i * wide, away, rim, side - rim, west)
-        up = level + north * every(away[i])
-        lowest, highest = lowest_of(low - up, lowest), highest_of(high - up, highest)
-    return highest_of(highest - lowest, every(F0))
+        up = level + north * broadcast(away[i])
+        lowest, highest = minimum(low - up, lowest), maximum(high - up, highest)
+    return maximum(highest - lowest, broadcast(F0))
 
 
 @kernel()
@@ -69,26 +67,26 @@ def reliefs(
     """
     side = len(away)
     low, high = _of_row(lower, upper, at, away, 0, side, west[0])
-    up = level[0] + north[0] * every(away[0])
+    up = level[0] + north[0] * broadcast(away[0])
     lowest, highest = low - up, high - up
     low, high = _of_row(lower, upper, at + side * wide, away, 0, side, west[1])
-    up = level[1] + north[1] * every(away[side - 1])
+    up = level[1] + north[1] * broadcast(away[side - 1])
     lowest2, highest2 = low - up, high - up
     for i in range(1, side):
         row, low, high, low2, high2 = (
             at + i * wide,
-            every(HIGHEST),
-            every(LOWEST),
-            every(HIGHEST),
-            every(LOWEST),
+            broadcast(HIGHEST),
+            broadcast(LOWEST),
+            broadcast(HIGHEST),
+            broadcast(LOWEST),
         )
         for d in range(side):  # each cell is loaded once for both rows of footprints
-            far, bottom, top = every(away[d]), load(lower, row + d), load(upper, row + d)
-            low = lowest_of(multiplied(west[0], far, bottom), low)
-            high = highest_of(multiplied(west[0], far, top), high)
-            low2 = lowest_of(multiplied(west[1], far, bottom), low2)
-            high2 = highest_of(multiplied(west[1], far, top), high2)
-        up, up2 = level[0] + north[0] * every(away[i]), level[1] + north[1] * every(away[i - 1])
-        lowest, highest = lowest_of(low - up, lowest), highest_of(high - up, highest)
-        lowest2, highest2 = lowest_of(low2 - up2, lowest2), highest_of(high2 - up2, highest2)
-    return highest_of(highest - lowest, every(F0)), highest_of(highest2 - lowest2, every(F0))
+            far, bottom, top = broadcast(away[d]), load(lower, row + d), load(upper, row + d)
+            low = minimum(fused_multiply_add(west[0], far, bottom), low)
+            high = maximum(fused_multiply_add(west[0], far, top), high)
+            low2 = minimum(fused_multiply_add(west[1], far, bottom), low2)
+            high2 = maximum(fused_multiply_add(west[1], far, top), high2)
+        up, up2 = level[0] + north[0] * broadcast(away[i]), level[1] + north[1] * broadcast(away[i - 1])
+        lowest, highest = minimum(low - up, lowest), maximum(high - up, highest)
+        lowest2, highest2 = minimum(low2 - up2, lowest2), maximum(high2 - up2, highest2)
+    return maximum(highest - lowest, broadcast(F0)), maximum(highest2 - lowest2, broadcast(F0))

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 
-WEIGHT, HEIGHT, SQUARE, VARIANCE, TURN = range(5)
-SUMS = 5
-PARTS = 3  # points along the beam that represent a sample
+SUM_WEIGHT, SUM_HEIGHT, SUM_SQUARE, SUM_VARIANCE, SUM_TURN = range(5)
+DEM_SUMS = 5
+BEAM_PARTS = 3  # points along the beam that represent a sample
 TURNS = 2  # whole turns of the phase that an observation may be off by
 CAP = 16.0  # bound on a squared deviation, in variances
 RIVAL = 9.0  # margin in cost of the best height over any other
@@ -36,18 +36,18 @@ def add_samples(
     rows, cols = sums.shape[:2]
     for i in range(len(points)):
         weight = 1.0 / (sigma[i] * sigma[i])
-        for part in range(PARTS):
-            along = azimuth * ((part + 0.5) / PARTS - 0.5)
+        for part in range(BEAM_PARTS):
+            along = azimuth * ((part + 0.5) / BEAM_PARTS - 0.5)
             c = int(np.floor((points[i, 0] + along * ahead[0] - west) / cell))
             r = int(np.floor((points[i, 1] + along * ahead[1] - south) / cell))
             if r < 0 or c < 0 or r >= rows or c >= cols:
                 continue
             z = points[i, 2]
-            sums[r, c, WEIGHT] += weight
-            sums[r, c, HEIGHT] += weight * z
-            sums[r, c, SQUARE] += weight * z * z
-            sums[r, c, VARIANCE] += 1.0
-            sums[r, c, TURN] += weight * turn[i]
+            sums[r, c, SUM_WEIGHT] += weight
+            sums[r, c, SUM_HEIGHT] += weight * z
+            sums[r, c, SUM_SQUARE] += weight * z * z
+            sums[r, c, SUM_VARIANCE] += 1.0
+            sums[r, c, SUM_TURN] += weight * turn[i]
 
 
 @kernel(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 
 MISSING, GOOD, SATURATED, ODD = range(4)
-EDGE = 3  # samples at either end of the buffer without a peak search
+EDGE_SAMPLES = 3  # samples at either end of the buffer without a peak search
 CLIPPED_MOST = 4  # clipped samples, above which too little of the pulse is left
 STEPS = 5  # Gauss-Newton or Newton iterations, at most
 SETTLED = 1e-3  # samples; a smaller step is the last one
@@ -61,7 +61,7 @@ def polynomial_peaks(
 
     `fit` (degree + 1, n - 1) maps samples to coefficients of powers of u, which runs from -1 at the first
     sample to 1 at the last before the marker: the fit is one fixed linear map (Flash paper, section 4.2). The
-    maximum is searched without the outermost `EDGE` samples.
+    maximum is searched without the outermost `EDGE_SAMPLES` samples.
     """
     rows, cols, n = samples.shape
     m, order = n - 1, fit.shape[0]
@@ -80,7 +80,7 @@ def polynomial_peaks(
                 for k in range(m):
                     a[j] += fit[j, k] * y[k]
             best, top = 0.0, -np.inf
-            for k in range(2 * EDGE, 2 * (m - 1 - EDGE) + 1):
+            for k in range(2 * EDGE_SAMPLES, 2 * (m - 1 - EDGE_SAMPLES) + 1):
                 u = (0.5 * k - half) / half
                 p = a[order - 1]
                 for j in range(order - 2, -1, -1):
@@ -145,7 +145,7 @@ def likely_peaks(
             if counter[r, c] >= gate or unwrap(samples[r, c], marker, baseline, y) == 0:
                 continue
             t, top = 0.0, -np.inf
-            for k in range(EDGE, m - EDGE):
+            for k in range(EDGE_SAMPLES, m - EDGE_SAMPLES):
                 total = 0.0
                 for i in range(max(0, k - reach), min(m, k + reach + 1)):
                     total += bell[i - k + reach] * y[i]

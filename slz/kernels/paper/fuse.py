@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slz.kernels.arctangent import arctangent
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
-from slz.kernels.simd import LANES, below, both, every, load, root, store, where
+from slz.kernels.simd import LANES, below, broadcast, load, logical_and, sqrt, store, where
 
 Row = NDArray[np.float32]
 Rows = NDArray[np.float32]
@@ -22,7 +22,7 @@ NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float
 F0, F1 = np.float32(0.0), np.float32(1.0)
 INFINITE = np.float32(np.inf)
 WORD = 64  # cells of a word of the maps
-SOME = np.uint64((1 << LANES) - 1)
+LANE_MASK = np.uint64((1 << LANES) - 1)
 OLD = -1  # value in `blocks`: to be recomputed
 STRIP = 16  # rows of 64 float32 cells of a map: one page of memory
 RING = 20  # rows of the ring buffer: a strip, and at least one row to the south and two to the north
@@ -30,7 +30,7 @@ TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
 @kernel("UniTuple(int64, 2)(uint64[::1])")
-def _span(sums: NDArray[np.uint64]) -> tuple[int, int]:
+def _hit_span(sums: NDArray[np.uint64]) -> tuple[int, int]:
     """Return the range of columns of a row that was hit, in whole words; 0, 0 for none."""
     first, stop = 0, len(sums)
     while first < stop and sums[first] == NONE:
@@ -57,7 +57,7 @@ def _mean_heights(
     real_totals: NDArray[np.float64],
     height: Row,
 ) -> None:
-    """Convert sums (see `height_sums.scatter`) to mean heights, NaN where nothing was hit.
+    """Convert sums (see `height_sums.sum_heights`) to mean heights, NaN where nothing was hit.
 
     Each pair of scratch arrays shares its memory: an integer OR-ed with the exponent bits of 2**52 reads as a
     float64 equal to it plus 2**52. The compiler vectorises this, but not the conversion.
@@ -72,7 +72,7 @@ def _mean_heights(
 
 
 @kernel("void(uint64[:, ::1], int64, int64, int64, uint64[:, ::1])")
-def _surrounded(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
+def _with_all_neighbours(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
     """Write the cells of a row that are set with all four neighbours; the outermost words are margin."""
     for w in range(1, held.shape[1] - 1):
         row = held[here, w]
@@ -102,23 +102,23 @@ def _slopes(
     south, here, north
         Index of the first of `cells` cells in each row; each row has one more cell at either end.
     """
-    scale, degrees, nothing = every(k), every(DEGREES), every(NAN)
+    scale, degrees, nothing = broadcast(k), broadcast(DEGREES), broadcast(NAN)
     for i in range(0, cells, LANES):
         at = here + i
-        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & SOME == NONE:
+        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & LANE_MASK == NONE:
             store(out, at, nothing)
             continue
         mid = load(values, at)
         dx = (load(values, at + 1) - load(values, at - 1)) * scale  # SLZ paper, Eq. (7)
         dy = (load(values, north + i) - load(values, south + i)) * scale  # SLZ paper, Eq. (8)
-        angle = arctangent(root(dx * dx + dy * dy)) * degrees  # SLZ paper, Eq. (9)
+        angle = arctangent(sqrt(dx * dx + dy * dy)) * degrees  # SLZ paper, Eq. (9)
         store(out, at, where(mid == mid, angle, nothing))
 
 
 @kernel(
     "void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], float32[::1], int64)"
 )
-def _join(
+def _fuse_word(
     height: Row,
     slope: Row,
     at: int,
@@ -135,9 +135,9 @@ def _join(
     final choice instead, the compiler would emit masked stores, which some processors do one number at a
     time.
     """
-    half, most = every(HALF), every(worst)
+    half, most = broadcast(HALF), broadcast(worst)
     for i in range(0, WORD, LANES):
-        if (sloped >> np.uint64(i)) & SOME == NONE:
+        if (sloped >> np.uint64(i)) & LANE_MASK == NONE:
             continue
         h, s = load(height, at + i), load(slope, at + i)
         old_h, old_s = load(total_height, to + i), load(total_slope, to + i)
@@ -152,7 +152,7 @@ def _join(
 
 
 @kernel("void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], int64)")
-def _join_rough(
+def _fuse_roughness(
     rough: Row,
     slope: Row,
     at: int,
@@ -163,18 +163,18 @@ def _join_rough(
     to: int,
 ) -> None:
     """Fuse the roughness of a word, known in fewer cells than the slope; unknown is the worst case."""
-    half, most = every(HALF), every(worst)
+    half, most = broadcast(HALF), broadcast(worst)
     for i in range(0, WORD, LANES):
-        if (roughened >> np.uint64(i)) & SOME == NONE:
+        if (roughened >> np.uint64(i)) & LANE_MASK == NONE:
             continue
         q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
-        q = where(both(s < most, q == q), q, old)
+        q = where(logical_and(s < most, q == q), q, old)
         joint = where(old < q, q, old) if greatest else half * (old + q)
         store(total_rough, to + i, where(old == most, q, joint))
 
 
 @kernel("uint64(int64, int64, int64, int64)")
-def _inner(rows: int, cols: int, row: int, word: int) -> np.uint64:
+def _off_margin(rows: int, cols: int, row: int, word: int) -> np.uint64:
     """Return a mask of a word's cells off the margin, which is never safe (SLZ paper, section 3.2.4)."""
     if row == 0 or row == rows - 1:
         return NONE
@@ -187,7 +187,7 @@ def _inner(rows: int, cols: int, row: int, word: int) -> np.uint64:
     " int64, int64, int64, float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1],"
     " float32[:, :, ::1], uint8[:, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1], int64[::1])"
 )
-def _join_strip(
+def _fuse_strip(
     heights: Rows,
     slopes: Rows,
     roughs: Rows,
@@ -230,11 +230,11 @@ def _join_strip(
                 total_h[to : to + WORD] = NAN
                 total_s[to : to + WORD] = worst
                 total_r[to : to + WORD] = worst
-            _join(window_h, window_s, at, some, worst, greatest, total_h, total_s, to)
+            _fuse_word(window_h, window_s, at, some, worst, greatest, total_h, total_s, to)
             if more != NONE:
-                _join_rough(window_r, window_s, at, more, worst, greatest, total_r, to)
+                _fuse_roughness(window_r, window_s, at, more, worst, greatest, total_r, to)
             known[r, c] |= below(window_s, at, worst)
-            word = below(total_s, to, safe_slope) & _inner(rows, cols, r, c)
+            word = below(total_s, to, safe_slope) & _off_margin(rows, cols, r, c)
             blocks[r, c, 0] = OLD
             if word != safe[r, c]:
                 safe[r, c] = word
@@ -274,7 +274,7 @@ def fuse(
     Parameters
     ----------
     sums
-        (rows * width,) as written by `height_sums.scatter`; the width is in whole words.
+        (rows * width,) as written by `height_sums.sum_heights`; the width is in whole words.
     cols
         Columns of the map; the arrays are as wide as the next multiple of 64, plus 64.
     height, slope, rough
@@ -286,7 +286,7 @@ def fuse(
         Bitmaps: slope below `safe_slope` and off the map's margin (SLZ paper, section 3.2.4), and any height.
     blocks
         (rows, words, 2) sums of slope and roughness of the safe cells of each word, see
-        `zone_statistics.measure`; set to OLD for words that are written.
+        `zone_statistics.zonal_statistics`; set to OLD for words that are written.
 
     Returns
     -------
@@ -311,7 +311,7 @@ def fuse(
         new, south, here, north = i % RING, (i - 2) % RING, (i - 1) % RING, i % RING
         if i < rows:
             row = sums[i * width : (i + 1) * width]
-            a, b = _span(row)
+            a, b = _hit_span(row)
             heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
             _mean_heights(
                 row[a:b],
@@ -327,7 +327,7 @@ def fuse(
             for w in range(words):
                 hit[new, w + 1] = below(flat, new * line + WORD * w + 1, INFINITE)
         if 0 < i - 1 < rows - 1:
-            _surrounded(hit, south, here, north, sloped)
+            _with_all_neighbours(hit, south, here, north, sloped)
             _slopes(
                 flat, south * line + 1, here * line + 1, north * line + 1, width, sloped, here, k, flat_slopes
             )
@@ -337,7 +337,7 @@ def fuse(
         if j < 1 or j >= rows - 1:
             continue
         south, here, north = (j - 1) % RING, j % RING, (j + 1) % RING
-        _surrounded(sloped, south, here, north, roughened)
+        _with_all_neighbours(sloped, south, here, north, roughened)
         _slopes(
             flat_slopes,
             south * line + 1,
@@ -350,7 +350,7 @@ def fuse(
             flat_roughs,
         )
         if j == rows - 2 or (row0 + j) % STRIP == STRIP - 1:
-            _join_strip(
+            _fuse_strip(
                 heights, slopes, roughs, sloped, roughened, start, j + 1, row0, word0, cols, worst,
                 safe_slope, greatest, height, slope, rough, begun, safe, known, blocks, changed,
             )  # fmt: skip
@@ -382,6 +382,6 @@ def refresh(
     for w in range(word0, word1):
         for r in range(row0, row1):
             at = (w * rows + r) * WORD
-            safe[r, w] = below(flat_slope, at, safe_slope) & _inner(rows, cols, r, w)
+            safe[r, w] = below(flat_slope, at, safe_slope) & _off_margin(rows, cols, r, w)
             known[r, w] = below(flat_height, at, INFINITE)
             blocks[r, w, 0] = OLD

@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 from slz.kernels.paper.point_pass import DROPPED
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
-from slz.kernels.simd import LANES, every, flags_of, load
+from slz.kernels.simd import LANES, broadcast, flags_of, load
 
 Points = NDArray[np.float64]
 Counts = NDArray[np.int32]
 CHUNK = 64  # points, few enough that a chunk seldom has one near a bin's edge or far from the others
-SAMPLED = 64  # one chunk in 64 is counted to estimate the distribution
+SAMPLE_EVERY = 64  # one chunk in 64 is counted to estimate the distribution
 CLEARLY = 4.0  # multiple of a sparse bin's population, above which the sample shows a bin not to be sparse
-MANY = 50_000  # points, above which sampling is worthwhile
-ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
+SAMPLED_ABOVE = 50_000  # points, above which sampling is worthwhile
+HEIGHT_ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
 FOUR = np.uint64(3)
 
 
@@ -34,7 +34,7 @@ def _bins(
     A height so near a bin's edge that rounding to float32 may have moved it across may be wrong. The loop has
     no branch, so that the compiler vectorises it.
     """
-    near, last, odd = 0.5 - bins * ROUNDING, np.int32(bins - 1), 0
+    near, last, odd = 0.5 - bins * HEIGHT_ROUNDING, np.int32(bins - 1), 0
     for i in range(np.uint64(len(cells))):
         at = (float(heights[i]) + shift) * scale
         b = np.int32(at)
@@ -48,7 +48,7 @@ def _bins(
     "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64,"
     " int32[:, ::1])"
 )
-def _count(
+def _count_by_bin(
     points: Points,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -58,7 +58,7 @@ def _count(
     every: int,
     count: Counts,
 ) -> None:
-    """Count the points of one chunk in `every` by bin."""
+    """Count the points of one chunk in `broadcast` by bin."""
     count[:] = 0
     bins, mine = count.shape[1] - 1, np.empty(CHUNK, np.uint16)
     for start in range(0, len(cells), CHUNK * every):
@@ -72,13 +72,13 @@ def _count(
 
 
 @kernel("uint64(float32[::1], int64, float32, float32)")
-def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
+def _outside_mask(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
     """Return a mask of 64 heights, fewer at the end: 1 below the least or above the most."""
     word, i = NONE, np.uint64(0)
     if start + CHUNK <= len(heights):
         for at in range(start, start + CHUNK, LANES):
             some = load(heights, at)
-            word |= (flags_of(some < every(least)) | flags_of(every(most) < some)) << i
+            word |= (flags_of(some < broadcast(least)) | flags_of(broadcast(most) < some)) << i
             i += np.uint64(LANES)
         return word
     for at in range(start, len(heights)):
@@ -91,7 +91,7 @@ def _beyond(heights: NDArray[np.float32], start: int, least: np.float32, most: n
     "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, int64,"
     " int32[:, ::1])"
 )
-def _count_ends(
+def _count_end_bins(
     points: Points,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -105,10 +105,10 @@ def _count_ends(
     """Count all points of the bins below `lower` and from `upper` on; counts in between are incomplete."""
     count[:] = 0
     bins, shift = count.shape[1] - 1, level - low
-    near = bins * ROUNDING
+    near = bins * HEIGHT_ROUNDING
     least, most = np.float32((lower + near) / scale - shift), np.float32((upper - near) / scale - shift)
     for start in range(0, len(cells), CHUNK):
-        word = _beyond(heights, start, least, most)
+        word = _outside_mask(heights, start, least, most)
         while word != NONE:
             i = start + signed(lowest(word))
             word &= word - ONE
@@ -121,7 +121,7 @@ def _count_ends(
 
 
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64)")
-def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
+def _dense_bins(count: Counts, sparse: float) -> tuple[int, int]:
     """Return the first and the last bin that are not sparse; first equals last if all are sparse."""
     first, last = 0, count.shape[1] - 2
     while first < last and count[:, first].sum() < sparse:
@@ -132,7 +132,7 @@ def _not_sparse(count: Counts, sparse: float) -> tuple[int, int]:
 
 
 @kernel("UniTuple(int64, 2)(int32[:, ::1], float64, int64, float64)")
-def _trimmed(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
+def _kept_bins(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
     """Return the first and last bin that are kept."""
     first, last, left = 0, count.shape[1] - 2, n
     while first < last:
@@ -152,7 +152,7 @@ def _trimmed(count: Counts, sparse: float, n: int, threshold: float) -> tuple[in
     "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
     " int64, int64, float64)"
 )
-def interval(
+def accepted_interval(
     points: Points,
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -178,16 +178,16 @@ def interval(
     count = np.empty((4, bins + 1), np.int32)  # four tables: successive increments of one bin need not wait
     scale, sparse = bins / (high - low), (1 - threshold) * n / bins
     guessed = False
-    if n > MANY:
-        _count(points, cells, heights, level, low, scale, SAMPLED, count)
-        first, last = _not_sparse(count, CLEARLY * sparse / SAMPLED)
+    if n > SAMPLED_ABOVE:
+        _count_by_bin(points, cells, heights, level, low, scale, SAMPLE_EVERY, count)
+        first, last = _dense_bins(count, CLEARLY * sparse / SAMPLE_EVERY)
         sure_first, sure_last = count[:, first].sum() >= sparse, count[:, last].sum() >= sparse
         lower, upper = first + 1 - int(sure_first), last + int(sure_last)
-        _count_ends(points, cells, heights, level, low, scale, lower, upper, count)
+        _count_end_bins(points, cells, heights, level, low, scale, lower, upper, count)
         count[0, first] += n * int(sure_first)
         count[0, last] += n * int(sure_last)
         guessed = count[0, first] >= sparse and count[0, last] >= sparse
     if not guessed:
-        _count(points, cells, heights, level, low, scale, 1, count)
-    first, last = _trimmed(count, sparse, n, threshold)
+        _count_by_bin(points, cells, heights, level, low, scale, 1, count)
+    first, last = _kept_bins(count, sparse, n, threshold)
     return low + first / scale, low + (last + 1) / scale

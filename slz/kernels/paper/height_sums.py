@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.paper.fuse import TWO_52
-from slz.kernels.paper.point_pass import DROPPED, HALF, LOW16, OUTSIDE
+from slz.kernels.paper.point_pass import DROPPED, HALF_BITS, LOW16, OUTSIDE
 from slz.kernels.raster.bitmap import signed
 
 CHUNK = 64  # points, few enough that a chunk seldom has an exceptional one
@@ -18,7 +18,7 @@ ONE, MANTISSA = np.uint64(1), np.uint64((1 << 52) - 1)
     "boolean(uint32[::1], float32[::1], float32, float32, float64, float64, uint64, uint32, uint32,"
     " uint32[::1], float64[::1], uint64[::1])"
 )
-def _places(
+def _place_chunk(
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
     least: np.float32,
@@ -42,7 +42,7 @@ def _places(
         at, height = cells[i], heights[i]
         beyond = np.uint32(at >= OUTSIDE) | np.uint32(height < least) | np.uint32(height > most)
         odd = np.uint32(odd | beyond)
-        places[i] = np.uint32(np.uint32(at >> HALF) * width) + np.uint32(at & LOW16) - first
+        places[i] = np.uint32(np.uint32(at >> HALF_BITS) * width) + np.uint32(at & LOW16) - first
         scaled[i] = (float(height) + shift) * scale + TWO_52
     for i in range(np.uint64(len(cells))):
         added[i] = ((added[i] & MANTISSA) << bits) | ONE
@@ -53,7 +53,7 @@ def _places(
     "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
     " float64, int64, int64, int64, int64, uint64[::1])"
 )
-def scatter(
+def sum_heights(
     points: NDArray[np.float64],
     cells: NDArray[np.uint32],
     heights: NDArray[np.float32],
@@ -75,8 +75,8 @@ def scatter(
     Parameters
     ----------
     points, cells, heights, level
-        As in `point_pass.stream`. A height so near an end that rounding to float32 may have moved it across
-        is looked up in float64.
+        As in `point_pass.place_points`. A height so near an end that rounding to float32 may have moved it
+        across is looked up in float64.
     sums
         (rows * width,) from (row0, col0) on, added to; rows * width is below 2**32.
     """
@@ -89,7 +89,7 @@ def scatter(
     for start in range(0, len(cells), CHUNK):
         stop = min(start + CHUNK, len(cells))
         some = slice(start, stop)
-        if not _places(
+        if not _place_chunk(
             cells[some], heights[some], least, most, shift, scale, bits, wide, first,
             places, scaled, added,
         ):  # fmt: skip
@@ -108,6 +108,6 @@ def scatter(
                 over = z - low
             used += 1
             if cells[i] != OUTSIDE:
-                k = (signed(cells[i] >> HALF) - row0) * width + signed(cells[i] & LOW16) - col0
+                k = (signed(cells[i] >> HALF_BITS) - row0) * width + signed(cells[i] & LOW16) - col0
                 sums[k] += (np.uint64(signed(np.rint(over * scale))) << bits) | ONE
     return used

@@ -1,7 +1,7 @@
 """Single pass over a window's points in source mode: cell and height of each (SLZ paper, section 3.2.1).
 
-It leaves 8 bytes a point, for the histogram of heights (`height_gate.interval`) and for the sums of the cells
-(`height_sums.scatter`).
+It leaves 8 bytes a point, for the histogram of heights (`height_gate.accepted_interval`) and for the sums of
+the cells (`height_sums.sum_heights`).
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
 MOST_CELLS = 65_535  # along one side of a map: row and column of a cell have 16 bits each
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 CHUNK = 512
-HALF, LOW16, NOTHING = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
-LARGEST, LEAST, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of int32
+HALF_BITS, LOW16, ZERO = np.uint32(16), np.uint32(0xFFFF), np.uint32(0)
+INT32_MAX, INT32_MIN, SIGN = np.int32(0x7FFFFFFF), np.int32(-0x7FFFFFFF), np.int32(31)  # of int32
 ONE, TWO, THREE, SIX, NINE, TWELVE = (np.uint64(k) for k in (1, 2, 3, 6, 9, 12))
-EDGE = 1e-7  # cells: closer to an edge, a product may round to its other side than the quotient does
+EDGE_TOLERANCE = (
+    1e-7  # cells: closer to an edge, a product may round to its other side than the quotient does
+)
 
 
 @kernel(
     "boolean(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64, float64,"
     " float64, float64, uint32[::1], float32[::1])"
 )
-def _chunk(
+def _place_chunk(
     points: Points,
     west: float,
     south: float,
@@ -62,12 +64,12 @@ def _chunk(
         cells[i] = at if used else DROPPED
         heights[i] = np.float32(z - level) if used else np.float32(0.0)
         from_col, from_row = abs(across - col - 0.5), abs(up - row - 0.5)
-        near |= signed((from_col > 0.5 - EDGE) | (from_row > 0.5 - EDGE))
+        near |= signed((from_col > 0.5 - EDGE_TOLERANCE) | (from_row > 0.5 - EDGE_TOLERANCE))
     return near != 0
 
 
 @kernel("void(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, uint32[::1])")
-def _exactly(
+def _place_exactly(
     points: Points, west: float, south: float, cell: float, rows: int, cols: int, cells: NDArray[np.uint32]
 ) -> None:
     """Place the points of a chunk using quotients."""
@@ -80,26 +82,26 @@ def _exactly(
 
 
 @kernel("Tuple((uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
-def _ends(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
+def _chunk_extremes(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
     """Return the least and greatest cell, the least and greatest column, the least and greatest height.
 
     Heights are float32 bit patterns with the magnitude bits of negative numbers inverted: as int32 these have
     the order of the floats, and the compiler vectorises their comparison. It does so in 32 bits only where no
     intermediate is wider, such as a result of `min`.
     """
-    first, last, col0, col1 = OUTSIDE, NOTHING, LOW16, NOTHING
-    low, high = LARGEST, LEAST
+    first, last, col0, col1 = OUTSIDE, ZERO, LOW16, ZERO
+    low, high = INT32_MAX, INT32_MIN
     for i in range(np.uint64(len(cells))):
         cell, col = cells[i], np.uint32(cells[i] & LOW16)
         first, last = cell if cell < first else first, cell if cell > last else last
         col0, col1 = col if col < col0 else col0, col if col > col1 else col1
-        height = np.int32(heights[i] ^ np.int32(np.int32(heights[i] >> SIGN) & LARGEST))
+        height = np.int32(heights[i] ^ np.int32(np.int32(heights[i] >> SIGN) & INT32_MAX))
         low, high = height if height < low else low, height if height > high else high
     return first, last, col0, col1, low, high
 
 
 @kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
-def _heights(points: Points, low: float, high: float) -> tuple[float, float]:
+def _height_range(points: Points, low: float, high: float) -> tuple[float, float]:
     """Return the lowest and highest of all points and of the two given heights."""
     a0 = a1 = a2 = a3 = low
     b0 = b1 = b2 = b3 = high
@@ -132,7 +134,7 @@ def _first_height(points: Points, sensor_east: float, sensor_north: float, range
     "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:],"
     " float64, float64, uint32[::1], float32[::1])"
 )
-def stream(
+def place_points(
     points: Points,
     west: float,
     south: float,
@@ -169,23 +171,23 @@ def stream(
     if level != level:  # NaN
         level = _first_height(points, sensor[0], sensor[1], range_m * range_m)
     low, high, dropped, outside = np.inf, -np.inf, 0, 0
-    bits, least, greatest = heights.view(np.int32), LARGEST, LEAST
-    row0, row1, col0, col1 = LOW16, NOTHING, LOW16, NOTHING
+    bits, least, greatest = heights.view(np.int32), INT32_MAX, INT32_MIN
+    row0, row1, col0, col1 = LOW16, ZERO, LOW16, ZERO
     for start in range(0, n, CHUNK):
         stop = min(n, start + CHUNK)
         some, mine = points[3 * start : 3 * stop], cells[start:stop]
-        if _chunk(
+        if _place_chunk(
             some, west, south, cell, rows, cols, sensor[0], sensor[1], range_m * range_m, level,
             mine, heights[start:stop],
         ):  # fmt: skip
-            _exactly(some, west, south, cell, rows, cols, mine)
-        first, last, c0, c1, lower, upper = _ends(mine, bits[start:stop])
+            _place_exactly(some, west, south, cell, rows, cols, mine)
+        first, last, c0, c1, lower, upper = _chunk_extremes(mine, bits[start:stop])
         if last < OUTSIDE:
-            row0, row1 = min(row0, first >> HALF), max(row1, last >> HALF)
+            row0, row1 = min(row0, first >> HALF_BITS), max(row1, last >> HALF_BITS)
             col0, col1 = min(col0, c0), max(col1, c1)
             if lower <= least or upper >= greatest:  # in float32: the extremes in float64 are among these
                 least, greatest = min(least, lower), max(greatest, upper)
-                low, high = _heights(some, low, high)
+                low, high = _height_range(some, low, high)
             continue
         for i in range(stop - start):
             at = mine[i]
@@ -196,6 +198,6 @@ def stream(
             if at == OUTSIDE:
                 outside += 1
                 continue
-            row0, row1 = min(row0, at >> HALF), max(row1, at >> HALF)
+            row0, row1 = min(row0, at >> HALF_BITS), max(row1, at >> HALF_BITS)
             col0, col1 = min(col0, at & LOW16), max(col1, at & LOW16)
     return np.array([level, low, high, n - dropped, outside, row0, row1 + 1, col0, col1 + 1], np.float64)

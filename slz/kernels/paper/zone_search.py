@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from slz.kernels.growable_array import doubled, put, put_rows
 from slz.kernels.jit import kernel
-from slz.kernels.polygons.boundary_tracing import extent, tour, westmost
+from slz.kernels.polygons.boundary_tracing import extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import NONE, Bits, lowest, signed
 from slz.kernels.raster.region_fill import component, fill
 
 # Columns of the table of components.
 ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
-FIELDS = 8
+COMPONENT_FIELDS = 8
 
 
 @kernel("Tuple((int32[:, ::1], uint8[::1]))(int32[:, ::1], uint8[::1], int64)")
-def _longer(
+def _doubled_trace(
     path: NDArray[np.int32], edges: NDArray[np.uint8], used: int
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     new_edges = np.empty(2 * len(edges), np.uint8)
@@ -26,7 +26,7 @@ def _longer(
 
 
 @kernel("int64(int32[:, ::1], uint8[::1], int64, int64)")
-def _beginning(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> int:
+def _first_step(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> int:
     """Return the index at which a trace leaves its first cell as a trace started there would."""
     row, col = path[first, 0], path[first, 1]
     start, best = first, 9
@@ -39,14 +39,14 @@ def _beginning(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first:
 
 
 @kernel("void(uint64[:, ::1], uint64[:, ::1], int64, int64)")
-def _take(taken: Bits, content: Bits, row0: int, word0: int) -> None:
+def _mark_taken(taken: Bits, content: Bits, row0: int, word0: int) -> None:
     for i in range(content.shape[0]):
         for j in range(content.shape[1]):
             taken[row0 + i, word0 + j] |= content[i, j]
 
 
 @kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int64)")
-def _open(
+def _next_seed(
     seeds: Bits, taken: Bits, row: int, word: int, row1: int, word0: int, word1: int
 ) -> tuple[int, int]:
     """Return the first word, in raster order from one on, with a seed not taken; row1 for none.
@@ -66,7 +66,7 @@ def _open(
     "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1],"
     " uint64[:, ::1], int64, int64, int64, int64, int64, int64)"
 )
-def find(
+def search_zones(
     safe: Bits,
     seeds: Bits,
     taken: Bits,
@@ -99,16 +99,16 @@ def find(
     """
     path, edges = np.empty((longest, 2), np.int32), np.empty(longest, np.uint8)
     spread = np.array([row1, row0, word1, word0], np.int64)
-    table, count = np.empty((16, FIELDS), np.int64), 0
+    table, count = np.empty((16, COMPONENT_FIELDS), np.int64), 0
     boundary, n_boundary = np.empty((0, 2), np.int32), 0
     words, n_words = np.empty(0, np.uint64), 0
-    row, w = _open(seeds, taken, row0, word0, row1, word0, word1)
+    row, w = _next_seed(seeds, taken, row0, word0, row1, word0, word1)
     while row < row1:
         r, c = row, 64 * w + signed(lowest(seeds[row, w] & ~taken[row, w]))
         while True:  # west to an edge; the trace of a hole is followed to its first cell, farther south
-            n, area = tour(safe, r, westmost(safe, r, c), path, edges)
+            n, area = trace_boundary(safe, r, westmost(safe, r, c), path, edges)
             if n > len(path):
-                path, edges = _longer(path, edges, 0)
+                path, edges = _doubled_trace(path, edges, 0)
                 continue
             r0, r1, c0, c1, first = extent(path, n)
             if area > 0:
@@ -124,13 +124,13 @@ def find(
         content = words[n_words : n_words + size].reshape(r1 - r0, w1 - w0)
         n_cells = fill(path, edges, n, r0, w0, content)
         if n < least:
-            room = content & safe[r0:r1, w0:w1]
-            content = component(room, path[first, 0] - r0, path[first, 1] - 64 * w0)
+            open_cells = content & safe[r0:r1, w0:w1]
+            content = component(open_cells, path[first, 0] - r0, path[first, 1] - 64 * w0)
         spread[0], spread[1] = min(spread[0], r0), max(spread[1], r1)
         spread[2], spread[3] = min(spread[2], w0), max(spread[3], w1)
-        _take(taken, content, r0, w0)
+        _mark_taken(taken, content, r0, w0)
         if n >= least:
-            start = _beginning(path, edges, n, first)
+            start = _first_step(path, edges, n, first)
             if count == len(table):
                 table = doubled(table)
             entry = table[count]
@@ -147,5 +147,5 @@ def find(
             put(flat, 2 * (n_boundary + n - start), path[:start].ravel())
             n_boundary += n
             n_words += size
-        row, w = _open(seeds, taken, row, w, row1, word0, word1)
+        row, w = _next_seed(seeds, taken, row, w, row1, word0, word1)
     return table[:count].copy(), boundary[:n_boundary], words[:n_words], spread

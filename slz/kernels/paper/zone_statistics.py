@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.paper.fuse import HALF, OLD
-from slz.kernels.polygons.contour import bends
+from slz.kernels.polygons.contour import corner_indices
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, signed
 
 Map = NDArray[np.float32]
@@ -43,7 +43,7 @@ def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
         " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1],"
         " boolean[:, ::1])")  # fmt: skip
-def measure(
+def zonal_statistics(
     content: Bits,
     safe: Bits,
     known: Bits,
@@ -99,8 +99,8 @@ def measure(
 def corners(
     boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
 ) -> NDArray[np.float64]:
-    """Return (m, 3) east, north, height of the boundary cells that `bends` keeps."""
-    kept = bends(boundary)
+    """Return (m, 3) east, north, height of the boundary cells that `corner_indices` keeps."""
+    kept = corner_indices(boundary)
     out = np.empty((len(kept), 3))
     for k in range(len(kept)):
         i = kept[k]
@@ -110,7 +110,7 @@ def corners(
 
 
 @kernel("int64(int32[::1], uint64[::1], int64, int64, int64)")
-def _inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, words: int) -> Any:
+def _count_inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, words: int) -> Any:
     """Return how many cells are set in a bitmap that starts at (row0, col0) and covers all of them."""
     inside = NONE
     for i in range(np.uint64(len(boundary) >> 1)):
@@ -138,7 +138,7 @@ def inside_count(boundary: NDArray[np.int32], content: Bits, row0: int, col0: in
         stop = min(start + CHUNK, len(boundary))
         row, col = boundary[start, 0] - row0, boundary[start, 1] - col0
         if CHUNK <= row < rows - CHUNK and CHUNK <= col < cols - CHUNK:
-            outside += stop - start - _inside(steps[2 * start : 2 * stop], flat, row0, col0, words)
+            outside += stop - start - _count_inside(steps[2 * start : 2 * stop], flat, row0, col0, words)
         elif not (-CHUNK < row < rows + CHUNK and -CHUNK < col < cols + CHUNK):
             outside += stop - start
         else:

@@ -13,7 +13,9 @@ Reals = NDArray[np.float64]
 @kernel(
     "Tuple((float64[:, ::1], float64[::1], float64))(float64[:, ::1], float64[::1], float64[::1], float64)"
 )
-def weighed(design: Reals, values: Reals, error: Reals, most: float) -> tuple[Reals, Reals, float]:
+def weighted_normal_equations(
+    design: Reals, values: Reals, error: Reals, most: float
+) -> tuple[Reals, Reals, float]:
     """Return the normal equations (matrix, right side) with Tukey's weights, and the share of weights over 0.
 
     Parameters
@@ -40,7 +42,7 @@ def weighed(design: Reals, values: Reals, error: Reals, most: float) -> tuple[Re
 
 
 @kernel("float64[:, ::1](float64[:, ::1], float64[::1], float64, float64, float64)")
-def lowered(points: Reals, sensor: Reals, up: float, east: float, north: float) -> Reals:
+def subtract_plane(points: Reals, sensor: Reals, up: float, east: float, north: float) -> Reals:
     """Return points (n, 3) lowered by a height, and by a slope per metre east and north of the sensor."""
     out = np.empty_like(points)
     for i in range(len(points)):

@@ -9,16 +9,16 @@ from slz.kernels.jit import kernel
 
 FINE, COARSE = 1, 7  # layers of voxels above and below that are searched
 SURFACE = 100  # returns that make a surface
-ENOUGH, CLEAR_M = 5, 2.0  # returns that are an object; range up to which dense dust demands more
-SPARSE = 16  # voxel columns, or their layers, per point, above which a dense table is too large
-NOWHERE = np.int32(2**31 - 1)
+OBJECT_RETURNS, CLEAR_M = 5, 2.0  # returns that are an object; range up to which dense dust demands more
+DENSE_PER_POINT = 16  # voxel columns, or their layers, per point, above which a dense table is too large
+NO_LAYER = np.int32(2**31 - 1)
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
 
 @kernel("int64(int64[::1], int64, int64, int64)")
-def _slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
+def _hash_slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
     """Return the hash slot of a voxel, or the empty slot for it.
 
     Voxels of a column are in adjacent slots, because they are read together.
@@ -32,26 +32,28 @@ def _slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
 
 
 @kernel("int64(int64[::1], int32[::1], int64, int64, int64, int64)")
-def _within(keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, low: int, high: int) -> int:
+def _count_around(
+    keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, low: int, high: int
+) -> int:
     total = 0
     for a in range(x - 1, x + 2):
         for b in range(y - 1, y + 2):
             for c in range(low, high + 1):
-                slot = _slot(keys, a, b, c)
+                slot = _hash_slot(keys, a, b, c)
                 if keys[slot] >= 0:
                     total += count[slot]
     return total
 
 
 @kernel("UniTuple(int64, 2)(Array(float64, 1, 'C', True), float64[:], float64, int64)")
-def _need(
+def _support_needed(
     point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int
 ) -> tuple[int, int]:
     """Return how many points a return needs around it, and how many layers up and down are searched."""
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
     near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
     if near > least:  # False where the sensor is unknown, NaN
-        most = ENOUGH if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
+        most = OBJECT_RETURNS if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
         return min(int(near), most), FINE
     return least, COARSE
 
@@ -60,7 +62,7 @@ def _need(
 def _by_table(
     points: NDArray[np.float64], at: Ints, sensor: NDArray[np.float64], least: int, object_m2: float
 ) -> NDArray[np.bool_]:
-    """Compute `has_company` with voxels in a hash table, whose size does not depend on the volume spanned."""
+    """Compute `is_supported` with voxels in a hash table, whose size is independent of the volume spanned."""
     n = len(points)
     keep = np.ones(n, np.bool_)
     size = 64
@@ -70,33 +72,33 @@ def _by_table(
     own = np.empty(n, np.int64)
     for i in range(n):
         x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
-        slot = _slot(keys, x, y, z)
+        slot = _hash_slot(keys, x, y, z)
         keys[slot] = (x << 42) | (y << 21) | z
         count[slot] += 1
         own[i] = slot
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
         x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
-        need, reach = _need(points[i], sensor, share, least)
-        company = int(count[own[i]])
-        if company < need:
-            company = level = _within(keys, count, x, y, z - FINE, z + FINE)
-            if company < need and reach > FINE:
-                company = _within(keys, count, x, y, z - reach, z + reach)
-            if level < least and _within(keys, count, x, y, z + FINE + 1, z + COARSE) >= SURFACE:
-                company = 0  # alone on its level, close below a surface
-        keep[i] = company >= need
+        need, reach = _support_needed(points[i], sensor, share, least)
+        support = int(count[own[i]])
+        if support < need:
+            support = level = _count_around(keys, count, x, y, z - FINE, z + FINE)
+            if support < need and reach > FINE:
+                support = _count_around(keys, count, x, y, z - reach, z + reach)
+            if level < least and _count_around(keys, count, x, y, z + FINE + 1, z + COARSE) >= SURFACE:
+                support = 0  # alone on its level, close below a surface
+        keep[i] = support >= need
     return keep
 
 
 @kernel("Tuple((int64[::1], int32[:, ::1]))(int32[:, ::1], int64, int64)")
-def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
+def _column_spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
     """Return (columns + 1,) the start of each column's layers, and (columns, 2) its lowest and highest layer.
 
     Column (x, y) has the number deep * x + y. A column holds all layers between these two, an empty one none.
     """
     ends = np.empty((columns, 2), np.int32)
-    ends[:, 0], ends[:, 1] = NOWHERE, -1
+    ends[:, 0], ends[:, 1] = NO_LAYER, -1
     for i in range(len(at)):
         k, z = deep * at[i, 0] + at[i, 1], at[i, 2]
         ends[k, 0], ends[k, 1] = min(ends[k, 0], z), max(ends[k, 1], z)
@@ -110,7 +112,7 @@ def _spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
 
 
 @kernel("int64(int64[::1], int32[:, ::1], int32[::1], int64, int64, int64, int64, int64)")
-def _around(
+def _count_in_columns(
     starts: Longs, ends: Ints, below: Ints, column: int, deep: int, low: int, high: int, enough: int
 ) -> int:
     """Return the number of points in layers low to high of 3 x 3 columns; counting stops at `enough`."""
@@ -140,7 +142,7 @@ def _by_columns(
     starts: Longs,
     ends: Ints,
 ) -> NDArray[np.bool_]:
-    """Compute `has_company` with all layers of each column stored contiguously."""
+    """Compute `is_supported` with all layers of each column stored contiguously."""
     n = len(points)
     keep, own = np.ones(n, np.bool_), np.empty(n, np.int32)
     counts, below = np.zeros(starts[-1], np.int32), np.zeros(starts[-1] + 1, np.int32)
@@ -152,23 +154,23 @@ def _by_columns(
         below[v + 1] = below[v] + counts[v]
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        need, reach = _need(points[i], sensor, share, least)
+        need, reach = _support_needed(points[i], sensor, share, least)
         if counts[own[i]] >= need:
             continue
         column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
-        company = level = _around(starts, ends, below, column, deep, z - FINE, z + FINE, need)
-        if company < need and reach > FINE:
-            company = _around(starts, ends, below, column, deep, z - COARSE, z + COARSE, need)
+        support = level = _count_in_columns(starts, ends, below, column, deep, z - FINE, z + FINE, need)
+        if support < need and reach > FINE:
+            support = _count_in_columns(starts, ends, below, column, deep, z - COARSE, z + COARSE, need)
         if level < least:
-            over = _around(starts, ends, below, column, deep, z + FINE + 1, z + COARSE, SURFACE)
+            over = _count_in_columns(starts, ends, below, column, deep, z + FINE + 1, z + COARSE, SURFACE)
             if over >= SURFACE:
-                company = 0  # alone on its level, close below a surface
-        keep[i] = company >= need
+                support = 0  # alone on its level, close below a surface
+        keep[i] = support >= need
     return keep
 
 
 @kernel("Tuple((int32[:, ::1], int64, int64))(Array(float64, 2, 'C', True), float64)")
-def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
+def _voxels_of(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
     """Return (n, 3) the voxel of each point, indices from `COARSE` on, and the greatest x and y index.
 
     The voxel lattice is fixed to the map, not to the points.
@@ -191,20 +193,20 @@ def _placed(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
 
 
 @kernel("boolean[:](Array(float64, 2, 'C', True), float64[:], float64, int64, float64)")
-def has_company(
+def is_supported(
     points: NDArray[np.float64], sensor: NDArray[np.float64], voxel: float, least: int, object_m2: float
 ) -> NDArray[np.bool_]:
-    """Return which points have enough others near them, see `slz.points.outliers.in_company`.
+    """Return which points have enough others near them, see `slz.points.outliers.not_isolated`.
 
     Voxels are a quarter as high as wide.
     """
     n = len(points)
     if n == 0:
         return np.ones(0, np.bool_)
-    at, most_x, most_y = _placed(points, voxel)
+    at, most_x, most_y = _voxels_of(points, voxel)
     columns, deep = (most_x + 2) * (most_y + 2), most_y + 2
-    if columns <= SPARSE * n + 10_000:
-        starts, ends = _spans(at, columns, deep)
-        if starts[columns] <= SPARSE * n + 10_000:
+    if columns <= DENSE_PER_POINT * n + 10_000:
+        starts, ends = _column_spans(at, columns, deep)
+        if starts[columns] <= DENSE_PER_POINT * n + 10_000:
             return _by_columns(points, at, sensor, least, object_m2, deep, starts, ends)
     return _by_table(points, at, sensor, least, object_m2)

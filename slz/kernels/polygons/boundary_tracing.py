@@ -11,12 +11,12 @@ from slz.kernels.jit import kernel
 from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
 from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
 
-NOWHERE, DIRECTION = 8, 15
+NO_STEP, DIRECTION_BITS = 8, 15
 WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offsets of an entry's fields
 SEVEN = np.uint64(7)
 
 
-def _table() -> NDArray[np.int32]:
+def _step_table() -> NDArray[np.int32]:
     """Return the next step of a trace, by (search start - 1) / 2 and by the 3 x 3 neighbourhood.
 
     Bit 3 (row + 1) + column + 1 of the neighbourhood is the neighbour at (row, column). The low byte of an
@@ -32,7 +32,7 @@ def _table() -> NDArray[np.int32]:
     for index in range(4):
         for cells in range(512):
             start, seen = 2 * index + 1, []
-            direction = NOWHERE
+            direction = NO_STEP
             for k in range(8):
                 e = (start + k) & 7
                 if cells >> int(3 * (ROW_STEP[e] + 1) + COL_STEP[e] + 1) & 1:
@@ -44,7 +44,7 @@ def _table() -> NDArray[np.int32]:
                 entry |= 1 << WEST_BIT
             if 4 in seen or start == 5:
                 entry |= 1 << EAST_BIT
-            if direction < NOWHERE:
+            if direction < NO_STEP:
                 then = (direction + 6) & 7 if direction & 1 else (direction + 7) & 7
                 entry |= (then - 1) // 2 << START_BITS
                 entry |= int(ROW_STEP[direction] + 1) << ROW_BITS | int(COL_STEP[direction] + 1) << COL_BITS
@@ -52,11 +52,11 @@ def _table() -> NDArray[np.int32]:
     return table
 
 
-TABLE = _table()
+TABLE = _step_table()
 
 
 @kernel("int64(uint64[:, ::1], int64, int64)")
-def _around(safe: Bits, row: int, col: int) -> Any:
+def _neighbourhood(safe: Bits, row: int, col: int) -> Any:
     """Return the 3 x 3 cells around a cell as nine bits; all must be inside the map."""
     k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
     if shift <= np.uint64(61):
@@ -70,7 +70,7 @@ def _around(safe: Bits, row: int, col: int) -> Any:
 
 
 @kernel("UniTuple(int64, 2)(uint64[:, ::1], int64, int64, int32[:, ::1], uint8[::1])")
-def tour(
+def trace_boundary(
     safe: Bits, row: int, col: int, path: NDArray[np.int32], edges: NDArray[np.uint8]
 ) -> tuple[int, int]:
     """Trace a component's boundary from a cell with no set western neighbour, until its first step repeats.
@@ -88,9 +88,9 @@ def tour(
     r, c, index, n, area, first = row, col, 0, 0, 0, -1
     most = len(path)
     while True:
-        entry = signed(TABLE[index, _around(safe, r, c)])
-        direction = entry & DIRECTION
-        if direction == NOWHERE:
+        entry = signed(TABLE[index, _neighbourhood(safe, r, c)])
+        direction = entry & DIRECTION_BITS
+        if direction == NO_STEP:
             path[0, 0], path[0, 1], edges[0] = r, c, entry
             return 1, 1
         if r == row and c == col:

@@ -23,7 +23,7 @@ def _cell(cells: NDArray[np.uint8], row: int, col: int) -> bool:
 
 
 @kernel("int32[:, :](uint8[:, :])")
-def edges(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
+def boundary_rings(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Return every ring around the set cells as (n, 3): ring number, row and column of unit-step vertices.
 
     Set cells are to the left: outer rings run anticlockwise (rows grow to the north), holes clockwise. Where

@@ -28,7 +28,7 @@ def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
 
 
 @kernel("int32[::1](int32[:, ::1])")
-def bends(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
+def corner_indices(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the indices of the boundary cells that `slz.zones.boundary_points.without_collinear` keeps."""
     n, m = len(boundary), 0
     kept = np.empty(n, np.int32)

@@ -15,11 +15,11 @@ Offer = tuple[float, int, int, int]  # price, vertex or ring, kind, version at t
 Move = tuple[float, float, float, float, float]  # area removed, then up to two points that are inserted
 
 CUT, EXTEND, TILT, DROP = 0, 1, 2, 3
-NONE = (np.inf, 0.0, 0.0, 0.0, 0.0)
+NO_MOVE = (np.inf, 0.0, 0.0, 0.0, 0.0)
 SAME = 1e-7  # cells: points closer than this are equal
 ON = 1e-7  # square cells: twice the triangle area below which a point is on a side
 HALVINGS = 10  # bisections of the range of a tilt: the area is flat near its minimum
-AROUND = 4  # vertices to either side whose moves a move changes
+AFFECTED_VERTICES = 4  # vertices to either side whose moves a move changes
 CELLS_SHARE = 0.5  # share of cells in a move's price; the rest is area
 
 
@@ -55,7 +55,7 @@ def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Mov
     """Remove a convex vertex: the chord of its neighbours replaces it."""
     twice = _turn(at, before[i], i, after[i])
     if count <= 3 or twice < -1e-12:
-        return NONE
+        return NO_MOVE
     return max(twice, 0.0) / 2, 0.0, 0.0, 0.0, 0.0
 
 
@@ -66,16 +66,16 @@ def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> 
     d = after[c]
     at_b, at_c = _turn(at, a, b, c), _turn(at, b, c, d)
     if count <= 3 or (at_b >= 0 and at_c >= 0):
-        return NONE
+        return NO_MOVE
     ux, uy, vx, vy = at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[d, 0] - at[c, 0], at[d, 1] - at[c, 1]
     s, t = _meet(at[b, 0], at[b, 1], ux, uy, at[c, 0], at[c, 1], vx, vy)
     ahead = s > 0 if at_b < 0 else -1 - 1e-9 <= s <= 0
     astern = t < 0 if at_c < 0 else 0 <= t <= 1 + 1e-9
     if not (ahead and astern):
-        return NONE
+        return NO_MOVE
     x, y = at[b, 0] + s * ux, at[b, 1] + s * uy
     if count == 4 and (_same(at, a, x, y) or _same(at, d, x, y)):
-        return NONE
+        return NO_MOVE
     return (
         abs(_cross(at[c, 0] - at[b, 0], at[c, 1] - at[b, 1], x - at[b, 0], y - at[b, 1])) / 2,
         x,
@@ -94,7 +94,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
     u, w = before[v], after[v]
     a, b = before[u], after[w]
     if count <= 3 or _turn(at, u, v, w) >= 0 or _turn(at, a, u, v) <= 0 or _turn(at, v, w, b) <= 0:
-        return NONE
+        return NO_MOVE
     ux, uy, wx, wy = at[a, 0] - at[u, 0], at[a, 1] - at[u, 1], at[b, 0] - at[w, 0], at[b, 1] - at[w, 1]
     vx, vy = at[w, 0] - at[v, 0], at[w, 1] - at[v, 1]
     straight, _ = _meet(at[u, 0], at[u, 1], ux, uy, at[v, 0], at[v, 1], vx, vy)
@@ -106,7 +106,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
         r, t = _meet(at[v, 0], at[v, 1], at[v, 0] - px, at[v, 1] - py, at[w, 0], at[w, 1], wx, wy)
         meets = r > 0 and -1e-9 <= t <= 1 + 1e-9
         if step == 0 and not meets:
-            return NONE
+            return NO_MOVE
         if meets:
             best, end = s, t
         if meets and r <= 1:
@@ -117,7 +117,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
             low = s
     px, py, qx, qy = at[u, 0] + best * ux, at[u, 1] + best * uy, at[w, 0] + end * wx, at[w, 1] + end * wy
     if count - 1 - int(_same(at, a, px, py)) - int(_same(at, b, qx, qy)) < 3:
-        return NONE
+        return NO_MOVE
     first = abs(_cross(at[v, 0] - at[u, 0], at[v, 1] - at[u, 1], px - at[u, 0], py - at[u, 1]))
     second = abs(_cross(at[v, 0] - at[w, 0], at[v, 1] - at[w, 1], qx - at[w, 0], qy - at[w, 1]))
     return (first + second) / 2, px, py, qx, qy
@@ -133,7 +133,7 @@ def _move(at: Points, before: Indices, after: Indices, count: int, kind: int, i:
 
 
 @kernel("int64(int32[:, :], float64, float64, float64, float64, float64, float64)")
-def _centres(
+def _centres_in_triangle(
     sums: NDArray[np.int32], ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 ) -> int:
     """Return how many cells have their centre in or on a triangle, from cumulative sums along rows."""
@@ -160,18 +160,18 @@ def _centres(
 
 
 @kernel("int64(int32[:, :], float64[:, :], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
-def _lost(
+def _centres_removed(
     sums: NDArray[np.int32], at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> int:
     """Return how many cell centres a move removes."""
     _, x0, y0, x1, y1 = move
     p, q = before[i], after[i]
     if kind == CUT:
-        return int(_centres(sums, at[p, 0], at[p, 1], at[i, 0], at[i, 1], at[q, 0], at[q, 1]))
+        return int(_centres_in_triangle(sums, at[p, 0], at[p, 1], at[i, 0], at[i, 1], at[q, 0], at[q, 1]))
     if kind == EXTEND:
-        return int(_centres(sums, at[i, 0], at[i, 1], at[q, 0], at[q, 1], x0, y0))
-    first = _centres(sums, at[p, 0], at[p, 1], at[i, 0], at[i, 1], x0, y0)
-    return int(first + _centres(sums, at[q, 0], at[q, 1], at[i, 0], at[i, 1], x1, y1))
+        return int(_centres_in_triangle(sums, at[i, 0], at[i, 1], at[q, 0], at[q, 1], x0, y0))
+    first = _centres_in_triangle(sums, at[p, 0], at[p, 1], at[i, 0], at[i, 1], x0, y0)
+    return int(first + _centres_in_triangle(sums, at[q, 0], at[q, 1], at[i, 0], at[i, 1], x1, y1))
 
 
 @kernel("float64(float64, float64)")
@@ -180,7 +180,7 @@ def _price(area: float, cells: float) -> float:
 
 
 @kernel("boolean(float64[:, :], int64[:], float64, float64, int64, int64, int64, int64)")
-def _empty(at: Points, live: Indices, x: float, y: float, a: int, b: int, c: int, end: int) -> bool:
+def _holds_no_vertex(at: Points, live: Indices, x: float, y: float, a: int, b: int, c: int, end: int) -> bool:
     """Return whether the triangle a, b, (x, y) holds no vertex but a, b, c, and `end` if it is at (x, y)."""
     ax, ay, bx, by = at[a, 0], at[a, 1], at[b, 0], at[b, 1]
     west, east = min(ax, bx, x) - SAME, max(ax, bx, x) + SAME
@@ -218,18 +218,20 @@ def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: flo
 
 
 @kernel("boolean(float64[:, :], int64[:], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
-def _free(at: Points, live: Indices, before: Indices, after: Indices, kind: int, i: int, move: Move) -> bool:
+def _is_free(
+    at: Points, live: Indices, before: Indices, after: Indices, kind: int, i: int, move: Move
+) -> bool:
     """Return whether the area that a move removes holds no vertex, so that rings stay simple and disjoint."""
     _, x0, y0, x1, y1 = move
     p, q = before[i], after[i]
     if kind == CUT:
-        return bool(_empty(at, live, at[q, 0], at[q, 1], p, i, q, q))
+        return bool(_holds_no_vertex(at, live, at[q, 0], at[q, 1], p, i, q, q))
     if kind == TILT:
-        first = _empty(at, live, x0, y0, p, i, i, before[p])
-        return bool(first and _empty(at, live, x1, y1, q, i, i, after[q]))
+        first = _holds_no_vertex(at, live, x0, y0, p, i, i, before[p])
+        return bool(first and _holds_no_vertex(at, live, x1, y1, q, i, i, after[q]))
     d = after[q]
     ends_back = _turn(at, p, i, q) >= 0
-    if not _empty(at, live, x0, y0, i, q, q, p if ends_back else d):
+    if not _holds_no_vertex(at, live, x0, y0, i, q, q, p if ends_back else d):
         return False
     if ends_back or _turn(at, i, q, d) >= 0:
         return True
@@ -238,7 +240,7 @@ def _free(at: Points, live: Indices, before: Indices, after: Indices, kind: int,
 
 
 @kernel("UniTuple(int64, 3)(float64[:, :], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
-def _carry_out(
+def _apply_move(
     at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> tuple[int, int, int]:
     """Insert a move's points and return the vertices to remove, -1 for none."""
@@ -255,7 +257,7 @@ def _carry_out(
 
 
 @kernel("int64(int64[:], int64[:], int64[:], int64[:], int64, int64)")
-def _take_out(before: Indices, after: Indices, live: Indices, place: Indices, n: int, i: int) -> int:
+def _remove_vertex(before: Indices, after: Indices, live: Indices, place: Indices, n: int, i: int) -> int:
     """Remove a vertex from its ring and from the first n of `live`; return n - 1."""
     after[before[i]], before[after[i]] = after[i], before[i]
     last = live[n - 1]
@@ -265,7 +267,7 @@ def _take_out(before: Indices, after: Indices, live: Indices, place: Indices, n:
 
 
 @kernel()
-def _offer(
+def _push_moves(
     heap: list[Offer],
     sums: NDArray[np.int32],
     at: Points,
@@ -279,12 +281,12 @@ def _offer(
     for kind in range(DROP):
         move = _move(at, before, after, count, kind, i)
         if move[0] < np.inf:
-            cells = _lost(sums, at, before, after, kind, i, move)
+            cells = _centres_removed(sums, at, before, after, kind, i, move)
             heapq.heappush(heap, (_price(move[0], cells), i, kind, version[i]))
 
 
 @kernel()
-def _offer_ring(heap: list[Offer], worth: Points, count: Indices, r: int) -> None:
+def _push_ring(heap: list[Offer], worth: Points, count: Indices, r: int) -> None:
     """Push the removal of a ring onto the heap, at its price per point."""
     if count[r] and worth[r, 0] < np.inf:
         heapq.heappush(heap, (_price(worth[r, 0], worth[r, 1]) / count[r], r, DROP, count[r]))
@@ -312,7 +314,7 @@ def _in_order(at: Points, after: Indices, place: Indices, first: Indices, n: int
 
 
 @kernel("float64[:, :](float64[:, :], int64[:], float64[:, :], int32[:, :], float64, float64, int64)")
-def shrunk(
+def simplify_inside(
     points: Points,
     ring: Indices,
     worth: Points,
@@ -359,16 +361,16 @@ def shrunk(
         moved = False
         heap = [(0.0, 0, DROP, -1)]
         for r in range(rings):
-            _offer_ring(heap, worth, count, r)
+            _push_ring(heap, worth, count, r)
         for k in range(n):
-            _offer(heap, sums, at, before, after, count[ring[live[k]]], version, live[k])
+            _push_moves(heap, sums, at, before, after, count[ring[live[k]]], version, live[k])
         while len(heap) and n > enough:
             _, i, kind, stamp = heapq.heappop(heap)
             if kind == DROP:
                 if count[i] == stamp and worth[i, 0] <= area_left and worth[i, 1] <= cells_left:
                     for j in range(first[i], first[i + 1]):
                         if place[j] >= 0:
-                            n = _take_out(before, after, live, place, n, j)
+                            n = _remove_vertex(before, after, live, place, n, j)
                     area_left, cells_left = area_left - worth[i, 0], cells_left - worth[i, 1]
                     count[i], moved = 0, True
                 continue
@@ -376,25 +378,25 @@ def shrunk(
                 continue
             r = ring[i]
             move = _move(at, before, after, count[r], kind, i)
-            cells = _lost(sums, at, before, after, kind, i, move)
+            cells = _centres_removed(sums, at, before, after, kind, i, move)
             if move[0] > area_left or cells > cells_left:
                 continue
-            if not _free(at, live[:n], before, after, kind, i, move):
+            if not _is_free(at, live[:n], before, after, kind, i, move):
                 continue
             near = before[before[i]]
-            for gone in _carry_out(at, before, after, kind, i, move):
+            for gone in _apply_move(at, before, after, kind, i, move):
                 if gone >= 0:
-                    n = _take_out(before, after, live, place, n, gone)
+                    n = _remove_vertex(before, after, live, place, n, gone)
                     count[r] -= 1
             area_left, cells_left, moved = area_left - move[0], cells_left - cells, True
             worth[r, 0], worth[r, 1] = worth[r, 0] - move[0], worth[r, 1] - cells
-            _offer_ring(heap, worth, count, r)
+            _push_ring(heap, worth, count, r)
             while place[near] < 0:
                 near = before[near]
-            for _ in range(AROUND):
+            for _ in range(AFFECTED_VERTICES):
                 near = before[near]
-            for _ in range(2 * AROUND + 2):
+            for _ in range(2 * AFFECTED_VERTICES + 2):
                 version[near] += 1
-                _offer(heap, sums, at, before, after, count[r], version, near)
+                _push_moves(heap, sums, at, before, after, count[r], version, near)
                 near = after[near]
     return _in_order(at, after, place, first, n)

@@ -38,7 +38,7 @@ def runs(cells: Bits) -> Ints:
 
 
 @kernel("int64(int64[:, ::1], int64)")
-def _root(run: Ints, i: int) -> int:
+def _find_root(run: Ints, i: int) -> int:
     while run[i, 3] != i:
         run[i, 3] = run[run[i, 3], 3]
         i = run[i, 3]
@@ -46,7 +46,7 @@ def _root(run: Ints, i: int) -> int:
 
 
 @kernel("void(int64[:, ::1], int64)")
-def join(run: Ints, corner: int) -> None:
+def union_runs(run: Ints, corner: int) -> None:
     """Label the runs of each component with the number of its first run; `corner` is 1 for 8-connectivity."""
     n, above = len(run), 0
     for i in range(n):
@@ -56,11 +56,11 @@ def join(run: Ints, corner: int) -> None:
             above += 1
         k = above
         while k < i and run[k, 0] == run[i, 0] - 1 and run[k, 1] < run[i, 2] + corner:
-            a, b = _root(run, k), _root(run, i)
+            a, b = _find_root(run, k), _find_root(run, i)
             run[max(a, b), 3] = min(a, b)
             k += 1
     for i in range(n):
-        run[i, 3] = _root(run, i)
+        run[i, 3] = _find_root(run, i)
 
 
 @kernel("int64[::1](int64[::1], int64[::1], int64)")
@@ -94,7 +94,7 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     by component, each in raster order.
     """
     run = runs(cells)
-    join(run, 1)
+    union_runs(run, 1)
     size = np.zeros(len(run), np.int64)
     for i in range(len(run)):
         size[run[i, 3]] += run[i, 2] - run[i, 1]
@@ -145,7 +145,7 @@ def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
     (m, 4) runs, component by component; (n, 6) row0, row1, col0, col1, and start and stop in the runs.
     """
     run = runs(cells)
-    join(run, 1)
+    union_runs(run, 1)
     size, place, n = np.zeros(len(run), np.int64), np.full(len(run), -1, np.int64), 0
     for i in range(len(run)):
         root = run[i, 3]
@@ -174,7 +174,7 @@ def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
 
 
 @kernel("void(int64[:, ::1], int64, uint64[:, ::1])")
-def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
+def put_without_small_parts(run: Ints, fewest: int, out: Bits) -> None:
     """Set the cells of runs, except small parts that touch the rest at a corner only.
 
     The largest part is kept, however small. Other parts of fewer than `fewest` cells are left out.
@@ -190,7 +190,7 @@ def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
     run = run.copy()
     for i in range(len(run)):
         run[i, 3] = i
-    join(run, 0)
+    union_runs(run, 0)
     size = np.zeros(len(run), np.int64)
     for i in range(len(run)):
         size[run[i, 3]] += run[i, 2] - run[i, 1]
@@ -203,7 +203,7 @@ def put_without_crumbs(run: Ints, fewest: int, out: Bits) -> None:
 
 
 @kernel("int64[::1](float32[::1], int64[:, ::1])")
-def highest(tops: NDArray[np.float32], groups: Ints) -> Ints:
+def highest_cells(tops: NDArray[np.float32], groups: Ints) -> Ints:
     """Return the index of each group's highest cell, the first of equals; its first cell where unknown."""
     out = np.empty(len(groups), np.int64)
     for g in range(len(groups)):
@@ -244,7 +244,7 @@ def cells_around(
 
 
 @kernel("float64(float32[::1])")
-def _middle(height: NDArray[np.float32]) -> float:
+def _median(height: NDArray[np.float32]) -> float:
     return np.float64(np.float32(np.median(height)))
 
 
@@ -258,12 +258,12 @@ def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
             found[n] = height[i]
             n += np.isfinite(height[i])
         if n:
-            out[g] = _middle(found[:n])
+            out[g] = _median(found[:n])
     return out
 
 
 @kernel("float64(uint64[:, ::1], float32[:, :], int64, int64)")
-def middle_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int) -> float:
+def median_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int) -> float:
     """Return the median of the known heights of a part, NaN for none.
 
     The heights start at cell (row0, col0) and may reach beyond the part.
@@ -276,7 +276,7 @@ def middle_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int)
             if bit(part, r, c) and np.isfinite(z):
                 found[n] = z
                 n += 1
-    return _middle(found[:n]) if n else np.nan
+    return _median(found[:n]) if n else np.nan
 
 
 @kernel(
@@ -315,7 +315,7 @@ def obstacles(
                 top, best = np.float64(z), i
         row0, col0 = max(0, groups[g, 0] - around), max(0, groups[g, 2] - around)
         near = height[row0 : groups[g, 1] + around, col0 : groups[g, 3] + around]
-        ground = middle_height(part, near, row0, col0)
+        ground = median_height(part, near, row0, col0)
         out[g, 0], out[g, 1], out[g, 2], out[g, 3] = centres[best, 0], centres[best, 1], top, top - ground
         ends[g, 0], ends[g, 1] = first, stop
     return out, ends, centres

@@ -17,7 +17,7 @@ MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
 @kernel("void(uint64[::1], uint64[::1], int64)")
-def _narrowed(row: Word, out: Word, by: int) -> None:
+def _erode_row(row: Word, out: Word, by: int) -> None:
     """Write the cells of a row whose neighbour `by` columns to the east is also set."""
     far, near = by >> 6, np.uint64(by & 63)
     rest, inner = np.uint64(63) - near, max(0, len(row) - far - 1)
@@ -29,7 +29,7 @@ def _narrowed(row: Word, out: Word, by: int) -> None:
 
 
 @kernel("uint64(uint64[::1], uint64[::1])")
-def _both(row: Word, other: Word) -> np.uint64:
+def _intersect(row: Word, other: Word) -> np.uint64:
     """Intersect a row with another one, in place; return 0 if nothing is left."""
     some = NONE
     for w in range(np.uint64(len(row))):
@@ -39,17 +39,17 @@ def _both(row: Word, other: Word) -> np.uint64:
 
 
 @kernel("UniTuple(int64, 4)(uint64[:, ::1], UniTuple(int64, 4), int64, uint64[:, ::1])")
-def _larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
+def _corners_of_larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     """Reduce south-west corners of squares to those of squares larger by `by`, at most their side.
 
     Nothing is read or written outside the span. Return the span of the result, empty where nothing is left.
     """
     row0, row1, word0, word1 = span
     for r in range(row0, row1):
-        _narrowed(corners[r, word0:word1], out[r, word0:word1], by)
+        _erode_row(corners[r, word0:word1], out[r, word0:word1], by)
     first, last, left, right = row1, row0, word1, word0
     for r in range(row0, row1 - by):
-        if _both(out[r, word0:word1], out[r + by, word0:word1]) == NONE:
+        if _intersect(out[r, word0:word1], out[r + by, word0:word1]) == NONE:
             continue
         first, last = min(first, r), r + 1
         a, b = word0, word1
@@ -76,7 +76,7 @@ def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits,
     double = side
     larger = np.empty_like(corners)
     while True:
-        found = _larger(corners, span, double, larger)
+        found = _corners_of_larger(corners, span, double, larger)
         if found[0] >= found[1]:
             break
         before, before_span = corners, span
@@ -85,7 +85,7 @@ def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits,
     side, step = double, double >> 1
     best, best_span, other = corners, span, larger
     while step > 0:
-        found = _larger(best, best_span, step, other)
+        found = _corners_of_larger(best, best_span, step, other)
         if found[0] >= found[1]:
             step >>= 1
             continue
@@ -113,7 +113,7 @@ def largest_square(corners: Bits, side: int) -> int:
 
 
 @kernel("int64(uint64[:, ::1], int64, int64, int64)")
-def _open_beside(part: Bits, r: int, col: int, most2: int) -> int:
+def _row_distance(part: Bits, r: int, col: int, most2: int) -> int:
     """Return the distance along a row to the nearest open cell, or one whose square is at least `most2`."""
     first, bits, words = col >> 6, np.uint64(col & 63), part.shape[1]
     if first < 0 or first >= words:
@@ -156,7 +156,7 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple
             elif r < 0 or r >= len(part):
                 dx = 0
             else:
-                dx = _open_beside(part, r, col, best - dy * dy)
+                dx = _row_distance(part, r, col, best - dy * dy)
             if dy * dy + dx * dx < best:
                 best, where, beside = dy * dy + dx * dx, r, dx
         dy += 1
@@ -177,8 +177,12 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
-def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int) -> NDArray[np.int64]:
-    """Return the farthest cells as in `room`, among those `shift` rows and columns beyond a span's set cells.
+def _farthest_cells(
+    part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int
+) -> NDArray[np.int64]:
+    """Return the cells of greatest clearance among those `shift` rows and columns beyond a span's set cells.
+
+    The result is that of `square_and_clearance`.
 
     Some cell's squared distance is at least `best2`. Distances change by no more than the way between two
     cells. So of a square of cells only those are split whose middle is far enough from the outside for a cell
@@ -249,25 +253,29 @@ def _farthest(part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2
 
 
 @kernel("int64(int64)")
-def _half(least2: int) -> int:
+def _half_side(least2: int) -> int:
     """Return the half side of a square that fits around any cell nearly this far from the outside."""
     return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
-def _among(part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int) -> NDArray[np.int64]:
+def _clearance_among_corners(
+    part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int
+) -> NDArray[np.int64]:
     """Return the cells farthest from the outside, at least `least2`, from the corners of smaller squares."""
-    half = _half(least2)
+    half = _half_side(least2)
     wanted = 2 * half + 1
     while of < wanted:
         step, larger = min(of, wanted - of), np.empty_like(part)
-        span = _larger(cells, span, step, larger)
+        span = _corners_of_larger(cells, span, step, larger)
         cells, of = larger, of + step
-    return _farthest(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
+    return _farthest_cells(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
 
 
 @kernel("Tuple((int64, UniTuple(int64, 2), int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
-def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
+def square_and_clearance(
+    part: Bits, corners: Bits, least: int
+) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
     """Return the side of a part's largest square, its corner, and the cells farthest from the outside.
 
     The farthest cell is at least as far as the middle of the square. Around any cell nearly as far from the
@@ -287,23 +295,25 @@ def room(part: Bits, corners: Bits, least: int) -> tuple[int, tuple[int, int], N
     side, where, double, cells, span, before, before_span = _largest(corners, least)
     inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
     least2 = _distance2(part, where[0] + inner, where[1] + inner, 0, most2)[0]
-    wanted = 2 * _half(least2) + 1
+    wanted = 2 * _half_side(least2) + 1
     if double > wanted:
         cells, span, double = before, before_span, double >> 1
     if double > wanted or double < least:
         cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
-    return side, where, _among(part, cells, span, double, least2, side)
+    return side, where, _clearance_among_corners(part, cells, span, double, least2, side)
 
 
 @kernel("int64[:, ::1](uint64[:, ::1], int64)")
-def farthest(part: Bits, side: int) -> NDArray[np.int64]:
-    """Return the last result of `room`, for a part whose largest square has the given side."""
+def greatest_clearance(part: Bits, side: int) -> NDArray[np.int64]:
+    """Return the cells as in `square_and_clearance`, for a part whose largest square has the given side."""
     inner = (side - 1) // 2
-    return _among(part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side)
+    return _clearance_among_corners(
+        part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side
+    )
 
 
 @kernel("int64(int64[:, :], float32[::1], float32[::1], float64, float64, float64, float64, float64)")
-def surest(
+def most_certain(
     cells: NDArray[np.int64],
     certainty: NDArray[np.float32],
     slope: NDArray[np.float32],
@@ -313,7 +323,7 @@ def surest(
     sensor_east: float,
     sensor_north: float,
 ) -> int:
-    """Return the index of the most certain cell, to a thousandth; of these the `first_choice`."""
+    """Return the index of the most certain cell, to a thousandth; of these the `least_steep`."""
     best, most, least, nearest = 0, -np.inf, np.inf, np.inf
     for i in range(len(cells)):
         sure, steep = np.rint(certainty[i] * np.float32(1000)), np.rint(slope[i] * np.float32(10))
@@ -329,7 +339,7 @@ def surest(
 
 
 @kernel("int64(int64[:, ::1], float32[:, :, ::1], int64, int64, float64, float64, float64, float64, float64)")
-def first_choice(
+def least_steep(
     cells: NDArray[np.int64],
     slope: NDArray[np.float32],
     row0: int,

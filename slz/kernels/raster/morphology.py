@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
-from slz.kernels.simd import LANES, every, flags_of, load, store, where
+from slz.kernels.simd import LANES, broadcast, flags_of, load, store, where
 
 Row = NDArray[np.float32]
 Word = NDArray[np.uint64]
@@ -23,7 +23,7 @@ def _clear_beyond(bits: Bits, cols: int) -> None:
 
 
 @kernel("void(uint64[::1], int64, int64, int64, boolean)")
-def _join(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
+def _combine_shifted(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
     """Combine words with those `far` words and `shift` bits ahead, in place: by AND, or by OR."""
     near, rest, first = np.uint64(shift), np.uint64(63 - shift), np.uint64(far)
     for w in range(np.uint64(count)):
@@ -32,7 +32,7 @@ def _join(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64, boolean)")
-def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
+def _squares_filter(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
     """Return the cells whose square of 2 radius + 1 cells is all set, or has any set; outside is not set.
 
     Rows and columns are shifted by the radius, so that a square starts at its centre's index.
@@ -49,14 +49,14 @@ def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
         have = 1
         while have < side:  # each bit covers `have` cells, itself and those to its east
             step = min(have, side - have)
-            _join(line, wide - (step >> 6), step >> 6, step & 63, all_)
+            _combine_shifted(line, wide - (step >> 6), step >> 6, step & 63, all_)
             have += step
         for w in range(words):
             tall[(r + radius) * words + w] = line[w]
     have = 1
     while have < side:
         step = min(have, side - have)
-        _join(tall, (rows + 2 * radius - step) * words, step * words, 0, all_)
+        _combine_shifted(tall, (rows + 2 * radius - step) * words, step * words, 0, all_)
         have += step
     out = tall[: rows * words].copy().reshape(rows, words)
     _clear_beyond(out, cols)
@@ -66,13 +66,13 @@ def _over_squares(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def dilated(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the dilation by a square of 2 radius + 1 cells."""
-    return _over_squares(bits, radius, cols, False)
+    return _squares_filter(bits, radius, cols, False)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
 def eroded(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the erosion by a square of 2 radius + 1 cells; cells outside are not set."""
-    return _over_squares(bits, radius, cols, True)
+    return _squares_filter(bits, radius, cols, True)
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
@@ -85,7 +85,7 @@ def closed(bits: Bits, radius: int, cols: int) -> Bits:
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64)")
-def others(bits: Bits, cols: int) -> Bits:
+def complement(bits: Bits, cols: int) -> Bits:
     """Return the complement: the cells that are not set."""
     out = ~bits
     _clear_beyond(out, cols)
@@ -102,7 +102,7 @@ def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
         for w in range(cols >> 6):
             word = NONE
             for k in range(0, 64, LANES):
-                word |= flags_of(every(limit) < load(line, 64 * w + k)) << np.uint64(k)
+                word |= flags_of(broadcast(limit) < load(line, 64 * w + k)) << np.uint64(k)
             out[r, w] = word
         for c in range(cols & ~63, cols):
             out[r, -1] |= np.uint64(line[c] > limit) << np.uint64(c & 63)
@@ -110,14 +110,14 @@ def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
 
 
 @kernel("uint64[:, ::1](float32[:, ::1], float32[:, ::1], float32)")
-def higher(values: NDArray[np.float32], others: NDArray[np.float32], by: float) -> Bits:
+def exceeds(values: NDArray[np.float32], others: NDArray[np.float32], by: float) -> Bits:
     """Return the cells whose value exceeds the other value by more than a limit; NaN does not.
 
     Rows of the other values are padded to whole lanes.
     """
     rows, cols = values.shape
     out, wide = np.zeros((rows, (cols + 63) >> 6), np.uint64), others.shape[1]
-    own, flat, step = values.ravel(), others.ravel(), every(np.float32(by))
+    own, flat, step = values.ravel(), others.ravel(), broadcast(np.float32(by))
     for r in range(rows):
         for c in range(0, cols - LANES + 1, LANES):
             word = flags_of(step < load(own, r * cols + c) - load(flat, r * wide + c))
@@ -128,14 +128,14 @@ def higher(values: NDArray[np.float32], others: NDArray[np.float32], by: float) 
 
 
 @kernel("void(float32[::1], int64, int64, int64, int64, float32, float32[::1], int64)")
-def _lowest(
+def _row_minimum(
     values: Row, first: int, count: int, radius: int, away: int, rise: float, out: Row, at: int
 ) -> None:
     """Write the minimum over 2 radius + 1 values, `away` apart, each raised by `rise` per step away."""
     for c in range(0, count, LANES):
         least = load(values, first + c)
         for d in range(1, radius + 1):
-            more, ahead, behind = every(np.float32(rise * d)), first + c + d * away, first + c - d * away
+            more, ahead, behind = broadcast(np.float32(rise * d)), first + c + d * away, first + c - d * away
             one, other = load(values, ahead), load(values, behind)
             best = where(one < other, one, other) + more
             least = where(best < least, best, least)
@@ -143,7 +143,7 @@ def _lowest(
 
 
 @kernel("float32[:, ::1](float32[:, ::1], int64, float32)")
-def lowest_around(values: NDArray[np.float32], radius: int, rise: float) -> NDArray[np.float32]:
+def minimum_filter(values: NDArray[np.float32], radius: int, rise: float) -> NDArray[np.float32]:
     """Return the minimum over a square of 2 radius + 1 cells around every cell, NaN ignored.
 
     A value is raised by `rise` for every row and every column of its distance. Rows are padded to whole
@@ -155,10 +155,10 @@ def lowest_around(values: NDArray[np.float32], radius: int, rise: float) -> NDAr
     for r in range(rows):
         for c in range(0, cols - LANES + 1, LANES):
             some = load(flat, r * cols + c)
-            store(line, radius + c, where(some == some, some, every(HIGHEST)))
+            store(line, radius + c, where(some == some, some, broadcast(HIGHEST)))
         for c in range(cols - cols % LANES, cols):
             line[radius + c] = values[r, c] if values[r, c] == values[r, c] else HIGHEST
-        _lowest(line, radius, width, radius, 1, rise, wide, (radius + r) * width)
+        _row_minimum(line, radius, width, radius, 1, rise, wide, (radius + r) * width)
     out = np.empty((rows, width), np.float32)
-    _lowest(wide, radius * width, rows * width, radius, width, rise, out.ravel(), 0)
+    _row_minimum(wide, radius * width, rows * width, radius, width, rise, out.ravel(), 0)
     return out

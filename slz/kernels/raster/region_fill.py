@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.jit import kernel
-from slz.kernels.polygons.boundary_tracing import EAST_BIT, WEST_BIT, extent, tour, westmost
+from slz.kernels.polygons.boundary_tracing import EAST_BIT, WEST_BIT, extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
 
 TO_WEST, TO_EAST = np.uint64(WEST_BIT), np.uint64(EAST_BIT)
@@ -41,24 +41,24 @@ def fill(
 
 
 @kernel("uint64(uint64, uint64)")
-def _down(room: np.uint64, set_: np.uint64) -> np.uint64:
+def _spread_down(open_cells: np.uint64, set_: np.uint64) -> np.uint64:
     """Spread set cells to lower columns, as far as the free cells reach."""
     for shift in (1, 2, 4, 8, 16, 32):
-        set_ |= room & (set_ >> np.uint64(shift))
-        room &= room >> np.uint64(shift)
+        set_ |= open_cells & (set_ >> np.uint64(shift))
+        open_cells &= open_cells >> np.uint64(shift)
     return set_
 
 
 @kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64)")
-def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
+def _spread(open_cells: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
     """Spread a part into row r, from the row itself and from words of an adjacent row.
 
     Return the first and the last word in which it grew; the first is greater where it did not.
     """
-    words = room.shape[1]
+    words = open_cells.shape[1]
     low, high, carry, w = words, -1, NONE, max(0, first - 1)
     while w < words and (w <= last + 1 or carry != NONE):
-        free, old = room[r, w], part[r, w]
+        free, old = open_cells[r, w], part[r, w]
         new = old
         if free != old:
             near = part[other, w]
@@ -71,13 +71,17 @@ def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -
         if new != old:
             new |= (free ^ (free + new)) & free  # carry to the end of each run of free cells
             if free & ~new & (new >> ONE) != NONE:
-                new = _down(free, new)
+                new = _spread_down(free, new)
             part[r, w] = new
             low, high = min(low, w), w
             v = w
-            while part[r, v] & ONE != NONE and v > 0 and (room[r, v - 1] & ~part[r, v - 1]) >> LAST != NONE:
+            while (
+                part[r, v] & ONE != NONE
+                and v > 0
+                and (open_cells[r, v - 1] & ~part[r, v - 1]) >> LAST != NONE
+            ):
                 v -= 1
-                part[r, v] = _down(room[r, v], part[r, v] | (ONE << LAST))
+                part[r, v] = _spread_down(open_cells[r, v], part[r, v] | (ONE << LAST))
                 low = min(low, v)
         carry = new >> LAST
         w += 1
@@ -85,18 +89,18 @@ def _spread(room: Bits, part: Bits, r: int, other: int, first: int, last: int) -
 
 
 @kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
-def component(room: Bits, row: int, col: int) -> Bits:
+def component(open_cells: Bits, row: int, col: int) -> Bits:
     """Return the 8-connected component of a set cell.
 
     Sweeps go up and down. They visit only rows next to one in which the part has grown since, and there only
     the words of that growth, with a margin: each row keeps its first and last such word for either direction.
     """
-    rows, words = room.shape
-    part = np.zeros(room.shape, np.uint64)
+    rows, words = open_cells.shape
+    part = np.zeros(open_cells.shape, np.uint64)
     part[row, col >> 6] = ONE << np.uint64(col & 63)
     south0, south1 = np.full(rows + 2, words), np.full(rows + 2, -1)
     north0, north1 = np.full(rows + 2, words), np.full(rows + 2, -1)
-    _spread(room, part, row, row, 0, words)
+    _spread(open_cells, part, row, row, 0, words)
     south0[row + 2], south1[row + 2] = 0, words - 1
     north0[row], north1[row] = 0, words - 1
     low, high, moved = row, row, True
@@ -109,7 +113,7 @@ def component(room: Bits, row: int, col: int) -> Bits:
                     break
                 continue
             south0[r + 1], south1[r + 1] = words, -1
-            first, last = _spread(room, part, r, r - 1, first, last)
+            first, last = _spread(open_cells, part, r, r - 1, first, last)
             if last >= 0:
                 south0[r + 2], south1[r + 2] = min(south0[r + 2], first), max(south1[r + 2], last)
                 north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
@@ -121,7 +125,7 @@ def component(room: Bits, row: int, col: int) -> Bits:
                     break
                 continue
             north0[r + 1], north1[r + 1] = words, -1
-            first, last = _spread(room, part, r, r + 1, first, last)
+            first, last = _spread(open_cells, part, r, r + 1, first, last)
             if last >= 0:
                 south0[r + 2], south1[r + 2] = min(south0[r + 2], first), max(south1[r + 2], last)
                 north0[r], north1[r] = min(north0[r], first), max(north1[r], last)
@@ -146,7 +150,7 @@ def _reaches(
         west = col - 1 - 64 * word0
         if west < 0 or (content[row - row0, west >> 6] >> np.uint64(west & 63)) & ONE == NONE:
             return True
-        n, area = tour(safe, row, col, path, edges)
+        n, area = trace_boundary(safe, row, col, path, edges)
         if n > len(path) or area > 0:
             return False
         first = extent(path, n)[4]

@@ -9,7 +9,7 @@ from slz.kernels.raster.bitmap import NONE, Bits
 
 
 @kernel("void(uint64[:, ::1], int64)")
-def narrow(bits: Bits, by: int) -> None:
+def erode_columns(bits: Bits, by: int) -> None:
     """Keep the cells whose neighbour `by` columns to the east is also set, in place."""
     far, near = by >> 6, np.uint64(by & 63)
     rest = np.uint64(64) - near
@@ -26,7 +26,7 @@ def narrow(bits: Bits, by: int) -> None:
 
 
 @kernel("void(uint64[:, ::1], int64)")
-def lower(bits: Bits, by: int) -> None:
+def erode_rows(bits: Bits, by: int) -> None:
     """Keep the cells whose neighbour `by` rows to the north is also set, in place."""
     rows, words = bits.shape
     for r in range(rows):
@@ -38,12 +38,12 @@ def lower(bits: Bits, by: int) -> None:
 
 
 @kernel("void(uint64[:, ::1], int64, int64)")
-def grow(bits: Bits, side: int, wanted: int) -> None:
+def erode_to_side(bits: Bits, side: int, wanted: int) -> None:
     """Reduce south-west corners of set squares of one side to those of a larger side, in place."""
     while side < wanted:
         step = min(side, wanted - side)
-        narrow(bits, step)
-        lower(bits, step)
+        erode_columns(bits, step)
+        erode_rows(bits, step)
         side += step
 
 
@@ -67,7 +67,7 @@ def erode(
     reach = min(safe.shape[0], last + side - 1)
     wide = min(safe.shape[1], word1 + ((side + 62) >> 6))
     part = safe[first:reach, word0:wide].copy()
-    grow(part, 1, side)
+    erode_to_side(part, 1, side)
     for r in range(last - first):
         for w in range(word1 - word0):
             seeds[first + r, word0 + w] = part[r, w]

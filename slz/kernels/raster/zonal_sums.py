@@ -15,13 +15,13 @@ Bytes = NDArray[np.uint8]
 Layer = NDArray[np.float32]
 Sums = NDArray[np.float64]
 
-# Statistics of a zone; those after SLOPE and ROUGHNESS are the numbers of summands.
-SAFE, UNSAFE, CERTAINTY, SLOPE, SLOPES, ROUGHNESS, ROUGHNESSES = range(7)
-TOLD = 7
+# Statistics of a zone; those after SUM_SLOPE and SUM_ROUGHNESS are the numbers of summands.
+N_SAFE, N_UNSAFE, SUM_CERTAINTY, SUM_SLOPE, N_SLOPE, SUM_ROUGHNESS, N_ROUGHNESS = range(7)
+ZONAL_STATISTICS = 7
 
 
 @kernel("void(float64[:, ::1], int64, float32[::1], uint64, uint64)")
-def _add(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64) -> None:
+def _add_finite(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64) -> None:
     """Add the set and finite ones of 64 values, each to the sum of its bit, and count them."""
     for k in range(np.uint64(64)):
         value = np.float64(values[first + k])
@@ -34,7 +34,7 @@ def _add(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64)
     "uint64(uint64, uint64, uint8[::1], float32[::1], float32[::1], float32[::1], UniTuple(int64, 4), uint8,"
     " uint8, float64[:, ::1])"
 )
-def _tally_word(
+def _add_word(
     mine: np.uint64,
     inside: np.uint64,
     state: Bytes,
@@ -46,7 +46,7 @@ def _tally_word(
     unsafe: np.uint8,
     sums: Sums,
 ) -> np.uint64:
-    """Add the statistics of 64 cells to (`TOLD`, 64) sums, by bit; return the unsafe cells inside."""
+    """Add the statistics of 64 cells to sums, by statistic and bit; return the unsafe cells inside."""
     state_at, certainty_at = np.uint64(at[0]), np.uint64(at[1])
     good = bad = NONE
     for k in range(np.uint64(64)):
@@ -54,12 +54,12 @@ def _tally_word(
         bad |= np.uint64(state[state_at + k] == unsafe) << k
     for k in range(np.uint64(64)):
         sure = np.float64(certainty[certainty_at + k])
-        sums[CERTAINTY, k] += sure if (inside >> k) & ONE != NONE else 0.0
+        sums[SUM_CERTAINTY, k] += sure if (inside >> k) & ONE != NONE else 0.0
     if mine != NONE:
-        _add(sums, SLOPE, slope, np.uint64(at[2]), mine)
-        _add(sums, ROUGHNESS, roughness, np.uint64(at[3]), mine)
-    sums[SAFE, 0] += signed(popcount(inside & good))
-    sums[UNSAFE, 0] += signed(popcount(inside & bad))
+        _add_finite(sums, SUM_SLOPE, slope, np.uint64(at[2]), mine)
+        _add_finite(sums, SUM_ROUGHNESS, roughness, np.uint64(at[3]), mine)
+    sums[N_SAFE, 0] += signed(popcount(inside & good))
+    sums[N_UNSAFE, 0] += signed(popcount(inside & bad))
     return inside & bad
 
 
@@ -88,7 +88,7 @@ def common(cells: Bits, others: Bits, down: int, right: int) -> Any:
     "void(uint64[:, :], uint64[:, :], uint8[:, ::1], uint8, uint8, float32[:, ::1], float32[:, ::1],"
     " float32[:, ::1], float64[::1], uint64[:, :])"
 )
-def tally(
+def zonal_sums(
     own: Bits,
     content: Bits,
     state: Bytes,
@@ -97,7 +97,7 @@ def tally(
     certainty: Layer,
     slope: Layer,
     roughness: Layer,
-    told: NDArray[np.float64],
+    statistics: NDArray[np.float64],
     holes: Bits,
 ) -> None:
     """Sum the maps of some rows of a zone, over the cells of whole words.
@@ -108,33 +108,33 @@ def tally(
         Bitmaps of the cells of the zone, and of the cells on and inside its contour.
     state, safe, unsafe
         State of the cells, and its values for safe and unsafe.
-    told
-        (`TOLD`,) receives, for the content, the numbers of safe and unsafe cells and the sum of the
-        certainty; for the zone's own cells, sums of the finite slopes and roughnesses, and how many are
+    statistics
+        (`ZONAL_STATISTICS`,) receives, for the content, the numbers of safe and unsafe cells and the sum of
+        the certainty; for the zone's own cells, sums of the finite slopes and roughnesses, and how many are
         finite.
     holes
         Receives the unsafe cells of the content.
     """
     rows, words = content.shape
     flat_state, sure, steep, rough = state.ravel(), certainty.ravel(), slope.ravel(), roughness.ravel()
-    sums = np.zeros((TOLD, 64))
+    sums = np.zeros((ZONAL_STATISTICS, 64))
     for r in range(rows):
         for w in range(words):
             if content[r, w] != NONE:
                 at = 64 * (r * words + w)
-                holes[r, w] = _tally_word(
+                holes[r, w] = _add_word(
                     own[r, w], content[r, w], flat_state, sure, steep, rough, (at, at, at, at), safe, unsafe,
                     sums,
                 )  # fmt: skip
-    for of in range(TOLD):
-        told[of] = sums[of].sum()
+    for of in range(ZONAL_STATISTICS):
+        statistics[of] = sums[of].sum()
 
 
 @kernel(
     "void(float32[:, :, :, ::1], uint8[:, :, :, ::1], int64, int32[:, ::1], boolean[:, ::1], int64, int64,"
     " int64, int64, uint8, uint8, uint64[:, ::1], uint64[:, ::1], float64[:, :, ::1], uint64[:, ::1])"
 )
-def tally_tiles(
+def zonal_sums_of_tiles(
     layers: NDArray[np.float32],
     states: Bytes,
     first: int,
@@ -148,10 +148,10 @@ def tally_tiles(
     unsafe: np.uint8,
     own: Bits,
     content: Bits,
-    told: NDArray[np.float64],
+    statistics: NDArray[np.float64],
     holes: Bits,
 ) -> None:
-    """Compute `tally` for each wanted tile of a zone that is in a block.
+    """Compute `zonal_sums` for each wanted tile of a zone that is in a block.
 
     Parameters
     ----------
@@ -159,11 +159,11 @@ def tally_tiles(
         As in `put_layers`; certainty, slope and roughness are indices of layers.
     own, content, holes
         Rows from row0 on, in words that are rows of tiles.
-    told
-        (rows of tiles, columns of tiles, `TOLD`).
+    statistics
+        (rows of tiles, columns of tiles, `ZONAL_STATISTICS`).
     """
     flat, flat_states, cells = layers.ravel(), states.ravel(), TILE * TILE
-    sums = np.zeros((TOLD, 64))
+    sums = np.zeros((ZONAL_STATISTICS, 64))
     for tr in range(table.shape[0]):
         south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
         for tc in range(table.shape[1]):
@@ -176,14 +176,14 @@ def tally_tiles(
                 inside = content[r - row0, tc]
                 if inside != NONE:
                     at = TILE * (r - south)
-                    holes[r - row0, tc] = _tally_word(
+                    holes[r - row0, tc] = _add_word(
                         own[r - row0, tc], inside, flat_states, flat, flat, flat,
                         (slot * cells + at, (held + certainty) * cells + at, (held + slope) * cells + at,
                          (held + roughness) * cells + at),
                         safe, unsafe, sums,
                     )  # fmt: skip
-            for of in range(TOLD):
-                told[tr, tc, of] = sums[of].sum()
+            for of in range(ZONAL_STATISTICS):
+                statistics[tr, tc, of] = sums[of].sum()
 
 
 @kernel()
@@ -223,13 +223,13 @@ def carry_over(
     old_versions: NDArray[np.int64],
     old_own: Bits,
     old_content: Bits,
-    old_told: NDArray[np.float64],
+    old_statistics: NDArray[np.float64],
     old_holes: Bits,
     wanted: NDArray[np.bool_],
-    told: NDArray[np.float64],
+    statistics: NDArray[np.float64],
     holes: Bits,
 ) -> Any:
-    """Copy earlier results of `tally_tiles` for unchanged tiles; return whether all tiles are unchanged.
+    """Copy earlier `zonal_sums_of_tiles` for unchanged tiles; return whether all tiles are unchanged.
 
     Parameters
     ----------
@@ -257,8 +257,8 @@ def carry_over(
             wanted[tr, tc] = held and not same
             all_same &= same or not held
             if held and same:
-                for of in range(TOLD):
-                    told[tr, tc, of] = old_told[i, j, of]
+                for of in range(ZONAL_STATISTICS):
+                    statistics[tr, tc, of] = old_statistics[i, j, of]
                 for r in range(max(first, -down), min(stop, len(old_content) - down)):
                     holes[r, tc] = old_holes[r + down, j]
     return all_same

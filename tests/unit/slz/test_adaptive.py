@@ -56,7 +56,7 @@ def looks(
     for i in range(n):
         east_m = speed_ms * i * span_s
         moved = ground + np.array([east_m, 0.0, 0.0])
-        choices.append(adapter.look(window(moved, i * span_s, (east_m, 0.0, height_m), span_s), moved))
+        choices.append(adapter.choose(window(moved, i * span_s, (east_m, 0.0, height_m), span_s), moved))
     return choices
 
 
@@ -76,13 +76,13 @@ def test_density_counts_ground_that_no_sample_of_the_returns_reaches() -> None:
     assert len(points) // 20_000 == 4
     points[1 : 4 * far : 4, :2] = np.column_stack([np.arange(far) * 30.0 + 100.5, np.full(far, -90.5)])
     squares = len(np.unique(np.floor(points[:, :2]), axis=0))
-    choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
+    choice = Adapter(parameters()).choose(window(points, 0.0, (0.0, 0.0, 10.0)), points)
     assert choice.density_per_m2 == len(points) / squares
 
 
 def test_density_does_not_count_the_gap_between_two_fields() -> None:
     points = np.vstack([field(25.0), field(25.0, east_m=500.0)])
-    choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
+    choice = Adapter(parameters()).choose(window(points, 0.0, (0.0, 0.0, 10.0)), points)
     assert choice.density_per_m2 == pytest.approx(25, rel=0.01)
 
 
@@ -90,14 +90,14 @@ def test_density_does_not_count_the_gap_between_two_fields() -> None:
 def test_density_of_scattered_returns_is_about_right_however_sparse(per_m2: float) -> None:
     n = round(400**2 * per_m2)
     points = np.column_stack([np.random.default_rng(2).uniform(-200, 200, (n, 2)), np.zeros(n)])
-    choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
+    choice = Adapter(parameters()).choose(window(points, 0.0, (0.0, 0.0, 10.0)), points)
     assert choice.density_per_m2 == pytest.approx(per_m2, rel=0.15)
 
 
 def test_speed_is_over_ground_between_the_ends_of_windows() -> None:
     adapter, points = Adapter(parameters()), field(25.0)
-    adapter.look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
-    choice = adapter.look(window(points, 1.0, (3.0, 4.0, 30.0), 1.5), points)
+    adapter.choose(window(points, 0.0, (0.0, 0.0, 10.0)), points)
+    choice = adapter.choose(window(points, 1.0, (3.0, 4.0, 30.0), 1.5), points)
     assert choice.speed_ms == pytest.approx(5.0 / 1.5)
     assert choice.height_m == 30.0
 
@@ -190,7 +190,7 @@ def levels(*asked: int) -> list[int]:
     out = []
     for second, level in enumerate(asked):
         points = field(dense[level])
-        out.append(adapter.look(window(points, second, (0.0, 0.0, 10.0)), points).level)
+        out.append(adapter.choose(window(points, second, (0.0, 0.0, 10.0)), points).level)
     return out
 
 
@@ -242,7 +242,7 @@ def test_the_same_windows_give_the_same_choices() -> None:
     seen = []
     for _ in range(2):
         adapter = Adapter(parameters())
-        seen.append([adapter.look(window(c, i, (i * 2.0, 0.0, 20.0)), c) for i, c in enumerate(clouds)])
+        seen.append([adapter.choose(window(c, i, (i * 2.0, 0.0, 20.0)), c) for i, c in enumerate(clouds)])
     assert seen[0] == seen[1]
     assert len({choice.level for choice in seen[0]}) > 1 or len({c.window_s for c in seen[0]}) > 2
 
@@ -291,7 +291,7 @@ def test_a_window_of_the_same_stamp_or_an_earlier_one_keeps_the_speed() -> None:
     adapter, points = Adapter(parameters()), field(9.0)
 
     def speed(second: float, east_m: float) -> float:
-        return adapter.look(window(points, second, (east_m, 0.0, 10.0)), points).speed_ms
+        return adapter.choose(window(points, second, (east_m, 0.0, 10.0)), points).speed_ms
 
     assert [speed(0, 0), speed(1, 4), speed(1, 5), speed(0, 6), speed(1, 7)] == [0, 4, 4, 4, 1]
 
@@ -299,7 +299,7 @@ def test_a_window_of_the_same_stamp_or_an_earlier_one_keeps_the_speed() -> None:
 def test_the_speed_over_a_window_of_unknown_place_is_the_mean_one() -> None:
     adapter, points = Adapter(parameters()), field(9.0)
     speeds = [
-        adapter.look(window(points, second, (east, 0.0, 10.0)), points).speed_ms
+        adapter.choose(window(points, second, (east, 0.0, 10.0)), points).speed_ms
         for second, east in enumerate((0.0, 4.0, NAN, 14.0))
     ]
     assert speeds == [0, 4, 4, 5]
@@ -307,13 +307,13 @@ def test_the_speed_over_a_window_of_unknown_place_is_the_mean_one() -> None:
 
 def test_a_window_of_no_span_is_dense_beyond_measure() -> None:
     points = field(9.0)
-    choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0), 0.0), points)
+    choice = Adapter(parameters()).choose(window(points, 0.0, (0.0, 0.0, 10.0), 0.0), points)
     assert choice.window_s == 0.5
 
 
 def test_returns_kilometres_apart_need_no_memory_for_what_is_between() -> None:
     points = np.array([[0.0, 0.0, 0.0], [4e7, 4e7, 0.0]])
-    choice = Adapter(parameters()).look(window(points, 0.0, (0.0, 0.0, 10.0)), points)
+    choice = Adapter(parameters()).choose(window(points, 0.0, (0.0, 0.0, 10.0)), points)
     assert (choice.density_per_m2, choice.level) == (0.0, COARSEST)
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from params import Parameters
 from slz.grid import Box, Grid
-from slz.kernels.raster.distance_transform import first_choice, surest
-from slz.terrain.terrain import BLOCK, EvidenceTerrain, _regions
+from slz.kernels.raster.distance_transform import least_steep, most_certain
+from slz.terrain.terrain import DERIVED_BLOCK, EvidenceTerrain, _regions
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import TILE_BYTES, Tiles
 from slz.zones.detection import side_in_cells
@@ -44,50 +44,53 @@ def test_of_places_that_slope_alike_the_nearest_to_the_sensor_is_taken(
     cells = np.array([[5, 5], [5, 50], [50, 5], [9, 9]])
     slope = np.full((2, 80, 64), 2.0, np.float32)
     place = 20, 20, -10.0, -10.0, 0.5  # the cells count from there
-    assert first_choice(cells[:3], slope, *place, *sensor) == chosen
+    assert least_steep(cells[:3], slope, *place, *sensor) == chosen
     slope[0, 29, 29] = 2.06  # a tenth of a degree steeper
-    assert first_choice(cells, slope, *place, *sensor) == chosen
+    assert least_steep(cells, slope, *place, *sensor) == chosen
     slope[0, 29, 29] = 1.0
-    assert first_choice(cells, slope, *place, *sensor) == 3
+    assert least_steep(cells, slope, *place, *sensor) == 3
 
 
 def test_the_most_certain_place_is_taken_then_the_least_steep_then_the_nearest() -> None:
     cells = np.array([[5, 5], [5, 50], [50, 5], [9, 9], [40, 40]])
     sure, slope = np.full(5, 0.9, np.float32), np.full(5, 2.0, np.float32)
     place = -10.0, -10.0, 0.5, -7.0, 30.0  # near the third
-    assert surest(cells, sure, slope, *place) == 2
+    assert most_certain(cells, sure, slope, *place) == 2
     slope[:2] = 1.96, 1.94  # the first is as steep as the others, to a tenth of a degree
-    assert surest(cells, sure, slope, *place) == 1
+    assert most_certain(cells, sure, slope, *place) == 1
     sure[:] = 0.9004, 0.8994, 0.8996, 0.9, 0.9  # the second is less certain, to a thousandth
-    assert surest(cells, sure, slope, *place) == 2
+    assert most_certain(cells, sure, slope, *place) == 2
     sure[4] = 0.95
-    assert surest(cells, sure, slope, *place) == 4
+    assert most_certain(cells, sure, slope, *place) == 4
     sure[4], unknown = 0.9, float("nan")  # where the vehicle is: the first of equals
-    assert surest(cells, sure, slope, *place[:3], unknown, unknown) == 0
+    assert most_certain(cells, sure, slope, *place[:3], unknown, unknown) == 0
 
 
 def test_of_places_as_near_the_first_is_taken() -> None:
     slope = np.full((1, 60, 64), 2.0, np.float32)
     cells = np.array([[20, 10], [20, 30], [10, 20], [30, 20]])
-    assert first_choice(cells, slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
-    assert first_choice(cells[1:], slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
+    assert least_steep(cells, slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
+    assert least_steep(cells[1:], slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
 
 
 @pytest.mark.parametrize(
     "box",
     [
-        Box(0, 2 * BLOCK + 10, 5, 40),
-        Box(5, 40, 0, 2 * BLOCK + 10),
-        Box(-BLOCK - 7, BLOCK, -3, BLOCK),
-        Box(3, BLOCK + 3, -BLOCK - 1, 1),
+        Box(0, 2 * DERIVED_BLOCK + 10, 5, 40),
+        Box(5, 40, 0, 2 * DERIVED_BLOCK + 10),
+        Box(-DERIVED_BLOCK - 7, DERIVED_BLOCK, -3, DERIVED_BLOCK),
+        Box(3, DERIVED_BLOCK + 3, -DERIVED_BLOCK - 1, 1),
     ],
 )
 def test_what_is_drawn_at_a_time_covers_every_box_once_and_is_never_too_long(box: Box) -> None:
     small = Box(box.row0 + 3, box.row0 + 9, box.col0 + 1, box.col0 + 4)
     beside = Box(box.row1, box.row1 + 5, box.col0, box.col0 + 2)
     regions = list(_regions([small, box, Box(0, 0, 0, 0), beside]))
-    assert max(max(region.shape) for region in regions) <= BLOCK
-    drawn, around = np.zeros((4 * BLOCK, 4 * BLOCK), int), Box(-BLOCK - 10, 3 * BLOCK, -BLOCK - 10, 3 * BLOCK)
+    assert max(max(region.shape) for region in regions) <= DERIVED_BLOCK
+    drawn, around = (
+        np.zeros((4 * DERIVED_BLOCK, 4 * DERIVED_BLOCK), int),
+        Box(-DERIVED_BLOCK - 10, 3 * DERIVED_BLOCK, -DERIVED_BLOCK - 10, 3 * DERIVED_BLOCK),
+    )
     for region in regions:
         drawn[region.relative_to(around).slices] += 1
     assert drawn.max() == 1

@@ -8,7 +8,7 @@ from dataclasses import FrozenInstanceError, dataclass, replace
 
 import pytest
 
-from slz.lazy_fields import Later, Lazy
+from slz.lazy_fields import Deferred, Lazy
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ def test_a_value_is_worked_out_at_the_first_reading_and_once() -> None:
         made.append(1)
         return 5
 
-    holder = Holder("a", Later(make))
+    holder = Holder("a", Deferred(make))
     assert made == []
     assert (holder.value, holder.value, made) == (5, 5, [1])
 
@@ -44,5 +44,5 @@ def test_a_lazy_field_has_no_default_and_cannot_be_set() -> None:
 
 def test_a_holder_is_sent_elsewhere_with_its_value() -> None:
     """As reports were, of which nothing was left to be worked out."""
-    assert pickle.loads(pickle.dumps(Holder("a", Later(lambda: 5)))) == Holder("a", 5)
-    assert deepcopy(Holder("a", Later(lambda: 5))) == Holder("a", 5)
+    assert pickle.loads(pickle.dumps(Holder("a", Deferred(lambda: 5)))) == Holder("a", 5)
+    assert deepcopy(Holder("a", Deferred(lambda: 5))) == Holder("a", 5)

@@ -153,7 +153,7 @@ def test_a_flight_that_begins_off_the_survey_knows_it_when_it_comes_there() -> N
 
     prior = Prior(source, PARAMETERS)
     for second, east in enumerate(range(0, 401, 20)):
-        prior.take(np.empty((0, 3)), np.array([east, 0.0, 30.0]), FRAME, float(second), ())
+        prior.update(np.empty((0, 3)), np.array([east, 0.0, 30.0]), FRAME, float(second), ())
     assert asked[:4] == [0, 100, 200, 300]  # not with every window
     assert prior.zones
 
@@ -166,7 +166,7 @@ def test_contradicted_ground_stays_out_when_the_flight_comes_back_to_it() -> Non
     for second, (east, points) in enumerate(
         [(400, flat), (400, wall), (600, flat[:0]), (700, flat[:0]), (400, flat)]
     ):
-        prior.take(points, np.array([east, 0.0, 30.0]), FRAME, 10.0 * second, ())
+        prior.update(points, np.array([east, 0.0, 30.0]), FRAME, 10.0 * second, ())
         held = (
             [zone for zone in prior.zones if zone.holds(*prior.terrain.grid.index(400.0, 0.0))]
             if prior.terrain
@@ -250,6 +250,6 @@ def test_a_best_point_that_a_live_map_finds_unsafe_is_given_up_before_the_next_l
     )  # what a live map would say about the best point
     live = PriorTerrain(unsafe)
     hidden = np.zeros((CELLS, CELLS), bool)
-    prior.take(np.empty((0, 3)), np.array([0.0, 0.0, 30.0]), FRAME, prior._looked_s + 0.5, (live,))
+    prior.update(np.empty((0, 3)), np.array([0.0, 0.0, 30.0]), FRAME, prior._compared_s + 0.5, (live,))
     assert not np.array_equal(prior.terrain.hidden, hidden)
     assert not any(zone.holds(*prior.terrain.grid.index(*best[:2].tolist())) for zone in prior.zones)

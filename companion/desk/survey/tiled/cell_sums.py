@@ -15,7 +15,7 @@ from companion.desk.survey.tiled.census import EVERYTHING
 from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown
 from slz import Box
 from slz.kernels.survey.point_binning import BLOCK, join
-from slz.points.outliers import CLOUD_GROUP, in_a_group
+from slz.points.outliers import CLOUD_GROUP, in_cluster
 
 RADIUS_M, LEAST = CLOUD_GROUP
 
@@ -131,7 +131,7 @@ def _join_groups(
     """Join the points beyond the interval that are in a group; return the number of lone inner ones."""
     points = points[_in(points, around)]
     places = points * np.array([cell_m, cell_m, UNIT_M])
-    grouped = in_a_group(places, radius_m, LEAST)
+    grouped = in_cluster(places, radius_m, LEAST)
     counted = points[grouped & _in(points, box)]
     rows, cols = box.shape
     for row, col in {(int(r), int(c)) for r, c in counted[:, :2] // BLOCK}:

@@ -20,7 +20,7 @@ from params import Parameters
 from slz import UNKNOWN, Box
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.survey.point_binning import BLOCK, evidence_of
-from slz.terrain.derive import LAYERS, drawn, reach_of
+from slz.terrain.derive import LAYERS, derive, reach_of
 
 KEPT = ("height_m", "top_m", "slope_deg", "roughness", "certainty")
 NEVER_S = 1e12
@@ -96,7 +96,7 @@ def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, m
         some, evidence = evidence, np.zeros((*wide.shape, *evidence.shape[2:]), np.float32)
         evidence[within(held, wide)] = some
     cells = summary(evidence, 0.0, NEVER_S)
-    values, verdict = drawn(cells, reach_of(p, p.cell_m), p.cell_m, p)
+    values, verdict = derive(cells, reach_of(p, p.cell_m), p.cell_m, p)
     part = common(block, box)
     out, here = within(part, box), within(part, block)
     for name in KEPT:

@@ -105,7 +105,7 @@ class FlashDecoder:
         image = process_frame(FlashFrame(self._samples, self._counter, self._stamp_ns), camera)
         self._counter = np.empty((0, 0), np.uint32)
         points, _, pixels = sensor_pixels(image, camera, filtered=False)
-        self.counters.unusable_frames += not image.verdict.usable
+        self.counters.unusable_frames += not image.triage.usable
         self.counters.returns += len(points)
         self.counters.no_return += image.filtered_m.size - len(points)
         if not len(points):

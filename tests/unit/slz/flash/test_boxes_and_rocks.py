@@ -52,7 +52,7 @@ def test_frames_too_near_and_too_far_are_not_mapped(pit: Pit) -> None:
     for height_m, quality in ((60.0, Quality.SATURATED), (1100.0, Quality.EMPTY)):
         raw, _, _ = pit.look(0.0, 0.0, height_m, 0.0)
         image = process_frame(FlashFrame(raw.samples, raw.counter), FlashCamera())
-        assert image.verdict.quality is quality
+        assert image.triage.quality is quality
         assert not len(sensor_points(image, FlashCamera())[0])
 
 

@@ -33,16 +33,16 @@ def test_median_repairs_single_holes_keeps_edges_and_leaves_larger_holes_open() 
 def test_frames_are_sorted_by_what_they_hold() -> None:
     camera = noisy_camera(0.05, rows=32, cols=32)
     frame, _ = frame_of(camera, some_peaks(camera), 1500.0, 0.05)
-    assert process_frame(frame, camera).verdict.quality is Quality.WHOLE
+    assert process_frame(frame, camera).triage.quality is Quality.WHOLE
     for share, quality in ((0.4, Quality.LIMIT), (0.8, Quality.EMPTY), (0.15, Quality.PARTIAL)):
         counter = frame.counter.copy()
         counter[: round(32 * share)] = camera.gate_counter
         image = process_frame(type(frame)(frame.samples, counter), camera)
-        assert image.verdict.quality is quality
+        assert image.triage.quality is quality
         assert (len(sensor_points(image, camera)[0]) == 0) == (quality is not Quality.PARTIAL)
     clipping = noisy_camera(0.05, rows=32, cols=32, saturated_counts=8_100)
     image = process_frame(frame, clipping)
-    assert image.verdict.quality is Quality.SATURATED
+    assert image.triage.quality is Quality.SATURATED
     assert not len(sensor_points(image, clipping)[0])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from slz.kernels.polygons.boundary_tracing import tour
+from slz.kernels.polygons.boundary_tracing import trace_boundary
 from slz.kernels.raster.bitmap import packed
 
 ROWS, COLS = 9, 11
@@ -17,7 +17,7 @@ def toured(part: np.ndarray, east: int) -> tuple[list[list[int]], int]:  # type:
     wide[1:-1, east : east + COLS] = part
     path, edges = np.empty((4 * part.size, 2), np.int32), np.empty(4 * part.size, np.uint8)
     first = int(np.argmax(part[0]))
-    n, area = tour(packed(wide), 1, east + first, path, edges)
+    n, area = trace_boundary(packed(wide), 1, east + first, path, edges)
     return (path[:n] - [1, east]).tolist(), area
 
 

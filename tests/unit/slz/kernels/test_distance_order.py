@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.raster.bitmap import packed
-from slz.kernels.raster.distance_transform import farthest
+from slz.kernels.raster.distance_transform import greatest_clearance
 
 
 def test_the_middles_of_equal_squares_come_by_rows_and_then_by_columns() -> None:
@@ -13,6 +13,6 @@ def test_the_middles_of_equal_squares_come_by_rows_and_then_by_columns() -> None
     part = np.zeros((45, 230), np.uint8)
     for row, col in corners:
         part[row : row + 5, col : col + 5] = 1
-    found = farthest(packed(part), 5)
+    found = greatest_clearance(packed(part), 5)
     assert found[:, :2].tolist() == [[row + 2, col + 2] for row, col in corners]
     assert (found[:, 2] == 9).all()

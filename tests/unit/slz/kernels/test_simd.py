@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 from slz.kernels.jit import kernel
 from slz.kernels.simd import (
     LANES,
-    ask_for,
+    aligned_empty,
     below,
-    both,
+    broadcast,
+    broadcast_wide,
     columns,
-    every,
-    every_wide,
     flags,
     flags_of,
+    fused_multiply_add,
     load,
     load_wide,
-    multiplied,
+    logical_and,
     narrowed,
-    room,
-    root,
+    prefetch,
+    sqrt,
     store,
     store_bytes,
     store_wide,
@@ -42,9 +42,9 @@ def all_of_them(a: Floats, b: Floats, at: int, out: Floats, bits: NDArray[np.uin
     store(flat, LANES, x - y)
     store(flat, 2 * LANES, x * y)
     store(flat, 3 * LANES, x / y)
-    store(flat, 4 * LANES, root(x))
-    store(flat, 5 * LANES, where(x < y, x, every(np.float32(7.0)) + y))
-    bits[0], bits[1], bits[2] = flags_of(x < y), flags_of(x == y), flags_of(both(x == x, y < x))
+    store(flat, 4 * LANES, sqrt(x))
+    store(flat, 5 * LANES, where(x < y, x, broadcast(np.float32(7.0)) + y))
+    bits[0], bits[1], bits[2] = flags_of(x < y), flags_of(x == y), flags_of(logical_and(x == x, y < x))
 
 
 @kernel("void(float32[::1], float64[::1], int64, float64[:, ::1], float32[::1], uint8[::1], uint64[::1])")
@@ -62,7 +62,7 @@ def wide_ones(
     store_wide(flat, 0, x + y)
     store_wide(flat, LANES, x - y)
     store_wide(flat, 2 * LANES, x * y)
-    store_wide(flat, 3 * LANES, x / every_wide(b[0]))
+    store_wide(flat, 3 * LANES, x / broadcast_wide(b[0]))
     store(narrow, 0, narrowed(y))
     bits[2] = flags_of(flags(bits[0]))
     store_bytes(states, at, flags(bits[0]), flags(bits[1]))
@@ -89,8 +89,8 @@ def test_wide_lanes_and_bytes_are_what_numpy_makes_of_them(at: int) -> None:
 
 @pytest.mark.parametrize("count", [1, 16, 1000])
 def test_room_begins_with_a_line_of_the_cache(count: int) -> None:
-    rooms = [room(count) for _ in range(9)]
-    assert all(len(each) == count and each.ctypes.data % 64 == 0 for each in rooms)
+    arrays = [aligned_empty(count) for _ in range(9)]
+    assert all(len(each) == count and each.ctypes.data % 64 == 0 for each in arrays)
 
 
 def bits_of(flags: NDArray[np.bool_]) -> int:
@@ -114,7 +114,7 @@ def test_lanes_are_what_numpy_makes_of_them(at: int) -> None:
 
 @kernel("void(float32[::1], float32[::1], float32[::1], float32[::1])")
 def multiplied_and_added(a: Floats, b: Floats, c: Floats, out: Floats) -> None:
-    store(out, 0, multiplied(load(a, 0), load(b, 0), load(c, 0)))
+    store(out, 0, fused_multiply_add(load(a, 0), load(b, 0), load(c, 0)))
 
 
 def test_a_product_is_rounded_before_the_sum_or_with_it() -> None:
@@ -137,7 +137,7 @@ def test_bits_of_what_is_below_a_limit_leave_out_what_is_no_number(at: int) -> N
 
 @kernel("void(float32[::1], int64, float32[::1])")
 def in_columns(values: Floats, at: int, out: Floats) -> None:
-    ask_for(values, at)
+    prefetch(values, at)
     for i, column in enumerate(columns(values, at)):
         store(out, LANES * i, column)
 

@@ -13,7 +13,7 @@ from slz import LocalFrame, Pipeline, Report, Window
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.paper import paper_terrain
-from slz.terrain.demand_zero import make_ready, untouched
+from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.tiled_raster import TiledLayers
 
 FRAME = LocalFrame(45.0, -75.0, 0.0)
@@ -65,9 +65,9 @@ def test_reports_are_the_same_with_and_without_it(mode: str) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts the faults of a thread")
 def test_what_is_ready_is_written_to_without_a_page_fault() -> None:
     def faults(prepared: bool) -> int:
-        values = untouched((600, 12, 512), np.float64)
+        values = demand_zeros((600, 12, 512), np.float64)
         if prepared:
-            make_ready(values, ROWS, COLS)
+            prefault_range(values, ROWS, COLS)
         before = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt
         values[ROWS, COLS] = 1.0
         return resource.getrusage(resource.RUSAGE_THREAD).ru_minflt - before
@@ -92,12 +92,12 @@ def test_tiles_that_are_ready_are_made_without_a_page_fault() -> None:
 
 
 def test_values_stay_as_they_are() -> None:
-    values = untouched((600, 12, 512), np.float32)
+    values = demand_zeros((600, 12, 512), np.float32)
     values[:] = np.random.default_rng(1).normal(size=values.shape)
     values[200, 4, ::3] = np.nan
     before = values.tobytes()
-    make_ready(values, ROWS, COLS)
-    make_ready(values, slice(5, 5), COLS)
+    prefault_range(values, ROWS, COLS)
+    prefault_range(values, slice(5, 5), COLS)
     assert values.tobytes() == before
 
 
@@ -107,7 +107,7 @@ def test_it_lies_ahead_and_a_far_return_asks_for_nothing(monkeypatch: pytest.Mon
     def note(_: object, words: slice, rows: slice) -> None:
         asked.append((words, rows))
 
-    monkeypatch.setattr(paper_terrain, "make_ready", note)
+    monkeypatch.setattr(paper_terrain, "prefault_range", note)
     pipeline = Pipeline(PARAMETERS, (0.0, 0.0), follow=False)
     for number in range(3):
         pipeline.process(window(number))

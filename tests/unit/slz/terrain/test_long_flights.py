@@ -74,7 +74,7 @@ def test_the_window_keeps_its_size_through_all_changes_of_level(zone_m: float) -
     far = ZoneMap(parameters, (3.0, 4.0), iter(range(9)))
     first = far.terrain.grid
     for step in range(60):
-        far.take(np.empty((0, 3)), np.array([1.7 * step, -0.9 * step, 30.0]), float(step))
+        far.add_points(np.empty((0, 3)), np.array([1.7 * step, -0.9 * step, 30.0]), float(step))
         before = far.terrain.grid
         far.at_level((0, 2, 1, 3)[step % 4])
         grid = far.terrain.grid
@@ -96,7 +96,7 @@ def test_what_was_drawn_is_bounded_though_nobody_looks_and_who_looks_then_is_tol
         pipe.process(window(ground(9.0, 0.3, east_m), (east_m, 0.0, 15.0), second))
         near = near_map(pipe)
         assert isinstance(near, ZoneMap)
-        assert len(near.terrain.touched) <= 2 * near.terrain.tiles.capacity + 60
+        assert len(near.terrain.changed_tiles) <= 2 * near.terrain.tiles.capacity + 60
         serials.add(near.terrain.serial)
     assert len(serials) > 1
     drawn = pipe.drawn("near", 1000)
@@ -112,7 +112,7 @@ def test_noise_is_of_the_way_from_the_sensor_whatever_the_barometer_s_drift() ->
     for drift_m in (0.0, 2.0, -1.5):
         zone_map = ZoneMap(parameters, (0.0, 0.0), iter(range(9)))
         zone_map.tiles.datum_m = drift_m
-        zone_map.take(ground(6.0), np.array([0.0, 0.0, 4.0 + drift_m]), 0.0)
+        zone_map.add_points(ground(6.0), np.array([0.0, 0.0, 4.0 + drift_m]), 0.0)
         noises.append(zone_map.tiles.read(Box(0, 300, 0, 300))[..., 0, NOISE])
     assert noises[0].max() > 0
     for noise in noises[1:]:

@@ -78,9 +78,9 @@ def test_ground_is_forgotten_patch_by_patch_and_drawn_anew_only_then() -> None:
         near = near_map(pipe)
         assert isinstance(near, ZoneMap)
         first = (15.0 - near.tiles.west_m) / (TILE * near.tiles.cell_m)
-        if second > 26 and any(key[1] < first - 1 for key in near.terrain.touched):
+        if second > 26 and any(key[1] < first - 1 for key in near.terrain.changed_tiles):
             drawn_s.append(second)
-        near.terrain.touched.clear()
+        near.terrain.changed_tiles.clear()
         for stamp_s, east_m in places.items():
             row, col = near.terrain.grid.index(east_m, 0.0)
             if (pipe.state("near", Box(row - 3, row + 4, col - 3, col + 4)) == SAFE).any():

@@ -12,7 +12,7 @@ from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, PointState, Report, Window
 from slz.grid import Box, Grid
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiled_raster import TiledLayers
-from slz.terrain.tiles import FEWEST, TILE_BYTES, Noise, Tiles, box_of_tile
+from slz.terrain.tiles import LEAST_CAPACITY, TILE_BYTES, Noise, Tiles, box_of_tile
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 EVERYWHERE = Box(-(10**6), 10**6, -(10**6), 10**6)
@@ -70,7 +70,7 @@ def far_apart(number: int) -> NDArray[np.float64]:
 
 def test_the_ground_not_seen_for_longest_goes_first_and_a_pinned_tile_never() -> None:
     tiles = Tiles(0.0, 0.0, 0.2, 0)
-    for number in range(FEWEST):
+    for number in range(LEAST_CAPACITY):
         add(tiles, far_apart(number), now_s=number)
     pinned = tiles.keys_over(Box(0, 1, 0, 1))
     add(tiles, far_apart(1), now_s=50.0)  # seen again
@@ -83,25 +83,25 @@ def test_the_ground_not_seen_for_longest_goes_first_and_a_pinned_tile_never() ->
 
 def test_of_more_ground_at_once_than_the_budget_holds_the_nearest_is_kept_and_the_rest_counted() -> None:
     tiles = Tiles(0.0, 0.0, 0.2, 0)
-    points = np.vstack([far_apart(number) for number in range(FEWEST + 5)])
+    points = np.vstack([far_apart(number) for number in range(LEAST_CAPACITY + 5)])
     change = add(tiles, points)
     assert change.n_dropped == 5  # type: ignore[attr-defined]
     assert tiles.read(Box(0, 1, 0, 1))[0, 0, 0, 0] == 1
-    assert tiles.read(Box(0, 1, 500 * (FEWEST + 4), 500 * (FEWEST + 4) + 1))[0, 0, 0, 0] == 0
+    assert tiles.read(Box(0, 1, 500 * (LEAST_CAPACITY + 4), 500 * (LEAST_CAPACITY + 4) + 1))[0, 0, 0, 0] == 0
 
 
 @pytest.mark.parametrize(("east", "north"), [(1, 0), (-1, 0), (0, 1), (0, -1)])
 def test_the_nearest_ground_is_kept_in_whatever_direction_it_lies(east: int, north: int) -> None:
     tiles = Tiles(50.0, -30.0, 0.2, 0)
     sensor = np.array([-400.0, 300.0, 30.0])
-    away = 40.0 * np.arange(1, FEWEST + 6)
+    away = 40.0 * np.arange(1, LEAST_CAPACITY + 6)
     places = sensor[:2] + away[:, np.newaxis] * [east, north]
     points = points_at(*places[::-1].tolist())
     change = tiles.add(points, sensor, NOISE, EVERYWHERE, 0.0, 8.0)
     assert change.n_dropped == 5
     row, col = np.floor((places - [50.0, -30.0]) / 0.2).astype(int).T[::-1]
     seen = [tiles.read(Box(r, r + 1, c, c + 1))[0, 0, 0, 0] for r, c in zip(row, col, strict=True)]
-    assert seen == [1.0] * FEWEST + [0.0] * 5
+    assert seen == [1.0] * LEAST_CAPACITY + [0.0] * 5
 
 
 @pytest.mark.parametrize("level", [0, 1, 3])

@@ -16,7 +16,7 @@ from slz import Pipeline, Report, Window, Zone
 from slz.default_method import ZoneMap
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.raster.bitmap import ALL
-from slz.kernels.raster.zonal_sums import TOLD, carry_over
+from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over
 from slz.zones.description import Content
 from tests.unit.slz.hand_made import FRAME, near_map
 
@@ -56,7 +56,7 @@ def windows(seed: int) -> list[Window]:
     return found
 
 
-def told(zone: Zone) -> tuple[Any, ...]:
+def sums(zone: Zone) -> tuple[Any, ...]:
     best = zone.best
     return (
         zone.id, zone.box, zone.area_m2, zone.certainty, zone.n_safe, zone.n_unsafe, zone.n_uncertain,
@@ -83,7 +83,7 @@ def flown(seed: int, *, anew: bool) -> list[Report]:
 def test_zones_are_the_same_as_when_everything_is_looked_up_anew(seed: int) -> None:
     for known, anew in zip(flown(seed, anew=False), flown(seed, anew=True), strict=True):
         for mine, other in ((known.near, anew.near), (known.far, anew.far)):
-            assert list(map(told, mine.zones)) == list(map(told, other.zones))
+            assert list(map(sums, mine.zones)) == list(map(sums, other.zones))
 
 
 def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +97,7 @@ def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPa
         if before is not None:
             whole += content is before
             part += content is not before and bool(
-                set(content.tally.versions.ravel()) & set(before.tally.versions.ravel()) - {-1}
+                set(content.statistics.versions.ravel()) & set(before.statistics.versions.ravel()) - {-1}
             )
         return content
 
@@ -121,10 +121,10 @@ def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> N
     rest = replace(whole, own_bits=own, content_bits=content)
     known = Content.of(rest, near.terrain, Content.of(whole, near.terrain))
     anew = Content.of(rest, near.terrain)
-    assert known.tally.lasts
+    assert known.statistics.unchanged
     assert known.candidate is rest
-    np.testing.assert_array_equal(known.tally.told, anew.tally.told)
-    np.testing.assert_array_equal(known.tally.holes, anew.tally.holes)
+    np.testing.assert_array_equal(known.statistics.totals, anew.statistics.totals)
+    np.testing.assert_array_equal(known.statistics.holes, anew.statistics.holes)
 
 
 @given(st.integers(0, 2**32))
@@ -150,7 +150,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     if rng.random() < 0.3:
         new[rng.integers(row0, stop), word] ^= np.uint64(4)
     versions, old_versions = (rng.random((2, 5, 5)) < 0.1).astype(np.int64)
-    told, all_holes = rng.random((5, 5, TOLD)), rng.integers(1, 2**63, (side, 5), np.uint64) & old
+    sums, all_holes = rng.random((5, 5, ZONAL_STATISTICS)), rng.integers(1, 2**63, (side, 5), np.uint64) & old
 
     def tiles(first: int, last: int) -> slice:
         return slice(first >> TILE_BITS, ((last - 1) >> TILE_BITS) + 1)
@@ -163,7 +163,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     shape = (here[0].stop - here[0].start, n)
     wanted, parts, holes = (
         np.ones(shape, bool),
-        np.zeros((*shape, TOLD)),
+        np.zeros((*shape, ZONAL_STATISTICS)),
         np.zeros((stop - row0, n), np.uint64),
     )
     mine, theirs = (
@@ -171,7 +171,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     )
     carry_over(
         row0, np.ascontiguousarray(versions[here]), mine, mine, row0 - old_row0, word - old_word,
-        np.ascontiguousarray(old_versions[there]), theirs, theirs, np.ascontiguousarray(told[there]),
+        np.ascontiguousarray(old_versions[there]), theirs, theirs, np.ascontiguousarray(sums[there]),
         old_holes, wanted, parts, holes,
     )  # fmt: skip
     for i, j in np.ndindex(*shape):
@@ -183,7 +183,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
         assert wanted[i, j] == (new[rows, tc].any() and not same)
         own = slice(max(rows.start, row0), min(rows.stop, stop))
         kept = same and new[rows, tc].any()
-        np.testing.assert_array_equal(parts[i, j], told[tr, tc] if kept else 0)
+        np.testing.assert_array_equal(parts[i, j], sums[tr, tc] if kept else 0)
         found = holes[own.start - row0 : own.stop - row0, j]
         np.testing.assert_array_equal(found, all_holes[own, tc] if kept else 0)
 

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 import params
 from slz import Pipeline, Report, Zone
-from slz.zones.ranking import enough_m, rank, steps, told
+from slz.zones.ranking import criteria, criteria_text, enough_m, rank
 from tests.unit.companion.flight.landing.flight import zone as bare_zone
 from tests.unit.slz.hand_made import NOWHERE, returns, window
 
@@ -176,7 +176,7 @@ def test_the_reason_is_the_first_criterion_that_differs(kind: list[dict[str, flo
     for above, below in pairwise(ranked):
         differing = [
             (a, b, text)
-            for a, b, text in zip(steps(above, P), steps(below, P), told(below), strict=True)
+            for a, b, text in zip(criteria(above, P), criteria(below, P), criteria_text(below), strict=True)
             if a != b
         ]
         if not differing:
