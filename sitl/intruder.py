@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
+from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.modes import Mode
-
-if TYPE_CHECKING:
-    from sitl.simulation import Simulation
+from sitl.scenes.scene import Scene
+from sitl.truth.flight_log import FlightLog
+from sitl.vehicle.multirotor import Vehicle
 
 SPEED_MS = 6.0
 FROM_M = 25.0
 HIGHEST_M = 200.0  # above this height, the start of the car is of no use
+
+
+class SimulatedFlight(Protocol):
+    """See `Simulation`."""
+
+    scene: Scene
+    vehicle: Vehicle
+    autopilot: Autopilot
+    log: FlightLog
+
+    @property
+    def now_ns(self) -> int: ...
 
 
 class Intruder:
@@ -28,7 +41,7 @@ class Intruder:
         self._bearing = 0.0
         self._next_ns = 0
 
-    def on_tick(self, simulation: Simulation) -> None:
+    def on_tick(self, simulation: SimulatedFlight) -> None:
         """Move the car, or check the condition for its start."""
         s = simulation
         if self.started_ns is None:
@@ -45,7 +58,7 @@ class Intruder:
             self.arrived = True
             s.log.events.append({"t": s.now_ns * 1e-9, "event": "car on the landing point", "e": x, "n": y})
 
-    def _watch(self, s: Simulation) -> None:
+    def _watch(self, s: SimulatedFlight) -> None:
         target, estimate = s.autopilot.landing_target_enu_m, s.autopilot.estimate
         if target is None or estimate is None or not s.autopilot.airborne:
             return
@@ -63,7 +76,7 @@ class Intruder:
         self.started_ns = s.now_ns
         s.log.events.append({"t": s.now_ns * 1e-9, "event": "car starts", "e": x, "n": y})
 
-    def _clear_way(self, s: Simulation) -> float:
+    def _clear_way(self, s: SimulatedFlight) -> float:
         """Return the bearing along which the ground towards the goal is most even."""
         bearings = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         along = np.linspace(0, FROM_M, 30)

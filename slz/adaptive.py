@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from slz.frame import is_known
 from slz.kernels.cells.accumulate import hit_squares
 from slz.kernels.points.range_gate import extent
 from slz.window import Window
-
-if TYPE_CHECKING:
-    from slz.paper.window_cells import Returns
 
 COARSEST = 2  # pyramid level of the far map with cells of `far_cell_m`
 RETURNS_PER_CELL = 1.0  # least returns of one window in a cell
@@ -32,6 +29,15 @@ SQUARES_M = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # sides of the squares that count 
 RETURNS_PER_SQUARE = 4  # mean, below which wider squares are used
 WIDER = 0.05  # margin of the extent of a sample, relative, that the extent of all returns seldom exceeds
 Extent = tuple[float, float, float, float]  # west, east, south, north (m)
+
+
+class PlacedReturns(Protocol):
+    """Returns of a window that were placed in cells."""
+
+    n: int
+
+    def kept(self, every: int = 1) -> NDArray[np.float64]:
+        """Return the points (m, 3) that no outlier rule dropped, every so many of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +95,7 @@ class Adapter:
             window_s = self._wanted_window(density / span_s, reach, height, speed)
         return Choice(density, height, speed, self._far, level, window_s)
 
-    def choose_from_cells(self, window: Window, returns: Returns) -> Choice:
+    def choose_from_cells(self, window: Window, returns: PlacedReturns) -> Choice:
         """Return the choice in source mode, where only near and far change, from a sample of the returns.
 
         Where the position of the sensor is unknown nothing changes and the density is 0.

@@ -13,12 +13,12 @@ import numpy as np
 import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.attached.attached_log import AttachedLog
 from sitl.attached.pose_source import Place, Pose, PoseSource, streams
 from sitl.attached.sensor_time import SensorTime
 from sitl.scenes import Scene
 from sitl.sensors import lidars
 from sitl.sensors.lidar_port import Address
-from sitl.truth.attached_log import AttachedLog
 from sitl.vehicle.pose_track import PoseTrack
 from sitl.wire.wire import Peer, Wire
 

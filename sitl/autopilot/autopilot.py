@@ -84,8 +84,8 @@ class Autopilot:
         self.navigator = Navigator(self.parameters, self.precland)
         self.rally = Rally(self)
         self.failsafes = Failsafes(self)
-        self.commands = Commands(self)
-        self.telemetry = Telemetry(self)
+        self.telemetry = Telemetry(self, self.failsafes)
+        self.commands = Commands(self, self.telemetry, self.failsafes, self.rally)
         self.faults = 0
         """Number of messages that raised an exception in a handler and were dropped."""
         self.mode_changes: list[tuple[int, str]] = []

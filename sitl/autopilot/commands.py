@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.autopilot_view import AutopilotView
+from sitl.autopilot.failsafe import Failsafes
 from sitl.autopilot.modes import GuidedTarget, Mode
 from sitl.autopilot.parameters import in_range
+from sitl.autopilot.rally import Rally
+from sitl.autopilot.telemetry import Telemetry
 from sitl.vehicle.rigid_body import rotate, to_euler
-
-if TYPE_CHECKING:
-    from sitl.autopilot.autopilot import Autopilot
 
 F64 = NDArray[np.float64]
 
@@ -85,8 +86,10 @@ def _is_place(lat_deg: float, lon_deg: float, alt_m: float) -> bool:
 class Commands:
     """Dispatcher of messages to the autopilot."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
-        self._ap = autopilot
+    def __init__(
+        self, autopilot: AutopilotView, telemetry: Telemetry, failsafes: Failsafes, rally: Rally
+    ) -> None:
+        self._ap, self._telemetry, self._failsafes = autopilot, telemetry, failsafes
         self._messages: dict[str, Callable[[Any, int], None]] = {
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
@@ -103,7 +106,7 @@ class Commands:
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
-            **autopilot.rally.handlers,
+            **rally.handlers,
             "REQUEST_DATA_STREAM": self._data_stream,
         }
         self._commands: dict[int, Callable[[Params, int], int]] = {
@@ -202,13 +205,13 @@ class Commands:
         interval_us = float(p.p[1])
         if 0 < interval_us < 4999:  # above 200 Hz is denied
             return DENIED
-        return ACCEPTED if self._ap.telemetry.set_interval(link, int(p.p[0]), interval_us) else DENIED
+        return ACCEPTED if self._telemetry.set_interval(link, int(p.p[0]), interval_us) else DENIED
 
     def _request(self, p: Params, link: int) -> int:
-        return ACCEPTED if self._ap.telemetry.send_once(int(p.p[0]), link) else FAILED
+        return ACCEPTED if self._telemetry.send_once(int(p.p[0]), link) else FAILED
 
     def _get_home(self, _p: Params, link: int) -> int:
-        self._ap.telemetry.send_once(mavlink.MAVLINK_MSG_ID_HOME_POSITION, link)
+        self._telemetry.send_once(mavlink.MAVLINK_MSG_ID_HOME_POSITION, link)
         return ACCEPTED
 
     def _set_home(self, p: Params, _link: int) -> int:
@@ -219,11 +222,11 @@ class Commands:
             self._ap.navigator.home_enu_m = self._point(p.x, p.y, p.z, relative=False)
         else:
             return DENIED
-        self._ap.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+        self._telemetry.due_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
         return ACCEPTED
 
     def _capabilities(self, _p: Params, link: int) -> int:
-        self._ap.telemetry.send_once(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, link)
+        self._telemetry.send_once(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, link)
         return ACCEPTED
 
     def _condition_yaw(self, p: Params, _link: int) -> int:
@@ -322,7 +325,7 @@ class Commands:
 
     def _heartbeat(self, message: Any, _link: int) -> None:
         if message.get_srcSystem() == self._ap.parameters["SYSID_MYGCS"]:
-            self._ap.failsafes.station_heard_ns = self._ap.now_ns
+            self._failsafes.station_heard_ns = self._ap.now_ns
 
     def _override(self, message: Any, _link: int) -> None:
         """Override channels, from the ground station with the system ID SYSID_MYGCS only."""
@@ -364,9 +367,7 @@ class Commands:
             self._param(message.param_id, link)
 
     def _data_stream(self, message: Any, link: int) -> None:
-        self._ap.telemetry.data_stream(
-            link, message.req_stream_id, message.req_message_rate, message.start_stop
-        )
+        self._telemetry.data_stream(link, message.req_stream_id, message.req_message_rate, message.start_stop)
 
 
 def _uses(message: Any, ignored: int) -> bool:

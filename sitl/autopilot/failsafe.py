@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.autopilot_view import AutopilotView
 from sitl.autopilot.fence import Fence, names
 from sitl.autopilot.modes import NEEDS_POSITION, Mode
-
-if TYPE_CHECKING:
-    from sitl.autopilot.autopilot import Autopilot
 
 WARNING, CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
 
@@ -31,7 +27,7 @@ class Failsafes:
         Whether the vehicle flies a failsafe's mode; false after any later change of mode.
     """
 
-    def __init__(self, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: AutopilotView) -> None:
         self._ap = autopilot
         self.fence = Fence(autopilot.parameters)
         self.radio = self.ground_station = self.battery = self.ekf = False

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-if TYPE_CHECKING:
-    from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.autopilot_view import AutopilotView
 
 F64 = NDArray[np.float64]
 
@@ -50,7 +49,7 @@ class Receipt:
 class Rally:
     """Rally point server; requests uploads with MISSION_REQUEST, item by item, and stores each on arrival."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: AutopilotView) -> None:
         self._ap = autopilot
         self._receipt: Receipt | None = None
         self.points: list[Point] = []

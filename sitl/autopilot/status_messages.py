@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.autopilot_view import AutopilotView
+from sitl.autopilot.failsafe import Failsafes
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.position_aiding import TEST_RATIO, UNAIDED
-
-if TYPE_CHECKING:
-    from sitl.autopilot.autopilot import Autopilot
 
 _OTHERS: int = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
@@ -29,8 +28,8 @@ UNKNOWN_RSSI, SATELLITES, SATELLITES_WITHOUT_FIX = 255, 17, 3
 class StatusMessages:
     """Factories of the current status messages; None if ArduCopter sends none."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
-        self._ap = autopilot
+    def __init__(self, autopilot: AutopilotView, failsafes: Failsafes) -> None:
+        self._ap, self._failsafes = autopilot, failsafes
         self._fixed = (0, 0, 0)
         self.makers: dict[int, Callable[[], Any]] = {
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: self._heartbeat,
@@ -60,7 +59,7 @@ class StatusMessages:
 
     def _state(self) -> int:
         """Return MAV_STATE: critical for any failsafe except the fence, standby on the ground."""
-        if self._ap.failsafes.any_triggered:
+        if self._failsafes.any_triggered:
             return int(mavlink.MAV_STATE_CRITICAL)
         return int(mavlink.MAV_STATE_ACTIVE if self._ap.airborne else mavlink.MAV_STATE_STANDBY)
 
@@ -70,7 +69,7 @@ class StatusMessages:
         ArduCopter's GPS bit stays healthy without a fix; in a landing without position the position control
         is off. A disabled fence is present and healthy, not enabled.
         """
-        ap, safe = self._ap, self._ap.failsafes
+        ap, safe = self._ap, self._failsafes
         # bit, enabled, healthy
         rows = (
             (mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER, True, not safe.radio),
@@ -132,5 +131,5 @@ class StatusMessages:
         return mavlink.MAVLink_rc_channels_message(boot_ms, len(channels), *channels, *unused, UNKNOWN_RSSI)
 
     def _fence_status(self) -> Any:
-        fence = self._ap.failsafes.fence
+        fence = self._failsafes.fence
         return fence.status() if fence.enabled else None

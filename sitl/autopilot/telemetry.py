@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.autopilot_view import AutopilotView
+from sitl.autopilot.failsafe import Failsafes
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.status_messages import StatusMessages
 from sitl.vehicle.multirotor import GRAVITY_MS2
 from sitl.vehicle.rigid_body import ned, rotate, to_euler
-
-if TYPE_CHECKING:
-    from sitl.autopilot.autopilot import Autopilot
 
 ID = mavlink
 
@@ -62,12 +61,12 @@ UTC_AT_ZERO_US = 1_750_000_000_000_000
 class Telemetry:
     """Message intervals per link, and a factory for each message."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: AutopilotView, failsafes: Failsafes) -> None:
         self._ap = autopilot
         self._due: dict[int, dict[int, list[int]]] = {}
         self._next_ns = 0
         self._makers: dict[int, Callable[[], Any]] = {
-            **StatusMessages(autopilot).makers,
+            **StatusMessages(autopilot, failsafes).makers,
             ID.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
             ID.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: self._attitude_quaternion,
             ID.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,

@@ -4,20 +4,36 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import pymap3d
 
-if TYPE_CHECKING:
-    from sitl.simulation import Simulation
+from sitl.autopilot.autopilot import Autopilot
+from sitl.scenes.scene import Scene
+from sitl.vehicle.multirotor import Vehicle
 
 STEP_NS = 200_000_000
+
+
+class LoggedFlight(Protocol):
+    """See `Simulation`."""
+
+    scene: Scene
+    vehicle: Vehicle
+    autopilot: Autopilot
+    origin_lla: tuple[float, float, float]
+
+    @property
+    def now_ns(self) -> int: ...
+
+    @property
+    def touchdown(self) -> dict[str, Any] | None: ...
 
 
 class FlightLog:
     """Log of trajectory at 5 Hz, take-off, touchdown, modes and events."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: LoggedFlight) -> None:
         self._simulation = simulation
         self._next_ns = 0
         self.trajectory: list[dict[str, Any]] = []

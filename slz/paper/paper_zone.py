@@ -12,7 +12,7 @@ from slz.kernels.paper.zone_statistics import SUM_UNIT, corners, zonal_statistic
 from slz.kernels.raster.bitmap import unpacked
 from slz.kernels.raster.distance_transform import least_steep, square_and_clearance
 from slz.kernels.raster.region_fill import all_reach, component
-from slz.landing_point.judgement import horizon_towards
+from slz.landing_point.surroundings import horizon_towards
 from slz.lazy_fields import Deferred
 from slz.paper.paper_detection import PaperDetection, Part
 from slz.paper.paper_obstacles import source_obstacles

@@ -13,11 +13,11 @@ from slz.grid import Box
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.connected_components import cells_around, medians
 from slz.kernels.raster.zonal_sums import count
-from slz.landing_point.judgement import GreatestClearance, best_point, greatest_clearance_of
 from slz.landing_point.obstacles import Groups, grouped
 from slz.lazy_fields import Deferred
 from slz.terrain.terrain_view import CellView
 from slz.zone import Zone
+from slz.zones.best_point import GreatestClearance, best_point, greatest_clearance_of
 from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import Candidate
 from slz.zones.zonal_statistics import ZonalStatistics, zonal_statistics_of

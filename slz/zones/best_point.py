@@ -1,0 +1,78 @@
+"""Best point of a zone: the one with the greatest clearance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Box
+from slz.kernels.raster.distance_transform import greatest_clearance, most_certain
+from slz.landing_point.surroundings import ground_m, horizon_towards
+from slz.terrain.terrain_view import CellView
+from slz.zone import LandingPoint
+from slz.zones.detection import Candidate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GreatestClearance:
+    """Cells of a zone with the greatest clearance, with their slope and certainty.
+
+    cells: (n, 2) rows and columns of the grid. distance2: squared distance to the nearest cell outside the
+    zone, in cells. slope_deg: 90 where unknown.
+    """
+
+    cells: NDArray[np.int64]
+    distance2: NDArray[np.int64]
+    slope_deg: NDArray[np.float32]
+    certainty: NDArray[np.float32]
+
+
+def greatest_clearance_of(candidate: Candidate, terrain: CellView) -> GreatestClearance:
+    """Return the cells whose clearance is within half a cell of the greatest."""
+    wide = candidate.words_box
+    found = greatest_clearance(candidate.own_bits, candidate.square_side)
+    cells = found[:, :2] + np.array([wide.row0, wide.col0])
+    return GreatestClearance(
+        cells=cells,
+        distance2=found[:, 2],
+        slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
+        certainty=terrain.layer_at("certainty", cells),
+    )
+
+
+def best_point(
+    among: GreatestClearance,
+    square_side: int,
+    terrain: CellView,
+    sensor_enu_m: NDArray[np.float64],
+    parameters: Parameters,
+) -> LandingPoint:
+    """Return the point of a zone with the greatest clearance.
+
+    Among points whose clearance differs by less than half a cell, the most certain wins, then the least
+    steep, then the nearest to the vehicle.
+
+    Parameters
+    ----------
+    square_side
+        Side of the zone's largest square, in cells.
+    """
+    grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
+    place = grid.west_m, grid.south_m, grid.cell_m
+    best = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
+    row, col = among.cells[best].tolist()
+    centre = grid.centre(row, col)
+    enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])
+    return LandingPoint(
+        enu_m=enu_m,
+        clearance_m=(math.sqrt(among.distance2[best]) - 0.5) * grid.cell_m,
+        square_side_m=square_side * grid.cell_m,
+        slope_deg=float(among.slope_deg[best]),
+        certainty=float(among.certainty[best]),
+        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        distance_m=math.hypot(centre[0] - east_m, centre[1] - north_m),
+    )
