@@ -82,11 +82,11 @@ class Senses:
                     raise BadRecordError(f"a MAVLink frame cannot be read: {error}") from None
                 if frame.get_type() in ORDERS:  # the windows' events hold the operator's orders
                     return None
-                if self._inbox.take(frame, message.at_ns) and self._ranges is not None:
-                    self._ranges.take(frame, message.at_ns)
+                if self._inbox.on_message(frame, message.at_ns) and self._ranges is not None:
+                    self._ranges.on_message(frame, message.at_ns)
             case journal.LIDAR if self._stream is not None:
                 for arrival_ns, packet in journal.unpack_batch(message.data):
-                    self._stream.take(packet, "", arrival_ns)
+                    self._stream.add_packet(packet, "", arrival_ns)
                 self._stream.flush(message.at_ns)
             case journal.EVENT:
                 event = journal.unpack_event(message.data)

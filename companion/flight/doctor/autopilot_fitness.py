@@ -106,7 +106,7 @@ class Fitness:
     def take(self, message: Any) -> None:
         """Store a PARAM_VALUE or PARAM_ERROR, requested or not."""
         if self._reader is not None:
-            self._reader.take(message)
+            self._reader.on_message(message)
             if self._read:
                 self._judge()
 

@@ -126,7 +126,7 @@ class Examination:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
         reader = ParameterReader(rows, vehicle.autopilot)
         names = ("PARAM_VALUE", "PARAM_ERROR")
-        forget = [link.subscribe(name, lambda message, _: reader.take(message)) for name in names]
+        forget = [link.subscribe(name, lambda message, _: reader.on_message(message)) for name in names]
         try:
             async with asyncio.timeout(PARAMETERS_S):
                 while not reader.done:

@@ -48,4 +48,4 @@ class Screen:
             dust = near & (weak | (returns.echo < returns.echoes)) & ~drop
             self.dust += int(dust.sum())
             drop = drop | dust
-        return returns.part(~drop) if drop.any() else returns
+        return returns.select(~drop) if drop.any() else returns

@@ -33,7 +33,7 @@ class PositionFix:
             return self.absolute
         return None if self.gps is None else self.gps >= FIX_3D
 
-    def after(self, message: Any) -> PositionFix:
+    def updated(self, message: Any) -> PositionFix:
         """Return the quality updated with one of `MESSAGES`."""
         if message.get_type() == "GPS_RAW_INT":
             return replace(self, gps=int(message.fix_type))
@@ -69,7 +69,7 @@ class PositionGate:
         """Restart with no position trusted."""
         self._first_ns, self.is_open = None, self._patience_ns is None
 
-    def lets(self, fix: PositionFix, now_ns: int) -> bool:
+    def accepts(self, fix: PositionFix, now_ns: int) -> bool:
         """Return whether a position that arrives now is trusted."""
         self._first_ns = now_ns if self._first_ns is None else self._first_ns
         if not self.is_open and self._patience_ns is not None:

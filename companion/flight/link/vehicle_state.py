@@ -140,7 +140,7 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
             return replace(state, suspect_boot_ms=message.time_boot_ms)
         state = timed
     if kind in FIX_MESSAGES:
-        state = replace(state, fix=state.fix.after(message))
+        state = replace(state, fix=state.fix.updated(message))
     reducer = _REDUCERS.get(kind)
     state = state if reducer is None else reducer(state, message, now_ns)
     found = health.reduce(state.health, message, now_ns)

@@ -27,7 +27,7 @@ class Cadence:
         self._ages_ms = Recent(MOST)
         self.count = 0
 
-    def note(self, now_ns: int, pose_age_ns: int | None = None) -> None:
+    def record(self, now_ns: int, pose_age_ns: int | None = None) -> None:
         """Record the time of a message and the age of the newest pose sample behind it."""
         if self._last_ns is not None:
             self._intervals_ms.append((now_ns - self._last_ns) * 1e-6)

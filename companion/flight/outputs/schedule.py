@@ -203,7 +203,7 @@ class Streams:
             return
         self._link.send(message)
         at_ns, newest_ns = now_ns(), self._history.bracketed_until_ns
-        cadence.note(at_ns, None if newest_ns is None else at_ns - newest_ns)
+        cadence.record(at_ns, None if newest_ns is None else at_ns - newest_ns)
 
     def _pose_of_fresh_scans(self) -> Pose | None:
         if not self._ranges:

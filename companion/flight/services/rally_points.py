@@ -166,7 +166,7 @@ class Rally:
             return []
         if self._transfer is None or sender != (vehicle, mavlink.MAV_COMP_ID_AUTOPILOT1):
             return []
-        return self._transfer.take(message, now_ns) + self._go_on(now_ns, vehicle, us)
+        return self._transfer.on_message(message, now_ns) + self._go_on(now_ns, vehicle, us)
 
     def _calls_for(self, wanted: tuple[RallyPoint, ...], now_ns: int) -> bool:
         if now_ns < self._next_ns or self._others_are_at_it(now_ns):

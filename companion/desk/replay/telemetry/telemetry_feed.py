@@ -98,7 +98,7 @@ class _Ear:
             self._quaternions = True
         elif ours and kind == "ATTITUDE" and not self._quaternions:
             message = quaternion_of(message)
-        self._inbox.take(message, logged.at_ns)
+        self._inbox.on_message(message, logged.at_ns)
         self._rerun.standing = self._inbox.vehicle.landed == "on_ground"
 
 

@@ -201,7 +201,7 @@ class OusterDecoder:
             return None
         return int(columns.stamp_ns[-1])
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
         self.counters.packets += 1
         self._count_lost(self._format.place(np.frombuffer(packet, np.uint8)))
@@ -218,7 +218,7 @@ class OusterDecoder:
         """Check and decode packets together; without any return the arrays are empty."""
         for packet in packets:
             if self.check(packet) is not None:
-                self.take(packet)
+                self.add_packet(packet)
         return self.drain()
 
     def _decode(self, packets: list[bytes]) -> RawReturns:

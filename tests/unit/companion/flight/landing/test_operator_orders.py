@@ -133,10 +133,10 @@ def test_before_any_position_there_is_no_point() -> None:
 def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried_out() -> None:
     operator, executive = desk()
     landing, abort = operator.answer(command(1.0)), operator.answer(command(0.0))
-    assert (landing.always, landing.stands()) == (False, True)
+    assert (landing.always, landing.is_in_effect()) == (False, True)
     assert abort.always
     executive.turns += 1
-    assert not landing.stands()
+    assert not landing.is_in_effect()
 
 
 @pytest.mark.parametrize(
