@@ -142,7 +142,7 @@ def test_modules_are_compiled_in_other_processes_and_counted(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     chosen = [
         kernel_compilation.ROOT / "slz" / "kernels" / f"{name}.py"
-        for name in ("paper/gradient", "instruments/median_filter")
+        for name in ("paper/height_sums", "instruments/median_filter")
     ]
     monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter(chosen))
     assert kernel_compilation.is_first()
