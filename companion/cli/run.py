@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from companion.flight.app import Companion
 from companion.flight.services.services import start_signing
 from companion.runtime import output_folder
-from companion.runtime.priority import real_time
+from companion.runtime.priority import real_time_priority
 from companion.runtime.state_directory import StateDir
 from companion.runtime.watchdog import Watchdog
 from params import Parameters
@@ -83,7 +83,7 @@ async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
     signs = asyncio.create_task(watchdog.run(), name="watchdog")
     companion.on_ready.subscribe(watchdog.ready)
     try:
-        with real_time():
+        with real_time_priority():
             await companion.run()
     finally:
         watchdog.stopping()

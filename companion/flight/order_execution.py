@@ -14,7 +14,7 @@ from companion.flight.landing.situation import Orders, Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mode_requests import ModeRequests
-from companion.flight.outputs.schedule import Streams
+from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class OrderExecution:
         link: Link,
         history: PoseHistory,
         worker: PipelineWorker,
-        streams: Streams,
+        streams: MessageSchedule,
         modes: ModeRequests,
         lidar_min_m: float,
     ) -> None:

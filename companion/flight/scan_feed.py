@@ -11,7 +11,7 @@ from companion.flight.geometry.pose import Pose
 from companion.flight.landing.executive import Executive
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
-from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
 from slz import LocalFrame, Scan
@@ -50,7 +50,7 @@ class ScanFeed:
         history: PoseHistory,
         worker: PipelineWorker,
         executive: Executive,
-        obstacles: ObstacleMemory,
+        obstacles: RecentObstacles,
         scan_count: Callable[[], int],
         displays: Callable[[], tuple[PoseDisplay | None, ...]],
     ) -> None:
@@ -97,7 +97,7 @@ class ScanFeed:
 
     def _begin_map(self) -> None:
         self._map_epoch = self._history.epoch
-        self._worker.restart()
+        self._worker.reset()
         self.on_new_map.emit()
 
     def _offer(self, scan: Scan) -> None:
@@ -105,7 +105,7 @@ class ScanFeed:
         if not self._link.ready:
             return  # a window would wait for the warm-up, and be late
         if self._executive.mapping and not self._stands_after_flight():
-            self._worker.offer(scan, self._scan_count())
+            self._worker.add_scan(scan, self._scan_count())
         else:
             self._worker.flush()
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-class Track:
+class SampleBuffer:
     """Buffer of the newest `capacity` samples of `width` numbers each.
 
     Samples are appended; when the buffer of twice the capacity is full, its newer half moves to the front.

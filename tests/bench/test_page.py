@@ -111,7 +111,7 @@ async def measure() -> dict[str, Any]:
         task = asyncio.create_task(companion.run())
         while not (companion.link.ready and companion.worker.reports):
             await asyncio.sleep(0.1)
-        companion.worker.look = Sweep(companion).look
+        companion.worker.display_hook = Sweep(companion).look
         without, shown = Turns(), Turns()
         for _ in range(TURNS):
             await watch(companion, without)

@@ -57,8 +57,8 @@ async def _watch(companion: Companion, gauges: Gauges, hours: float, folder: Pat
 
 async def _record_anew(companion: Companion, folder: Path) -> None:
     if companion.recordings.recorder is not None:
-        await companion.recordings.ask(on=False)
+        await companion.recordings.set_recording(on=False)
         for old in (folder / "recordings").iterdir():
             old.unlink()
-    said = await companion.recordings.ask(on=True)
+    said = await companion.recordings.set_recording(on=True)
     assert said.accepted, said.reason

@@ -56,10 +56,10 @@ class Senses:
             sensor, wall_ns = (header.lidar, header.lidar_setup), header.clock_offset_ns
             self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
         self.history = PoseHistory(parameters, capacity=capacity)
-        self._inbox.certain.subscribe(self.history.trust)
+        self._inbox.certain.subscribe(self.history.limit_to_certain)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
-        self._inbox.rebooted.subscribe(self.history.begin_anew)
+        self._inbox.rebooted.subscribe(self.history.clear)
 
     @property
     def vehicle(self) -> VehicleState:

@@ -55,7 +55,7 @@ class FlightDesk:
             case SetParameter():
                 return self._set(order)
             case Record():
-                return await self._flight.recordings.ask(order.on)
+                return await self._flight.recordings.set_recording(order.on)
             case Replay():
                 return Reply(False, "this is a flight, no replay")
 

@@ -136,7 +136,7 @@ class Page:
         self.board.viewers = 0
         self.board.drawn.clear()
         self._anew = True
-        self._flight.worker.look = self._look
+        self._flight.worker.display_hook = self._look
         desk = FlightDesk(self._flight)
         server = self._server = serve(self.front, self.board, desk, about(self._flight.settings.rows))
         try:

@@ -155,7 +155,7 @@ class Rally:
         out = self._transfer.poll(now_ns)
         return out + self._go_on(now_ns, vehicle, us)
 
-    def hear(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
+    def on_message(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
         """Process a message of the mission protocol from any sender, and return the answers."""
         if message.get_type() not in TRANSFERS:
             return []

@@ -76,7 +76,7 @@ class TelemetryFeed:
         )
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
-        inbox.rebooted.subscribe(rerun.history.begin_anew)
+        inbox.rebooted.subscribe(rerun.history.clear)
         hear = _Ear(inbox, rerun)
         heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
         return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))

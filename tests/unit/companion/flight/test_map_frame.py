@@ -102,7 +102,7 @@ async def test_the_map_begins_anew_and_the_recording_tells(
     frames: list[Any] = []
     made.recordings.recorder = SimpleNamespace(frame_begun=frames.append)  # type: ignore[assignment]
     begun: list[str] = []
-    monkeypatch.setattr(made.worker, "restart", lambda: begun.append("map"))
+    monkeypatch.setattr(made.worker, "reset", lambda: begun.append("map"))
     fly(made, 30.0, 2400.0)
     made.decisions.step()
     made.decisions.step()

@@ -88,9 +88,9 @@ async def test_a_display_that_fails_in_the_pipeline_s_thread_is_dropped(
     def fail(_pipeline: Any) -> None:
         raise RuntimeError("planted")
 
-    made.worker.look = fail
+    made.worker.display_hook = fail
     await made.worker._show(asyncio.get_running_loop(), fail)
-    assert made.worker.look is None
+    assert made.worker.display_hook is None
     assert not made.worker.invalid
     assert "planted" in caplog.text
     made.worker.close()
