@@ -74,33 +74,33 @@ class ScanFeed:
             if display is not None and (pose := self._history.latest(at_ns)) is not None:
                 display.pose(pose, scan.frame)
         self._obstacles.add(scan)
-        self._offer(scan)
+        self._add_scan(scan)
 
     def add_radar_scan(self, scan: Scan) -> None:
         """Take a scan of the radar; its points come late and in blocks, so they are no obstacles at hand."""
         if self._history.epoch != self._scan_epoch:
             return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
         self.on_scan.emit(now_ns())
-        self._offer(scan)
+        self._add_scan(scan)
 
     def follow_jumps(self) -> None:
         """Begin a new map if the position estimate jumped."""
         if self._history.epoch == self._map_epoch:
             return
         log.warning("the position estimate jumped: mapping anew")
-        self._begin_map()
+        self._reset_map()
 
     def begin_frame(self) -> None:
         """Begin a new map in the frame that has just begun."""
         self._scan_epoch = self._history.epoch  # what waits to be placed will be in the new frame
-        self._begin_map()
+        self._reset_map()
 
-    def _begin_map(self) -> None:
+    def _reset_map(self) -> None:
         self._map_epoch = self._history.epoch
         self._worker.reset()
         self.on_new_map.emit()
 
-    def _offer(self, scan: Scan) -> None:
+    def _add_scan(self, scan: Scan) -> None:
         """Map a scan, if this is the time for it."""
         if not self._link.ready:
             return  # a window would wait for the warm-up, and be late

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from companion.flight.landing.aim import Aim
-from companion.flight.landing.mode_ownership import Custody
+from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.situation import Situation
 
 
@@ -122,7 +122,7 @@ class Presumptions:
         stage: Stage,
         s: Situation,
         aim: Aim,
-        custody: Custody,
+        ownership: ModeOwnership,
         *,
         asked_up_ms: float | None,
         off_point_m: float,
@@ -137,7 +137,7 @@ class Presumptions:
             Greatest distance from the point in the autopilot's landing; halved below the commit height.
         """
         self._follow(stage, s)
-        broken = self._state(stage, s, custody)
+        broken = self._state(stage, s, ownership)
         if s.velocity_enu_ms is not None and Presumption.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
             broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
@@ -165,13 +165,13 @@ class Presumptions:
             self._since_ns.clear()  # kept at the commit height, about which a landing may waver
         self._stage = stage
 
-    def _state(self, stage: Stage, s: Situation, custody: Custody) -> dict[Presumption, str]:
+    def _state(self, stage: Stage, s: Situation, ownership: ModeOwnership) -> dict[Presumption, str]:
         """Return the presumptions about the vehicle's state that fail now, with their texts."""
         landing = stage in LANDING
         broken: dict[Presumption, str] = {}
         if s.connected and (not s.armed or (s.on_ground is True and landing)):
             broken[Presumption.ARMED] = ""
-        if s.connected and custody.lost(s):
+        if s.connected and ownership.is_taken_away(s):
             broken[Presumption.MODE] = s.mode
         if s.estimate_lost:
             broken[Presumption.ESTIMATE] = f"{s.estimate_lost} lost"

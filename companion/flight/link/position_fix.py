@@ -63,7 +63,7 @@ class PositionGate:
         self._first_ns: int | None = None
         self.is_open = patience_ns is None
         self.refused = 0
-        self._told = False
+        self._warned = False
 
     def close(self) -> None:
         """Restart with no position trusted."""
@@ -76,7 +76,7 @@ class PositionGate:
             silent = fix.good is None and now_ns - self._first_ns >= self._patience_ns
             self.is_open = fix.good is True or silent
         self.refused += not self.is_open
-        if fix.good is False and not self.is_open and not self._told:
-            self._told = True
+        if fix.good is False and not self.is_open and not self._warned:
+            self._warned = True
             log.warning("the autopilot has no fix: its position is not believed yet")
         return self.is_open

@@ -52,7 +52,7 @@ class Cockpit:
     async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
         heard_ns = now_ns() - round(heard_s_ago * 1e9)
         self.companion.link._inbox.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
-        self.companion.decisions.step()
+        self.companion.decisions.run_once()
         await asyncio.sleep(0.01)
 
     def velocities(self) -> list[tuple[float, float, float]]:

@@ -70,7 +70,7 @@ async def test_a_zone_is_selected_judged_and_confirmed() -> None:
         assert (await s.order(do="select_zone", zone=1)).accepted
         assert s.companion.executive.phase is Phase.IDLE
         assert not (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted  # not judged yet
-        s.companion.decisions.step()
+        s.companion.decisions.run_once()
         s.show(5.0)
         assert (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted
         assert s.companion.executive.phase is Phase.SURVEY
@@ -80,7 +80,7 @@ async def test_only_the_point_that_the_sender_saw_is_confirmed() -> None:
     """Two operators: one confirms while the other selects."""
     async with seat() as s:
         await s.order(do="select_zone", zone=1)
-        s.companion.decisions.step()
+        s.companion.decisions.run_once()
         s.show(5.0)
         assert not (await s.order(do="confirm", east_m=5.2, north_m=5.0)).accepted
         await s.order(do="select_zone", zone=2)
