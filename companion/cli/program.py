@@ -23,7 +23,7 @@ from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted, Interrupts
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
 app = typer.Typer(
     add_completion=False,
@@ -93,16 +93,16 @@ def _in_words(error: Exception) -> str:
 
 
 @contextlib.contextmanager
-def _front(address: str | None, tokens: Path | None) -> Iterator[Front | None]:
+def _front(address: str | None, tokens: Path | None) -> Iterator[PageEndpoint | None]:
     """Open the port of the pilot's page, so that its errors are reported before the flight."""
     if address is None:
         if tokens is not None:
             raise UsageError("--dashboard-token goes with --dashboard HOST:PORT")
         yield None
         return
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
-    with contextlib.closing(Front(address, tokens)) as front:
+    with contextlib.closing(PageEndpoint(address, tokens)) as front:
         err.print(f"the pilot's page: http://{front.address}/", highlight=False)
         yield front
 

@@ -17,7 +17,7 @@ from companion.runtime.watchdog import Watchdog
 from params import Parameters
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ def run(
     key_file: Path | None = None,
     record: Path | None = None,
     radar_url: str | None = None,
-    front: Front | None = None,
+    front: PageEndpoint | None = None,
     foxglove_port: int | None = None,
     prior: Path | None = None,
     system: int | None = None,

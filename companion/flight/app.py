@@ -50,7 +50,7 @@ from params import Parameters
 from slz import Report, TerrainMaps
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front, Page
+    from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
 
 log = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ class Companion:
         state: StateDir | None = None,
         record: Path | None = None,
         radar_url: str | None = None,
-        front: Front | None = None,
+        front: PageEndpoint | None = None,
         foxglove_port: int | None = None,
         prior: Path | None = None,
         system: int | None = None,
@@ -161,7 +161,7 @@ class Companion:
         self._path = FlownPath()
         self.decisions = DecisionLoop(
             self, self.feed, self.situations, self._execution, Restart(LandingMemory(state)), self._path,
-            lambda: None if self.page is None else self.page.board.leave_path(),
+            lambda: None if self.page is None else self.page.board.clear_path(),
         )  # fmt: skip
         self.maps: TerrainMaps | None = None
         self.summary: dict[str, Any] = {}
@@ -263,7 +263,7 @@ class Companion:
         await self.link.close()
 
 
-def _page(companion: Companion, front: Front) -> Page:
+def _page(companion: Companion, front: PageEndpoint) -> Page:
     from companion.flight.dashboard.page import Page  # the server's libraries only where they are used
 
     return Page(companion, front)

@@ -27,15 +27,15 @@ SIMPLE = {
 }
 
 
-class Desk(Protocol):
-    """Receiver of orders, in the event loop of the flight or replay."""
+class OrderHandler(Protocol):
+    """Handler of orders, in the event loop of the flight or replay."""
 
     async def carry_out(self, order: Command) -> Reply:
         """Execute an order, or return the reason of its refusal."""
 
 
-class FlightDesk:
-    """Receiver of a flight's orders."""
+class FlightOrderHandler:
+    """Handler of a flight's orders."""
 
     def __init__(self, flight: FlightView) -> None:
         self._flight = flight

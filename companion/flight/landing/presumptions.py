@@ -112,7 +112,7 @@ class Presumptions:
 
     def __init__(self) -> None:
         self._since_ns: dict[Presumption, int] = {}
-        self._told_ns: dict[Presumption, int] = {}
+        self._reported_ns: dict[Presumption, int] = {}
         self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
         self._landing_since_ns: int | None = None
         self._stage: Stage | None = None
@@ -146,7 +146,7 @@ class Presumptions:
             reaction = TABLE[presumption][stage]
             if presumption is Presumption.MODE and (s.failsafe or s.breached):
                 reaction = Reaction.STAND_BACK
-            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_tell(presumption, s.now_ns):
+            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_report(presumption, s.now_ns):
                 continue
             if reaction not in (Reaction.NONE, Reaction.RETURN):  # the descent returns by its own steering
                 return Breach(presumption, reaction, broken[presumption])
@@ -199,16 +199,16 @@ class Presumptions:
         if presumption not in broken:
             self._since_ns.pop(presumption, None)
             if TABLE[presumption][Stage.SURVEY] is Reaction.TELL:
-                self._told_ns.pop(presumption, None)
+                self._reported_ns.pop(presumption, None)
             return False
         since_ns = self._since_ns.setdefault(presumption, now_ns)
         return now_ns - since_ns >= PATIENCE_NS.get(presumption, 0)
 
-    def _must_tell(self, presumption: Presumption, now_ns: int) -> bool:
-        told_ns = self._told_ns.get(presumption)
-        if told_ns is not None and now_ns - told_ns < CALL_AGAIN_NS:
+    def _must_report(self, presumption: Presumption, now_ns: int) -> bool:
+        reported_ns = self._reported_ns.get(presumption)
+        if reported_ns is not None and now_ns - reported_ns < CALL_AGAIN_NS:
             return False
-        self._told_ns[presumption] = now_ns
+        self._reported_ns[presumption] = now_ns
         return True
 
 

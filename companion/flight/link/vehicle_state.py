@@ -199,10 +199,10 @@ def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    told = _mode(state, m, now_ns)
-    if told is state:
+    reported = _mode(state, m, now_ns)
+    if reported is state:
         return state
-    return replace(told, displaced=m.intended_custom_mode not in (0, m.custom_mode))
+    return replace(reported, displaced=m.intended_custom_mode not in (0, m.custom_mode))
 
 
 def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:

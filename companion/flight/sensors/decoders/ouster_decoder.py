@@ -141,8 +141,8 @@ def _check_size(form: Any) -> None:
     rows, columns = int(form.pixels_per_column), int(form.columns_per_frame)
     packet = int(form.columns_per_packet)
     if not (0 < rows <= MOST_ROWS and 0 < columns <= MOST_COLUMNS and 0 < packet <= columns):
-        told = f"{rows} rows, {columns} columns, {packet} of them in a packet"
-        raise UsageError(f"LiDAR ouster: its metadata tells of {told}: fetch it again from the sensor")
+        layout = f"{rows} rows, {columns} columns, {packet} of them in a packet"
+        raise UsageError(f"LiDAR ouster: its metadata tells of {layout}: fetch it again from the sensor")
 
 
 def _by_column(rows_columns: NDArray[np.float64]) -> NDArray[np.float32]:

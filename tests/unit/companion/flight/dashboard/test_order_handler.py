@@ -12,7 +12,7 @@ import numpy as np
 import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.browser_orders import Command, parse
-from companion.flight.dashboard.order_handler import FlightDesk
+from companion.flight.dashboard.order_handler import FlightOrderHandler
 from companion.flight.landing.situation import Phase, Reply
 from companion.flight.link.vehicle_state import VehicleState
 from companion.runtime.clock import now_ns
@@ -33,7 +33,7 @@ class Seat:
         self.companion = Companion(
             "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False, state=state
         )
-        self.desk = FlightDesk(self.companion)
+        self.desk = FlightOrderHandler(self.companion)
         self.report = Flight([zone(1, 5.0, 5.0), zone(2, 30.0, 0.0)]).situation().report
         assert self.report is not None
         now = now_ns()
