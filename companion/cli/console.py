@@ -18,7 +18,7 @@ from companion.runtime import kernel_compilation
 from companion.runtime.errors import UsageError
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
 PLAIN = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 WIDE = 1000  # columns of a table written to a pipe or file
@@ -59,16 +59,16 @@ def set_up_logging(verbose: bool) -> None:
 
 
 @contextlib.contextmanager
-def page_endpoint(address: str | None, tokens: Path | None) -> Iterator[Front | None]:
+def page_endpoint(address: str | None, tokens: Path | None) -> Iterator[PageEndpoint | None]:
     """Open the port of the pilot's page, so that its errors are reported before the flight."""
     if address is None:
         if tokens is not None:
             raise UsageError("--dashboard-token goes with --dashboard HOST:PORT")
         yield None
         return
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
-    with contextlib.closing(Front(address, tokens)) as front:
+    with contextlib.closing(PageEndpoint(address, tokens)) as front:
         err.print(f"the pilot's page: http://{front.address}/", highlight=False)
         yield front
 

@@ -56,7 +56,7 @@ def main() -> None:
             code = app(asked or ["--help"], prog_name="slz", standalone_mode=False, obj=interrupts)
             sys.exit(code or 0 if asked else 2)
         except Interrupted as signal:
-            interrupts.say()
+            interrupts.report()
             sys.exit(signal.exit_code)
         except _BadArguments as error:
             _fail(_in_words(error), 2)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 from companion.flight.app import Companion
 from companion.flight.services.services import start_signing
 from companion.runtime import output_folder
-from companion.runtime.priority import real_time
+from companion.runtime.priority import real_time_priority
 from companion.runtime.state_directory import StateDir
 from companion.runtime.watchdog import Watchdog
 from params import Parameters
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ def run(
     key_file: Path | None = None,
     record: Path | None = None,
     radar_url: str | None = None,
-    front: Front | None = None,
+    front: PageEndpoint | None = None,
     foxglove_port: int | None = None,
     prior: Path | None = None,
     system: int | None = None,
@@ -83,7 +83,7 @@ async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
     signs = asyncio.create_task(watchdog.run(), name="watchdog")
     companion.on_ready.subscribe(watchdog.ready)
     try:
-        with real_time():
+        with real_time_priority():
             await companion.run()
     finally:
         watchdog.stopping()

@@ -25,11 +25,11 @@ from companion.flight.landing.situation import FLYING, Severity, Situation
 from companion.flight.link.link import Link
 from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
-from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.survey_prior import SurveyPrior
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.order_execution import OrderExecution
-from companion.flight.outputs.schedule import Streams
+from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
 from companion.flight.scan_feed import ScanFeed
@@ -44,13 +44,13 @@ from companion.runtime.allocator import keep_memory
 from companion.runtime.clock import WallOffset
 from companion.runtime.event import Event
 from companion.runtime.named_tasks import Stopped, run_together
-from companion.runtime.ring_buffer import Recent
+from companion.runtime.ring_buffer import RingBuffer
 from companion.runtime.state_directory import StateDir
 from params import Parameters
 from slz import Report, TerrainMaps
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front, Page
+    from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
 
 log = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ class Companion:
         state: StateDir | None = None,
         record: Path | None = None,
         radar_url: str | None = None,
-        front: Front | None = None,
+        front: PageEndpoint | None = None,
         foxglove_port: int | None = None,
         prior: Path | None = None,
         system: int | None = None,
@@ -110,10 +110,10 @@ class Companion:
         if state is not None:
             remember_vehicle(self.link, state)
         self.history = PoseHistory(parameters)
-        self.link.on_reboot.subscribe(self.history.begin_anew)
+        self.link.on_reboot.subscribe(self.history.clear)
         self.executive = Executive(parameters, auto)
         self.fitness = Fitness(auto)
-        self.obstacles = ObstacleMemory()
+        self.obstacles = RecentObstacles()
         self._reports = ReportFeed(
             self.link, self.executive,
             lambda: (self.situations, self.recordings.recorder, self.live, self.streams, self.page),
@@ -143,7 +143,7 @@ class Companion:
         self.feed.on_scan.subscribe(self.situations.on_scan)
         self.feed.on_new_map.subscribe(self.situations.on_new_map)
         ranges = lidar_url.partition(":")[0] != "mavlink"  # else they would come back as what was sent
-        self.streams = Streams(
+        self.streams = MessageSchedule(
             self.link, self.history, self.obstacles, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
         )  # fmt: skip
@@ -161,7 +161,7 @@ class Companion:
         self._path = FlownPath()
         self.decisions = DecisionLoop(
             self, self.feed, self.situations, self._execution, Restart(LandingMemory(state)), self._path,
-            lambda: None if self.page is None else self.page.board.leave_path(),
+            lambda: None if self.page is None else self.page.board.clear_path(),
         )  # fmt: skip
         self.maps: TerrainMaps | None = None
         self.summary: dict[str, Any] = {}
@@ -177,7 +177,7 @@ class Companion:
         return self.situations.newest
 
     @property
-    def path_enu_m(self) -> Recent:
+    def path_enu_m(self) -> RingBuffer:
         """Flown path, (n, 3) of the map frame."""
         return self._path.enu_m
 
@@ -195,10 +195,10 @@ class Companion:
     async def run(self) -> None:
         """Run until `stop`; any essential part that fails ends it with that part's error."""
         if self._record_into is not None:
-            self.recordings.begin_flight(self._record_into)
+            self.recordings.start_flight_recording(self._record_into)
         if self._foxglove_port is not None:
             self.live = _live_view(self, self._foxglove_port)
-        self.link.on_certain.subscribe(self.history.trust)
+        self.link.on_certain.subscribe(self.history.limit_to_certain)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
         parts: dict[str, Coroutine[Any, Any, None]] = {
@@ -263,7 +263,7 @@ class Companion:
         await self.link.close()
 
 
-def _page(companion: Companion, front: Front) -> Page:
+def _page(companion: Companion, front: PageEndpoint) -> Page:
     from companion.flight.dashboard.page import Page  # the server's libraries only where they are used
 
     return Page(companion, front)

@@ -44,11 +44,11 @@ class DecisionLoop:
         loop = asyncio.get_running_loop()
         next_s = loop.time()
         while not stop.is_set():
-            self.step()
+            self.run_once()
             next_s = max(next_s + STEP_S, loop.time())
             await asyncio.sleep(next_s - loop.time())
 
-    def step(self) -> None:
+    def run_once(self) -> None:
         """Step the executive once and carry out its orders."""
         flight = self._flight
         self._feed.follow_jumps()  # before the executive selects the point again, in the new map
@@ -58,6 +58,8 @@ class DecisionLoop:
         self._situations.blocked = self._execution.blocked
         situation, vehicle = self._situations.situation(), flight.link.vehicle
         orders = flight.executive.step(situation)
-        self._restart.step(situation, flight.executive, flight.history.frame, vehicle.sysid, vehicle.boot_ms)
+        self._restart.update(
+            situation, flight.executive, flight.history.frame, vehicle.sysid, vehicle.boot_ms
+        )
         self._execution.execute(orders, situation)
         self._path.follow(situation, heard_ever=vehicle.sysid is not None)

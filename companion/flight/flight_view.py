@@ -12,11 +12,11 @@ from companion.flight.landing.operator_order import Operator
 from companion.flight.landing.situation import Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
-from companion.flight.outputs.schedule import Streams
+from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.sensors.driver import Lidar
 from companion.flight.services.settings import Settings
-from companion.runtime.ring_buffer import Recent
+from companion.runtime.ring_buffer import RingBuffer
 from params import Parameters
 from slz import Report
 
@@ -41,7 +41,7 @@ class FlightView(Protocol):
     executive: Executive
     operator: Operator
     fitness: Fitness
-    streams: Streams
+    streams: MessageSchedule
     recordings: Recordings
 
     @property
@@ -49,7 +49,7 @@ class FlightView(Protocol):
         """The newest report of the present map, None before the first."""
 
     @property
-    def path_enu_m(self) -> Recent:
+    def path_enu_m(self) -> RingBuffer:
         """Flown path, (n, 3) of the map frame."""
 
     @property

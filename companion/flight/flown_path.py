@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from companion.flight.landing.situation import Situation
-from companion.runtime.ring_buffer import Recent
+from companion.runtime.ring_buffer import RingBuffer
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ class FlownPath:
     """
 
     def __init__(self) -> None:
-        self.enu_m = Recent(MOST, (3,))
+        self.enu_m = RingBuffer(MOST, (3,))
         self._last_ns = 0
         self._was_lost = False
 

@@ -27,7 +27,7 @@ def begin_frame_if_far(flight: FlightView) -> bool:
 
     if flight.recordings.recorder is not None:
         flight.recordings.recorder.frame_begun(new)
-    flight.executive.carry(moved)
+    flight.executive.change_frame(moved)
     path = flight.path_enu_m.array()
     flight.path_enu_m.clear()
     for place in moved(path) if len(path) else ():

@@ -24,7 +24,7 @@ class ModeRequests:
         self._task: asyncio.Task[None] | None = None
         self._wanted = ""
         self._refusals = 0  # of modes asked for, one after the other
-        self._refusal_told_ns: int | None = None
+        self._refusal_reported_ns: int | None = None
 
     def request(self, kind: str) -> None:
         """Ask for the mode of a kind, "guided" or "land", unless it is being asked for."""
@@ -67,7 +67,7 @@ class ModeRequests:
     def _tell_refusal(self, mode: str, now: int) -> None:
         """Call the pilot when the second request for a mode fails: the first may have come too soon."""
         self._refusals += 1
-        told_ns = self._refusal_told_ns
-        if self._refusals > 1 and (told_ns is None or now - told_ns >= TELL_AGAIN_NS):
-            self._refusal_told_ns = now
+        reported_ns = self._refusal_reported_ns
+        if self._refusals > 1 and (reported_ns is None or now - reported_ns >= TELL_AGAIN_NS):
+            self._refusal_reported_ns = now
             self._link.statustext(f"SLZ: {mode} refused: take over", Severity.CRITICAL.value)

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import enu_from_level
-from companion.flight.landing.look_ahead import LEVEL_M, held_back
+from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
 from companion.flight.landing.situation import Orders, Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mode_requests import ModeRequests
-from companion.flight.outputs.schedule import Streams
+from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class OrderExecution:
         link: Link,
         history: PoseHistory,
         worker: PipelineWorker,
-        streams: Streams,
+        streams: MessageSchedule,
         modes: ModeRequests,
         lidar_min_m: float,
     ) -> None:
@@ -64,7 +64,7 @@ class OrderExecution:
             self._modes.review(situation)
         vehicle = self._link.vehicle
         if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
-            velocity = self._held_back(orders.velocity_enu_ms, situation)
+            velocity = self._limit_velocity(orders.velocity_enu_ms, situation)
             self._link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
         elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
             self._link.send(signal)
@@ -82,7 +82,9 @@ class OrderExecution:
             self._last_open_ns = situation.now_ns
         return px4 and flying and due
 
-    def _held_back(self, velocity_enu_ms: NDArray[np.float64], situation: Situation) -> NDArray[np.float64]:
+    def _limit_velocity(
+        self, velocity_enu_ms: NDArray[np.float64], situation: Situation
+    ) -> NDArray[np.float64]:
         """Return the velocity that stops before what was seen ahead."""
         self.blocked = False
         pose = self._history.latest(situation.now_ns)
@@ -90,5 +92,5 @@ class OrderExecution:
             return velocity_enu_ms
         axes = enu_from_level(pose)
         around = self._streams.around_level_m(pose, situation.now_ns, LEVEL_M)
-        velocity, self.blocked = held_back(velocity_enu_ms @ axes, around, self._lidar_min_m)
+        velocity, self.blocked = limit_velocity(velocity_enu_ms @ axes, around, self._lidar_min_m)
         return np.asarray(axes @ velocity)

@@ -49,7 +49,7 @@ class ReportFeed:
             if user is not None:
                 user.use_report(report)
         self.zones_seen.update(zone.id for zone in report.zones)
-        news = self._watch.news(report)
+        news = self._watch.update(report)
         if news is not None and self._executive.phase is not Phase.FAILSAFE:  # nobody lands there
             log.info(news[1])
             self._link.statustext(news[1], news[0].value)

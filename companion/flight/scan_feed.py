@@ -11,7 +11,7 @@ from companion.flight.geometry.pose import Pose
 from companion.flight.landing.executive import Executive
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
-from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
 from slz import LocalFrame, Scan
@@ -50,7 +50,7 @@ class ScanFeed:
         history: PoseHistory,
         worker: PipelineWorker,
         executive: Executive,
-        obstacles: ObstacleMemory,
+        obstacles: RecentObstacles,
         scan_count: Callable[[], int],
         displays: Callable[[], tuple[PoseDisplay | None, ...]],
     ) -> None:
@@ -74,38 +74,38 @@ class ScanFeed:
             if display is not None and (pose := self._history.latest(at_ns)) is not None:
                 display.pose(pose, scan.frame)
         self._obstacles.add(scan)
-        self._offer(scan)
+        self._add_scan(scan)
 
     def add_radar_scan(self, scan: Scan) -> None:
         """Take a scan of the radar; its points come late and in blocks, so they are no obstacles at hand."""
         if self._history.epoch != self._scan_epoch:
             return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
         self.on_scan.emit(now_ns())
-        self._offer(scan)
+        self._add_scan(scan)
 
     def follow_jumps(self) -> None:
         """Begin a new map if the position estimate jumped."""
         if self._history.epoch == self._map_epoch:
             return
         log.warning("the position estimate jumped: mapping anew")
-        self._begin_map()
+        self._reset_map()
 
     def begin_frame(self) -> None:
         """Begin a new map in the frame that has just begun."""
         self._scan_epoch = self._history.epoch  # what waits to be placed will be in the new frame
-        self._begin_map()
+        self._reset_map()
 
-    def _begin_map(self) -> None:
+    def _reset_map(self) -> None:
         self._map_epoch = self._history.epoch
-        self._worker.restart()
+        self._worker.reset()
         self.on_new_map.emit()
 
-    def _offer(self, scan: Scan) -> None:
+    def _add_scan(self, scan: Scan) -> None:
         """Map a scan, if this is the time for it."""
         if not self._link.ready:
             return  # a window would wait for the warm-up, and be late
         if self._executive.mapping and not self._stands_after_flight():
-            self._worker.offer(scan, self._scan_count())
+            self._worker.add_scan(scan, self._scan_count())
         else:
             self._worker.flush()
 

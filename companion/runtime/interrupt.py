@@ -40,7 +40,7 @@ class Interrupts:
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = {number: signal.signal(number, self._take) for number in _NAMES}
+        before = {number: signal.signal(number, self._on_signal) for number in _NAMES}
         try:
             yield
         finally:
@@ -66,12 +66,12 @@ class Interrupts:
         if self.number is not None:
             raise Interrupted(self.number)
 
-    def say(self) -> None:
+    def report(self) -> None:
         """Report once, on stderr, which signal ended the program."""
         if self.number is not None and self._said.acquire(blocking=False):
             print(f"slz: {_NAMES[signal.Signals(self.number)]}", file=sys.stderr, flush=True)
 
-    def _take(self, number: int, _frame: FrameType | None) -> None:
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         if self.number is not None:
             return
         self.number = number
@@ -86,5 +86,5 @@ class Interrupts:
         for remove in reversed(self.leftovers):
             with contextlib.suppress(Exception):
                 remove()
-        self.say()
+        self.report()
         os._exit(128 + (self.number or 0))

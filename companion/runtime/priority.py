@@ -15,7 +15,7 @@ SWITCH_S = 5e-4
 
 
 @contextmanager
-def real_time() -> Iterator[bool]:
+def real_time_priority() -> Iterator[bool]:
     """Run this thread in the real-time class; yield whether the system allowed it.
 
     Threads and processes started within get the ordinary class. Python's switch interval becomes 0.5 ms

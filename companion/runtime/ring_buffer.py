@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Recent:
+class RingBuffer:
     """Ring buffer of float64 rows: each new row beyond the capacity replaces the oldest.
 
     Parameters

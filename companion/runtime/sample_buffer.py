@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-class Track:
+class SampleBuffer:
     """Buffer of the newest `capacity` samples of `width` numbers each.
 
     Samples are appended; when the buffer of twice the capacity is full, its newer half moves to the front.
@@ -22,18 +22,18 @@ class Track:
         return min(self._end, self._capacity)
 
     @property
-    def _begin(self) -> int:
+    def _first(self) -> int:
         return max(0, self._end - self._capacity)
 
     @property
     def stamp_ns(self) -> NDArray[np.int64]:
         """Stamps (n,), strictly increasing; a view that the next `append` may change."""
-        return self._stamp_ns[self._begin : self._end]
+        return self._stamp_ns[self._first : self._end]
 
     @property
     def values(self) -> NDArray[np.float64]:
         """Samples (n, width); a view that the next `append` may change."""
-        return self._values[self._begin : self._end]
+        return self._values[self._first : self._end]
 
     @property
     def newest_ns(self) -> int | None:

@@ -81,7 +81,7 @@ class StateDir:
                     os.fsync(file.fileno())
             beside.replace(self.folder / name)
         except OSError as error:
-            return _told(error, beside)
+            return _remove_and_describe(error, beside)
         return ""
 
     def sync(self, name: str) -> str:
@@ -103,7 +103,7 @@ class StateDir:
         try:
             beside.write_text(text, encoding="utf-8")
         except OSError as error:
-            return _told(error, beside)
+            return _remove_and_describe(error, beside)
         self._disk = self._disk or ThreadPoolExecutor(1, "slz-state")
         self._last = self._disk.submit(self._finish, beside, self.folder / name)
         return ""
@@ -115,10 +115,10 @@ class StateDir:
                 os.fsync(file.fileno())
             beside.replace(path)
         except OSError as error:
-            log.error("%s not kept: %s", path, _told(error, beside))
+            log.error("%s not kept: %s", path, _remove_and_describe(error, beside))
 
 
-def _told(error: OSError, beside: Path) -> str:
+def _remove_and_describe(error: OSError, beside: Path) -> str:
     """Remove a partly written file and return the reason for the failure."""
     with contextlib.suppress(OSError):
         beside.unlink()

@@ -57,7 +57,7 @@ class ToyDecoder:
         self.counters.malformed += 1
         return None
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Keep a sound packet, and count those that are missing before it."""
         number = HEADER.unpack_from(packet)[1]
         ahead = 0 if self._next is None else (number - self._next) % 65536

@@ -25,7 +25,7 @@ import pytest
 import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.board import NEAR_TILES
-from companion.flight.dashboard.page import Front
+from companion.flight.dashboard.page import PageEndpoint
 from slz import Drawn, DrawnTile, Pipeline
 from slz.kernels.cells.cell_record import TILE
 from tests.bench.test_streams import POINTS_PER_S, feeder
@@ -49,11 +49,11 @@ class Sweep:
         """Copy what a window changed, as the page does, and show as much of the sweep instead."""
         assert self._companion.page is not None
         board = self._companion.page.board
-        if board.viewers == 0 or len(board.drawn) >= 4:
+        if board.viewers == 0 or len(board.map_changes) >= 4:
             return
         for name, most in (NEAR_TILES, ("far", 40)):
             pipeline.drawn(name, most)  # type: ignore[arg-type]
-        board.drawn.append(("near", Drawn(-1, -500.0, -500.0, 0.2, self._tiles(), (), 0)))
+        board.map_changes.append(("near", Drawn(-1, -500.0, -500.0, 0.2, self._tiles(), (), 0)))
 
     def _tiles(self) -> tuple[DrawnTile, ...]:
         tiles = []
@@ -99,7 +99,7 @@ def cpu_s(prefix: str) -> float:
 async def measure() -> dict[str, Any]:
     """Look at turns with five browsers and with none, at one companion: a computer's mood changes."""
     mavlink_port, lidar_port = free_port(), free_port()
-    front = Front("127.0.0.1:0")
+    front = PageEndpoint("127.0.0.1:0")
     with feeder(mavlink_port, lidar_port, POINTS_PER_S):
         companion = Companion(
             f"udpin:127.0.0.1:{mavlink_port}",
@@ -111,7 +111,7 @@ async def measure() -> dict[str, Any]:
         task = asyncio.create_task(companion.run())
         while not (companion.link.ready and companion.worker.reports):
             await asyncio.sleep(0.1)
-        companion.worker.look = Sweep(companion).look
+        companion.worker.display_hook = Sweep(companion).look
         without, shown = Turns(), Turns()
         for _ in range(TURNS):
             await watch(companion, without)

@@ -55,7 +55,7 @@ async def measure(mavlink_port: int, lidar_port: int) -> dict[str, Any]:
     while not (companion.link.ready and companion.worker.reports):
         await asyncio.sleep(0.1)
     await asyncio.sleep(SETTLE_S)
-    companion.decisions.step = lambda: None  # type: ignore[method-assign]  # the executive would take the target away
+    companion.decisions.run_once = lambda: None  # type: ignore[method-assign]  # the executive would take the target away
     companion.streams.target_enu_m = np.array([1.0, 2.0, -12.0])
     residuals, before = [], companion.lidar.statistics()["returns"]
     start = time.monotonic()

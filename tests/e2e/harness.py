@@ -11,7 +11,7 @@ import numpy as np
 
 import params
 from companion.flight.app import Companion
-from companion.flight.dashboard.page import Front
+from companion.flight.dashboard.page import PageEndpoint
 from companion.flight.landing.situation import Phase
 from companion.runtime.lockstep_loop import LockstepLoop
 from sitl.sensors.lidar_port import PTY
@@ -62,7 +62,7 @@ class Mission:
         self.loop = LockstepLoop(self.sim.advance)
         self.auto = auto
         self.record = record
-        self.front = Front("127.0.0.1:0") if page else None
+        self.front = PageEndpoint("127.0.0.1:0") if page else None
         self.companion = self.new_companion()
         self.task: asyncio.Task[None] | None = None
 

@@ -12,7 +12,7 @@ import numpy as np
 
 import params
 from companion.flight.dashboard.board import Board
-from companion.flight.dashboard.page import Front, about, serve
+from companion.flight.dashboard.page import PageEndpoint, about, serve
 from slz import Box, Report, SelectedPoint
 from tests.unit.companion.flight.dashboard.test_alarms import QUIET
 from tests.unit.companion.flight.dashboard.test_server import Clerk
@@ -85,7 +85,7 @@ class Shown(Beside):
 
     def __init__(self, port: int = 0) -> None:
         super().__init__(self._serve)
-        self.front = Front(f"127.0.0.1:{port}")
+        self.front = PageEndpoint(f"127.0.0.1:{port}")
         self.url = f"http://{self.front.address}/"
         self.board = Board(params.load())
         self.state = dict(FLYING)

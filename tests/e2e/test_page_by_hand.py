@@ -33,7 +33,7 @@ def phone(chromium: Path) -> Iterator[Chromium]:
 @pytest.fixture
 def shown() -> Iterator[Shown]:
     with Shown() as made:
-        made.board.take(report(), 12.0)
+        made.board.set_report(report(), 12.0)
         yield made
 
 
@@ -118,7 +118,7 @@ def test_abort_is_one_tap_away_whatever_is_open(phone: Chromium, shown: Shown) -
 
 def test_all_alarms_at_once_leave_abort_on_the_screen(phone: Chromium, shown: Shown) -> None:
     opened(phone, shown)
-    shown.board.take(report(selected=True, state=PointState.UNSAFE), 12.0)
+    shown.board.set_report(report(selected=True, state=PointState.UNSAFE), 12.0)
     shown.state = {
         **shown.state, "lidar_ok": False, "east_m": None, "battery_low": True, "pipeline_failed": True,
         "blocked": True, "heard": False,
@@ -150,7 +150,7 @@ def test_a_page_that_stayed_open_believes_nothing_of_the_run_before(phone: Chrom
     """The companion is started anew: its messages and maps are numbered from one again."""
     with Shown() as first:
         for number in range(5):
-            first.board.say(f"SLZ: old {number}", 2)
+            first.board.add_text(f"SLZ: old {number}", 2)
         opened_on = first.front.address.port
         phone.open(first.url)
         phone.until("document.querySelector('.alarm button') !== null")
@@ -158,7 +158,7 @@ def test_a_page_that_stayed_open_believes_nothing_of_the_run_before(phone: Chrom
         phone.until("!document.querySelector('.alarm button')")
     phone.until("slz.link.stale")
     with Shown(opened_on) as second:
-        second.board.say("SLZ: new and grave", 2)
+        second.board.add_text("SLZ: new and grave", 2)
         phone.until("document.querySelector('.alarm.critical')?.textContent.includes('new and grave')")
         assert phone.script("slz.model.texts.length") == 1
     phone.errors[:] = [text for text in phone.errors if "ERR_CONNECTION" not in text]
@@ -182,7 +182,7 @@ def test_ground_surveyed_before_is_drawn_and_named_in_the_legend_where_there_is_
         opened(browser, shown)
         browser.until(f"{named}.length === 6")
         assert "safe when surveyed" not in browser.script(named)
-        shown.board.take(replace(live, prior=live.near), 12.0)
+        shown.board.set_report(replace(live, prior=live.near), 12.0)
         browser.until("slz.model.prior().length === 1")
         browser.until(f"{named}.includes('safe when surveyed')")
         assert browser.errors == []

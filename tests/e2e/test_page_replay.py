@@ -11,7 +11,7 @@ import pytest
 
 from companion.desk.replay.recording_type import RecordingOptions
 from companion.desk.replay.replay_page import ReplayPage
-from companion.flight.dashboard.page import Front
+from companion.flight.dashboard.page import PageEndpoint
 from tests.e2e.chromium import Chromium
 from tests.e2e.harness import Mission
 from tests.e2e.shown import Beside
@@ -41,7 +41,7 @@ class Replayed(Beside):
 
     def __init__(self, path: Path, speed: float) -> None:
         super().__init__(self._serve)
-        self.front = Front("127.0.0.1:0")
+        self.front = PageEndpoint("127.0.0.1:0")
         self.url = f"http://{self.front.address}/"
         self.page = ReplayPage(path, [], RecordingOptions(), speed)
 

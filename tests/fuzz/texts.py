@@ -13,7 +13,7 @@ from companion.flight.dashboard.browser_orders import BadMessageError, parse
 from companion.flight.dashboard.security.access import Access, Role, read_tokens
 from companion.flight.dashboard.security.address import parse_address
 from companion.flight.dashboard.security.request_guard import Guard
-from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.viewer import _split
 from companion.flight.link.transport.mavlink_url import parse_url
 from companion.flight.link.wire.signing_key import read_key
@@ -100,8 +100,9 @@ class _Requests:
     def __init__(self, _folder: Path) -> None:
         address = parse_address("0.0.0.0:8080")
         tokens = {"o" * 20: Role.OPERATOR, "v" * 20: Role.VIEWER}
-        self.guards = [Guard(self._yes, Door(Access(address, tokens), sleep=_no_wait)),
-                       Guard(self._yes, Door(Access(parse_address("127.0.0.1:8080"), None)))]  # fmt: skip
+        local = Access(parse_address("127.0.0.1:8080"), None)
+        checks = TokenCheck(Access(address, tokens), sleep=_no_wait), TokenCheck(local)
+        self.guards = [Guard(self._yes, check) for check in checks]
 
     async def _yes(self, _scope: object, _receive: object, send: Callable[[object], object]) -> None:
         await send({"type": "http.response.start", "status": 200})  # type: ignore[misc]

@@ -80,7 +80,7 @@ class FuzzedLink:
         self.history = PoseHistory(parameters)
         self.link.on_attitude.subscribe(self.history.add_attitude)
         self.link.on_position.subscribe(self.history.add_position)
-        self.link.subscribe("*", MavlinkRanges(parameters, self.link.clock, sound).take)
+        self.link.subscribe("*", MavlinkRanges(parameters, self.link.clock, sound).on_message)
         self.now_ns = 10**12
 
     def _answer(self, command: OperatorCommand) -> CommandReply:
@@ -89,7 +89,7 @@ class FuzzedLink:
     def __call__(self, data: bytes) -> None:
         self.now_ns += STEP_NS
         for message in self.link._codec.decode(data):
-            self.link._take(message, self.now_ns)
+            self.link._on_message(message, self.now_ns)
         self.services.parameters.poll(self.now_ns)
         pose = self.history.latest(self.now_ns)
         if pose is not None and not np.isfinite([*pose.position_enu_m, *pose.velocity_enu_ms]).all():
@@ -180,7 +180,7 @@ class FuzzedSensor:
     def __call__(self, data: bytes) -> None:
         self.now_ns += STEP_NS
         before = self.stream.last_arrival_ns
-        self.stream.take(data, "192.168.1.100", self.now_ns)
+        self.stream.add_packet(data, "192.168.1.100", self.now_ns)
         if self.stream.last_arrival_ns == before and not sum(
             v for v in self.stream.statistics().values() if v
         ):
@@ -264,7 +264,7 @@ class FuzzedLine:
 
     def __call__(self, data: bytes) -> None:
         self.now_ns += STEP_NS
-        self.stream.take(data, "", self.now_ns)
+        self.stream.add_packet(data, "", self.now_ns)
         self.stream.flush(self.now_ns)
 
 
@@ -283,7 +283,7 @@ class FuzzedControl:
     def __call__(self, data: bytes) -> None:
         self.now_ns += 10**9
         self.control.due(self.now_ns, None)
-        self.control.take(data)
+        self.control.on_datagram(data)
 
 
 def control() -> Sequence[bytes]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import params
 from companion.flight.app import Companion
-from companion.flight.dashboard.page import Front
+from companion.flight.dashboard.page import PageEndpoint
 from companion.runtime.state_directory import StateDir
 from tests.bench.test_page import browsers
 from tests.bench.test_streams import POINTS_PER_S, feeder
@@ -22,7 +22,7 @@ LOOK_S, RECORDED_S = 30.0, 600.0
 async def run(hours: float, path: Path) -> Gauges:
     """Run the companion for so long; a recording begins as the last one ends, and the last one is deleted."""
     folder = path.parent / "state"
-    gauges, front = Gauges(path), Front("127.0.0.1:0")
+    gauges, front = Gauges(path), PageEndpoint("127.0.0.1:0")
     mavlink_port, lidar_port = free_port(), free_port()
     with feeder(mavlink_port, lidar_port, POINTS_PER_S):
         companion = Companion(
@@ -57,8 +57,8 @@ async def _watch(companion: Companion, gauges: Gauges, hours: float, folder: Pat
 
 async def _record_anew(companion: Companion, folder: Path) -> None:
     if companion.recordings.recorder is not None:
-        await companion.recordings.ask(on=False)
+        await companion.recordings.set_recording(on=False)
         for old in (folder / "recordings").iterdir():
             old.unlink()
-    said = await companion.recordings.ask(on=True)
+    said = await companion.recordings.set_recording(on=True)
     assert said.accepted, said.reason

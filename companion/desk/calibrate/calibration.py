@@ -109,11 +109,11 @@ class SystematicSample:
 
     def add_batch(self, returns: Returns) -> None:
         """Add a batch; when there are too many, keep every second return of all."""
-        part = returns.part(slice(self._skip, None, self._every))
+        part = returns.select(slice(self._skip, None, self._every))
         self._skip = (self._skip - len(returns)) % self._every
         self.parts.append(part)
         self._count += len(part)
         while self._count > self._most:
             self._every *= 2
-            self.parts = [join(self.parts).part(slice(None, None, 2))]
+            self.parts = [join(self.parts).select(slice(None, None, 2))]
             self._count = len(self.parts[0])

@@ -33,7 +33,7 @@ from companion.runtime.lockstep_loop import LockstepClient, LockstepLoop
 from params import Parameters
 
 if TYPE_CHECKING:
-    from companion.flight.dashboard.page import Front
+    from companion.flight.dashboard.page import PageEndpoint
 
 __all__ = ["DemoOptions", "fly", "sensor_named", "table"]
 
@@ -69,7 +69,7 @@ def fly(
     interrupts: Interrupts,
     *,
     live: bool,
-    front: Front | None = None,
+    front: PageEndpoint | None = None,
 ) -> dict[str, Any]:
     """Fly one simulated mission and return its summary, evaluated against the simulator's truth.
 
@@ -189,7 +189,7 @@ def _run(
     simulator: _Simulator,
     status: Status,
     interrupts: Interrupts,
-    front: Front | None,
+    front: PageEndpoint | None,
 ) -> tuple[Companion, float]:
     """Fly on simulated time; return the stopped companion and the simulated seconds."""
     with interrupts.held():
@@ -219,7 +219,7 @@ async def _mission(
     simulator: _Simulator,
     status: Status,
     interrupts: Interrupts,
-    front: Front | None,
+    front: PageEndpoint | None,
 ) -> Companion:
     companion = Companion(
         f"udpin:127.0.0.1:{simulator.mavlink_port}",

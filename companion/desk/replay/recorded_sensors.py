@@ -56,10 +56,10 @@ class RecordedSensors:
             sensor, wall_ns = (header.lidar, header.lidar_setup), header.clock_offset_ns
             self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
         self.history = PoseHistory(parameters, capacity=capacity)
-        self._inbox.certain.subscribe(self.history.trust)
+        self._inbox.certain.subscribe(self.history.limit_to_certain)
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
-        self._inbox.rebooted.subscribe(self.history.begin_anew)
+        self._inbox.rebooted.subscribe(self.history.clear)
 
     @property
     def vehicle(self) -> VehicleState:
@@ -82,11 +82,11 @@ class RecordedSensors:
                     raise BadRecordError(f"a MAVLink frame cannot be read: {error}") from None
                 if frame.get_type() in ORDERS:  # the windows' events hold the operator's orders
                     return None
-                if self._inbox.take(frame, message.at_ns) and self._ranges is not None:
-                    self._ranges.take(frame, message.at_ns)
+                if self._inbox.on_message(frame, message.at_ns) and self._ranges is not None:
+                    self._ranges.on_message(frame, message.at_ns)
             case journal.LIDAR if self._stream is not None:
                 for arrival_ns, packet in journal.unpack_batch(message.data):
-                    self._stream.take(packet, "", arrival_ns)
+                    self._stream.add_packet(packet, "", arrival_ns)
                 self._stream.flush(message.at_ns)
             case journal.EVENT:
                 event = journal.unpack_event(message.data)

@@ -21,8 +21,8 @@ from companion.desk.replay.recording_type import RecordingOptions, open_recordin
 from companion.flight.dashboard import state_document
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Replay
-from companion.flight.dashboard.order_handler import Desk
-from companion.flight.dashboard.page import Front, about, serve
+from companion.flight.dashboard.order_handler import OrderHandler
+from companion.flight.dashboard.page import PageEndpoint, about, serve
 from companion.flight.landing.situation import Reply
 from params import rows
 from slz import Report
@@ -68,9 +68,9 @@ class ReplayPage:
         self._anew = True
         warm_up(playing.parameters)
 
-    async def run(self, front: Front, stopped: asyncio.Event) -> None:
+    async def run(self, front: PageEndpoint, stopped: asyncio.Event) -> None:
         """Serve and play until stopped."""
-        desk: Desk = ReplayDesk(self.player)
+        desk: OrderHandler = ReplayDesk(self.player)
         server = serve(front, self.board, desk, about(rows()) | {"kind": "replay"})
         playing = asyncio.get_running_loop().run_in_executor(None, self.player.run)
         try:
@@ -108,21 +108,21 @@ class ReplayPage:
     def _on_step(self, playing: Playing, _at_s: float, stamp_ns: int, report: Report | None) -> None:
         board, now_s = self.board, time.monotonic()
         if report is not None:
-            board.take(report, report.total_ms)
-            self._anew = not board.look(playing.pipeline, anew=self._anew)
+            board.set_report(report, report.total_ms)
+            self._anew = not board.copy_map_changes(playing.pipeline, anew=self._anew)
         if now_s - self._shown_s < SHOW_S:
             return
         self._shown_s = now_s
         board.state = state_document.replayed(playing.history, playing.vehicle, stamp_ns)
         state = board.state
         if state["east_m"] is not None:
-            board.fly((state["east_m"], state["north_m"], state["up_m"]))
+            board.add_position((state["east_m"], state["north_m"], state["up_m"]))
 
 
 def show(
     path: Path,
     settings: Iterable[str],
-    front: Front,
+    front: PageEndpoint,
     options: RecordingOptions,
     speed: float,
     handled_by: Callable[[Callable[[], None]], AbstractContextManager[None]],

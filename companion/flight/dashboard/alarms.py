@@ -7,7 +7,7 @@ from typing import Any, Literal
 Level = Literal["critical", "warning"]
 
 
-def standing(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dict[str, str]]:
+def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dict[str, str]]:
     """Return the active alarms, most severe first.
 
     Parameters

@@ -48,7 +48,7 @@ class Board:
         Texts for the pilot, newest last.
     path
         Flown path, east, north, up (m); halved when it is long, `path_number` counts the new paths.
-    drawn
+    map_changes
         Changes of the maps, by map, that the page has not processed yet.
     parameters
         Parameters in force.
@@ -71,40 +71,40 @@ class Board:
         self.texts: deque[Text] = deque(maxlen=MOST_TEXTS)
         self.path: list[tuple[float, float, float]] = []
         self.path_number = 0
-        self.drawn: deque[tuple[str, Drawn]] = deque()
+        self.map_changes: deque[tuple[str, Drawn]] = deque()
         self.viewers = 0
         self.computing: Callable[[], bool] = lambda: False
         self.run = secrets.token_hex(8)
         self._numbers = itertools.count(1)
 
-    def look(self, pipeline: Pipeline, *, anew: bool) -> bool:
+    def copy_map_changes(self, pipeline: Pipeline, *, anew: bool) -> bool:
         """Copy the changes of the maps, in the pipeline's thread; return whether it was time to.
 
         anew: copy the maps as a whole.
         """
-        if self.viewers <= 0 or len(self.drawn) >= MOST_BATCHES:
+        if self.viewers <= 0 or len(self.map_changes) >= MOST_BATCHES:
             return False
         for name, most in (NEAR_TILES, FAR_TILES):
             drawn = pipeline.drawn(name, most, anew=anew)
             if drawn is not None and (drawn.tiles or drawn.gone):
-                self.drawn.append((name, drawn))
+                self.map_changes.append((name, drawn))
         return True
 
-    def take(self, report: Report, latency_ms: float) -> None:
+    def set_report(self, report: Report, latency_ms: float) -> None:
         """Store a new report."""
         self.report, self.latency_ms = report, latency_ms
         self.report_number += 1
 
-    def say(self, text: str, severity: int) -> None:
+    def add_text(self, text: str, severity: int) -> None:
         """Add a text for the pilot."""
         self.texts.append(Text(next(self._numbers), time.time(), severity, text))
 
-    def leave_path(self) -> None:
+    def clear_path(self) -> None:
         """Clear the path, which is in another map frame."""
         self.path = []
         self.path_number += 1
 
-    def fly(self, enu_m: tuple[float, float, float]) -> None:
+    def add_position(self, enu_m: tuple[float, float, float]) -> None:
         """Append to the path, unless it already ends there."""
         if self.path and self.path[-1] == enu_m:
             return

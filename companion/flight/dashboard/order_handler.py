@@ -27,15 +27,15 @@ SIMPLE = {
 }
 
 
-class Desk(Protocol):
-    """Receiver of orders, in the event loop of the flight or replay."""
+class OrderHandler(Protocol):
+    """Handler of orders, in the event loop of the flight or replay."""
 
     async def carry_out(self, order: Command) -> Reply:
         """Execute an order, or return the reason of its refusal."""
 
 
-class FlightDesk:
-    """Receiver of a flight's orders."""
+class FlightOrderHandler:
+    """Handler of a flight's orders."""
 
     def __init__(self, flight: FlightView) -> None:
         self._flight = flight
@@ -49,17 +49,17 @@ class FlightDesk:
             case SelectZone():
                 return self._operator.carry_out(Order(OrderKind.SELECT_ZONE, order.zone))
             case SelectPoint():
-                return self._watch(order.east_m, order.north_m)
+                return self._select_point(order.east_m, order.north_m)
             case Confirm():
                 return self._confirm(order)
             case SetParameter():
                 return self._set(order)
             case Record():
-                return await self._flight.recordings.ask(order.on)
+                return await self._flight.recordings.set_recording(order.on)
             case Replay():
                 return Reply(False, "this is a flight, no replay")
 
-    def _watch(self, east_m: float, north_m: float) -> Reply:
+    def _select_point(self, east_m: float, north_m: float) -> Reply:
         """Select a point of the map."""
         if self._flight.history.frame is None:
             return Reply(False, "no position yet")
@@ -69,7 +69,7 @@ class FlightDesk:
     def _confirm(self, order: Confirm) -> Reply:
         """Land at the selected point, if it is the one that the sender saw."""
         flight, seen = self._flight, np.array([order.east_m, order.north_m, 0.0])
-        if not flight.executive.is_watching(flight.situation(), seen):
+        if not flight.executive.is_selected(flight.situation(), seen):
             return Reply(False, "the selection changed or is not judged yet: look and confirm again")
         return self._operator.carry_out(Order(OrderKind.LAND_AT_SELECTED))
 

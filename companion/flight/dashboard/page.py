@@ -15,10 +15,10 @@ import params
 from companion.flight.dashboard import state_document
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command
-from companion.flight.dashboard.order_handler import Desk, FlightDesk
+from companion.flight.dashboard.order_handler import FlightOrderHandler, OrderHandler
 from companion.flight.dashboard.security.access import Access, read_tokens
 from companion.flight.dashboard.security.address import bound, listen, parse_address
-from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.server import Server
 from companion.flight.dashboard.site import ANSWER_S, Site
 from companion.flight.flight_view import FlightView
@@ -35,7 +35,7 @@ FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 60.0
 STEADY_S = 60.0
 
 
-class Front:
+class PageEndpoint:
     """Address and access of a page, opened before the flight so that a wrong address ends the start.
 
     Parameters
@@ -57,55 +57,55 @@ class Front:
         Access(wanted, known)  # refuse before the port is opened
         self.socket = listen(wanted)
         self.address = bound(self.socket)
-        self.door = Door(Access(self.address, known))
+        self.token_check = TokenCheck(Access(self.address, known))
 
     def close(self) -> None:
         """Free the port."""
         self.socket.close()
 
 
-def serve(front: Front, board: Board, desk: Desk, about: dict[str, Any]) -> Server:
-    """Start serving a board; orders go to the desk in the running loop."""
+def serve(endpoint: PageEndpoint, board: Board, handler: OrderHandler, about: dict[str, Any]) -> Server:
+    """Start serving a board; orders go to the handler in the running loop."""
     loop = asyncio.get_running_loop()
 
     async def carry_out(order: Command) -> Reply:
-        asked = carry_out_in_time(desk, order, time.monotonic() + ANSWER_S)
+        asked = carry_out_in_time(handler, order, time.monotonic() + ANSWER_S)
         return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(asked, loop))
 
-    server = Server(lambda: Site(board, front.door, carry_out, about), front.socket)
+    server = Server(lambda: Site(board, endpoint.token_check, carry_out, about), endpoint.socket)
     server.start()
     return server
 
 
-async def carry_out_in_time(desk: Desk, order: Command, until_s: float) -> Reply:
+async def carry_out_in_time(handler: OrderHandler, order: Command, until_s: float) -> Reply:
     """Execute an order before its deadline; later, its sender has been informed that it had no effect.
 
     until_s: monotonic clock. An abort is executed at any time.
     """
     if time.monotonic() > until_s and order.do != "abort":
         return Reply(False, "the landing program was busy for too long: look and try again")
-    return await desk.carry_out(order)
+    return await handler.carry_out(order)
 
 
 class Page:
     """Shows a companion and accepts orders for it."""
 
-    def __init__(self, flight: FlightView, front: Front) -> None:
-        self._flight, self.front = flight, front
+    def __init__(self, flight: FlightView, endpoint: PageEndpoint) -> None:
+        self._flight, self.endpoint = flight, endpoint
         self.board = Board(flight.parameters)
         self.board.computing = lambda: flight.worker.busy
         self.starts = 0
         self._server: Server | None = None
         self._anew = True
         self._last_state_s = self._last_health_s = -1e9
-        flight.link.on_text.subscribe(self.board.say)
+        flight.link.on_text.subscribe(self.board.add_text)
 
     async def run(self) -> None:
         """Serve until cancelled; restart the page's thread after a growing pause when it ends."""
         pause_s = FIRST_PAUSE_S
         # Threads that compute for the landing get Python's lock back from the page after this interval.
         sys.setswitchinterval(min(SWITCH_S, sys.getswitchinterval()))
-        log.info("the page is at http://%s/", self.front.address)
+        log.info("the page is at http://%s/", self.endpoint.address)
         while True:
             begun_s = time.monotonic()
             try:
@@ -121,24 +121,24 @@ class Page:
     def use_report(self, report: Report) -> None:
         """Put a report on the board."""
         latencies = self._flight.worker.latencies_ms
-        self.board.take(report, float(latencies.last) if latencies else float("nan"))
+        self.board.set_report(report, float(latencies.last) if latencies else float("nan"))
 
     def close(self) -> None:
         """Stop the page and free its port."""
         if self._server is not None:
             self._server.stop()
-        self.front.close()
+        self.endpoint.close()
 
     # ---- parts ----------------------------------------------------------------------------------
 
     async def _serve(self) -> None:
         self.starts += 1
         self.board.viewers = 0
-        self.board.drawn.clear()
+        self.board.map_changes.clear()
         self._anew = True
-        self._flight.worker.look = self._look
-        desk = FlightDesk(self._flight)
-        server = self._server = serve(self.front, self.board, desk, about(self._flight.settings.rows))
+        self._flight.worker.display_hook = self._copy_map_changes
+        handler = FlightOrderHandler(self._flight)
+        server = self._server = serve(self.endpoint, self.board, handler, about(self._flight.settings.rows))
         try:
             while server.alive:
                 self._observe()
@@ -151,7 +151,7 @@ class Page:
         """Put the state on the board, at most ten times a second of real time."""
         now_s, flight, board = time.monotonic(), self._flight, self.board
         if flight.path_enu_m:
-            board.fly(_place(flight.path_enu_m.last))
+            board.add_position(_place(flight.path_enu_m.last))
         if now_s - self._last_state_s >= 0.9 * STATE_S:
             self._last_state_s = now_s
             board.state = state_document.state(flight)
@@ -159,9 +159,9 @@ class Page:
             self._last_health_s = now_s
             board.health = state_document.health(flight)
 
-    def _look(self, pipeline: Pipeline) -> None:
+    def _copy_map_changes(self, pipeline: Pipeline) -> None:
         """Copy the changes of the maps, in the pipeline's thread."""
-        if self.board.look(pipeline, anew=self._anew):
+        if self.board.copy_map_changes(pipeline, anew=self._anew):
             self._anew = False
 
 

@@ -10,7 +10,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, RedirectRespons
 from starlette.types import ASGIApp
 
 from companion.flight.dashboard import api
-from companion.flight.dashboard.alarms import standing
+from companion.flight.dashboard.alarms import active_alarms
 from companion.flight.dashboard.security.access import COOKIE, Role
 from companion.flight.dashboard.security.request_guard import MOST_BODY_BYTES, ROLE, Guard, address_of
 from companion.flight.dashboard.security.throttle import TooManyGuessesError
@@ -56,7 +56,7 @@ def make_app(site: Site) -> ASGIApp:
     async def log_in(request: Request) -> Response:
         given = parse_qs((await _body(request)).decode("ascii", "replace")).get("token", [""])[0].strip()
         try:
-            role = await site.door.role(address_of(request.scope), given)
+            role = await site.token_check.role(address_of(request.scope), given)
         except TooManyGuessesError:
             return RedirectResponse("/login?wait", 303)
         if role is None:
@@ -87,7 +87,9 @@ def make_app(site: Site) -> ASGIApp:
     @app.get("/api/status", summary="State of the flight")
     async def status() -> api.Status:
         state, picture = site.board.state, site.picture
-        alarms = [] if state is None else standing(state, None if picture is None else picture["selected"])
+        alarms = (
+            [] if state is None else active_alarms(state, None if picture is None else picture["selected"])
+        )
         return api.status(state, picture, alarms, site.board.report_number)
 
     @app.get("/api/zones.geojson", summary="Zones as GeoJSON (WGS-84)", response_model=api.Zones)
@@ -107,7 +109,7 @@ def make_app(site: Site) -> ASGIApp:
         finally:
             site.board.viewers -= 1
 
-    return Guard(app, site.door)
+    return Guard(app, site.token_check)
 
 
 async def _body(request: Request) -> bytes:

@@ -83,7 +83,7 @@ class Server:
             timeout_graceful_shutdown=1,
             server_header=False,
             proxy_headers=False,  # any program on this computer could forge the address in them
-            http=functools.partial(Connection, incidents=site.door.incidents),  # type: ignore[arg-type]
+            http=functools.partial(Connection, incidents=site.token_check.incidents),  # type: ignore[arg-type]
         )
         server = self._uvicorn = uvicorn.Server(config)
         server.should_exit = self._stopping

@@ -12,12 +12,12 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from companion.flight.dashboard.alarms import standing
+from companion.flight.dashboard.alarms import active_alarms
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Facts
-from companion.flight.dashboard.security.token_check import Door
-from companion.flight.dashboard.tile_pyramid import LEVELS, Atlas
-from companion.flight.dashboard.zone_shapes import Picture
+from companion.flight.dashboard.security.token_check import TokenCheck
+from companion.flight.dashboard.tile_pyramid import LEVELS, TilePyramids
+from companion.flight.dashboard.zone_shapes import ZoneShapes
 from companion.flight.landing.situation import Reply
 from companion.flight.outputs.zone_feature import zone_feature
 
@@ -39,7 +39,7 @@ class Site:
     ----------
     board
         Written by the companion.
-    door
+    token_check
         Access control.
     carry_out
         Passes an order to the companion and waits for the answer.
@@ -60,12 +60,12 @@ class Site:
     def __init__(
         self,
         board: Board,
-        door: Door,
+        token_check: TokenCheck,
         carry_out: Callable[[Command], Awaitable[Reply]],
         about: dict[str, Any],
     ) -> None:
-        self.board, self.door, self.about = board, door, about
-        self.atlas = Atlas()
+        self.board, self.token_check, self.about = board, token_check, about
+        self.pyramids = TilePyramids()
         self.serving = secrets.token_hex(8)
         self.tick = 0
         self.state: tuple[int, str] = (0, "")
@@ -75,7 +75,7 @@ class Site:
         self.picture: dict[str, Any] | None = None
         self.refused = 0
         self._carry_out = carry_out
-        self._picture = Picture()
+        self._shapes = ZoneShapes()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-page-encoder")
         self._collection: tuple[int, bytes] = (-1, b"")
         self._sources: dict[str, Any] = {}
@@ -91,7 +91,7 @@ class Site:
             while True:
                 await self.give_way()
                 self.refresh()
-                self.door.incidents.report()
+                self.token_check.incidents.report()
                 await asyncio.sleep(TICK_S)
 
     def refresh(self) -> None:
@@ -104,7 +104,7 @@ class Site:
             self._ticked_s.append(time.monotonic())
             selected = None if self.picture is None else self.picture["selected"]
             document = {"t": "state", "tick": self.tick, **board.state}
-            document["alarms"] = standing(board.state, selected)
+            document["alarms"] = active_alarms(board.state, selected)
             self.state = self.tick, json.dumps(document)
         for name in ("health", "replay"):
             source = getattr(board, name)
@@ -116,11 +116,11 @@ class Site:
     async def _keep_drawing(self) -> None:
         """Process reports and changes of the maps, in a thread."""
         while True:
-            while self.board.drawn:
-                await self.in_thread(self.atlas.take, *self.board.drawn.popleft())
+            while self.board.map_changes:
+                await self.in_thread(self.pyramids.apply_changes, *self.board.map_changes.popleft())
             number, report = self.board.report_number, self.board.report
             if report is not None and number != self.zones[0]:
-                document = await self.in_thread(self._picture.document, report, self.board.parameters)
+                document = await self.in_thread(self._shapes.document, report, self.board.parameters)
                 document |= {"t": "zones", "number": number, "latency_ms": round(self.board.latency_ms, 1)}
                 self.picture = document
                 self.zones = number, await self.in_thread(json.dumps, document)
@@ -140,10 +140,10 @@ class Site:
 
     async def block(self, name: str, serial: int, level: int, row: int, col: int) -> bytes | None:
         """Return a compressed block of a map; None where there is none, or if the map has been replaced."""
-        sheet = self.atlas.sheets.get(name)
-        if sheet is None or sheet.serial != serial or not 0 <= level < LEVELS:
+        pyramid = self.pyramids.by_name.get(name)
+        if pyramid is None or pyramid.serial != serial or not 0 <= level < LEVELS:
             return None
-        return await self.in_thread(sheet.encoded, level, row, col)
+        return await self.in_thread(pyramid.encoded, level, row, col)
 
     async def collection(self) -> bytes:
         """Return the zones of the newest report as GeoJSON."""
@@ -176,7 +176,7 @@ class Site:
 
     def facts(self, question: Facts) -> dict[str, Any]:
         """Return the map's values at a point."""
-        found = self.atlas.cell(question.east_m, question.north_m)
+        found = self.pyramids.cell(question.east_m, question.north_m)
         point = {"east_m": question.east_m, "north_m": question.north_m}
         if found is None:
             return {**point, "map": None, "state": "unknown"}

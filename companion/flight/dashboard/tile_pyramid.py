@@ -35,7 +35,7 @@ class Cell:
     state: str
 
 
-class Sheet:
+class TilePyramid:
     """Pyramid of one map, near or far.
 
     Block (row, col) of level k has `SIDE` x `SIDE` cells of 2^k times the map's cell size, counted from the
@@ -58,7 +58,7 @@ class Sheet:
         self._bytes: dict[tuple[int, int, int], tuple[int, bytes]] = {}
         self._clock = 0
 
-    def take(self, drawn: Drawn) -> None:
+    def apply_changes(self, drawn: Drawn) -> None:
         """Apply the changes of the map."""
         if drawn.serial != self.serial:
             self.serial = drawn.serial
@@ -157,35 +157,35 @@ class Sheet:
         return held
 
 
-class Atlas:
+class TilePyramids:
     """Pyramids of the near and the far map."""
 
     def __init__(self) -> None:
-        self.sheets = {"near": Sheet(), "far": Sheet()}
+        self.by_name = {"near": TilePyramid(), "far": TilePyramid()}
 
-    def take(self, name: str, drawn: Drawn) -> None:
+    def apply_changes(self, name: str, drawn: Drawn) -> None:
         """Apply the changes of a map."""
-        self.sheets[name].take(drawn)
+        self.by_name[name].apply_changes(drawn)
 
     def heads(self) -> dict[str, dict[str, Any]]:
         """Return position and size of the maps, for the page."""
         return {
             name: {
-                "serial": sheet.serial,
-                "west_m": sheet.west_m,
-                "south_m": sheet.south_m,
-                "cell_m": sheet.cell_m,
+                "serial": pyramid.serial,
+                "west_m": pyramid.west_m,
+                "south_m": pyramid.south_m,
+                "cell_m": pyramid.cell_m,
                 "side": SIDE,
                 "levels": LEVELS,
             }
-            for name, sheet in self.sheets.items()
-            if sheet.serial
+            for name, pyramid in self.by_name.items()
+            if pyramid.serial
         }
 
     def cell(self, east_m: float, north_m: float) -> tuple[str, Cell] | None:
         """Return the map that knows a point, near map first, and its cell there."""
-        for name, sheet in self.sheets.items():
-            found = sheet.cell(east_m, north_m)
+        for name, pyramid in self.by_name.items():
+            found = pyramid.cell(east_m, north_m)
             if found is not None and (found.state != "unknown" or name == "far"):
                 return name, found
         return None

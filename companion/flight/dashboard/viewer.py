@@ -61,11 +61,11 @@ class Viewer:
 
     async def _send_all(self) -> None:
         site = self._site
-        told = {"t": "about", "role": self._role.value, "run": site.board.run, "serving": site.serving}
-        await self._send(json.dumps({**told, **site.about}))
+        document = {"t": "about", "role": self._role.value, "run": site.board.run, "serving": site.serving}
+        await self._send(json.dumps({**document, **site.about}))
         while True:
             await self._site.give_way()
-            for message in self.news():
+            for message in self.pending_messages():
                 await self._send(message)
             self._budget = min(MOST_PER_S, self._budget + MOST_PER_S * TICK_S)
             await asyncio.sleep(TICK_S)
@@ -74,7 +74,7 @@ class Viewer:
         async with asyncio.timeout(SEND_S):
             await self._socket.send_text(text)
 
-    def news(self) -> list[str]:
+    def pending_messages(self) -> list[str]:
         """Return the messages that this browser has not been sent, most urgent first."""
         found = []
         for name in self._sent:
@@ -95,17 +95,17 @@ class Viewer:
         return [json.dumps({"t": "texts", "texts": items})]
 
     def _map(self) -> list[str]:
-        atlas, changes = self._site.atlas, {}
-        for name, sheet in atlas.sheets.items():
-            if self._serials.get(name) != sheet.serial:
-                self._serials[name], self._clocks[name] = sheet.serial, 0
-            fresh = sheet.since(self._clocks[name])
+        pyramids, changes = self._site.pyramids, {}
+        for name, pyramid in pyramids.by_name.items():
+            if self._serials.get(name) != pyramid.serial:
+                self._serials[name], self._clocks[name] = pyramid.serial, 0
+            fresh = pyramid.since(self._clocks[name])
             if fresh:
                 self._clocks[name] = max(at for _, _, at in fresh)
                 changes[name] = fresh
         if not changes:
             return []
-        return [json.dumps({"t": "map", "heads": atlas.heads(), "changes": changes})]
+        return [json.dumps({"t": "map", "heads": pyramids.heads(), "changes": changes})]
 
     def _flown(self) -> list[str]:
         board = self._site.board
@@ -126,13 +126,13 @@ class Viewer:
             if message["type"] == "websocket.disconnect":
                 return
             text = message.get("text")
-            await self._take(text if isinstance(text, str) else "")
+            await self._on_text(text if isinstance(text, str) else "")
             if self._bad >= MOST_BAD:
                 log.warning("a browser sent %d bad messages and is let go", self._bad)
                 await self._socket.close(1008, "too many bad messages")
                 return
 
-    async def _take(self, text: str) -> None:
+    async def _on_text(self, text: str) -> None:
         self._budget -= 1
         if self._budget < 0 and (ABORT not in text or len(self._aborts) >= MOST_PER_S):
             self._bad += 1
@@ -145,10 +145,11 @@ class Viewer:
             self._site.refused += 1
             await self._reply(None, Reply(False, f"not understood: {error}"))
             return
-        told = seen if seen is not None and seen <= self._sent["state"] else None  # None: from another run
+        # A greater tick is from another run.
+        seen_tick = seen if seen is not None and seen <= self._sent["state"] else None
         if isinstance(message, Simple) and message.do == "abort" and self._role is Role.OPERATOR:
             # An abort waits for no earlier order and is exempt from their rate limit.
-            task = asyncio.create_task(self._abort(message, told), name="abort from browser")
+            task = asyncio.create_task(self._abort(message, seen_tick), name="abort from browser")
             self._aborts.add(task)
             task.add_done_callback(self._aborts.discard)
         elif isinstance(message, Facts):
@@ -157,7 +158,7 @@ class Viewer:
             await self._reply(message.id, Reply(False, "this page may look only"))
         else:
             try:
-                self._orders.put_nowait((message, told))
+                self._orders.put_nowait((message, seen_tick))
             except asyncio.QueueFull:
                 await self._reply(message.id, Reply(False, "too many orders at once: try again"))
 
@@ -166,12 +167,12 @@ class Viewer:
         while True:
             await self._answer(*await self._orders.get())
 
-    async def _abort(self, message: Command, told: int | None) -> None:
+    async def _abort(self, message: Command, seen_tick: int | None) -> None:
         with contextlib.suppress(WebSocketDisconnect, TimeoutError, RuntimeError, OSError):  # disconnected
-            await self._answer(message, told)
+            await self._answer(message, seen_tick)
 
-    async def _answer(self, message: Command, told: int | None) -> None:
-        await self._reply(message.id, await self._site.answer(message, told))
+    async def _answer(self, message: Command, seen_tick: int | None) -> None:
+        await self._reply(message.id, await self._site.answer(message, seen_tick))
 
     async def _reply(self, number: int | None, reply: Reply) -> None:
         document = {"t": "reply", "id": number, "ok": reply.accepted, "reason": reply.reason}

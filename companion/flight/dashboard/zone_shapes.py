@@ -17,18 +17,18 @@ MOST_PRIOR = 100  # best zones of the survey prior that are drawn
 MOST_HELD = 512  # cached outlines
 CENTIMETRES = 100
 
-Sure = Literal["certain", "less", "uncertain"]
+CertaintyClass = Literal["certain", "less", "uncertain"]
 Rings = list[list[int]]
 
 
-def sure(certainty: float, parameters: Parameters) -> Sure:
+def certainty_class(certainty: float, parameters: Parameters) -> CertaintyClass:
     """Return the drawing class of a zone (SLZ paper 3.4.1: dark green, light green, red)."""
     if certainty >= parameters.confidence_factor:
         return "certain"
     return "less" if certainty >= parameters.uncertain_below else "uncertain"
 
 
-class Picture:
+class ZoneShapes:
     """Builds the document of a report; outlines of unchanged zones are cached."""
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class Picture:
             "rank": rank,
             "area_m2": round(zone.area_m2, 1),
             "certainty": round(zone.certainty, 3),
-            "sure": sure(zone.certainty, parameters),
+            "sure": certainty_class(zone.certainty, parameters),
             "slope_deg": _number(zone.slope_deg, 1),
             "roughness": _number(zone.roughness, 3),
             "why": zone.why,

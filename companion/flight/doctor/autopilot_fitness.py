@@ -51,7 +51,7 @@ class Fitness:
         self._handed_over = False  # this reading was caused by a hand-over, not by a retry
         self._ended_ns = 0
         self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
-        self._told: tuple[tuple[str, str], ...] = ()
+        self._reported: tuple[tuple[str, str], ...] = ()
         self._texts: list[tuple[Severity, str]] = []
         self.faults: tuple[Finding, ...] = ()
 
@@ -86,7 +86,7 @@ class Fitness:
 
     # ---- events ---------------------------------------------------------------------------------
 
-    def step(self, vehicle: VehicleState, connected: bool, flying: bool, now: int) -> list[Any]:
+    def due_requests(self, vehicle: VehicleState, connected: bool, flying: bool, now: int) -> list[Any]:
         """Return the requests to send now; `flying`: an order or an automatic landing is under way."""
         if self._calls_for_reading(vehicle, connected, flying):
             self._begin(vehicle)
@@ -103,14 +103,14 @@ class Fitness:
             self._warn(flying)
         return due
 
-    def take(self, message: Any) -> None:
+    def on_parameter_message(self, message: Any) -> None:
         """Store a PARAM_VALUE or PARAM_ERROR, requested or not."""
         if self._reader is not None:
-            self._reader.take(message)
+            self._reader.on_message(message)
             if self._read:
                 self._judge()
 
-    def news(self) -> list[tuple[Severity, str]]:
+    def pop_texts(self) -> list[tuple[Severity, str]]:
         """Return the new texts for the pilot and clear them."""
         texts, self._texts = self._texts, []
         return texts
@@ -118,14 +118,14 @@ class Fitness:
     async def run(self, link: Link, flying: Callable[[], bool]) -> None:
         """Read parameters and report faults until cancelled."""
         forget = [
-            link.subscribe(name, lambda message, _: self.take(message))
+            link.subscribe(name, lambda message, _: self.on_parameter_message(message))
             for name in ("PARAM_VALUE", "PARAM_ERROR")
         ]
         try:
             while True:
-                for request in self.step(link.vehicle, link.connected, flying(), now_ns()):
+                for request in self.due_requests(link.vehicle, link.connected, flying(), now_ns()):
                     link.send(request)
-                for severity, text in self.news():
+                for severity, text in self.pop_texts():
                     log.info(text)
                     link.statustext(text, severity.value)
                 await asyncio.sleep(TICK_S)
@@ -163,8 +163,8 @@ class Fitness:
         wrong = [finding for finding in findings if finding.state == "fail"]
         self.faults = tuple(sorted(wrong, key=lambda finding: finding.check not in critical))
         key = tuple((finding.check, finding.found) for finding in self.faults)
-        if key != self._told:
-            self._told = key
+        if key != self._reported:
+            self._reported = key
             self._tell()
 
     def _warn(self, flying: bool) -> None:

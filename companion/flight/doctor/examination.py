@@ -104,20 +104,20 @@ class Examination:
         return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
 
     async def _version(self, link: Link) -> Version | None:
-        told: list[Version] = []
+        versions: list[Version] = []
         forget = link.subscribe(
-            "AUTOPILOT_VERSION", lambda message, _: told.append(Version.unpack(message.flight_sw_version))
+            "AUTOPILOT_VERSION", lambda message, _: versions.append(Version.unpack(message.flight_sw_version))
         )
         wanted = float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         try:
             for _ in range(VERSION_TRIES):  # the command may be acknowledged and the message lost
                 await link.command(mavlink.MAV_CMD_REQUEST_MESSAGE, wanted, timeout_s=0.7, tries=2)
                 await asyncio.sleep(VERSION_S)
-                if told:
+                if versions:
                     break
         finally:
             forget()
-        return told[-1] if told else None
+        return versions[-1] if versions else None
 
     async def _parameters(self, link: Link) -> list[Finding]:
         vehicle = link.vehicle
@@ -126,7 +126,7 @@ class Examination:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
         reader = ParameterReader(rows, vehicle.autopilot)
         names = ("PARAM_VALUE", "PARAM_ERROR")
-        forget = [link.subscribe(name, lambda message, _: reader.take(message)) for name in names]
+        forget = [link.subscribe(name, lambda message, _: reader.on_message(message)) for name in names]
         try:
             async with asyncio.timeout(PARAMETERS_S):
                 while not reader.done:

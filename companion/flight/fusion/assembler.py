@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from companion.flight.fusion.georeference import Georeferencer
 from companion.flight.fusion.pose_history import PoseHistory
-from companion.flight.fusion.vehicle_and_dust_filter import Screen
+from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.sensors.returns import Returns, join
 from params import Parameters
 from slz import Scan
@@ -45,7 +45,7 @@ class ScanAssembler:
         self._history = history
         self._on_scan = on_scan
         self._georeferencer = Georeferencer(parameters)
-        self._screen = Screen(parameters)
+        self._filter = VehicleAndDustFilter(parameters)
         self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each batch
         self._n_waiting = 0
         self._gathered: list[Returns] = []
@@ -70,8 +70,8 @@ class ScanAssembler:
             "out_of_range": self._georeferencer.out_of_range,
             "without_pose": self._georeferencer.without_pose,
             "pitched": self._georeferencer.pitched,
-            "vehicle": self._screen.vehicle,
-            "dust": self._screen.dust,
+            "vehicle": self._filter.vehicle,
+            "dust": self._filter.dust,
         }
 
     def _place_bracketed(self) -> None:
@@ -90,7 +90,7 @@ class ScanAssembler:
             self._emit()
 
     def _emit(self) -> None:
-        scan = self._georeferencer.georeference(self._screen.passed(join(self._gathered)), self._history)
+        scan = self._georeferencer.georeference(self._filter.filter(join(self._gathered)), self._history)
         self._gathered = []
         if scan is not None:
             self.scans += 1

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from companion.flight.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
 from companion.flight.geometry.pose import Pose, turned
-from companion.runtime.sample_buffer import Track
+from companion.runtime.sample_buffer import SampleBuffer
 from params import Parameters
 from slz.frame import LocalFrame
 
@@ -71,8 +71,8 @@ class PoseHistory:
         self, parameters: Parameters, frame: LocalFrame | None = None, capacity: int = CAPACITY
     ) -> None:
         self._limit_ns = round(parameters.pose_timeout_s * 1e9)
-        self._attitudes = Track(4, capacity)
-        self._positions = Track(POSITION_WIDTH, capacity)
+        self._attitudes = SampleBuffer(4, capacity)
+        self._positions = SampleBuffer(POSITION_WIDTH, capacity)
         self._rates = np.zeros(3)
         self.frame = frame
         self.epoch = 0
@@ -85,7 +85,7 @@ class PoseHistory:
         self._mappings = 0
         self._stretch = 0  # number of the interval between jumps of the estimate or the autopilot's clock
 
-    def trust(self, until_ns: int | None, mappings: int) -> None:
+    def limit_to_certain(self, until_ns: int | None, mappings: int) -> None:
         """Limit the poses in use to stamps up to `until_ns`: later stamps may be wrong, see `AutopilotClock`.
 
         When `mappings` changes, samples after `until_ns` are dropped as wrongly stamped, and nothing is
@@ -164,7 +164,7 @@ class PoseHistory:
             places[:] = frame.enu_m(*self.frame.lla(places).T)
         self.frame = frame
 
-    def begin_anew(self) -> None:
+    def clear(self) -> None:
         """Drop all samples: the autopilot restarted, and so did its estimate."""
         self._attitudes.clear()
         self._positions.clear()
@@ -222,14 +222,14 @@ class PoseHistory:
 
     # ---- acceptance of samples ------------------------------------------------------------------
 
-    def _is_next(self, track: Track, stamp_ns: int) -> bool:
+    def _is_next(self, track: SampleBuffer, stamp_ns: int) -> bool:
         """Return whether a stamp is newer than the last; a far older one means that the clock restarted."""
         newest = track.newest_ns
         if newest is None or stamp_ns > newest:
             return True
         if newest - stamp_ns <= self._limit_ns:
             return False
-        self.begin_anew()
+        self.clear()
         return True
 
     @staticmethod

@@ -12,7 +12,7 @@ from companion.flight.sensors.returns import Returns
 from params import Parameters
 
 
-class Screen:
+class VehicleAndDustFilter:
     """Drops returns and counts them by reason.
 
     - vehicle: nearer to the autopilot than `vehicle_m`;
@@ -33,7 +33,7 @@ class Screen:
         self.vehicle = 0
         self.dust = 0
 
-    def passed(self, returns: Returns) -> Returns:
+    def filter(self, returns: Returns) -> Returns:
         """Return the returns that pass, in their order."""
         p = self._p
         drop = np.zeros(len(returns), bool)
@@ -48,4 +48,4 @@ class Screen:
             dust = near & (weak | (returns.echo < returns.echoes)) & ~drop
             self.dust += int(dust.sum())
             drop = drop | dust
-        return returns.part(~drop) if drop.any() else returns
+        return returns.select(~drop) if drop.any() else returns

@@ -27,7 +27,7 @@ class Aim:
         self.height_left_m = self.away_m = float("inf")
         self._ground_m: float | None = None
 
-    def take(self, enu_m: Vector) -> None:
+    def set_target(self, enu_m: Vector) -> None:
         """Set a new target point."""
         self.enu_m, self._ground_m = np.asarray(enu_m, np.float64), None
 

@@ -15,12 +15,13 @@ from companion.flight.fusion.pose_history import motion_m
 from companion.flight.landing.aim import Aim, same_place
 from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.hand_over import HandOver
-from companion.flight.landing.mode_ownership import Custody
+from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import Outage
 from companion.flight.landing.presumptions import Breach, Presumption, Presumptions, Reaction, Stage
 from companion.flight.landing.route import Route, Way
 from companion.flight.landing.situation import (
     FLYING,
+    LandingRequest,
     Orders,
     Phase,
     Reply,
@@ -28,7 +29,6 @@ from companion.flight.landing.situation import (
     Situation,
     Tally,
     Vector,
-    Wish,
 )
 from companion.flight.landing.zone_choice import choose, look_at, soonest
 from params import Parameters
@@ -65,7 +65,7 @@ class Executive:
     ----------
     phase, tally
         Phase of the landing, and events so far.
-    turns
+    order_count
         Order counter: incremented when an order is accepted, aborted or finished, so that a stale repeat can
         be recognised.
     """
@@ -75,8 +75,8 @@ class Executive:
         self._auto = auto
         self.phase = Phase.IDLE
         self.tally = Tally()
-        self.turns = 0
-        self._custody = Custody()
+        self.order_count = 0
+        self._custody = ModeOwnership()
         self._presumed = Presumptions()
         self._hand_over_seen = HandOver()
         self._asked_up_ms: float | None = None
@@ -87,7 +87,7 @@ class Executive:
         self._disarmed = False  # since the last landing
         self._since_ns = 0
         self._steady_since_ns: int | None = None
-        self._wish: Wish | None = None
+        self._wish: LandingRequest | None = None
         self._aim = Aim()
         self._refused: list[Vector] = []
         self._route = Route(parameters)
@@ -107,18 +107,18 @@ class Executive:
 
     def land_at_best(self, situation: Situation) -> Reply:
         """Accept the order to land at the best zone, or at the one reached soonest if the battery is low."""
-        return self._hand_over(situation, Wish(urgent=self._is_low(situation)))
+        return self._hand_over(situation, LandingRequest(urgent=self._is_low(situation)))
 
     def land_in_zone(self, situation: Situation, zone_id: int) -> Reply:
         """Accept the order to land in a zone by its ID."""
         zone = _zone(situation, zone_id)
         if zone is None:
             return Reply(False, f"no zone {zone_id}")
-        return self._hand_over(situation, Wish(zone.best.enu_m, zone_id))
+        return self._hand_over(situation, LandingRequest(zone.best.enu_m, zone_id))
 
     def land_at_point(self, situation: Situation, enu_m: Vector) -> Reply:
         """Accept the order to land at a point of the operator's choice, if it proves safe."""
-        return self._hand_over(situation, Wish(enu_m))
+        return self._hand_over(situation, LandingRequest(enu_m))
 
     def land_at_selected(self, situation: Situation) -> Reply:
         """Accept the order to land at the selected point: the confirmation of a selection."""
@@ -138,21 +138,21 @@ class Executive:
             return refusal
         if situation.estimate_lost:
             return Reply(False, f"{situation.estimate_lost} lost: fly by hand")
-        self._custody.asks_to_leave(situation)
-        return self._start(situation, Wish(urgent=True))
+        self._custody.on_leave_request(situation)
+        return self._start(situation, LandingRequest(urgent=True))
 
-    def watch(self, enu_m: Vector) -> Reply:
+    def select_point(self, enu_m: Vector) -> Reply:
         """Select a point without flying to it."""
         if self.phase in FLYING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
         self._pending_select = self._asked = enu_m
-        self.turns += 1
+        self.order_count += 1
         return Reply(True, "watching the point")
 
-    def watch_zone(self, situation: Situation, zone_id: int) -> Reply:
+    def select_zone(self, situation: Situation, zone_id: int) -> Reply:
         """Select the best point of a zone, to be confirmed."""
         zone = _zone(situation, zone_id)
-        return Reply(False, f"no zone {zone_id}") if zone is None else self.watch(zone.best.enu_m)
+        return Reply(False, f"no zone {zone_id}") if zone is None else self.select_point(zone.best.enu_m)
 
     def abort(self, situation: Situation) -> Reply:
         """Break off and hover at survey height."""
@@ -168,7 +168,7 @@ class Executive:
         self._break_off(situation, "operator", hold=True)
         return Reply(True, "aborting")
 
-    def _hand_over(self, s: Situation, wish: Wish) -> Reply:
+    def _hand_over(self, s: Situation, wish: LandingRequest) -> Reply:
         refusal = _not_flying(s)
         if refusal is not None:
             return refusal
@@ -180,7 +180,7 @@ class Executive:
             return Reply(False, f"{s.estimate_lost} lost: fly by hand")
         return self._start(s, wish)
 
-    def _start(self, s: Situation, wish: Wish) -> Reply:
+    def _start(self, s: Situation, wish: LandingRequest) -> Reply:
         self._wish = wish
         self._refused.clear()
         self._started_ns = s.now_ns
@@ -201,9 +201,9 @@ class Executive:
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             orders = replace(orders, mode=None)
         if orders.mode == "land":
-            self._custody.asks_to_land(s)
+            self._custody.on_land_request(s)
         elif orders.mode == "guided":
-            self._custody.asks_for_guided()
+            self._custody.on_guided_request()
         texts, self._texts = tuple(self._texts), []
         select, self._pending_select = self._pending_select, None
         self._asked = select if select is not None else self._asked
@@ -215,7 +215,7 @@ class Executive:
         on_the_way = self.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         return self._aim.on_ground_enu_m if on_the_way and self._aim.enu_m is not None else None
 
-    def carry(self, moved: Callable[[Vector], Vector]) -> None:
+    def change_frame(self, moved: Callable[[Vector], Vector]) -> None:
         """Convert stored positions to another map frame; `moved` maps a point to it."""
         self._last = None
         asked = self._asked if self._pending_select is None else self._pending_select
@@ -224,9 +224,9 @@ class Executive:
         if self.tally.chosen_enu_m is not None:
             self.tally.chosen_enu_m = moved(self.tally.chosen_enu_m)
         if self._aim.enu_m is not None:
-            self._aim.take(moved(self._aim.on_ground_enu_m))
+            self._aim.set_target(moved(self._aim.on_ground_enu_m))
 
-    def is_watching(self, situation: Situation, enu_m: Vector) -> bool:
+    def is_selected(self, situation: Situation, enu_m: Vector) -> bool:
         """Return whether this point is the newest selection and is judged by the newest report."""
         asked, selected = self._pending_select, situation.selected
         asked = self._asked if asked is None else asked
@@ -362,16 +362,16 @@ class Executive:
 
     def resume_landing(self, s: Situation, enu_m: Vector) -> None:
         """Resume watching the autopilot's landing at a point, which a previous companion began."""
-        self._aim.take(enu_m)
+        self._aim.set_target(enu_m)
         self._aim.measure(s.position_enu_m, s.selected)
         self.tally.chosen_enu_m = self._pending_select = self._aim.enu_m
-        self._route.begin(_known(s.position_enu_m), s.height_above_home_m, -np.inf)
+        self._route.start_search(_known(s.position_enu_m), s.height_above_home_m, -np.inf)
         self._custody.adopt_landing(s)
         self._say(Severity.WARNING, f"restarted in {s.mode}: watching the landing again")
         self._go(Phase.FINAL, s)
         self._resumed_until_ns = s.now_ns + RESUMED_NS
 
-    def tell_restart(self, s: Situation, how: str) -> None:
+    def report_restart(self, s: Situation, how: str) -> None:
         """Report the start in flight (`how`), and its consequence."""
         if s.landing:
             self._say(Severity.CRITICAL, f"{how} in {s.mode}: landing not watched, take over")
@@ -397,8 +397,8 @@ class Executive:
 
     def _rest(self, phase: Phase, s: Situation) -> None:
         self._wish = None
-        self._custody.given_up()
-        self._outage.over()
+        self._custody.clear()
+        self._outage.reset()
         self._go(phase, s)
 
     # ---- phases ---------------------------------------------------------------------------------
@@ -432,7 +432,7 @@ class Executive:
             self._steady_since_ns = s.now_ns
         elif s.now_ns - self._steady_since_ns > STEADY_NS:
             self._refused.clear()
-            self._wish = Wish(urgent=self._is_low(s))
+            self._wish = LandingRequest(urgent=self._is_low(s))
             self._start_survey(s)
         return Orders()
 
@@ -457,9 +457,9 @@ class Executive:
         else:
             # After an abort close to the ground, an order does not end the climb.
             least_m = self._route.height_m if self.phase in FLYING else -np.inf
-            self._route.begin(s.position_enu_m, s.height_above_home_m, least_m)
+            self._route.start_search(s.position_enu_m, s.height_above_home_m, least_m)
         self._say(Severity.INFO, "surveying")
-        self._outage.over()
+        self._outage.reset()
         self._go(Phase.SURVEY, s)
 
     def _survey(self, s: Situation) -> Orders:
@@ -471,7 +471,7 @@ class Executive:
             return Orders(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return self._without_lidar(s)
-        self._outage.there(s.now_ns)
+        self._outage.on_present(s.now_ns)
         if self._wish is not None and self._wish.enu_m is not None:
             return self._approach_point(s, self._wish.enu_m, self._wish.zone_id)
         zone = self._choice(s)
@@ -482,7 +482,7 @@ class Executive:
             self._go(Phase.HOLD, s)
             return Orders(velocity_enu_ms=STOPPED)
         offset = self._route.to_corner(position, self._way(s))
-        return self._route.fly(position, offset, self._p.survey_speed_ms)
+        return self._route.orders_towards(position, offset, self._p.survey_speed_ms)
 
     def _choice(self, s: Situation) -> Zone | None:
         """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.
@@ -509,7 +509,7 @@ class Executive:
         return Orders(mode="guided", velocity_enu_ms=STOPPED)
 
     def _approach_point(self, s: Situation, enu_m: Vector, zone_id: int | None) -> Orders:
-        self._aim.take(enu_m)
+        self._aim.set_target(enu_m)
         self._aim.measure(s.position_enu_m, s.selected)
         self.tally.zone_id, self.tally.chosen_enu_m = zone_id, self._aim.enu_m
         self._pending_select = self._aim.enu_m
@@ -524,7 +524,7 @@ class Executive:
         position, velocity = _known(s.position_enu_m), _known(s.velocity_enu_ms)
         if not s.lidar_ok:
             return self._without_lidar(s)
-        self._outage.there(s.now_ns)
+        self._outage.on_present(s.now_ns)
         judged = self._aim.judgement(s.selected)
         offset = _known(self._aim.enu_m)[:2] - position[:2]
         over = self._aim.away_m < 1.0 and float(np.hypot(*velocity[:2])) < 0.5
@@ -546,7 +546,7 @@ class Executive:
             return self._break_off(s, "way blocked")
         if s.now_ns > self._late_ns:
             return self._break_off(s, "point not reached")
-        return self._route.fly(position, offset, self._p.approach_speed_ms)
+        return self._route.orders_towards(position, offset, self._p.approach_speed_ms)
 
     def _descend(self, s: Situation) -> Orders:
         """Sink over the selected point, streaming the landing target, until LAND can take over."""
@@ -610,7 +610,7 @@ class Executive:
             return Orders(velocity_enu_ms=STOPPED)
         self._say(Severity.INFO, "choosing again")
         if self._wish is not None:
-            self._wish = Wish(urgent=self._wish.urgent or self._is_low(s))
+            self._wish = LandingRequest(urgent=self._wish.urgent or self._is_low(s))
         self._go(Phase.SURVEY, s)
         self._since_ns = s.now_ns - round(self._p.survey_s * 1e9)
         return Orders(velocity_enu_ms=STOPPED)
@@ -675,7 +675,7 @@ class Executive:
 
     def _waits_for(self, what: str, s: Situation) -> None:
         self._safe_since_ns = None
-        if self._outage.missing(what, s.now_ns):
+        if self._outage.on_missing(what, s.now_ns):
             self._say(Severity.WARNING, f"{what}: holding")
         thing, _, state = what.partition(" ")
         if self._outage.calls_for(thing, s.now_ns):
@@ -685,7 +685,7 @@ class Executive:
 
     def _tell_return(self, s: Situation) -> None:
         """Report once that the input of a call is back: the vehicle hovers until the next order."""
-        if thing := self._outage.there(s.now_ns):
+        if thing := self._outage.on_present(s.now_ns):
             self._say(Severity.WARNING, f"{thing} back: hovering, order again")
 
     def _heed_battery(self, s: Situation) -> None:
@@ -711,7 +711,7 @@ class Executive:
             return
         self._battery_said_ns = s.now_ns
         if said_ns is None and on_its_way:
-            self._wish = Wish(urgent=True)
+            self._wish = LandingRequest(urgent=True)
             if self.phase is Phase.APPROACH and self._is_nearer_elsewhere(s):
                 self._go(Phase.SURVEY, s)
 
@@ -764,7 +764,7 @@ class Executive:
 
     def _go(self, phase: Phase, s: Situation) -> None:
         self.phase = phase
-        self.turns += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
+        self.order_count += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         self._since_ns = s.now_ns
         self._late_ns = self._limit_ns(s)
         self._steady_since_ns = None

@@ -29,6 +29,6 @@ def level(error_m: float, speed_ms: float) -> float:
     return max(-speed_ms, min(speed_ms, GAIN_PER_S * error_m))
 
 
-def heading_rad(velocity_enu_ms: NDArray[np.float64]) -> float:
+def course_rad(velocity_enu_ms: NDArray[np.float64]) -> float:
     """Return the course of a velocity, rad clockwise from north."""
     return math.atan2(float(velocity_enu_ms[0]), float(velocity_enu_ms[1]))

@@ -15,7 +15,7 @@ class PointWatch:
     def __init__(self) -> None:
         self._said: tuple[NDArray[np.float64], PointState] | None = None
 
-    def news(self, report: Report) -> tuple[Severity, str] | None:
+    def update(self, report: Report) -> tuple[Severity, str] | None:
         """Return severity and text for the pilot after a window, None without a change."""
         point = report.selected
         if point is None:

@@ -19,7 +19,7 @@ STRAYS = 2  # nearest returns ignored as possible dust
 SLOW_MS = 0.3
 
 
-def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> tuple[Vector, bool]:
+def limit_velocity(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> tuple[Vector, bool]:
     """Return the velocity that lets the vehicle stop `MARGIN_M` before obstacles, and whether it is blocked.
 
     Parameters
@@ -29,7 +29,7 @@ def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> 
     around_frd_m
         Points (n, 3) relative to the vehicle in the same axes, m; points within `least_m` are the vehicle.
     """
-    horizontal = held_back_along(velocity_frd_ms[:2], around_frd_m, least_m)
+    horizontal = limit_horizontal(velocity_frd_ms[:2], around_frd_m, least_m)
     sink = float(velocity_frd_ms[2])
     if sink < 0:
         above = np.hypot(around_frd_m[:, 0], around_frd_m[:, 1]) < ASIDE_M
@@ -38,7 +38,7 @@ def held_back(velocity_frd_ms: Vector, around_frd_m: Vector, least_m: float) -> 
     return np.array([*horizontal, sink]), wanted > SLOW_MS and left < SLOW_MS
 
 
-def held_back_along(velocity_ms: Vector, around_m: Vector, least_m: float) -> Vector:
+def limit_horizontal(velocity_ms: Vector, around_m: Vector, least_m: float) -> Vector:
     """Return the horizontal velocity (2,), limited by the obstacles in its corridor."""
     speed = float(np.hypot(*velocity_ms))
     if speed < 1e-6:

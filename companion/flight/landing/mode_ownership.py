@@ -7,7 +7,7 @@ from companion.flight.landing.situation import Situation
 SETTLE_NS = 3_000_000_000  # longest delay until a requested mode shows
 
 
-class Custody:
+class ModeOwnership:
     """Distinguishes mode changes by slz from those by the pilot.
 
     The guided mode is ours, unless it shows unrequested after the landing mode that we requested. A landing
@@ -20,24 +20,24 @@ class Custody:
         self._shown = False  # the landing mode has shown since we requested it
         self._lands = False  # it was entered at our request, and no other mode was requested since
 
-    def asks_to_land(self, s: Situation) -> None:
+    def on_land_request(self, s: Situation) -> None:
         """Record a request for the landing mode."""
         self._land_ns, self._leaving, self._lands, self._shown = s.now_ns, None, False, False
 
-    def asks_to_leave(self, s: Situation) -> None:
+    def on_leave_request(self, s: Situation) -> None:
         """Record a request to leave the present mode for the guided mode."""
         self._leaving = None if s.guided else s.mode
 
-    def asks_for_guided(self) -> None:
+    def on_guided_request(self) -> None:
         """Record a request to leave the landing mode."""
         self._lands = False
 
     def adopt_landing(self, s: Situation) -> None:
         """Take over the present landing mode, which a previous companion requested."""
-        self.asks_to_land(s)
+        self.on_land_request(s)
         self._lands = self._shown = True
 
-    def given_up(self) -> None:
+    def clear(self) -> None:
         """Clear all requests."""
         self._land_ns, self._leaving, self._lands = None, None, False
 
@@ -45,7 +45,7 @@ class Custody:
         """Return whether the vehicle is in the landing mode at our request."""
         return s.landing and self._shown and self._land_ns is not None
 
-    def lost(self, s: Situation) -> bool:
+    def is_taken_away(self, s: Situation) -> bool:
         """Return whether somebody else chose the present mode."""
         if s.guided:
             self._leaving = None

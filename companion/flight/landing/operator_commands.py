@@ -56,7 +56,7 @@ class OperatorCommands:
         return replace(
             answer,
             always=command.params[0] == 0,
-            stands=lambda: self._operator.order_count == count,
+            is_in_effect=lambda: self._operator.order_count == count,
         )
 
     def _order(self, command: OperatorCommand) -> Order | Reply:

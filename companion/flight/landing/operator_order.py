@@ -63,7 +63,7 @@ class Operator:
     @property
     def order_count(self) -> int:
         """Order counter: incremented when an order is accepted, aborted or finished."""
-        return self._executive.turns
+        return self._executive.order_count
 
     def selected_zone(self) -> int:
         """Return the ID of the zone that contains the selected point, 0 for none."""
@@ -85,11 +85,11 @@ class Operator:
             case Order(OrderKind.LAND_IN_ZONE, zone_id=int(zone_id)):
                 return executive.land_in_zone(situation, zone_id)
             case Order(OrderKind.SELECT_ZONE, zone_id=int(zone_id)):
-                return executive.watch_zone(situation, zone_id)
+                return executive.select_zone(situation, zone_id)
             case Order(point_enu_m=np.ndarray() as enu_m) if float(np.hypot(*enu_m[:2])) > self._reach_m:
                 return Reply(False, "the point is too far away")
             case Order(OrderKind.LAND_AT_POINT, point_enu_m=np.ndarray() as enu_m):
                 return executive.land_at_point(situation, enu_m)
             case Order(OrderKind.SELECT_POINT, point_enu_m=np.ndarray() as enu_m):
-                return executive.watch(enu_m)
+                return executive.select_point(enu_m)
         raise ValueError(f"{order}: it has neither zone nor point")

@@ -17,16 +17,16 @@ class Outage:
 
     def __init__(self) -> None:
         self._since_ns: int | None = None
-        self._there_ns: int | None = None
-        self._told: set[str] = set()
+        self._present_ns: int | None = None
+        self._reported: set[str] = set()
         self._called_for = ""
 
-    def missing(self, what: str, now_ns: int) -> bool:
+    def on_missing(self, what: str, now_ns: int) -> bool:
         """Record a missing input; return whether the pilot has not been warned of it yet."""
-        self._there_ns = None
-        if what in self._told or self._called_for:
+        self._present_ns = None
+        if what in self._reported or self._called_for:
             return False
-        self._told.add(what)
+        self._reported.add(what)
         self._since_ns = now_ns
         return True
 
@@ -37,20 +37,20 @@ class Outage:
         self._called_for = thing
         return True
 
-    def there(self, now_ns: int) -> str:
+    def on_present(self, now_ns: int) -> str:
         """Record that nothing is missing; return the input of a call that is back now, else ""."""
         if self._since_ns is None:
             return ""
-        if self._there_ns is None:
-            self._there_ns = now_ns
-        if now_ns - self._there_ns < BACK_NS:
+        if self._present_ns is None:
+            self._present_ns = now_ns
+        if now_ns - self._present_ns < BACK_NS:
             return ""
         called_for = self._called_for
-        self.over()
+        self.reset()
         return called_for
 
-    def over(self) -> None:
+    def reset(self) -> None:
         """End the outage: a new order starts from zero."""
-        self._since_ns = self._there_ns = None
-        self._told.clear()
+        self._since_ns = self._present_ns = None
+        self._reported.clear()
         self._called_for = ""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from companion.flight.landing.aim import Aim
-from companion.flight.landing.mode_ownership import Custody
+from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.situation import Situation
 
 
@@ -112,7 +112,7 @@ class Presumptions:
 
     def __init__(self) -> None:
         self._since_ns: dict[Presumption, int] = {}
-        self._told_ns: dict[Presumption, int] = {}
+        self._reported_ns: dict[Presumption, int] = {}
         self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
         self._landing_since_ns: int | None = None
         self._stage: Stage | None = None
@@ -122,7 +122,7 @@ class Presumptions:
         stage: Stage,
         s: Situation,
         aim: Aim,
-        custody: Custody,
+        ownership: ModeOwnership,
         *,
         asked_up_ms: float | None,
         off_point_m: float,
@@ -137,7 +137,7 @@ class Presumptions:
             Greatest distance from the point in the autopilot's landing; halved below the commit height.
         """
         self._follow(stage, s)
-        broken = self._state(stage, s, custody)
+        broken = self._state(stage, s, ownership)
         if s.velocity_enu_ms is not None and Presumption.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
             broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
@@ -146,7 +146,7 @@ class Presumptions:
             reaction = TABLE[presumption][stage]
             if presumption is Presumption.MODE and (s.failsafe or s.breached):
                 reaction = Reaction.STAND_BACK
-            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_tell(presumption, s.now_ns):
+            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_report(presumption, s.now_ns):
                 continue
             if reaction not in (Reaction.NONE, Reaction.RETURN):  # the descent returns by its own steering
                 return Breach(presumption, reaction, broken[presumption])
@@ -165,13 +165,13 @@ class Presumptions:
             self._since_ns.clear()  # kept at the commit height, about which a landing may waver
         self._stage = stage
 
-    def _state(self, stage: Stage, s: Situation, custody: Custody) -> dict[Presumption, str]:
+    def _state(self, stage: Stage, s: Situation, ownership: ModeOwnership) -> dict[Presumption, str]:
         """Return the presumptions about the vehicle's state that fail now, with their texts."""
         landing = stage in LANDING
         broken: dict[Presumption, str] = {}
         if s.connected and (not s.armed or (s.on_ground is True and landing)):
             broken[Presumption.ARMED] = ""
-        if s.connected and custody.lost(s):
+        if s.connected and ownership.is_taken_away(s):
             broken[Presumption.MODE] = s.mode
         if s.estimate_lost:
             broken[Presumption.ESTIMATE] = f"{s.estimate_lost} lost"
@@ -199,16 +199,16 @@ class Presumptions:
         if presumption not in broken:
             self._since_ns.pop(presumption, None)
             if TABLE[presumption][Stage.SURVEY] is Reaction.TELL:
-                self._told_ns.pop(presumption, None)
+                self._reported_ns.pop(presumption, None)
             return False
         since_ns = self._since_ns.setdefault(presumption, now_ns)
         return now_ns - since_ns >= PATIENCE_NS.get(presumption, 0)
 
-    def _must_tell(self, presumption: Presumption, now_ns: int) -> bool:
-        told_ns = self._told_ns.get(presumption)
-        if told_ns is not None and now_ns - told_ns < CALL_AGAIN_NS:
+    def _must_report(self, presumption: Presumption, now_ns: int) -> bool:
+        reported_ns = self._reported_ns.get(presumption)
+        if reported_ns is not None and now_ns - reported_ns < CALL_AGAIN_NS:
             return False
-        self._told_ns[presumption] = now_ns
+        self._reported_ns[presumption] = now_ns
         return True
 
 

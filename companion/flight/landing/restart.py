@@ -24,7 +24,7 @@ class Restart:
         self._first_ns: int | None = None
         self.decided = False
 
-    def step(
+    def update(
         self,
         s: Situation,
         executive: Executive,
@@ -77,9 +77,9 @@ class Restart:
         if s.landing and point is not None and _over(s, point):
             executive.resume_landing(s, point)
         elif left is not None:
-            executive.tell_restart(s, "restarted")
+            executive.report_restart(s, "restarted")
         elif s.landing:
-            executive.tell_restart(s, "started")
+            executive.report_restart(s, "started")
 
 
 def _point(left: Landing | None, frame: LocalFrame | None) -> Vector | None:

@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 
 from companion.flight.landing.expanding_square import expanding_square
-from companion.flight.landing.guidance import heading_rad, level, towards
+from companion.flight.landing.guidance import course_rad, level, towards
 from companion.flight.landing.situation import Orders, Situation, Vector
 from params import Parameters
 from slz.points.mapping_reach import reach_m
@@ -53,7 +53,7 @@ class Route:
         """Whether there is a corner to fly to."""
         return self._corner is not None
 
-    def begin(self, position_enu_m: Vector, height_above_home_m: float, least_m: float) -> None:
+    def start_search(self, position_enu_m: Vector, height_above_home_m: float, least_m: float) -> None:
         """Start the search at a position, at the highest of its height, survey height and `least_m`."""
         east, north, up = (float(v) for v in position_enu_m)
         self.height_m = max(up + max(0.0, self._p.survey_height_m - height_above_home_m), least_m)
@@ -89,11 +89,11 @@ class Route:
             offset = self._corner - position_enu_m[:2]
         return np.asarray(offset)
 
-    def fly(self, position_enu_m: Vector, offset_m: Vector, speed_ms: float) -> Orders:
+    def orders_towards(self, position_enu_m: Vector, offset_m: Vector, speed_ms: float) -> Orders:
         """Return the orders that cover an offset (2,) at the route's height."""
         climb = level(self.height_m - float(position_enu_m[2]), self._p.climb_speed_ms)
         horizontal = towards(offset_m, speed_ms)
-        course = heading_rad(horizontal) if float(np.hypot(*offset_m)) > TURN_M else None
+        course = course_rad(horizontal) if float(np.hypot(*offset_m)) > TURN_M else None
         yaw = None if course is None else course + math.radians(self._p.crab_deg)
         return Orders(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
 

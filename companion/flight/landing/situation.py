@@ -127,7 +127,7 @@ class Tally:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class LandingRequest:
     """The operator's request: a point, or None for the best zone; urgent: the one reached soonest."""
 
     enu_m: Vector | None = None

@@ -61,14 +61,14 @@ class CommandReply:
     ----------
     always
         Execute the command each time it arrives; never treat it as a retransmission.
-    stands
+    is_in_effect
         Returns whether the command is still in effect; if not, an equal command is a new one.
     """
 
     result: int
     reason: str = ""
     always: bool = False
-    stands: Callable[[], bool] = lambda: True
+    is_in_effect: Callable[[], bool] = lambda: True
 
     @classmethod
     def accepted(cls, reason: str = "") -> CommandReply:
@@ -81,7 +81,7 @@ class CommandReply:
         return cls(mavlink.MAV_RESULT_DENIED, reason)
 
     @classmethod
-    def later(cls, reason: str) -> CommandReply:
+    def temporarily_rejected(cls, reason: str) -> CommandReply:
         """Return the answer to a command that may succeed at another time."""
         return cls(mavlink.MAV_RESULT_TEMPORARILY_REJECTED, reason)
 
@@ -133,7 +133,7 @@ class CommandServer:
         self.repeated = 0
         self._done: OrderedDict[tuple[int, int], deque[_Done]] = OrderedDict()
 
-    def take(self, message: Any, system: int, component: int, now_ns: int) -> Answer | None:
+    def handle_command(self, message: Any, system: int, component: int, now_ns: int) -> Answer | None:
         """Return the answer to a command, None if it is not addressed to this component."""
         if (message.target_system, message.target_component) != (system, component):
             return None
@@ -177,7 +177,7 @@ def _repeats(old: _Done, newest: bool, confirmation: int, sequence: int, age_ns:
     if confirmation > old.confirmation:
         return age_ns <= COUNTED_REPEAT_NS
     accepted = old.reply.result == mavlink.MAV_RESULT_ACCEPTED
-    return accepted and old.reply.stands() and age_ns <= REPEAT_NS
+    return accepted and old.reply.is_in_effect() and age_ns <= REPEAT_NS
 
 
 def _command(m: Any) -> OperatorCommand:

@@ -73,9 +73,9 @@ class Inbox:
         """Newest state of the vehicle, or of the candidate before it is confirmed."""
         return self.vehicle if self._bound else self._followed
 
-    def take(self, message: Any, now_ns: int) -> bool:
+    def on_message(self, message: Any, now_ns: int) -> bool:
         """Process a message; return whether the followed autopilot sent it."""
-        self.settle(now_ns)
+        self.confirm_vehicle(now_ns)
         kind = message.get_type()
         if kind in ("COMMAND_LONG", "COMMAND_INT") and self._command(message, now_ns):
             return False
@@ -90,13 +90,13 @@ class Inbox:
             self._acknowledgement(message, now_ns)
         else:
             self._reduce(message, now_ns)
-        self.settle(now_ns)
+        self.confirm_vehicle(now_ns)
         return True
 
-    def settle(self, now_ns: int) -> None:
+    def confirm_vehicle(self, now_ns: int) -> None:
         """Confirm the followed system as the vehicle once it was the only one for long enough."""
         found = self._followed
-        if self._bound or found.sysid is None or not self.identity.settle(now_ns):
+        if self._bound or found.sysid is None or not self.identity.confirm(now_ns):
             return
         self._bound, old, self.vehicle = True, self.vehicle, found
         self._codec.system_id = found.sysid
@@ -108,7 +108,7 @@ class Inbox:
         if not is_autopilot(message):
             return
         followed = self.identity.system
-        stranger = self.identity.hear(message, now_ns)
+        stranger = self.identity.on_heartbeat(message, now_ns)
         if stranger is not None:
             log.warning("%s is heard too; ours is system %s", stranger, self.identity.system)
             self.stranger.emit(stranger)
@@ -127,7 +127,7 @@ class Inbox:
         )
 
     def _command(self, message: Any, now_ns: int) -> bool:
-        result = self._server.take(message, self._codec.system_id, self._codec.component_id, now_ns)
+        result = self._server.handle_command(message, self._codec.system_id, self._codec.component_id, now_ns)
         if result is None:
             return False
         self.outgoing.emit(result.ack)
@@ -178,7 +178,7 @@ class Inbox:
                 self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
         if new.position_lla is not None and new.position_lla is not old.position_lla:
             stamp = self._stamp_ns(message, now_ns)
-            believed = self.gate.lets(new.fix, now_ns)
+            believed = self.gate.accepts(new.fix, now_ns)
             if believed and stamp is not None and new.velocity_ned_ms is not None:
                 self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
 

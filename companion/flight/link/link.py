@@ -133,7 +133,7 @@ class Link:
         self._inbox.reason.subscribe(self._tell_reason)
         self._inbox.acknowledged.subscribe(self._commander.acknowledge)
         self._inbox.heartbeat.subscribe(self._heard)
-        self._inbox.rebooted.subscribe(self._streams.restart)
+        self._inbox.rebooted.subscribe(self._streams.reset)
         self._inbox.stranger.subscribe(self._warn_of)
 
     # ---- state ----------------------------------------------------------------------------------
@@ -275,7 +275,7 @@ class Link:
         """Show a text to the pilot (MAV_SEVERITY 0 emergency to 7 debug)."""
         self._send_text(text, severity)
         if self._stop is not None:  # before `run` there is no clock and no receiver
-            self._unheard.note(text, severity, now_ns())
+            self._unheard.record(text, severity, now_ns())
         self.on_text.emit(text, severity)
 
     def _send_text(self, text: str, severity: int) -> None:
@@ -329,8 +329,8 @@ class Link:
         await self._ended.wait()
 
     def _on_up(self) -> None:
-        self._codec.restart()
-        self._streams.restart()
+        self._codec.reset()
+        self._streams.reset()
         self._send_heartbeat()
 
     def _on_bytes(self, data: bytes) -> None:
@@ -338,18 +338,18 @@ class Link:
         try:
             at_ns = now_ns()
             for message in self._codec.decode(data):
-                self._take(message, at_ns)
+                self._on_message(message, at_ns)
         except Exception as error:
             if self._failure is not None and not self._failure.done():
                 self._failure.set_exception(error)
 
-    def _take(self, message: Any, at_ns: int) -> None:
+    def _on_message(self, message: Any, at_ns: int) -> None:
         self.on_frame.emit(message, at_ns)
         name = message.get_type()
-        from_vehicle = self._inbox.take(message, at_ns)
+        from_vehicle = self._inbox.on_message(message, at_ns)
         if from_vehicle:
-            self._rates.note(name, at_ns)
-            self._streams.heard(name, at_ns)
+            self._rates.record(name, at_ns)
+            self._streams.record_arrival(name, at_ns)
         for key in ((name, True), ("*", True), (name, False)):
             if key in self._subscribers and (key[1] or from_vehicle):
                 self._subscribers[key].emit(message, at_ns)
@@ -364,7 +364,7 @@ class Link:
     async def _tick(self) -> None:
         while True:
             at_ns, timeout_ns = now_ns(), round(self._parameters.link_timeout_s * 1e9)
-            self._inbox.settle(at_ns)
+            self._inbox.confirm_vehicle(at_ns)
             if self._alone and self.identity.ambiguous:
                 raise self.identity.error()
             heard_ns = self.vehicle.last_heartbeat_ns
@@ -383,7 +383,7 @@ class Link:
                 result = await self._ask(stream)
                 if result.outcome != "not_connected":
                     answered = result.outcome in ("denied", "unsupported", "failed", "accepted")
-                    self._streams.asked(stream, now_ns(), accepted=result.ok, answered=answered)
+                    self._streams.record_request(stream, now_ns(), accepted=result.ok, answered=answered)
                     continue
             await asyncio.sleep(STREAM_PAUSE_S)  # while the link is down, a request returns without waiting
 
@@ -423,8 +423,8 @@ class Link:
         if not self.connected:
             self._streams.want(wanted(self.vehicle.autopilot, self._parameters.pose_rate_hz))
             self._set_connected(True)
-            again = [] if self._stop is None else self._unheard.again(self._silent_since_ns, now_ns())
-            for text, severity in again:
+            missed = [] if self._stop is None else self._unheard.to_resend(self._silent_since_ns, now_ns())
+            for text, severity in missed:
                 self._send_text(text, severity)
 
     def _set_connected(self, connected: bool) -> None:

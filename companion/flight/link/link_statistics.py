@@ -85,7 +85,7 @@ class RateMeter:
         self._counts: dict[str, int] = {}
         self._rates_hz: dict[str, float] = {}
 
-    def note(self, name: str, now_ns: int) -> None:
+    def record(self, name: str, now_ns: int) -> None:
         """Count a message."""
         self._turn(now_ns)
         self._counts[name] = self._counts.get(name, 0) + 1

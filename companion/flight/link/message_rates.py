@@ -114,9 +114,9 @@ class StreamKeeper:
     def want(self, streams: tuple[Stream, ...]) -> None:
         """Replace the wanted streams; all become due."""
         self._streams = {stream.name: stream for stream in streams}
-        self.restart()
+        self.reset()
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Make all streams due again, after a reboot of the autopilot or a reconnection."""
         for memory in (
             self._heard_ns,
@@ -128,7 +128,7 @@ class StreamKeeper:
         ):
             memory.clear()
 
-    def heard(self, name: str, now_ns: int) -> None:
+    def record_arrival(self, name: str, now_ns: int) -> None:
         """Record the arrival of a message."""
         stream = self._streams.get(name)
         if stream is None or name not in self._asked_ns:
@@ -149,7 +149,7 @@ class StreamKeeper:
         """Return the first stream to request now, None if all arrive."""
         return next((s for s in self._streams.values() if self._is_due(s, now_ns)), None)
 
-    def asked(self, stream: Stream, now_ns: int, *, accepted: bool, answered: bool = True) -> None:
+    def record_request(self, stream: Stream, now_ns: int, *, accepted: bool, answered: bool = True) -> None:
         """Record a request, whether it was answered at all, and whether the autopilot accepted it."""
         self.requests += 1
         name = stream.name

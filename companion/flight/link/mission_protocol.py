@@ -79,7 +79,7 @@ class Transfer(ABC):
         self._due_ns = now_ns + TIMEOUT_NS
         return [question]
 
-    def take(self, message: Any, now_ns: int) -> list[Any]:
+    def on_message(self, message: Any, now_ns: int) -> list[Any]:
         """Process a message of the vehicle and return the answers."""
         if self.outcome is not None or getattr(message, "mission_type", 0) != RALLY:
             return []

@@ -73,7 +73,7 @@ class ParameterReader:
             if self._tries(name) <= TRIES
         ]
 
-    def take(self, message: Any) -> None:
+    def on_message(self, message: Any) -> None:
         """Store a PARAM_VALUE or record a PARAM_ERROR."""
         name = str(message.param_id).rstrip("\0")
         if message.get_type() == "PARAM_ERROR":

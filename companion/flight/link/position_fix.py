@@ -33,7 +33,7 @@ class PositionFix:
             return self.absolute
         return None if self.gps is None else self.gps >= FIX_3D
 
-    def after(self, message: Any) -> PositionFix:
+    def updated(self, message: Any) -> PositionFix:
         """Return the quality updated with one of `MESSAGES`."""
         if message.get_type() == "GPS_RAW_INT":
             return replace(self, gps=int(message.fix_type))
@@ -63,20 +63,20 @@ class PositionGate:
         self._first_ns: int | None = None
         self.is_open = patience_ns is None
         self.refused = 0
-        self._told = False
+        self._warned = False
 
     def close(self) -> None:
         """Restart with no position trusted."""
         self._first_ns, self.is_open = None, self._patience_ns is None
 
-    def lets(self, fix: PositionFix, now_ns: int) -> bool:
+    def accepts(self, fix: PositionFix, now_ns: int) -> bool:
         """Return whether a position that arrives now is trusted."""
         self._first_ns = now_ns if self._first_ns is None else self._first_ns
         if not self.is_open and self._patience_ns is not None:
             silent = fix.good is None and now_ns - self._first_ns >= self._patience_ns
             self.is_open = fix.good is True or silent
         self.refused += not self.is_open
-        if fix.good is False and not self.is_open and not self._told:
-            self._told = True
+        if fix.good is False and not self.is_open and not self._warned:
+            self._warned = True
             log.warning("the autopilot has no fix: its position is not believed yet")
         return self.is_open

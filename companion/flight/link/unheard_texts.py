@@ -15,7 +15,7 @@ class UnheardTexts:
     def __init__(self) -> None:
         self._said: dict[str, tuple[int, int]] = {}  # text -> time, severity
 
-    def note(self, text: str, severity: int, now_ns: int) -> None:
+    def record(self, text: str, severity: int, now_ns: int) -> None:
         """Record a text that was sent, received or not; a repeated text replaces the earlier one."""
         if severity > mavlink.MAV_SEVERITY_WARNING:
             return
@@ -25,7 +25,7 @@ class UnheardTexts:
             mildest = max(severity for _, severity in self._said.values())
             del self._said[next(text for text, (_, severity) in self._said.items() if severity == mildest)]
 
-    def again(self, silent_since_ns: int, now_ns: int) -> list[tuple[str, int]]:
+    def to_resend(self, silent_since_ns: int, now_ns: int) -> list[tuple[str, int]]:
         """Return the texts and severities to send again after the link was silent since a time."""
         return [
             (f"{PREFIX}{(now_ns - at_ns) * 1e-9:.0f} s ago: {text.removeprefix(PREFIX)}", severity)

@@ -101,7 +101,7 @@ class VehicleIdentity:
         The constructor's arguments.
     system
         The system that is followed, None without one.
-    settled
+    confirmed
         Whether that system is confirmed as the vehicle.
     candidates, passed_over
         By system: aircraft heard; autopilots of other types.
@@ -114,7 +114,7 @@ class VehicleIdentity:
         self._begun_ns = 0
         self._listened = False
         self.system: int | None = None
-        self.settled = False
+        self.confirmed = False
         self.candidates: dict[int, Candidate] = {}
         self.passed_over: dict[int, Candidate] = {}
 
@@ -124,19 +124,19 @@ class VehicleIdentity:
 
         A remembered vehicle may be heard last, so then only after the listening time.
         """
-        several_heard = not self.settled and self.named is None and len(self.candidates) > 1
+        several_heard = not self.confirmed and self.named is None and len(self.candidates) > 1
         return several_heard and (self.remembered is None or self._listened)
 
     @property
     def known(self) -> int | None:
         """The vehicle's system if it was named or is confirmed."""
-        return self.named or (self.system if self.settled else None)
+        return self.named or (self.system if self.confirmed else None)
 
     def error(self) -> AmbiguousVehicleError:
         """Return the user's error message for an ambiguous vehicle."""
         return AmbiguousVehicleError(several(self.candidates.values()))
 
-    def hear(self, message: Any, now_ns: int) -> Candidate | None:
+    def on_heartbeat(self, message: Any, now_ns: int) -> Candidate | None:
         """Process an autopilot's heartbeat; return the candidate if it is new and not the vehicle."""
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         heard = Candidate(message.get_srcSystem(), int(message.type), armed)
@@ -147,20 +147,20 @@ class VehicleIdentity:
             return None
         new = heard.system not in self.candidates
         self.candidates[heard.system] = heard
-        if self.settled:
+        if self.confirmed:
             return heard if new and heard.system != self.system else None
         if self.named is not None:
             if heard.system == self.named:
-                self.system, self.settled = heard.system, True
+                self.system, self.confirmed = heard.system, True
         elif heard.system == self.remembered and heard.armed:
-            self.system, self.settled = heard.system, True
+            self.system, self.confirmed = heard.system, True
         elif self.system is None:
             self.system, self._begun_ns = heard.system, now_ns
         return None
 
-    def settle(self, now_ns: int) -> bool:
+    def confirm(self, now_ns: int) -> bool:
         """Confirm the only candidate after the listening time; return whether the vehicle is confirmed."""
-        if self.system is not None and not self.settled:
+        if self.system is not None and not self.confirmed:
             self._listened = now_ns - self._begun_ns >= self._listen_ns
-            self.settled = self._listened and not self.ambiguous
-        return self.settled
+            self.confirmed = self._listened and not self.ambiguous
+        return self.confirmed

@@ -140,7 +140,7 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
             return replace(state, suspect_boot_ms=message.time_boot_ms)
         state = timed
     if kind in FIX_MESSAGES:
-        state = replace(state, fix=state.fix.after(message))
+        state = replace(state, fix=state.fix.updated(message))
     reducer = _REDUCERS.get(kind)
     state = state if reducer is None else reducer(state, message, now_ns)
     found = health.reduce(state.health, message, now_ns)
@@ -199,10 +199,10 @@ def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 
 
 def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    told = _mode(state, m, now_ns)
-    if told is state:
+    reported = _mode(state, m, now_ns)
+    if reported is state:
         return state
-    return replace(told, displaced=m.intended_custom_mode not in (0, m.custom_mode))
+    return replace(reported, displaced=m.intended_custom_mode not in (0, m.custom_mode))
 
 
 def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from companion.flight.geometry.axes import Floats
-from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.mapping.recent_obstacles import RecentObstacles
 from slz import Nearby, SelectedPoint
 
 BAND_M = 2.0
@@ -15,7 +15,7 @@ LEAST_BAND_M = 0.3
 
 
 def height_m(
-    position_enu_m: Floats, now_ns: int, memory: ObstacleMemory, around: Nearby | None, relief_m: float
+    position_enu_m: Floats, now_ns: int, memory: RecentObstacles, around: Nearby | None, relief_m: float
 ) -> float:
     """Return the height over the map, or over fresh returns where the map is unknown; NaN without either.
 

@@ -22,7 +22,7 @@ from companion.flight.mapping.report_invariants import (
 from companion.flight.mapping.window_event import WindowEvent, runs
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
-from companion.runtime.ring_buffer import Recent
+from companion.runtime.ring_buffer import RingBuffer
 from params import Parameters
 from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
 from slz.prior import Source as PriorSource
@@ -54,7 +54,7 @@ class PipelineWorker:
         Event of the first failed report after a success, with the reason.
     on_window
         Event of a window that the pipeline starts on.
-    look
+    display_hook
         Called with the pipeline, in its thread, after a report while no window waits; for displays.
     """
 
@@ -78,7 +78,7 @@ class PipelineWorker:
         self._waiting: tuple[Window, list[int], float] | None = None
         self._windows = 0
         self.on_window: Event[[WindowEvent, Window]] = Event()
-        self.look: Callable[[Pipeline], None] | None = None
+        self.display_hook: Callable[[Pipeline], None] | None = None
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
         self._forget = False
@@ -89,13 +89,13 @@ class PipelineWorker:
         self._busy_since_s: float | None = None
         self.dropped_windows = 0
         self.reports = 0
-        self.latencies_ms = Recent(10_000)
+        self.latencies_ms = RingBuffer(10_000)
 
     async def warm_up(self) -> None:
         """Load or compile all kernels; call it before the heartbeat reports ready."""
         await asyncio.get_running_loop().run_in_executor(self._thread, warm_up, self._parameters)
 
-    def offer(self, scan: Scan, number: int = 0) -> None:
+    def add_scan(self, scan: Scan, number: int = 0) -> None:
         """Add a scan with its sequence number; never blocks."""
         window = self._windower.add(scan)
         numbers, self._numbers = self._numbers, [number] if window is not None else [*self._numbers, number]
@@ -115,7 +115,7 @@ class PipelineWorker:
         self._waiting = (window, numbers, time.perf_counter())
         self._wake.set()
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Drop map and selection: the position estimate moved, and both are misplaced."""
         self._forget = True
         self._select = []
@@ -179,17 +179,17 @@ class PipelineWorker:
             self._windower.window_s = report.choice.window_s
             self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
             self._on_report(report)
-            if self.look is not None and self._waiting is None:
-                await self._show(loop, self.look)
+            if self.display_hook is not None and self._waiting is None:
+                await self._show(loop, self.display_hook)
             if self._waiting is None:
                 await self._prepare(loop)
 
-    async def _show(self, loop: asyncio.AbstractEventLoop, look: Callable[[Pipeline], None]) -> None:
+    async def _show(self, loop: asyncio.AbstractEventLoop, hook: Callable[[Pipeline], None]) -> None:
         """Call the display hook; one that fails is removed, so that the landing goes on."""
         try:
-            await loop.run_in_executor(self._thread, look, self._pipeline)
+            await loop.run_in_executor(self._thread, hook, self._pipeline)
         except Exception:
-            self.look = None
+            self.display_hook = None
             log.exception("the display of the map failed; it is drawn no more")
 
     async def _prepare(self, loop: asyncio.AbstractEventLoop) -> None:

@@ -19,7 +19,7 @@ CAPACITY = 1 << 16
 THIN = 7  # keeps one return in 7: coprime to the number of lasers, so that every laser contributes
 
 
-class ObstacleMemory:
+class RecentObstacles:
     """Thinned returns of the last seconds in the map frame, which the map does not show yet.
 
     A window becomes a map a second or two after it was seen. Memory and time are bounded by a ring buffer of

@@ -43,17 +43,17 @@ class SurveyPrior:
 
     def __init__(self, folder: Path, parameters: Parameters) -> None:
         try:
-            told = json.loads((folder / "survey.json").read_text("utf-8"))
+            document = json.loads((folder / "survey.json").read_text("utf-8"))
         except (OSError, ValueError):
             raise _no(folder, "survey.json") from None
         self._paths = {name: folder / f"{name}.tif" for name in FILES}
         try:
-            _check(folder, told, parameters)
+            _check(folder, document, parameters)
             _check_maps(folder, list(self._paths.values()))
-            crs = CRS.from_wkt(told["crs"])
+            crs = CRS.from_wkt(document["crs"])
             horizontal = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
             self._to_crs = Transformer.from_crs("EPSG:4326", horizontal, always_xy=True)
-            self._unit_m, cell_m = float(told["vertical_unit_m"]), float(told["cells"]["cell_m"])
+            self._unit_m, cell_m = float(document["vertical_unit_m"]), float(document["cells"]["cell_m"])
         except (KeyError, TypeError, AttributeError, ValueError, ProjError) as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:120]
             raise UsageError(
@@ -185,9 +185,9 @@ def _check_maps(folder: Path, paths: list[Path]) -> None:
         raise UsageError(f"--prior {folder}: {names} are not of one survey: survey again")
 
 
-def _check(folder: Path, told: dict[str, Any], parameters: Parameters) -> None:
+def _check(folder: Path, document: dict[str, Any], parameters: Parameters) -> None:
     """Refuse a survey whose safe ground may be unsafe for this vehicle."""
-    theirs = told.get("parameters", {})
+    theirs = document.get("parameters", {})
     for name, larger in (("footprint_m", True), ("relief_m", False), ("safe_slope_deg", False)):
         own, surveyed = float(getattr(parameters, name)), float(theirs.get(name, math.nan))
         fits = surveyed >= own if larger else surveyed <= own

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.runtime.ring_buffer import Recent
+from companion.runtime.ring_buffer import RingBuffer
 
 MOST = 20_000  # samples kept, a quarter of an hour at 20 Hz
 
@@ -23,11 +23,11 @@ class Cadence:
     def __init__(self, hz: float | None) -> None:
         self._period_ms = None if hz is None else 1e3 / hz
         self._last_ns: int | None = None
-        self._intervals_ms = Recent(MOST)
-        self._ages_ms = Recent(MOST)
+        self._intervals_ms = RingBuffer(MOST)
+        self._ages_ms = RingBuffer(MOST)
         self.count = 0
 
-    def note(self, now_ns: int, pose_age_ns: int | None = None) -> None:
+    def record(self, now_ns: int, pose_age_ns: int | None = None) -> None:
         """Record the time of a message and the age of the newest pose sample behind it."""
         if self._last_ns is not None:
             self._intervals_ms.append((now_ns - self._last_ns) * 1e-6)

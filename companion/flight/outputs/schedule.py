@@ -13,7 +13,7 @@ from companion.flight.geometry.axes import Floats, level_frd_m
 from companion.flight.geometry.pose import Pose
 from companion.flight.link.link import Link
 from companion.flight.mapping.clearance import BAND_M, band_m, height_m, obstacle_points_enu_m
-from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.outputs.cadence import Cadence
 from companion.flight.outputs.distance_sensor import downward_distance
 from companion.flight.outputs.landing_status import Status, status_messages
@@ -33,7 +33,7 @@ FARTHEST_M = 50.0
 REPORT_NS = 5_000_000_000
 
 
-class Streams:
+class MessageSchedule:
     """Sender of each message at its own rate, with the newest pose and the newest report.
 
     Parameters
@@ -56,7 +56,7 @@ class Streams:
         self,
         link: Link,
         history: PoseHistory,
-        memory: ObstacleMemory,
+        memory: RecentObstacles,
         parameters: Parameters,
         status: Callable[[], Status],
         ranges: bool = True,
@@ -203,7 +203,7 @@ class Streams:
             return
         self._link.send(message)
         at_ns, newest_ns = now_ns(), self._history.bracketed_until_ns
-        cadence.note(at_ns, None if newest_ns is None else at_ns - newest_ns)
+        cadence.record(at_ns, None if newest_ns is None else at_ns - newest_ns)
 
     def _pose_of_fresh_scans(self) -> Pose | None:
         if not self._ranges:

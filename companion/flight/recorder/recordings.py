@@ -58,7 +58,7 @@ class Recordings:
         self._unsubscribe: Sequence[Unsubscribe] = ()
         self.recorder: Recorder | None = None
 
-    def begin(self, path: Path) -> None:
+    def start_recording(self, path: Path) -> None:
         """Begin recording into a file.
 
         Raises
@@ -80,14 +80,14 @@ class Recordings:
         )
         self.recorder = recorder
 
-    def begin_flight(self, path: Path) -> None:
+    def start_flight_recording(self, path: Path) -> None:
         """Record into a file, or a numbered one if it exists; a failure is only logged."""
         try:
-            self.begin(fresh(path))
+            self.start_recording(fresh(path))
         except (OSError, UsageError) as error:
             log.warning("this flight is not recorded: %s", error)
 
-    async def ask(self, on: bool) -> Reply:
+    async def set_recording(self, on: bool) -> Reply:
         """Begin a recording in the state directory, or end the current one."""
         recorder = self.recorder
         if on == (recorder is not None):
@@ -103,7 +103,7 @@ class Recordings:
         path = self._folder / time.strftime("slz-%Y%m%d-%H%M%S.mcap", time.gmtime())
         try:
             self._folder.mkdir(exist_ok=True)
-            self.begin(path)
+            self.start_recording(path)
         except (OSError, UsageError) as error:
             return Reply(False, f"cannot record: {error}")
         return Reply(True, f"recording {path.name}")

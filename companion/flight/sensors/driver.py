@@ -294,7 +294,7 @@ class UdpLidar(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Store a packet for the next batch."""
         try:
-            self.stream.take(data, addr[0], now_ns())
+            self.stream.add_packet(data, addr[0], now_ns())
         except Exception as error:
             self._fail(error)
         if len(self.stream) >= BATCH_PACKETS:

@@ -51,7 +51,7 @@ class MavlinkLidar:
 
     async def run(self) -> None:
         """Receive until cancelled."""
-        end = self._link.subscribe("*", self._ranges.take)
+        end = self._link.subscribe("*", self._ranges.on_message)
         try:
             await asyncio.get_running_loop().create_future()
         finally:

@@ -67,7 +67,7 @@ class MavlinkRanges:
         self.counters = RangeCounters()
         self.last_arrival_ns: int | None = None
 
-    def take(self, message: Any, now_ns: int) -> None:
+    def on_message(self, message: Any, now_ns: int) -> None:
         """Process a message of the autopilot; messages without ranges or attitude are ignored."""
         kind = message.get_type()
         if kind == "ATTITUDE_QUATERNION":

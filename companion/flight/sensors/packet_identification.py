@@ -19,7 +19,7 @@ NAMES = {"livox": "a Livox Mid-360", "velodyne": "a Velodyne", "ouster": "an Ous
 }
 
 
-def lookalike(packet: bytes) -> str | None:
+def identify_packet(packet: bytes) -> str | None:
     """Return the kind of sensor, as in its URL, that seems to have sent a packet, None if unknown."""
     if packet[:4] in OWN:
         return OWN[packet[:4]]

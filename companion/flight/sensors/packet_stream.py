@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any, Protocol
 
 from companion.flight.sensors.device_clock import SensorClock
-from companion.flight.sensors.packet_identification import NAMES, lookalike
+from companion.flight.sensors.packet_identification import NAMES, identify_packet
 from companion.flight.sensors.returns import RawReturns, Returns
 from companion.flight.sensors.synchronised_clock import SynchronisedClock
 from companion.runtime.clock import WallOffset
@@ -42,7 +42,7 @@ class Decoder(Protocol):
     def check(self, packet: bytes) -> int | None:
         """Return the sensor's time of a packet's last point (ns), or None, counted, if it is invalid."""
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
 
     def drain(self) -> RawReturns:
@@ -121,7 +121,7 @@ class PacketStream:
         """Return the number of packets waiting to be decoded."""
         return len(self._decoder)
 
-    def take(self, packet: bytes, host: str, arrival_ns: int) -> None:
+    def add_packet(self, packet: bytes, host: str, arrival_ns: int) -> None:
         """Store a packet for the next batch; an invalid one is counted and dropped."""
         try:
             stamp_ns = self._decoder.check(packet)
@@ -141,7 +141,7 @@ class PacketStream:
             self.flush(arrival_ns)  # the earlier packets belong to the clock before its jump
         self._clock.observe(stamp_ns, arrival_ns)
         try:
-            self._decoder.take(packet)
+            self._decoder.add_packet(packet)
         except Exception:
             self._fail([(arrival_ns, packet)])
             return
@@ -162,7 +162,7 @@ class PacketStream:
         self._decoded_ns = kept[-1][0]
         if len(raw):
             self._rate.add(now_ns, len(raw))
-            self._on_returns(raw.later(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
+            self._on_returns(raw.shifted(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of packets and returns, and of dropped data by reason."""
@@ -200,7 +200,7 @@ class PacketStream:
 
     def _suspect(self, packet: bytes, host: str) -> None:
         """Log once that another maker's sensor sends to this port."""
-        found = lookalike(packet)
+        found = identify_packet(packet)
         if found is None or found == self.kind:
             return
         if not self._wrong_sensor:

@@ -29,7 +29,7 @@ class RawReturns:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def later(self, offset_ns: int) -> Returns:
+    def shifted(self, offset_ns: int) -> Returns:
         """Return the returns on a clock that is ahead of the sensor's by `offset_ns`."""
         stamps = self.stamp_ns + offset_ns
         return Returns(
@@ -93,7 +93,7 @@ class Returns:
         none, one = np.zeros(len(stamp_ns), np.uint8), np.ones(len(stamp_ns), np.uint8)
         return cls(xyz_sensor_m, stamp_ns, none if intensity is None else intensity, none, one, one)
 
-    def part(self, which: slice | NDArray[np.bool_]) -> Returns:
+    def select(self, which: slice | NDArray[np.bool_]) -> Returns:
         """Return a selection of the returns, in their order."""
         arrays = [np.ascontiguousarray(getattr(self, name)[which]) for name in _arrays(self)]
         return Returns(*arrays, most_pitch_rad=self.most_pitch_rad)

@@ -49,7 +49,7 @@ class SerialLidar:
         failed: BaseException | None = None
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._transport.run(self._take), name="lidar line")
+                group.create_task(self._transport.run(self._add_bytes), name="lidar line")
                 group.create_task(self._ask(), name="lidar requests")
                 group.create_task(self._flush(), name="lidar batches")
         except* CompanionError as failures:
@@ -57,8 +57,8 @@ class SerialLidar:
         if failed is not None:
             raise failed from None
 
-    def _take(self, data: bytes) -> None:
-        self.stream.take(data, "", now_ns())
+    def _add_bytes(self, data: bytes) -> None:
+        self.stream.add_packet(data, "", now_ns())
 
     async def _ask(self) -> None:
         while True:

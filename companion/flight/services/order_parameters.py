@@ -63,7 +63,7 @@ class OrderParameters:
 
     @property
     def stored(self) -> OrderParameters:
-        """Holder of the values, as `Keeper` requires."""
+        """Holder of the values, as `ParameterHolder` requires."""
         return self
 
     @property

@@ -23,7 +23,7 @@ from params import Row, allowed
 LIST_INTERVAL_NS = 50_000_000
 
 
-class Keeper(Protocol):
+class ParameterHolder(Protocol):
     """Holder of some parameters; `stored` has an attribute for the name of each row."""
 
     @property
@@ -40,7 +40,7 @@ class ParameterServer:
 
     Parameters
     ----------
-    keepers
+    holders
         Holders of the values; they refuse invalid ones.
 
     Attributes
@@ -49,22 +49,22 @@ class ParameterServer:
         Whether integers are encoded bytewise (PX4) or by value (ArduPilot).
     changed, refused
         Counts of changes and of refusals.
-    told
+    on_change_result
         Event (text, accepted) of a change, for the pilot's screen.
     """
 
-    def __init__(self, *keepers: Keeper) -> None:
-        self._keepers = [keeper for keeper in keepers for _ in keeper.rows]
-        self._rows = [row for keeper in keepers for row in keeper.rows]
+    def __init__(self, *holders: ParameterHolder) -> None:
+        self._holders = [holder for holder in holders for _ in holder.rows]
+        self._rows = [row for holder in holders for row in holder.rows]
         self._index = {row.mavlink: i for i, row in enumerate(self._rows)}
         self._waiting: deque[int] = deque()
         self._next_ns = 0
-        self.told: Event[[str, bool]] = Event()
+        self.on_change_result: Event[[str, bool]] = Event()
         self.bytewise = False
         self.changed = 0
         self.refused = 0
 
-    def take(self, message: Any, system: int, component: int) -> list[Any]:
+    def on_message(self, message: Any, system: int, component: int) -> list[Any]:
         """Return the answers to a PARAM_SET or PARAM_REQUEST_READ; queue those to a PARAM_REQUEST_LIST.
 
         A message for other components gets none; a wrong one for this component alone gets PARAM_ERROR.
@@ -100,12 +100,12 @@ class ParameterServer:
         value = self._decode(row, message)
         change = Change(False, f"{row.mavlink}: must be {allowed(row)}")
         if value is not None:
-            change = self._keepers[index].change(row.name, value)
+            change = self._holders[index].change(row.name, value)
         if change.reason:
-            self.told.emit(f"SLZ: {change.reason}", change.accepted)
+            self.on_change_result.emit(f"SLZ: {change.reason}", change.accepted)
         if change.accepted:
             self.changed += bool(change.reason)
-            if value != getattr(self._keepers[index].stored, row.name) and index not in self._waiting:
+            if value != getattr(self._holders[index].stored, row.name) and index not in self._waiting:
                 self._waiting.append(index)  # an order: the answer echoes it, the list sends the real value
             return [self._value(index, value)]
         self.refused += 1
@@ -114,7 +114,7 @@ class ParameterServer:
     def _value(self, index: int, value: Any = None) -> Any:
         row = self._rows[index]
         if value is None:
-            value = getattr(self._keepers[index].stored, row.name)
+            value = getattr(self._holders[index].stored, row.name)
         kind = mavlink.MAV_PARAM_TYPE_REAL32 if row.kind is float else mavlink.MAV_PARAM_TYPE_INT32
         number = row.choices.index(value) if row.choices else value
         if row.kind is not float and self.bytewise:

@@ -155,7 +155,7 @@ class Rally:
         out = self._transfer.poll(now_ns)
         return out + self._go_on(now_ns, vehicle, us)
 
-    def hear(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
+    def on_message(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
         """Process a message of the mission protocol from any sender, and return the answers."""
         if message.get_type() not in TRANSFERS:
             return []
@@ -166,7 +166,7 @@ class Rally:
             return []
         if self._transfer is None or sender != (vehicle, mavlink.MAV_COMP_ID_AUTOPILOT1):
             return []
-        return self._transfer.take(message, now_ns) + self._go_on(now_ns, vehicle, us)
+        return self._transfer.on_message(message, now_ns) + self._go_on(now_ns, vehicle, us)
 
     def _calls_for(self, wanted: tuple[RallyPoint, ...], now_ns: int) -> bool:
         if now_ns < self._next_ns or self._others_are_at_it(now_ns):

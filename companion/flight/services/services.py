@@ -14,7 +14,7 @@ from companion.flight.link.link import Link
 from companion.flight.link.mission_protocol import RallyPoint
 from companion.flight.link.wire.signing import HIGHEST_TICK, Signing
 from companion.flight.link.wire.signing_key import read_key
-from companion.flight.services.parameter_server import Keeper, ParameterServer
+from companion.flight.services.parameter_server import ParameterHolder, ParameterServer
 from companion.flight.services.rally_points import TRANSFERS, Rally, best_points
 from companion.flight.services.settings import Settings
 from companion.runtime.clock import now_ns
@@ -76,7 +76,7 @@ class Services:
         signing: Signing | None = None,
         state: StateDir | None = None,
         report: Callable[[], Report | None] = lambda: None,
-        orders: tuple[Keeper, ...] = (),
+        orders: tuple[ParameterHolder, ...] = (),
     ) -> None:
         self._link = link
         self._settings = settings
@@ -87,7 +87,7 @@ class Services:
         self._state = state
         self._unsynced = False
         self.parameters = ParameterServer(settings, *orders)
-        self.parameters.told.subscribe(self._tell)
+        self.parameters.on_change_result.subscribe(self._tell)
         for name in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
             link.subscribe(name, self._parameter, anyone=True)
         self._remembered = () if state is None else _read_points(state)
@@ -111,14 +111,14 @@ class Services:
 
     def _parameter(self, message: Any, _at_ns: int) -> None:
         self.parameters.bytewise = self._link.vehicle.autopilot == "px4"
-        for answer in self.parameters.take(message, self._link.system_id, self._link.component_id):
+        for answer in self.parameters.on_message(message, self._link.system_id, self._link.component_id):
             self._link.send(answer)
 
     def _mission(self, message: Any, at_ns: int) -> None:
         link = self._link
         if link.vehicle.sysid is not None:
             us = (link.system_id, link.component_id)
-            self._send_mission(self.rally.hear(message, at_ns, link.vehicle.sysid, us))
+            self._send_mission(self.rally.on_message(message, at_ns, link.vehicle.sysid, us))
 
     def _keep_rally_points(self) -> None:
         link = self._link

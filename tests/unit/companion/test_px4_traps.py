@@ -54,7 +54,7 @@ def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, orders: Orders) -> No
     """Let the application carry out orders."""
     monkeypatch.setattr(made.executive, "step", lambda _situation: orders)
     made.link._inbox.vehicle = replace(IN_FLIGHT, last_heartbeat_ns=now_ns())
-    made.decisions.step()
+    made.decisions.run_once()
 
 
 @pytest.mark.parametrize(("kind", "numbers"), [("land", (4.0, 9.0)), ("guided", (6.0, 0.0))])

@@ -12,7 +12,7 @@ from typing import Any
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.flight.sensors.driver import BATCH_PACKETS, decoder_for, description
-from companion.flight.sensors.packet_identification import lookalike
+from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.runtime.errors import UsageError
 
@@ -70,7 +70,8 @@ class CapturedPackets:
 
     def _kind(self, path: Path) -> str:
         """Return the most frequent kind of sensor among the first packets."""
-        kinds = Counter(lookalike(datagram.data) for datagram in islice(self._capture.datagrams(), LOOKED_AT))
+        packets = (datagram.data for datagram in islice(self._capture.datagrams(), LOOKED_AT))
+        kinds = Counter(map(identify_packet, packets))
         n_udp = kinds.total()
         del kinds[None]
         if not kinds:
@@ -88,7 +89,7 @@ class _BatchDecoder:
         self._flushed_ns = 0
 
     def __call__(self, datagram: Datagram) -> None:
-        self._stream.take(datagram.data, datagram.host, datagram.at_ns)
+        self._stream.add_packet(datagram.data, datagram.host, datagram.at_ns)
         if len(self._stream) >= BATCH_PACKETS or datagram.at_ns - self._flushed_ns >= BATCH_NS:
             self._stream.flush(datagram.at_ns)
             self._flushed_ns = datagram.at_ns

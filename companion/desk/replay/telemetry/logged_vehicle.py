@@ -24,7 +24,7 @@ def vehicle_of(path: Path, log: TelemetryLog, named: int | None) -> int | None:
     identity = VehicleIdentity(named, listen_ns=sys.maxsize)
     for logged in log.only(mavlink.MAVLINK_MSG_ID_HEARTBEAT):
         if is_autopilot(logged.message):
-            identity.hear(logged.message, logged.at_ns)
+            identity.on_heartbeat(logged.message, logged.at_ns)
     heard = identity.candidates | identity.passed_over
     if named is not None and named not in heard:
         others = ", ".join(map(str, heard.values())) or "none"

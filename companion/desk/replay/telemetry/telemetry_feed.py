@@ -76,7 +76,7 @@ class TelemetryFeed:
         )
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
-        inbox.rebooted.subscribe(rerun.history.begin_anew)
+        inbox.rebooted.subscribe(rerun.history.clear)
         hear = _LogHandler(inbox, rerun)
         heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
         return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
@@ -98,7 +98,7 @@ class _LogHandler:
             self._quaternions = True
         elif ours and kind == "ATTITUDE" and not self._quaternions:
             message = quaternion_of(message)
-        self._inbox.take(message, logged.at_ns)
+        self._inbox.on_message(message, logged.at_ns)
         self._rerun.standing = self._inbox.vehicle.landed == "on_ground"
 
 

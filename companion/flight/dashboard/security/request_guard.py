@@ -11,7 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from companion.flight.dashboard.security.access import COOKIE, Role
 from companion.flight.dashboard.security.throttle import LONGEST_S, TooManyGuessesError
-from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.security.token_check import TokenCheck
 
 log = logging.getLogger(__name__)
 
@@ -33,14 +33,14 @@ HEADERS = {
 class Guard:
     """ASGI middleware that passes a request with its role in the scope."""
 
-    def __init__(self, app: ASGIApp, door: Door) -> None:
-        self._app, self._door = app, door
+    def __init__(self, app: ASGIApp, token_check: TokenCheck) -> None:
+        self._app, self._token_check = app, token_check
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         channel = scope["type"] == "websocket"
         acts = channel or scope["method"] not in SAFE_METHODS
-        why = self._door.access.refuses(headers, acts=acts)
+        why = self._token_check.access.refuses(headers, acts=acts)
         found = PlainTextResponse(why, 403) if why else await self._judge(scope, headers)
         if isinstance(found, Response):
             await self._refuse(scope, receive, send, found)
@@ -53,7 +53,7 @@ class Guard:
         is_open, role = scope["path"] in OPEN, None
         if not is_open:
             try:
-                role = await self._door.role(address_of(scope), token_of(headers))
+                role = await self._token_check.role(address_of(scope), token_of(headers))
             except TooManyGuessesError:
                 return PlainTextResponse(WAIT, 429, {"retry-after": f"{LONGEST_S:.0f}"})
         if role is None and not is_open:

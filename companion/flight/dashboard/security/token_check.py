@@ -16,7 +16,7 @@ from companion.flight.dashboard.security.throttle import Throttle, TooManyGuesse
 MOST_KNOWN = 256
 
 
-class Door:
+class TokenCheck:
     """Access control with a memory of addresses that outlasts a restart of the page.
 
     A token once accepted is known for its address: an open page, its reconnections and its orders never wait,

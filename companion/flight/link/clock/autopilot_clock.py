@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Literal
 
-from companion.flight.link.clock.least_delay import LeastDelay
+from companion.flight.link.clock.minimum_delay import MinimumDelay
 from companion.flight.link.clock.timesync import TimeSync
 
 Source = Literal["none", "arrival", "timesync"]
@@ -50,11 +50,11 @@ class AutopilotClock:
         self.timesync = TimeSync(salt)
         self.implausible = 0
         self.delays_ns: deque[int] = deque(maxlen=DELAYS)
-        self._arrivals = LeastDelay()
+        self._arrivals = MinimumDelay()
         self._resets = 0
         self._doubts = 0
         self._heard = False
-        self._least = LeastDelay()
+        self._least = MinimumDelay()
         self._late_since_ns: int | None = None
         self._mapping: tuple[int, bool] = (0, False)
         self.certain_ns: int | None = None
@@ -75,7 +75,7 @@ class AutopilotClock:
         self._heard = True
         anew = self._note_mapping()
         if self.timesync.resets != self._resets:  # discard the least delay from before the clock's jump
-            self._resets, self._arrivals = self.timesync.resets, LeastDelay()
+            self._resets, self._arrivals = self.timesync.resets, MinimumDelay()
         autopilot_ns = self._whole_ns(boot_ms, now_ns)
         stamp = autopilot_ns + self._arrivals.add(autopilot_ns, now_ns)
         if self.timesync.synced:
@@ -152,9 +152,9 @@ class AutopilotClock:
     def reset(self) -> None:
         """Start over after a reboot of the autopilot."""
         self.timesync.reset()
-        self._arrivals = LeastDelay()
+        self._arrivals = MinimumDelay()
         self._doubts = 0
         self._late_since_ns = None
-        self._least = LeastDelay()
+        self._least = MinimumDelay()
         self._heard = False
         self.delays_ns.clear()

@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 from statistics import median
 
-from companion.flight.link.clock.least_delay import LeastDelay
+from companion.flight.link.clock.minimum_delay import MinimumDelay
 
 FAST_NS = 200_000_000
 HURRY_NS = 50_000_000  # between requests while the offset is in doubt
@@ -68,7 +68,7 @@ class TimeSync:
 
     def __init__(self, salt: int = 0) -> None:
         self._salt = salt
-        self._trips = LeastDelay()
+        self._trips = MinimumDelay()
         self._slow_since_ns: int | None = None  # since when no exchange has been quick
         self._pending: dict[int, int] = {}  # stamp sent -> time of sending
         self._next_ns: int | None = None
@@ -133,7 +133,7 @@ class TimeSync:
         self._pending.clear()
         self._next_ns = None
         self.resets += 1
-        self._trips = LeastDelay()
+        self._trips = MinimumDelay()
         self._clear()
 
     def _add(self, exchange: Exchange) -> None:

@@ -72,12 +72,12 @@ class Transport:
             machine's, a device without permission.
         """
 
-        def take(data: bytes) -> None:
+        def receive(data: bytes) -> None:
             self._heard = True
             on_bytes(data)
 
         while True:
-            channel = await self._open(take)
+            channel = await self._open(receive)
             if channel is not None:
                 self._channel, self._heard = channel, False
                 self.opened += 1

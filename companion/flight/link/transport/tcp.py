@@ -44,7 +44,7 @@ class ServerChannel:
 
     def _accept(self) -> StreamChannel:
         framer = Framer()
-        client = StreamChannel(lambda data: self._on_bytes(framer.whole(data)))
+        client = StreamChannel(lambda data: self._on_bytes(framer.complete_bytes(data)))
         self._clients.add(client)
         client.lost.add_done_callback(lambda _: self._clients.discard(client))
         return client

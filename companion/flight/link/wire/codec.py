@@ -128,13 +128,13 @@ class Codec:
         self.sent += 1
         return frame
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Discard partial frames and sequence numbers, because the channel is a new one."""
         self._framer.reset()
         self._sequences.clear()
 
     def _believed(self, frame: bytearray, signing: Signing) -> bool:
-        verdict = signing.judge(frame)
+        verdict = signing.verify(frame)
         if verdict in ("good", "allowed"):
             return True
         name = mavlink.mavlink_map[message_id(frame)].msgname

@@ -42,10 +42,10 @@ class Framer:
             length = self._frame_length()
             if length is None or len(self._buffer) < length:
                 return
-            yield from self._take(length)
+            yield from self._accept_frame(length)
         self._skip(len(self._buffer))
 
-    def whole(self, data: bytes) -> bytes:
+    def complete_bytes(self, data: bytes) -> bytes:
         """Add bytes and return all bytes so far except those of an incomplete frame."""
         taken = bytes(self._buffer) + data
         for _ in self.feed(data):
@@ -71,7 +71,7 @@ class Framer:
             return 1  # unsupported incompatibility flags: not a frame for us
         return 12 + buffer[1] + (SIGNATURE_BYTES if buffer[2] & _SIGNED else 0)
 
-    def _take(self, length: int) -> Iterator[bytearray]:
+    def _accept_frame(self, length: int) -> Iterator[bytearray]:
         frame = self._buffer[:length]
         message = mavlink.mavlink_map.get(message_id(frame)) if length > 1 else None
         if message is not None and _fits(frame, message) and _checksum_ok(frame, message.crc_extra):

@@ -91,7 +91,7 @@ class Signing:
         self._saved_tick = self._tick
         return self._tick
 
-    def judge(self, frame: bytes | bytearray) -> Verdict:
+    def verify(self, frame: bytes | bytearray) -> Verdict:
         """Return the verdict on a whole frame, and count it."""
         verdict = self._verdict(bytes(frame))
         setattr(self, verdict, getattr(self, verdict) + 1)

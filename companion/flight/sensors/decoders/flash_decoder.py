@@ -65,7 +65,7 @@ class FlashDecoder:
             return None
         return head.stamp_ns
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a row."""
         head = _header(packet)
         if head is None:

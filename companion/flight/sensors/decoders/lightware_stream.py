@@ -60,8 +60,8 @@ class LightwareStream:
         """Return the number of chunks waiting to be decoded."""
         return len(self._kept)
 
-    def take(self, data: bytes, host: str, arrival_ns: int) -> None:
-        """Store bytes for the next batch."""
+    def add_packet(self, data: bytes, host: str, arrival_ns: int) -> None:
+        """Store a chunk of the byte stream for the next batch."""
         self._kept.append((arrival_ns, data))
 
     def flush(self, now_ns: int) -> None:

@@ -99,7 +99,7 @@ class LivoxDecoder:
         last_ns: int = stamp + interval * 100
         return last_ns
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
         checked, header = self._sound
         if checked is not packet:
@@ -138,7 +138,7 @@ class LivoxDecoder:
         """Check and decode packets together; without any return the arrays are empty."""
         for packet in packets:
             if self.check(packet) is not None:
-                self.take(packet)
+                self.add_packet(packet)
         return self.drain()
 
     def _count_lost(self, udp_count: int) -> None:

@@ -116,7 +116,7 @@ class LivoxControl:
         self._sequence = (self._sequence + 1) & 0xFFFF
         return encode(Frame(SET_PARAMETERS, self._sequence, REQUEST, self._data))
 
-    def take(self, data: bytes) -> bool:
+    def on_datagram(self, data: bytes) -> bool:
         """Process a datagram of the sensor; return whether it answers the last request."""
         frame = decode(data)
         if frame is None or (frame.kind, frame.command, frame.sequence) != (

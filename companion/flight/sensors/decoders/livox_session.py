@@ -65,7 +65,7 @@ class LivoxSession(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Process an answer."""
-        if self._control is not None and self._control.take(data) and not self._heard:
+        if self._control is not None and self._control.on_datagram(data) and not self._heard:
             self._heard = True
             log.info("LiDAR at %s answers", self._sensor[0])
 

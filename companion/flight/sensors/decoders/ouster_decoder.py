@@ -141,8 +141,8 @@ def _check_size(form: Any) -> None:
     rows, columns = int(form.pixels_per_column), int(form.columns_per_frame)
     packet = int(form.columns_per_packet)
     if not (0 < rows <= MOST_ROWS and 0 < columns <= MOST_COLUMNS and 0 < packet <= columns):
-        told = f"{rows} rows, {columns} columns, {packet} of them in a packet"
-        raise UsageError(f"LiDAR ouster: its metadata tells of {told}: fetch it again from the sensor")
+        layout = f"{rows} rows, {columns} columns, {packet} of them in a packet"
+        raise UsageError(f"LiDAR ouster: its metadata tells of {layout}: fetch it again from the sensor")
 
 
 def _by_column(rows_columns: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -201,7 +201,7 @@ class OusterDecoder:
             return None
         return int(columns.stamp_ns[-1])
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
         self.counters.packets += 1
         self._count_lost(self._format.place(np.frombuffer(packet, np.uint8)))
@@ -218,7 +218,7 @@ class OusterDecoder:
         """Check and decode packets together; without any return the arrays are empty."""
         for packet in packets:
             if self.check(packet) is not None:
-                self.take(packet)
+                self.add_packet(packet)
         return self.drain()
 
     def _decode(self, packets: list[bytes]) -> RawReturns:

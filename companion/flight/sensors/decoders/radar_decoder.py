@@ -93,7 +93,7 @@ class RadarDecoder:
             return None
         return line.stamp_ns
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a line."""
         line = _line(packet)
         if line is None:

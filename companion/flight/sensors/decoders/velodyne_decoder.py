@@ -90,7 +90,7 @@ class VelodyneDecoder:
             return None
         return self._stamp_ns(packet) + _duration_ns(packet) - SEQUENCE_NS + LAST_LASER_NS
 
-    def take(self, packet: bytes) -> None:
+    def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
         stamp_ns = self._stamp_ns(packet)
         self.counters.packets += 1
@@ -123,7 +123,7 @@ class VelodyneDecoder:
         """Check and decode packets together; without any return the arrays are empty."""
         for packet in packets:
             if self.check(packet) is not None:
-                self.take(packet)
+                self.add_packet(packet)
         return self.drain()
 
     def _stamp_ns(self, packet: bytes) -> int:

@@ -18,7 +18,7 @@ from rich.logging import RichHandler
 import params
 from companion.cli import console, program, vehicle_run
 from companion.desk.figures import flight_figures
-from companion.flight.dashboard.page import Front
+from companion.flight.dashboard.page import PageEndpoint
 from companion.runtime.event import Event
 from params import Parameters
 from tests.unit.companion.desk.replay import flights
@@ -237,7 +237,7 @@ def test_demo_refuses_what_means_nothing_before_anything_starts(
 def test_demo_serves_the_page_unless_it_is_headless_and_nobody_asked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture, words: list[str], live: bool, page: bool
 ) -> None:
-    def flown(*_: object, live: bool, front: Front | None) -> dict[str, object]:
+    def flown(*_: object, live: bool, front: PageEndpoint | None) -> dict[str, object]:
         shown.append((live, front is not None))
         return {"landed": True, "touchdown_safe": True}
 

@@ -52,7 +52,7 @@ class Cockpit:
     async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
         heard_ns = now_ns() - round(heard_s_ago * 1e9)
         self.companion.link._inbox.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
-        self.companion.decisions.step()
+        self.companion.decisions.run_once()
         await asyncio.sleep(0.01)
 
     def velocities(self) -> list[tuple[float, float, float]]:
@@ -249,8 +249,8 @@ async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
 ) -> None:
     async with cockpit(monkeypatch) as seat:
         companion, begun, offered = seat.companion, [], []
-        monkeypatch.setattr(companion.worker, "restart", lambda: begun.append("map"))
-        monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        monkeypatch.setattr(companion.worker, "reset", lambda: begun.append("map"))
+        monkeypatch.setattr(companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
         companion.link.ready = True
         companion.feed.add_lidar_scan(scan(1))
         companion.feed.add_radar_scan(scan(2))
@@ -270,9 +270,9 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
     """Else the map's end would take the point that the executive has just moved with the estimate."""
     async with cockpit(monkeypatch) as seat:
         companion, point, done, offered = seat.companion, np.array([1.0, 2.0, 0.0]), [], []
-        monkeypatch.setattr(companion.worker, "restart", lambda: done.append("map"))
+        monkeypatch.setattr(companion.worker, "reset", lambda: done.append("map"))
         monkeypatch.setattr(companion.worker, "select", lambda _point: done.append("point"))
-        monkeypatch.setattr(companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        monkeypatch.setattr(companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
         companion.link.ready = True
         seat.orders = Orders(select_enu_m=point)
         companion.history.epoch += 1
@@ -286,7 +286,7 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
 async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         begun: list[str] = []
-        monkeypatch.setattr(seat.companion.worker, "restart", lambda: begun.append("map"))
+        monkeypatch.setattr(seat.companion.worker, "reset", lambda: begun.append("map"))
         seat.companion.feed.add_lidar_scan(scan(1))
         seat.companion.link.on_reboot.emit()
         seat.companion.feed.add_lidar_scan(scan(2))
@@ -296,7 +296,7 @@ async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.Mo
 async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         offered: list[Scan] = []
-        monkeypatch.setattr(seat.companion.worker, "offer", lambda scan, _number: offered.append(scan))
+        monkeypatch.setattr(seat.companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
         seat.companion.link.ready = False
         seat.companion.feed.add_lidar_scan(scan(1))
         assert offered == []

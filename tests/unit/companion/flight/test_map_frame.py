@@ -79,7 +79,7 @@ def test_from_the_hand_over_to_the_landing_the_frame_stays(made: Companion, phas
 def test_the_selection_and_the_path_follow(made: Companion) -> None:
     situation = Flight([zone(1, 5.0, 5.0)]).situation
     made.executive.step(situation())
-    made.executive.watch(POINT)
+    made.executive.select_point(POINT)
     made.executive.step(situation())
     for east_m in (0.0, 1000.0, 2398.0):
         made.path_enu_m.append(np.array([east_m, 0.0, 0.0]))
@@ -102,10 +102,10 @@ async def test_the_map_begins_anew_and_the_recording_tells(
     frames: list[Any] = []
     made.recordings.recorder = SimpleNamespace(frame_begun=frames.append)  # type: ignore[assignment]
     begun: list[str] = []
-    monkeypatch.setattr(made.worker, "restart", lambda: begun.append("map"))
+    monkeypatch.setattr(made.worker, "reset", lambda: begun.append("map"))
     fly(made, 30.0, 2400.0)
-    made.decisions.step()
-    made.decisions.step()
+    made.decisions.run_once()
+    made.decisions.run_once()
     assert begun == ["map"]
     assert frames == [made.history.frame]
     made.recordings.recorder = None

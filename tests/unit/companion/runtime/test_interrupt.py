@@ -36,8 +36,8 @@ def test_a_signal_is_raised_once_and_said_once(
         come(number)
     assert raised.value.exit_code == code
     come(number)
-    interrupts.say()
-    interrupts.say()
+    interrupts.report()
+    interrupts.report()
     assert capsys.readouterr().err == f"slz: {raised.value}\n"
 
 

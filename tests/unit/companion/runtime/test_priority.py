@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from companion.runtime.priority import SWITCH_S, real_time
+from companion.runtime.priority import SWITCH_S, real_time_priority
 
 
 def test_the_class_and_the_switch_interval_are_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     monkeypatch.setattr(os, "sched_setscheduler", lambda _pid, policy, _param: asked.append(policy))
     before = sys.getswitchinterval()
-    with real_time() as allowed:
+    with real_time_priority() as allowed:
         assert allowed
         assert sys.getswitchinterval() == pytest.approx(SWITCH_S)
     assert asked == [os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_getscheduler(0)]
@@ -28,6 +28,6 @@ def test_where_it_is_not_allowed_everything_stays_as_it_is(monkeypatch: pytest.M
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     before = sys.getswitchinterval()
-    with real_time() as allowed:
+    with real_time_priority() as allowed:
         assert not allowed
         assert sys.getswitchinterval() == before

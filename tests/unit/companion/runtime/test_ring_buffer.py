@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from companion.runtime.ring_buffer import Recent
+from companion.runtime.ring_buffer import RingBuffer
 
 
 def test_the_newest_are_kept_the_oldest_of_them_first() -> None:
-    recent = Recent(3)
+    recent = RingBuffer(3)
     assert not recent
     for value in range(5):
         recent.append(value)
@@ -21,7 +21,7 @@ def test_the_newest_are_kept_the_oldest_of_them_first() -> None:
 
 
 def test_rows_are_places_and_what_is_given_out_is_a_copy() -> None:
-    recent = Recent(4, (3,))
+    recent = RingBuffer(4, (3,))
     assert recent.array().shape == (0, 3)
     recent.append(np.array([1.0, 2.0, 3.0]))
     recent.last[:] = 9.0
@@ -30,7 +30,7 @@ def test_rows_are_places_and_what_is_given_out_is_a_copy() -> None:
 
 
 def test_nothing_is_left_after_it_is_cleared() -> None:
-    recent = Recent(2)
+    recent = RingBuffer(2)
     recent.append(1.0)
     recent.clear()
     assert not recent

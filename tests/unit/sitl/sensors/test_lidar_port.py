@@ -75,7 +75,7 @@ def test_the_paper_s_scanner_fills_its_cone_and_comes_out_of_the_livox_driver() 
     decoder = LivoxDecoder()
     for packet in packets:
         assert decoder.check(packet) is not None
-        decoder.take(packet)
+        decoder.add_packet(packet)
     raw = decoder.drain()
     unit = raw.xyz_m / np.linalg.norm(raw.xyz_m, axis=1, keepdims=True)
     angle_deg = np.degrees(np.arccos(np.clip(unit[:, 0], -1, 1)))

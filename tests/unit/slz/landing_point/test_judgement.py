@@ -427,7 +427,7 @@ def test_the_point_of_the_pipeline_keeps_the_executive_up_until_the_near_map_has
     place = np.array([22.0, 0.0, 0.0])
     pipe.select(place)
     aim = Aim()
-    aim.take(place)
+    aim.set_target(place)
     for second, east_m, state in ((1, 0.0, PointState.UNKNOWN), (2, 15.0, PointState.SAFE)):
         point = selected(over(pipe, square(30, 0.25), second, east_m))
         assert point.state is PointState.SAFE

@@ -409,7 +409,7 @@ def test_orders_in_a_log_are_not_carried_out_again(
 ) -> None:
     """The log's ground station spoke to a companion such as this one."""
     asked: list[Any] = []
-    monkeypatch.setattr(CommandServer, "take", lambda _server, message, *_: asked.append(message))
+    monkeypatch.setattr(CommandServer, "handle_command", lambda _server, message, *_: asked.append(message))
     station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     order = mavlink.MAVLink_command_long_message(1, 191, mavlink.MAV_CMD_USER_1, 0, 1, 0, 0, 0, 0, 0, 0)
     stamp = struct.pack(">Q", (BEGIN_NS + 10**9) // 1000)

@@ -110,7 +110,7 @@ def test_after_a_reboot_of_the_autopilot_poses_are_of_another_epoch() -> None:
 def test_an_operator_s_order_is_not_carried_out_again(monkeypatch: pytest.MonkeyPatch, order: Any) -> None:
     """What came of it, the windows tell."""
     asked: list[Any] = []
-    monkeypatch.setattr(CommandServer, "take", lambda _server, message, *_: asked.append(message))
+    monkeypatch.setattr(CommandServer, "handle_command", lambda _server, message, *_: asked.append(message))
     replay = Replay(HEADER, Parameters())
     replay.process_message(heard(HEARTBEAT, SECOND))
     before = replay.vehicle

@@ -19,7 +19,7 @@ from companion.desk.replay.player import Player
 from companion.desk.replay.recording_type import RecordingOptions
 from companion.desk.replay.replay_page import ReplayDesk, ReplayPage, show
 from companion.flight.dashboard.browser_orders import Command, parse
-from companion.flight.dashboard.page import Front
+from companion.flight.dashboard.page import PageEndpoint
 from companion.flight.recorder import journal
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.replay import flights
@@ -52,7 +52,7 @@ def page_of(path: Path, speed: float = FAST, **beside: Any) -> ReplayPage:
 async def played(page: ReplayPage) -> AsyncIterator[ReplayPage]:
     """Serve and play a recording, first to its end."""
     stopped = asyncio.Event()
-    running = asyncio.create_task(page.run(Front("127.0.0.1:0"), stopped))
+    running = asyncio.create_task(page.run(PageEndpoint("127.0.0.1:0"), stopped))
     await until(lambda: page.player.ended)
     yield page
     assert not running.done()
@@ -191,7 +191,7 @@ def test_what_cannot_be_shown_is_said_before_anything_is_served(tmp_path: Path, 
 
 
 def test_a_signal_ends_the_page(files: Path) -> None:
-    front = Front("127.0.0.1:0")
+    front = PageEndpoint("127.0.0.1:0")
     ended: list[bool] = []
 
     @contextmanager

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from companion.flight.dashboard.alarms import standing
+from companion.flight.dashboard.alarms import active_alarms
 
 QUIET: dict[str, Any] = {
     "connected": True,
@@ -27,7 +27,7 @@ SAFE = {"state": "safe", "judged_by": "near"}
 
 
 def keys(state: dict[str, Any], selected: dict[str, Any] | None = None) -> list[str]:
-    return [alarm["key"] for alarm in standing(state, selected)]
+    return [alarm["key"] for alarm in active_alarms(state, selected)]
 
 
 def test_all_well_is_quiet() -> None:
@@ -35,7 +35,7 @@ def test_all_well_is_quiet() -> None:
 
 
 def test_an_unsafe_landing_point_comes_first() -> None:
-    found = standing({**QUIET, "lidar_ok": False}, {"state": "unsafe", "judged_by": "near"})
+    found = active_alarms({**QUIET, "lidar_ok": False}, {"state": "unsafe", "judged_by": "near"})
     assert [(alarm["level"], alarm["key"]) for alarm in found] == [
         ("critical", "point-unsafe"),
         ("critical", "no-lidar"),
@@ -43,7 +43,7 @@ def test_an_unsafe_landing_point_comes_first() -> None:
 
 
 def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
-    assert standing(QUIET, {"state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
+    assert active_alarms(QUIET, {"state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
 
 
 @pytest.mark.parametrize(
@@ -72,6 +72,8 @@ def test_a_lidar_that_is_silent_on_the_ground_is_none() -> None:
 
 
 def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> None:
-    (alarm,) = standing({**QUIET, "unfit": ["A is 0, needs 5", "B could not be read", "C is missing"]}, None)
+    (alarm,) = active_alarms(
+        {**QUIET, "unfit": ["A is 0, needs 5", "B could not be read", "C is missing"]}, None
+    )
     assert alarm["level"] == "warning"
     assert alarm["text"] == "Autopilot not set up: A is 0, needs 5 and 2 more: see slz doctor"

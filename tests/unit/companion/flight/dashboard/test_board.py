@@ -26,7 +26,7 @@ class Maps:
 
 
 def look(board: Board, maps: Maps, anew: bool = False) -> bool:
-    return board.look(cast(Pipeline, maps), anew=anew)
+    return board.copy_map_changes(cast(Pipeline, maps), anew=anew)
 
 
 def test_only_maps_that_changed_are_put_up() -> None:
@@ -36,7 +36,7 @@ def test_only_maps_that_changed_are_put_up() -> None:
     assert look(board, Maps(near=changed, far=drawn()))
     assert look(board, Maps(far=gone))
     assert look(board, Maps())
-    assert list(board.drawn) == [("near", changed), ("far", gone)]
+    assert list(board.map_changes) == [("near", changed), ("far", gone)]
 
 
 def test_maps_are_looked_at_for_a_viewer_and_not_ahead_of_the_page() -> None:
@@ -45,14 +45,14 @@ def test_maps_are_looked_at_for_a_viewer_and_not_ahead_of_the_page() -> None:
     board.viewers = 1
     while look(board, maps, anew=True):
         pass
-    assert len(board.drawn) == len(maps.anew) / 2 == boards.MOST_BATCHES
+    assert len(board.map_changes) == len(maps.anew) / 2 == boards.MOST_BATCHES
     assert all(maps.anew)
 
 
 def test_a_vehicle_that_stands_does_not_lengthen_its_path() -> None:
     board = Board(params.load())
     for enu_m in ((1.0, 2.0, 3.0), (1.0, 2.0, 3.0), (1.0, 2.0, 4.0), (1.0, 2.0, 3.0)):
-        board.fly(enu_m)
+        board.add_position(enu_m)
     assert board.path == [(1.0, 2.0, 3.0), (1.0, 2.0, 4.0), (1.0, 2.0, 3.0)]
 
 
@@ -60,6 +60,6 @@ def test_a_long_path_is_thinned_and_the_page_is_told(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(boards, "MOST_PATH", 4)
     board = Board(params.load())
     for k in range(5):
-        board.fly((float(k), 0.0, 0.0))
+        board.add_position((float(k), 0.0, 0.0))
     assert [east for east, _, _ in board.path] == [0, 2, 4]
     assert board.path_number == 1

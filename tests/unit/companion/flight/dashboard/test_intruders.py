@@ -140,7 +140,7 @@ async def test_of_many_guesses_at_once_a_few_wait_and_the_others_are_not_judged(
             assert done == [429] * 16
             assert await log_in(s, "y" * 20, STRANGER) == "/login?wait"
             assert (await s.http("/api/status", Cookie=f"slz-token={OPERATOR}"))[0] == 200
-            assert "17" in "".join(await logged(caplog, "refused unread")) or s.front.door.incidents
+            assert "17" in "".join(await logged(caplog, "refused unread")) or s.front.token_check.incidents
         finally:
             go_on.set()
         assert sorted([(await one)[0] for one in asked]) == [303] * 4 + [429] * 16

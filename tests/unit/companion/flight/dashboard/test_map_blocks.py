@@ -9,7 +9,7 @@ import params
 from companion.flight.dashboard import map_block as blocks
 from companion.flight.dashboard.map_block import HEAD, SIDE
 from companion.flight.dashboard.quantise import STEP_M
-from companion.flight.dashboard.tile_pyramid import Atlas, Sheet
+from companion.flight.dashboard.tile_pyramid import TilePyramid, TilePyramids
 from slz import UNKNOWN, UNSAFE, Drawn, DrawnTile, LocalFrame, Pipeline, Window
 
 TILE = 64
@@ -43,9 +43,9 @@ def decoded(data: bytes) -> tuple[tuple[float, ...], np.ndarray, list[np.ndarray
 
 
 def test_a_block_comes_back_within_half_a_step() -> None:
-    sheet = Sheet()
-    sheet.take(drawn(tile((1, 2))))
-    data = sheet.encoded(0, 0, 0)
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile((1, 2))))
+    data = pyramid.encoded(0, 0, 0)
     assert data is not None
     (west, south, cell, _, step), height, (slope, relief, certainty, state) = decoded(data)
     assert (west, south, cell, step) == (-50.0, -60.0, 0.2, STEP_M)
@@ -60,10 +60,10 @@ def test_a_block_comes_back_within_half_a_step() -> None:
 
 
 def test_tiles_west_and_south_of_the_corner_have_blocks_of_their_own() -> None:
-    sheet = Sheet()
-    sheet.take(drawn(tile((-1, -4))))
-    assert sheet.encoded(0, 0, 0) is None
-    data = sheet.encoded(0, -1, -1)
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile((-1, -4))))
+    assert pyramid.encoded(0, 0, 0) is None
+    data = pyramid.encoded(0, -1, -1)
     assert data is not None
     head, height, _ = decoded(data)
     assert head[:2] == (-50.0 - SIDE * 0.2, -60.0 - SIDE * 0.2)
@@ -72,31 +72,31 @@ def test_tiles_west_and_south_of_the_corner_have_blocks_of_their_own() -> None:
 
 def test_what_did_not_change_is_not_told_again() -> None:
     """Maps are drawn anew as they age; browsers fetch only what differs."""
-    sheet = Sheet()
-    sheet.take(drawn(tile()))
-    before = sheet.clock
-    sheet.take(drawn(tile()))
-    assert sheet.clock == before
-    assert sheet.since(before) == []
-    sheet.take(drawn(tile(height_m=101.0)))
-    assert [place[:2] for place in sheet.since(before)] == [(0, 0)]
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile()))
+    before = pyramid.clock
+    pyramid.apply_changes(drawn(tile()))
+    assert pyramid.clock == before
+    assert pyramid.since(before) == []
+    pyramid.apply_changes(drawn(tile(height_m=101.0)))
+    assert [place[:2] for place in pyramid.since(before)] == [(0, 0)]
 
 
 def test_ground_that_was_given_up_is_unknown_again() -> None:
-    sheet = Sheet()
-    sheet.take(drawn(tile()))
-    sheet.take(drawn(gone=((0, 0),)))
-    cell = sheet.cell(-49.0, -59.0)
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile()))
+    pyramid.apply_changes(drawn(gone=((0, 0),)))
+    cell = pyramid.cell(-49.0, -59.0)
     assert cell is not None
     assert (cell.state, cell.height_m, cell.certainty) == ("unknown", None, None)
 
 
 def test_another_map_begins_anew() -> None:
-    sheet = Sheet()
-    sheet.take(drawn(tile()))
-    sheet.take(drawn(tile((40, 40)), serial=2))
-    assert sheet.cell(-49.0, -59.0) is None
-    assert [place[:2] for place in sheet.since(0)] == [(10, 10)]
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile()))
+    pyramid.apply_changes(drawn(tile((40, 40)), serial=2))
+    assert pyramid.cell(-49.0, -59.0) is None
+    assert [place[:2] for place in pyramid.since(0)] == [(10, 10)]
 
 
 def test_a_coarser_block_keeps_the_worst_of_four_cells() -> None:
@@ -105,9 +105,9 @@ def test_a_coarser_block_keeps_the_worst_of_four_cells() -> None:
     slope = fine.slope_deg.copy()
     state[0, 0], state[10, 11] = UNSAFE, UNKNOWN
     certainty[0, 0], slope[0, 1] = 0.2, 30.0
-    sheet = Sheet()
-    sheet.take(drawn(DrawnTile((0, 0), fine.height_m, slope, fine.relief_m, certainty, state)))
-    data = sheet.encoded(1, 0, 0)
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(DrawnTile((0, 0), fine.height_m, slope, fine.relief_m, certainty, state)))
+    data = pyramid.encoded(1, 0, 0)
     assert data is not None
     head, height, (slopes, _, sure, states) = decoded(data)
     assert head[2] == pytest.approx(0.4)
@@ -121,15 +121,15 @@ def test_a_coarser_block_keeps_the_worst_of_four_cells() -> None:
 
 
 def test_the_near_map_answers_for_a_point_and_the_far_one_where_that_knows_nothing() -> None:
-    atlas = Atlas()
-    atlas.take("far", drawn(tile(height_m=90.0), tile((0, 1), height_m=90.0)))
-    atlas.take("near", drawn(tile()))
-    near, far = atlas.cell(-49.9, -59.9), atlas.cell(-50 + 70 * 0.2, -59.9)
+    pyramids = TilePyramids()
+    pyramids.apply_changes("far", drawn(tile(height_m=90.0), tile((0, 1), height_m=90.0)))
+    pyramids.apply_changes("near", drawn(tile()))
+    near, far = pyramids.cell(-49.9, -59.9), pyramids.cell(-50 + 70 * 0.2, -59.9)
     assert near is not None
     assert far is not None
     assert (near[0], near[1].height_m) == ("near", 100.0)
     assert (far[0], far[1].height_m) == ("far", 90.0)
-    assert atlas.cell(500.0, 500.0) is None
+    assert pyramids.cell(500.0, 500.0) is None
 
 
 @pytest.mark.parametrize("mode", ["default", "source"])
@@ -190,27 +190,27 @@ def test_values_out_of_reach_and_unknown_ones_are_numbers_of_their_own() -> None
 
 
 def test_ground_given_up_that_was_never_drawn_is_no_change() -> None:
-    sheet = Sheet()
-    sheet.take(drawn(tile()))
-    before = sheet.clock
-    sheet.take(drawn(gone=((40, 40),)))
-    assert sheet.clock == before
-    assert sheet.encoded(0, 10, 10) is None
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile()))
+    before = pyramid.clock
+    pyramid.apply_changes(drawn(gone=((40, 40),)))
+    assert pyramid.clock == before
+    assert pyramid.encoded(0, 10, 10) is None
 
 
 def test_a_far_view_has_what_is_known_of_its_corners_and_follows_changes() -> None:
-    sheet = Sheet()
-    sheet.take(drawn(tile((0, 0), height_m=100.0), tile((12, 12), height_m=200.0)))
+    pyramid = TilePyramid()
+    pyramid.apply_changes(drawn(tile((0, 0), height_m=100.0), tile((12, 12), height_m=200.0)))
 
     def seen() -> tuple[float, float, float]:
         """Return heights near two opposite corners of a block of four by four, and between them."""
-        data = sheet.encoded(2, 0, 0)
+        data = pyramid.encoded(2, 0, 0)
         assert data is not None
         _, height, _ = decoded(data)
         return height[0, 0], height[192, 192], height[0, 192]
 
     middle = 0.1 * 1.5  # of the four rows that a cell of this level is the mean of
     assert seen() == pytest.approx((100 + middle, 200 + middle, np.nan), abs=2 * STEP_M, nan_ok=True)
-    sheet.take(drawn(tile((12, 12), height_m=201.0)))  # of the two halves one only
+    pyramid.apply_changes(drawn(tile((12, 12), height_m=201.0)))  # of the two halves one only
     assert seen() == pytest.approx((100 + middle, 201 + middle, np.nan), abs=2 * STEP_M, nan_ok=True)
-    assert sheet.encoded(2, 1, 0) is None
+    assert pyramid.encoded(2, 1, 0) is None

@@ -12,7 +12,7 @@ import numpy as np
 import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.browser_orders import Command, parse
-from companion.flight.dashboard.order_handler import FlightDesk
+from companion.flight.dashboard.order_handler import FlightOrderHandler
 from companion.flight.landing.situation import Phase, Reply
 from companion.flight.link.vehicle_state import VehicleState
 from companion.runtime.clock import now_ns
@@ -33,7 +33,7 @@ class Seat:
         self.companion = Companion(
             "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False, state=state
         )
-        self.desk = FlightDesk(self.companion)
+        self.desk = FlightOrderHandler(self.companion)
         self.report = Flight([zone(1, 5.0, 5.0), zone(2, 30.0, 0.0)]).situation().report
         assert self.report is not None
         now = now_ns()
@@ -70,7 +70,7 @@ async def test_a_zone_is_selected_judged_and_confirmed() -> None:
         assert (await s.order(do="select_zone", zone=1)).accepted
         assert s.companion.executive.phase is Phase.IDLE
         assert not (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted  # not judged yet
-        s.companion.decisions.step()
+        s.companion.decisions.run_once()
         s.show(5.0)
         assert (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted
         assert s.companion.executive.phase is Phase.SURVEY
@@ -80,7 +80,7 @@ async def test_only_the_point_that_the_sender_saw_is_confirmed() -> None:
     """Two operators: one confirms while the other selects."""
     async with seat() as s:
         await s.order(do="select_zone", zone=1)
-        s.companion.decisions.step()
+        s.companion.decisions.run_once()
         s.show(5.0)
         assert not (await s.order(do="confirm", east_m=5.2, north_m=5.0)).accepted
         await s.order(do="select_zone", zone=2)

@@ -11,7 +11,7 @@ import pytest
 
 import params
 from companion.flight.app import Companion
-from companion.flight.dashboard.page import Front, Page
+from companion.flight.dashboard.page import Page, PageEndpoint
 from companion.flight.dashboard.security.address import listen
 from companion.flight.dashboard.site import Site
 from companion.runtime.lockstep_loop import LockstepLoop
@@ -20,7 +20,7 @@ from companion.runtime.lockstep_loop import LockstepLoop
 def companion() -> Companion:
     """Return a companion with a page, of which nothing runs yet."""
     urls = "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301"
-    return Companion(*urls, params.load(), auto=False, front=Front("127.0.0.1:0"))
+    return Companion(*urls, params.load(), auto=False, front=PageEndpoint("127.0.0.1:0"))
 
 
 @asynccontextmanager
@@ -46,7 +46,7 @@ async def until_started(page: Page, times: int) -> None:
 
 def answers(page: Page) -> bool:
     """Ask for the page, in the thread that calls."""
-    with urllib.request.urlopen(f"http://{page.front.address}/api/status", timeout=5) as answer:
+    with urllib.request.urlopen(f"http://{page.endpoint.address}/api/status", timeout=5) as answer:
         return bool(answer.status == 200)
 
 
@@ -88,9 +88,9 @@ async def test_a_display_that_fails_in_the_pipeline_s_thread_is_dropped(
     def fail(_pipeline: Any) -> None:
         raise RuntimeError("planted")
 
-    made.worker.look = fail
+    made.worker.display_hook = fail
     await made.worker._show(asyncio.get_running_loop(), fail)
-    assert made.worker.look is None
+    assert made.worker.display_hook is None
     assert not made.worker.invalid
     assert "planted" in caplog.text
     made.worker.close()
@@ -141,7 +141,7 @@ def test_pauses_grow_while_the_page_ends_at_once_and_begin_anew_after_it_ran_wel
         loop.run_until_complete(script(made.page))
     finally:
         loop.close()
-        made.page.front.close()
+        made.page.endpoint.close()
         made.worker.close()
     pauses = [r.getMessage() for r in caplog.records if "started again" in r.getMessage()]
     assert [text.rpartition("in ")[2] for text in pauses[:5]] == ["1 s", "2 s", "4 s", "1 s", "2 s"]
@@ -151,5 +151,5 @@ def test_a_page_that_was_never_served_frees_its_port() -> None:
     made = companion()
     assert made.page is not None
     made.page.close()
-    listen(made.page.front.address).close()
+    listen(made.page.endpoint.address).close()
     made.worker.close()

@@ -18,8 +18,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 import params
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Simple
-from companion.flight.dashboard.page import Front, about, carry_out_in_time, serve
-from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.page import PageEndpoint, about, carry_out_in_time, serve
+from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.viewer import MOST_PER_S
 from companion.flight.landing.situation import Reply
 from tests.unit.companion.flight.dashboard.test_alarms import QUIET
@@ -68,9 +68,9 @@ class Served:
     """A page of a board that the test writes."""
 
     def __init__(self, tokens: Path | None, waits: Waits | None = None) -> None:
-        self.front = Front("127.0.0.1:0", tokens)
+        self.front = PageEndpoint("127.0.0.1:0", tokens)
         if waits is not None:
-            self.front.door = Door(self.front.door.access, waits.now, waits.sleep)
+            self.front.token_check = TokenCheck(self.front.token_check.access, waits.now, waits.sleep)
         self.board = Board(params.load())
         self.board.state = dict(STATE)
         self.clerk = Clerk()
@@ -192,10 +192,10 @@ async def test_a_browser_is_told_everything_and_its_orders_are_carried_out() -> 
         assert state["mode"] == "GUIDED"
         report = Flight([zone(1, 5.0, 5.0)]).situation().report
         assert report is not None
-        s.board.take(report, 12.0)
-        s.board.drawn.append(("near", drawn(tile())))
-        s.board.say("SLZ: surveying", 6)
-        s.board.fly((1.0, 2.0, 3.0))
+        s.board.set_report(report, 12.0)
+        s.board.map_changes.append(("near", drawn(tile())))
+        s.board.add_text("SLZ: surveying", 6)
+        s.board.add_position((1.0, 2.0, 3.0))
         told = await all_heard(page, {"zones", "map", "texts", "path"})
         assert told["zones"]["near"][0]["id"] == 1
         assert told["map"]["changes"] == {"near": [[0, 0, 1]]}
@@ -436,7 +436,7 @@ async def test_the_api_says_what_its_description_promises() -> None:
     async with served() as s:
         report = Flight([zone(1, 5.0, 5.0)]).situation().report
         assert report is not None
-        s.board.take(report, 12.0)
+        s.board.set_report(report, 12.0)
         async with asyncio.timeout(10):
             while json.loads((await s.http("/api/status"))[1])["zones"] != 1:
                 pass

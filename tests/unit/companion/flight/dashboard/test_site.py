@@ -9,7 +9,7 @@ from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Facts
 from companion.flight.dashboard.security.access import Access
 from companion.flight.dashboard.security.address import parse_address
-from companion.flight.dashboard.security.token_check import Door
+from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.site import MOST_WAIT_S, Site
 from companion.flight.landing.situation import Reply
 from companion.runtime.lockstep_loop import LockstepLoop
@@ -24,7 +24,7 @@ async def refuse(order: Command) -> Reply:
 
 
 def site_of(board: Board) -> Site:
-    return Site(board, Door(Access(parse_address("127.0.0.1:8080"), None)), refuse, {})
+    return Site(board, TokenCheck(Access(parse_address("127.0.0.1:8080"), None)), refuse, {})
 
 
 def waited_s(busy_s: float) -> float:
@@ -71,7 +71,7 @@ async def test_zones_are_encoded_once_for_all_who_ask() -> None:
     for zones in ([zone(1, 5.0, 5.0)], [zone(1, 5.0, 5.0), zone(2, 30.0, 0.0)]):
         report = Flight(zones).situation().report
         assert report is not None
-        board.take(report, 1.0)
+        board.set_report(report, 1.0)
         asked += [await site.collection(), await site.collection()]
     site.close()
     assert asked[0] is asked[1]
@@ -81,7 +81,7 @@ async def test_zones_are_encoded_once_for_all_who_ask() -> None:
 
 def test_a_point_s_facts_are_those_of_the_map_that_knows_it() -> None:
     site = site_of(Board(params.Parameters()))
-    site.atlas.take("near", drawn(tile(state=0)))
+    site.pyramids.apply_changes("near", drawn(tile(state=0)))
     known = site.facts(Facts(id=1, do="facts", east_m=-49.9, north_m=-59.9))
     strange = site.facts(Facts(id=2, do="facts", east_m=500.0, north_m=0.0))
     site.close()

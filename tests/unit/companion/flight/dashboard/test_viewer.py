@@ -32,7 +32,7 @@ class Shown:
 
     def path(self) -> list[tuple[int, int, list[Any]]]:
         """Return the parts of the path that are new to the browser: number, beginning and points."""
-        news = [json.loads(text) for text in self.viewer.news()]
+        news = [json.loads(text) for text in self.viewer.pending_messages()]
         return [(m["number"], m["from"], m["points"]) for m in news if m["t"] == "path"]
 
 
@@ -44,16 +44,16 @@ def shown() -> Iterator[Shown]:
 
 
 def test_a_path_is_sent_point_by_point_as_it_grows(shown: Shown) -> None:
-    shown.board.fly((1.0, 0.0, 5.0))
+    shown.board.add_position((1.0, 0.0, 5.0))
     assert shown.path() == [(0, 0, [[1.0, 0.0, 5.0]])]
     assert shown.path() == []
-    shown.board.fly((2.0, 0.0, 5.0))
+    shown.board.add_position((2.0, 0.0, 5.0))
     assert shown.path() == [(0, 1, [[2.0, 0.0, 5.0]])]
 
 
 def test_a_path_that_was_thinned_is_sent_from_its_beginning(shown: Shown) -> None:
     for k in range(4):
-        shown.board.fly((float(k), 0.0, 5.0))
+        shown.board.add_position((float(k), 0.0, 5.0))
     shown.path()
     shown.board.path, shown.board.path_number = shown.board.path[::2], 1
     assert shown.path() == [(1, 0, [[0.0, 0.0, 5.0], [2.0, 0.0, 5.0]])]
@@ -61,7 +61,7 @@ def test_a_path_that_was_thinned_is_sent_from_its_beginning(shown: Shown) -> Non
 
 def test_a_long_path_comes_in_parts(shown: Shown) -> None:
     for k in range(PATH_PART + 1):
-        shown.board.fly((float(k), 0.0, 5.0))
+        shown.board.add_position((float(k), 0.0, 5.0))
     assert [(at, len(points)) for _, at, points in shown.path()] == [(0, PATH_PART)]
     assert [(at, len(points)) for _, at, points in shown.path()] == [(PATH_PART, 1)]
 

@@ -8,7 +8,7 @@ import pytest
 
 import params
 from companion.flight.dashboard import zone_shapes
-from companion.flight.dashboard.zone_shapes import Picture, sure
+from companion.flight.dashboard.zone_shapes import ZoneShapes, certainty_class
 from companion.flight.outputs.zone_outline import zone_polygon
 from slz import Report
 from tests.unit.companion.flight.landing.flight import Flight, zone
@@ -35,12 +35,12 @@ def outlined(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def test_a_zone_is_drawn_as_sure_as_it_is() -> None:
     parameters = params.load("quadcopter", ["confidence_factor=0.8", "uncertain_below=0.5"])
-    drawn = [sure(certainty, parameters) for certainty in (0.8, 0.79, 0.5, 0.49)]
+    drawn = [certainty_class(certainty, parameters) for certainty in (0.8, 0.79, 0.5, 0.49)]
     assert drawn == ["certain", "less", "less", "uncertain"]
 
 
 def test_the_outline_of_a_zone_that_did_not_change_is_made_once(outlined: list[int]) -> None:
-    pictures, parameters = Picture(), params.load()
+    pictures, parameters = ZoneShapes(), params.load()
     first = pictures.document(report(1, 2), parameters)
     again = pictures.document(report(2, 3), parameters)
     assert outlined == [1, 2, 3]
@@ -51,7 +51,7 @@ def test_outlines_of_zones_long_gone_are_forgotten(
     monkeypatch: pytest.MonkeyPatch, outlined: list[int]
 ) -> None:
     monkeypatch.setattr(zone_shapes, "MOST_HELD", 2)
-    pictures, parameters = Picture(), params.load()
+    pictures, parameters = ZoneShapes(), params.load()
     for ids in ((1, 2), (1, 3), (1, 2)):  # 2 was not looked at for longer than 1
         pictures.document(report(*ids), parameters)
     assert outlined == [1, 2, 3, 2]

@@ -39,10 +39,10 @@ class Script:
         texts = []
         for _ in range(round(seconds / 0.05)):
             self.now += 50 * MS
-            for request in self.fitness.step(self.vehicle, self.connected, self.flying, self.now):
+            for request in self.fitness.due_requests(self.vehicle, self.connected, self.flying, self.now):
                 self.asked.append(request.param_id)
                 self._answer(self.asked[-1])
-            for severity, text in self.fitness.news():
+            for severity, text in self.fitness.pop_texts():
                 assert len(text) <= 50, text
                 assert severity in (Severity.WARNING, Severity.INFO)
                 texts.append(text.removeprefix("SLZ: "))
@@ -55,9 +55,11 @@ class Script:
 
     def _answer(self, name: str) -> None:
         if name in self.missing:
-            self.fitness.take(mavlink.MAVLink_param_error_message(1, 191, name.encode(), -1, 1))
+            self.fitness.on_parameter_message(
+                mavlink.MAVLink_param_error_message(1, 191, name.encode(), -1, 1)
+            )
         elif name in self.values and name not in self.lost:
-            self.fitness.take(self._value(name))
+            self.fitness.on_parameter_message(self._value(name))
 
     def _value(self, name: str) -> Any:
         rows = {row.name: row for row in required(self.vehicle.autopilot)}

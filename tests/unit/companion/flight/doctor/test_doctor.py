@@ -165,7 +165,7 @@ def test_few_requests_are_under_way_at_once() -> None:
     reader = ParameterReader(required("ardupilot"), "ardupilot")
     first = reader.due(1, 0)
     assert 0 < len(first) <= 4
-    reader.take(value("PLND_ENABLED", 1.0))
+    reader.on_message(value("PLND_ENABLED", 1.0))
     assert len(reader.due(1, 1)) == 1
 
 
@@ -173,16 +173,16 @@ def test_px4_s_integers_are_read_by_their_bytes() -> None:
     (number,) = struct.unpack("<f", struct.pack("<i", 5))
     px4, ardupilot = ParameterReader(ROWS, "px4"), ParameterReader(ROWS, "ardupilot")
     for reader in (px4, ardupilot):
-        reader.take(value("A", number, mavlink.MAV_PARAM_TYPE_INT32))
+        reader.on_message(value("A", number, mavlink.MAV_PARAM_TYPE_INT32))
     assert px4.values["A"] == 5.0
     assert ardupilot.values["A"] == pytest.approx(number)
 
 
 def test_a_value_that_is_no_number_is_asked_for_again() -> None:
     reader = ParameterReader(ROWS, "ardupilot")
-    reader.take(value("A", math.nan))
+    reader.on_message(value("A", math.nan))
     assert reader.values == {}
-    reader.take(value("A", 1.0))
+    reader.on_message(value("A", 1.0))
     assert reader.values == {"A": 1.0}
 
 

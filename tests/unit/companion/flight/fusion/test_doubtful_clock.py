@@ -53,10 +53,10 @@ class Flight:
         self.history = PoseHistory(parameters)
         self.scans: list[Scan] = []
         self.assembler = ScanAssembler(parameters, self.history, self.scans.append)
-        self.inbox.certain.subscribe(self.history.trust)
+        self.inbox.certain.subscribe(self.history.limit_to_certain)
         self.inbox.attitude.subscribe(self.history.add_attitude)
         self.inbox.position.subscribe(self.history.add_position)
-        self.inbox.rebooted.subscribe(self.history.begin_anew)
+        self.inbox.rebooted.subscribe(self.history.clear)
         self._lost_ns, self._late_ns = lost_ns, late_ns
         self._answers_until_ns = answers_until_ns
         self._wire: list[tuple[int, Callable[[int], object]]] = []
@@ -69,7 +69,7 @@ class Flight:
         return self._lost_ns(at_ns + STEP_NS) - self._lost_ns(at_ns) == STEP_NS
 
     def fly(self, seconds: float) -> Flight:
-        self.inbox.take(heartbeat(), 0)
+        self.inbox.on_message(heartbeat(), 0)
         for at_ns in range(0, round(seconds * S), STEP_NS):
             due = [act for due_ns, act in self._wire if due_ns <= at_ns]
             self._wire = [entry for entry in self._wire if entry[0] > at_ns]
@@ -91,7 +91,7 @@ class Flight:
             )
         )
         for message in (attitude(boot_ms), place):
-            self._later(at_ns, lambda now_ns, message=message: self.inbox.take(message, now_ns))
+            self._later(at_ns, lambda now_ns, message=message: self.inbox.on_message(message, now_ns))
 
     def _ask_for_the_time(self, at_ns: int) -> None:
         sync = self.inbox.clock.timesync

@@ -188,7 +188,7 @@ def test_begun_anew_it_has_another_epoch_and_no_pose_until_both_samples_came() -
     flight = Flight()
     history = flight.history(P)
     epoch, frame = history.epoch, history.frame
-    history.begin_anew()
+    history.clear()
     assert history.epoch == epoch + 1
     assert history.frame is frame
     assert history.latest(2003 * MS) is None

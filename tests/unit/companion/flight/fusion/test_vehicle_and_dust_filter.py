@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.fusion.vehicle_and_dust_filter import Screen
+from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.sensors.returns import Returns
 from params import Parameters
@@ -21,7 +21,7 @@ def returns(xyz: list[list[float]], intensity: list[int], echo: list[int], echoe
 
 def test_by_default_everything_passes() -> None:
     some = returns([[0.1, 0, 0], [5, 0, 0]], [0, 0], [1, 1], [2, 1])
-    assert Screen(Parameters()).passed(some) is some
+    assert VehicleAndDustFilter(Parameters()).filter(some) is some
 
 
 def test_returns_of_the_vehicle_are_told_by_their_distance_from_the_autopilot_not_the_sensor() -> None:
@@ -29,15 +29,15 @@ def test_returns_of_the_vehicle_are_told_by_their_distance_from_the_autopilot_no
     mount = Mount(parameters)
     body = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 1.5], [0.5, 0.5, 0.0], [0.7, 0.7, 0.0]])
     sensor = (body - mount.lever_frd_m) @ mount.rotation_frd_from_sensor
-    screen = Screen(parameters)
-    passed = screen.passed(returns(sensor.tolist(), [50] * 4, [1] * 4, [1] * 4))
+    screen = VehicleAndDustFilter(parameters)
+    passed = screen.filter(returns(sensor.tolist(), [50] * 4, [1] * 4, [1] * 4))
     assert passed.stamp_ns.tolist() == [1, 3]
     assert (screen.vehicle, screen.dust) == (2, 0)
 
 
 def test_rain_and_dust_are_weak_or_let_light_pass_and_are_near() -> None:
-    screen = Screen(Parameters(dust_reach_m=8.0, dust_intensity=5))
+    screen = VehicleAndDustFilter(Parameters(dust_reach_m=8.0, dust_intensity=5))
     xyz = [[3.0, 0, 0], [3.0, 0, 0], [3.0, 0, 0], [3.0, 0, 0], [9.0, 0, 0]]
-    passed = screen.passed(returns(xyz, [4, 5, 50, 50, 1], [1, 1, 1, 2, 1], [1, 1, 2, 2, 2]))
+    passed = screen.filter(returns(xyz, [4, 5, 50, 50, 1], [1, 1, 1, 2, 1], [1, 1, 2, 2, 2]))
     assert passed.stamp_ns.tolist() == [1, 3, 4]
     assert (screen.vehicle, screen.dust) == (0, 2)

@@ -99,7 +99,7 @@ class Flight:
             selected = SelectedPoint(self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None)
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
-        report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, False, 0, 0, False, {})
+        report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})
         report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)))
         return Situation(
             now_ns=self.now_ns,

@@ -283,10 +283,10 @@ class TestOperator:
         executive, turns = flight.executive, [0]
 
         def turned() -> bool:
-            turns.append(executive.turns)
+            turns.append(executive.order_count)
             return turns[-1] > turns[-2]
 
-        executive.watch_zone(flight.situation(), 2)
+        executive.select_zone(flight.situation(), 2)
         assert turned()
         executive.land_at_best(flight.situation())
         assert turned()
@@ -304,7 +304,7 @@ class TestOperator:
         flight = Flight([zone(1, 10, 0)], auto=False).run(1)
         unmapped = replace(flight.situation(), report=None)
         assert flight.executive.land_in_zone(unmapped, 1).reason == "no zone 1"
-        assert not flight.executive.watch_zone(unmapped, 1).accepted
+        assert not flight.executive.select_zone(unmapped, 1).accepted
 
 
 def test_ground_of_a_survey_is_flown_to_and_left_again_unless_live_maps_call_it_safe() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.flight.landing.guidance import BRAKING_MS2
-from companion.flight.landing.look_ahead import ASIDE_M, LEVEL_M, MARGIN_M, held_back
+from companion.flight.landing.look_ahead import ASIDE_M, LEVEL_M, MARGIN_M, limit_velocity
 
 
 def wall(distance_m: float, bearing_rad: float = 0.0) -> np.ndarray:
@@ -24,7 +24,7 @@ def wall(distance_m: float, bearing_rad: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize("distance_m", [30.0, 8.0, 4.0])
 def test_the_speed_left_stops_before_the_wall(distance_m: float, bearing_rad: float) -> None:
     way = np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
-    velocity, _ = held_back(np.array([*(9.0 * way), 0.0]), wall(distance_m, bearing_rad), 0.6)
+    velocity, _ = limit_velocity(np.array([*(9.0 * way), 0.0]), wall(distance_m, bearing_rad), 0.6)
     speed = float(np.hypot(*velocity[:2]))
     assert speed**2 / (2 * BRAKING_MS2) <= distance_m - MARGIN_M + 1e-9
     assert speed == pytest.approx(min(9.0, math.sqrt(2 * BRAKING_MS2 * (distance_m - MARGIN_M))))
@@ -34,7 +34,7 @@ def test_the_speed_left_stops_before_the_wall(distance_m: float, bearing_rad: fl
 def test_flown_at_a_wall_it_stops_before_it_and_says_so() -> None:
     at, blocked = np.zeros(3), False
     for _ in range(400):
-        velocity, blocked = held_back(np.array([4.0, 0.0, 0.0]), wall(40.0) - at, 0.6)
+        velocity, blocked = limit_velocity(np.array([4.0, 0.0, 0.0]), wall(40.0) - at, 0.6)
         at = at + velocity * 0.05
     assert at[0] == pytest.approx(40 - MARGIN_M, abs=0.3)
     assert blocked
@@ -48,24 +48,24 @@ def test_what_is_beside_above_behind_or_the_vehicle_itself_holds_nothing_back(
     offset: tuple[float, float, float],
 ) -> None:
     post = np.full((20, 3), [10.0, 0.0, 0.0]) + offset
-    velocity, blocked = held_back(np.array([4.0, 0.0, 0.0]), post, 0.6)
+    velocity, blocked = limit_velocity(np.array([4.0, 0.0, 0.0]), post, 0.6)
     np.testing.assert_array_equal(velocity, [4.0, 0.0, 0.0])
     assert not blocked
 
 
 def test_a_few_specks_of_dust_hold_nothing_back() -> None:
-    velocity, _ = held_back(np.array([4.0, 0.0, 0.0]), np.full((2, 3), [4.0, 0.0, 0.0]), 0.6)
+    velocity, _ = limit_velocity(np.array([4.0, 0.0, 0.0]), np.full((2, 3), [4.0, 0.0, 0.0]), 0.6)
     assert velocity[0] == 4.0
 
 
 def test_it_climbs_into_nothing_and_sinks_as_told() -> None:
     roof = np.full((20, 3), [0.2, 0.3, -4.0])
-    assert held_back(np.array([0.0, 0.0, -3.0]), roof, 0.6)[0][2] >= -math.sqrt(2 * BRAKING_MS2)
-    assert held_back(np.array([0.0, 0.0, 2.0]), -roof, 0.6)[0][2] == 2.0
+    assert limit_velocity(np.array([0.0, 0.0, -3.0]), roof, 0.6)[0][2] >= -math.sqrt(2 * BRAKING_MS2)
+    assert limit_velocity(np.array([0.0, 0.0, 2.0]), -roof, 0.6)[0][2] == 2.0
 
 
 def test_nothing_around_leaves_the_velocity() -> None:
-    velocity, blocked = held_back(np.array([4.0, -2.0, 1.0]), np.zeros((0, 3)), 0.6)
+    velocity, blocked = limit_velocity(np.array([4.0, -2.0, 1.0]), np.zeros((0, 3)), 0.6)
     np.testing.assert_allclose(velocity, [4.0, -2.0, 1.0])
     assert not blocked
 
@@ -75,6 +75,6 @@ def test_more_returns_never_make_it_faster(seed: int) -> None:
     rng = np.random.default_rng(seed)
     around = rng.uniform(-12, 12, (60, 3))
     wanted = rng.uniform(-6, 6, 3)
-    fewer, more = held_back(wanted, around[:30], 0.6)[0], held_back(wanted, around, 0.6)[0]
+    fewer, more = limit_velocity(wanted, around[:30], 0.6)[0], limit_velocity(wanted, around, 0.6)[0]
     assert np.hypot(*more[:2]) <= np.hypot(*fewer[:2]) + 1e-12
     assert more[2] >= fewer[2] - 1e-12

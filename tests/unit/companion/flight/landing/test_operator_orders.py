@@ -25,7 +25,7 @@ class Executive:
 
     def __init__(self) -> None:
         self.asked: list[tuple[Any, ...]] = []
-        self.turns = 0
+        self.order_count = 0
 
     def __getattr__(self, name: str) -> Any:
         def order(*given: Any) -> Reply:
@@ -55,7 +55,7 @@ def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: 
         ((1.0,), ("land_at_best",)),
         ((2.0, 7.0), ("land_in_zone", 7)),
         ((4.0,), ("land_now",)),
-        ((5.0, 9.0), ("watch_zone", 9)),
+        ((5.0, 9.0), ("select_zone", 9)),
         ((6.0,), ("land_at_selected",)),
     ],
 )
@@ -85,7 +85,7 @@ def test_another_command_is_not_ours() -> None:
     assert executive.asked == []
 
 
-@pytest.mark.parametrize(("land", "order"), [(0.0, "watch"), (1.0, "land_at_point")])
+@pytest.mark.parametrize(("land", "order"), [(0.0, "select_point"), (1.0, "land_at_point")])
 @pytest.mark.parametrize("frame", [None, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT])
 def test_a_point_is_where_its_latitude_and_longitude_say(land: float, order: str, frame: int | None) -> None:
     operator, executive = desk()
@@ -133,10 +133,10 @@ def test_before_any_position_there_is_no_point() -> None:
 def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried_out() -> None:
     operator, executive = desk()
     landing, abort = operator.answer(command(1.0)), operator.answer(command(0.0))
-    assert (landing.always, landing.stands()) == (False, True)
+    assert (landing.always, landing.is_in_effect()) == (False, True)
     assert abort.always
-    executive.turns += 1
-    assert not landing.stands()
+    executive.order_count += 1
+    assert not landing.is_in_effect()
 
 
 @pytest.mark.parametrize(

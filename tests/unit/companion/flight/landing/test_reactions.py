@@ -234,14 +234,14 @@ def test_a_selection_lost_with_the_map_is_said_to_be_lost_and_another_can_be_mad
         flight.fly_to(Phase.DESCEND)
         flight.executive.abort(flight.situation())
         flight.run(10)
-    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    assert flight.executive.select_zone(flight.situation(), 2).accepted
     flight.run(2)
     flight.jump(5.0, 0, 0)
     flight.run(5)
     assert flight.texts[-1] == "SLZ: selection lost: select again"
     assert flight.texts.count("SLZ: selection lost: select again") == 1
     assert flight.executive.land_at_selected(flight.situation()).reason == "nothing selected"
-    assert flight.executive.watch_zone(flight.situation(), 1).accepted
+    assert flight.executive.select_zone(flight.situation(), 1).accepted
     flight.run(2)
     assert flight.executive.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.APPROACH)
@@ -697,8 +697,8 @@ def test_a_landing_mode_that_is_refused_leaves_the_vehicle_where_it_is() -> None
 def test_a_zone_is_selected_and_then_confirmed() -> None:
     flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)], auto=False).run(1)
     assert not flight.executive.land_at_selected(flight.situation()).accepted
-    assert not flight.executive.watch_zone(flight.situation(), 9).accepted
-    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    assert not flight.executive.select_zone(flight.situation(), 9).accepted
+    assert flight.executive.select_zone(flight.situation(), 2).accepted
     flight.run(5)
     assert not any(commands(orders) for *_, orders in flight.orders)
     assert flight.executive.land_at_selected(flight.situation()).accepted
@@ -708,9 +708,9 @@ def test_a_zone_is_selected_and_then_confirmed() -> None:
 
 def test_a_confirmation_never_means_the_selection_before() -> None:
     flight = Flight([zone(1, 20, 0), zone(2, -10, 0)], auto=False).run(1)
-    flight.executive.watch_zone(flight.situation(), 1)
+    flight.executive.select_zone(flight.situation(), 1)
     flight.run(5)
-    flight.executive.watch_zone(flight.situation(), 2)
+    flight.executive.select_zone(flight.situation(), 2)
     reply = flight.executive.land_at_selected(flight.situation())
     assert not reply.accepted
     assert "confirm again" in reply.reason
@@ -722,10 +722,10 @@ def test_a_confirmation_never_means_the_selection_before() -> None:
 
 def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
     flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)]).fly_to(Phase.DESCEND)
-    assert not flight.executive.watch_zone(flight.situation(), 2).accepted
+    assert not flight.executive.select_zone(flight.situation(), 2).accepted
     flight.executive.abort(flight.situation())
     flight.run(3)
-    assert flight.executive.watch_zone(flight.situation(), 2).accepted
+    assert flight.executive.select_zone(flight.situation(), 2).accepted
     flight.run(3)
     assert flight.executive.phase is Phase.HOLD
     assert flight.executive.land_at_selected(flight.situation()).accepted

@@ -31,7 +31,7 @@ def restarted(
     restart = Restart(LandingMemory(state))
     for _ in range(3):
         flight.step()
-        restart.step(flight.situation(), flight.executive, FRAME, 1, 64_000)
+        restart.update(flight.situation(), flight.executive, FRAME, 1, 64_000)
     flight.step()
     return flight
 
@@ -108,7 +108,7 @@ def test_without_a_position_the_pilot_is_told_after_three_seconds(tmp_path: Path
     restart = Restart(LandingMemory(state))
     for _ in range(40):
         flight.step()
-        restart.step(flight.situation(), flight.executive, None, 1, 64_000)
+        restart.update(flight.situation(), flight.executive, None, 1, 64_000)
     assert flight.texts == ["SLZ: restarted in LAND: landing not watched, take over"]
 
 

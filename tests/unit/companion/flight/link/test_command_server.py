@@ -34,7 +34,7 @@ class Desk:
         self.done.append(command)
         reason = f"number {len(self.done)}"
         reply = CommandReply.denied(reason) if self.refuses else CommandReply.accepted(reason)
-        return replace(reply, always=self.always, stands=lambda: self.stands)
+        return replace(reply, always=self.always, is_in_effect=lambda: self.stands)
 
     def long(
         self,
@@ -60,7 +60,7 @@ class Desk:
         if sequence is None:
             self._sequence += 1
             sequence = self._sequence % 256
-        return self.server.take(received(message, system, 190, sequence), 1, 191, round(at_s * S))
+        return self.server.handle_command(received(message, system, 190, sequence), 1, 191, round(at_s * S))
 
 
 def test_a_command_is_carried_out_and_acknowledged_to_its_sender() -> None:

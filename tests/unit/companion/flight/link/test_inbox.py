@@ -26,11 +26,11 @@ class Desk:
         self.inbox.acknowledged.subscribe(lambda *_: self.said.append("acknowledged"))
         self.inbox.attitude.subscribe(lambda *_: self.said.append("attitude"))
         self.inbox.position.subscribe(lambda *_: self.said.append("position"))
-        self.inbox.take(heartbeat(), S)
+        self.inbox.on_message(heartbeat(), S)
 
     def hear(self, message: Any, now_ns: int = 2 * S) -> list[str]:
         self.said.clear()
-        self.inbox.take(message, now_ns)
+        self.inbox.on_message(message, now_ns)
         return self.said
 
 
@@ -78,7 +78,7 @@ def test_a_message_of_another_component_of_the_vehicle_s_system_tells_nothing_of
     desk.hear(attitude(4000))
     before = desk.inbox.vehicle
     assert desk.hear(received(message, 1, GIMBAL)) == []
-    assert not desk.inbox.take(received(message, 1, GIMBAL), 3 * S)
+    assert not desk.inbox.on_message(received(message, 1, GIMBAL), 3 * S)
     assert desk.inbox.vehicle is before
     assert desk.inbox.clock.timesync.strays == 0
 
@@ -86,7 +86,7 @@ def test_a_message_of_another_component_of_the_vehicle_s_system_tells_nothing_of
 def test_a_heartbeat_of_component_one_that_is_no_autopilot_s_does_not_change_the_mode() -> None:
     """A program that left its component at 1 would let the vehicle look disarmed, or in another mode."""
     desk = Desk()
-    desk.inbox.take(heartbeat(base_mode=ARMED, custom_mode=4, sequence=1), 2 * S)
+    desk.inbox.on_message(heartbeat(base_mode=ARMED, custom_mode=4, sequence=1), 2 * S)
     for kind, autopilot in ((mavlink.MAV_TYPE_GCS, 3), (2, mavlink.MAV_AUTOPILOT_INVALID)):
-        desk.inbox.take(heartbeat(kind=kind, autopilot=autopilot, sequence=2), 2 * S)
+        desk.inbox.on_message(heartbeat(kind=kind, autopilot=autopilot, sequence=2), 2 * S)
     assert (desk.inbox.vehicle.armed, desk.inbox.vehicle.mode) == (True, "GUIDED")

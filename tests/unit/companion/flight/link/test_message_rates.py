@@ -17,10 +17,10 @@ def asked_until(
     for now in range(begin_ns, end_ns, 10 * MS):
         for name, interval_ns in heard.items():
             if now % interval_ns == 0:
-                keeper.heard(name, now)
+                keeper.record_arrival(name, now)
         while stream := keeper.due(now):
             names.append(stream.name)
-            keeper.asked(stream, now, accepted=True)
+            keeper.record_request(stream, now, accepted=True)
     return names
 
 
@@ -65,7 +65,7 @@ def test_a_stream_slowed_by_another_program_is_asked_for_again() -> None:
 def test_after_a_reboot_everything_is_asked_for_again() -> None:
     kept = keeper()
     asked_until(kept, 0, 20 * S, ALL)
-    kept.restart()
+    kept.reset()
     assert sorted(asked_until(kept, 20 * S, 21 * S, ALL)) == sorted(ALL)
 
 
@@ -73,7 +73,7 @@ def test_a_refused_stream_does_not_keep_the_others_waiting() -> None:
     kept = keeper()
     first = kept.due(0)
     assert first is not None
-    kept.asked(first, 0, accepted=False)
+    kept.record_request(first, 0, accepted=False)
     second = kept.due(0)
     assert second is not None
     assert second.name != first.name
@@ -119,14 +119,14 @@ def test_a_stream_that_is_not_needed_and_refused_is_not_asked_for_again_until_a_
     for now in range(0, 60 * S, 10 * MS):
         for name, interval_ns in rest.items():
             if now % interval_ns == 0:
-                kept.heard(name, now)
+                kept.record_arrival(name, now)
         while stream := kept.due(now):
             refused = stream.name == "CURRENT_MODE"
             asked += refused
-            kept.asked(stream, now, accepted=not refused, answered=answered or not refused)
+            kept.record_request(stream, now, accepted=not refused, answered=answered or not refused)
     assert (asked == 1) == answered  # no answer is no refusal
     assert kept.refused == (("CURRENT_MODE",) if answered else ())
-    kept.restart()
+    kept.reset()
     assert kept.refused == ()
 
 

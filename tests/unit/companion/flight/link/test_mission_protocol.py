@@ -23,7 +23,7 @@ def names(messages: list[Any]) -> list[str]:
 
 
 def tell(transfer: Transfer, message: Any, at_s: float = 1.0) -> list[Any]:
-    return [received(m, *US) for m in transfer.take(received(message), round(at_s * S))]
+    return [received(m, *US) for m in transfer.on_message(received(message), round(at_s * S))]
 
 
 def ask(number: int, kind: str = "mission_request", to: tuple[int, int] = US) -> Any:

@@ -35,7 +35,7 @@ def told(*messages: Any, patience_ns: int = PATIENCE_NS) -> list[float]:
     found: list[float] = []
     inbox.position.subscribe(lambda _stamp, lat, *_: found.append(lat))
     for k, message in enumerate((heartbeat(), *messages)):
-        inbox.take(message, S + k * S // 10)
+        inbox.on_message(message, S + k * S // 10)
     return found
 
 
@@ -97,4 +97,4 @@ def test_an_open_gate_holds_nothing_back() -> None:
     gate = PositionGate(None)
     gate.close()
     assert gate.is_open
-    assert gate.lets(PositionFix(gps=0), S)
+    assert gate.accepts(PositionFix(gps=0), S)

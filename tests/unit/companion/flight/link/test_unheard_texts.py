@@ -10,18 +10,18 @@ CRITICAL, WARNING, INFO = 2, 4, 6
 
 def test_only_warnings_of_the_silence_are_told_with_their_age() -> None:
     texts = UnheardTexts()
-    texts.note("SLZ: before", WARNING, 1 * S)
-    texts.note("SLZ: abort: position lost", WARNING, 5 * S)
-    texts.note("SLZ: surveying", INFO, 6 * S)
-    assert texts.again(4 * S, 8 * S) == [("SLZ: 3 s ago: abort: position lost", WARNING)]
+    texts.record("SLZ: before", WARNING, 1 * S)
+    texts.record("SLZ: abort: position lost", WARNING, 5 * S)
+    texts.record("SLZ: surveying", INFO, 6 * S)
+    assert texts.to_resend(4 * S, 8 * S) == [("SLZ: 3 s ago: abort: position lost", WARNING)]
 
 
 def test_many_warnings_do_not_push_out_a_call_of_the_pilot() -> None:
     texts = UnheardTexts()
-    texts.note("SLZ: take over", CRITICAL, 5 * S)
+    texts.record("SLZ: take over", CRITICAL, 5 * S)
     for k in range(3 * KEPT):
-        texts.note(f"SLZ: warning {k}", WARNING, 6 * S)
-    told = [text for text, _ in texts.again(4 * S, 8 * S)]
+        texts.record(f"SLZ: warning {k}", WARNING, 6 * S)
+    told = [text for text, _ in texts.to_resend(4 * S, 8 * S)]
     assert told[0] == "SLZ: 3 s ago: take over"
     assert len(told) == KEPT
 
@@ -29,5 +29,5 @@ def test_many_warnings_do_not_push_out_a_call_of_the_pilot() -> None:
 def test_a_text_said_again_and_again_counts_once() -> None:
     texts = UnheardTexts()
     for k in range(3 * KEPT):
-        texts.note(f"SLZ: {'map' if k % 2 else 'scans'} late: holding", WARNING, (5 + k) * S)
-    assert len(texts.again(4 * S, 40 * S)) == 2
+        texts.record(f"SLZ: {'map' if k % 2 else 'scans'} late: holding", WARNING, (5 + k) * S)
+    assert len(texts.to_resend(4 * S, 40 * S)) == 2

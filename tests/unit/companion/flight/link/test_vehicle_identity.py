@@ -31,14 +31,14 @@ class Line:
         self.inbox.outgoing.subscribe(self.sent.append)
 
     def beat(self, at_s: float, system: int = 1, kind: int = COPTER, base_mode: int = 1) -> None:
-        self.inbox.take(heartbeat(system=system, kind=kind, base_mode=base_mode), round(at_s * S))
+        self.inbox.on_message(heartbeat(system=system, kind=kind, base_mode=base_mode), round(at_s * S))
 
     def place(self, at_s: float, system: int, component: int = 1) -> None:
         """Let a system tell a position on the latitude of its own number."""
         place = mavlink.MAVLink_global_position_int_message(
             round(at_s * 1000), system * 10_000_000, 80_000_000, 0, 0, 0, 0, 0, 0
         )
-        self.inbox.take(received(place, system, component), round(at_s * S))
+        self.inbox.on_message(received(place, system, component), round(at_s * S))
 
     @property
     def vehicle(self) -> int | None:
@@ -51,7 +51,7 @@ def test_the_only_aircraft_is_the_vehicle_once_it_was_listened_for_long_enough()
         line.beat(at_s, system=7)
         assert line.vehicle is None
     assert line.codec.system_id == 1
-    line.inbox.settle(LISTEN_NS)
+    line.inbox.confirm_vehicle(LISTEN_NS)
     assert (line.vehicle, line.codec.system_id) == (7, 7)
     assert not line.inbox.identity.ambiguous
 
@@ -61,10 +61,10 @@ def test_poses_are_taken_from_the_beginning_and_nothing_is_answered_before_it_is
     line.beat(0.0, system=3)
     line.place(0.1, 3)
     asked = mavlink.MAVLink_timesync_message(0, 5)
-    line.inbox.take(received(asked, 3), S)
+    line.inbox.on_message(received(asked, 3), S)
     assert (line.positions, line.sent) == ([3], [])
-    line.inbox.settle(3 * S)
-    line.inbox.take(received(asked, 3), 3 * S)
+    line.inbox.confirm_vehicle(3 * S)
+    line.inbox.on_message(received(asked, 3), 3 * S)
     assert len(line.sent) == 1
 
 
@@ -77,7 +77,7 @@ def test_what_is_no_aircraft_is_never_the_vehicle(kind: int) -> None:
     assert (line.vehicle, line.positions) == (None, [])
     line.beat(10.0)
     line.place(10.1, 1)
-    line.inbox.settle(13 * S)
+    line.inbox.confirm_vehicle(13 * S)
     assert (line.vehicle, line.positions, line.strangers) == (1, [1], [])
 
 
@@ -85,7 +85,7 @@ def test_what_is_no_aircraft_is_never_the_vehicle(kind: int) -> None:
 def test_whatever_may_be_an_aircraft_can_be_the_vehicle(kind: int) -> None:
     line = Line()
     line.beat(0.0, kind=kind)
-    line.inbox.settle(3 * S)
+    line.inbox.confirm_vehicle(3 * S)
     assert line.vehicle == 1
 
 
@@ -105,7 +105,7 @@ def test_two_aircraft_at_the_start_are_ambiguous_and_both_are_named() -> None:
 def test_one_heard_later_is_told_once_and_changes_nothing() -> None:
     line = Line()
     line.beat(0.0, system=4)
-    line.inbox.settle(3 * S)
+    line.inbox.confirm_vehicle(3 * S)
     for at_s in range(3, 30):
         line.beat(at_s, system=2)
         line.place(at_s, 2)
@@ -143,7 +143,7 @@ def test_on_the_ground_the_vehicle_of_the_run_before_is_not_taken_for_this_one()
     line = Line(remembered=4)
     line.beat(0.0, system=2)
     line.beat(0.5, system=4)
-    line.inbox.settle(10 * S)
+    line.inbox.confirm_vehicle(10 * S)
     assert line.vehicle is None
     assert line.inbox.identity.ambiguous
 

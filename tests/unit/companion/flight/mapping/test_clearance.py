@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from companion.flight.geometry.axes import level_frd_m
 from companion.flight.mapping.clearance import band_m, height_m, obstacle_points_enu_m
-from companion.flight.mapping.recent_obstacles import CAPACITY, ObstacleMemory
+from companion.flight.mapping.recent_obstacles import CAPACITY, RecentObstacles
 from slz import Nearby, Obstacle, PointState, Scan, SelectedPoint, Surroundings
 from slz.frame import LocalFrame
 from tests.unit.companion.flight.outputs.pose import pose
@@ -24,9 +24,9 @@ def scan(points: NDArray[np.float64], stamp_ns: int) -> Scan:
     return Scan(points, np.full(len(points), stamp_ns), ABOVE, FRAME)
 
 
-def memory(up_m: float | None, stamp_ns: int = S) -> ObstacleMemory:
+def memory(up_m: float | None, stamp_ns: int = S) -> RecentObstacles:
     """Return the memory of flat ground below at a height, None: of nothing."""
-    seen = ObstacleMemory(keep_s=1.0, thin=1)
+    seen = RecentObstacles(keep_s=1.0, thin=1)
     if up_m is not None:
         ground = np.random.default_rng(1).uniform(-3, 3, (2000, 3))
         ground[:, 2] = up_m
@@ -70,13 +70,13 @@ def test_without_a_map_the_fresh_returns_count_until_they_are_old() -> None:
 
 
 def test_a_few_stray_returns_are_no_ground() -> None:
-    seen = ObstacleMemory(thin=1)
+    seen = RecentObstacles(thin=1)
     seen.add(scan(np.zeros((4, 3)), S))
     assert math.isnan(seen.ground_below_m(ABOVE, S))
 
 
 def test_the_ring_holds_the_newest_returns_and_turns_them_level() -> None:
-    seen = ObstacleMemory(keep_s=10.0, thin=1)
+    seen = RecentObstacles(keep_s=10.0, thin=1)
     rng = np.random.default_rng(2)
     points = rng.uniform(-5, 5, (3 * CAPACITY // 2, 3))
     for part in np.array_split(points, 7):
@@ -114,14 +114,14 @@ def test_a_scan_without_a_return_is_no_news_of_what_is_around() -> None:
     seen = memory(0.0)
     seen.add(scan(np.empty((0, 3)), 5 * S))
     assert seen.newest_ns == S
-    assert math.isnan(ObstacleMemory().ground_below_m(ABOVE, S))
+    assert math.isnan(RecentObstacles().ground_below_m(ABOVE, S))
 
 
 @pytest.mark.parametrize("lasers", [4, 16, 32, 96, 128])
 @pytest.mark.parametrize("length", [96, 1000, 4001])
 def test_every_laser_of_a_sensor_is_remembered(lasers: int, length: int) -> None:
     """They fire in turn: one return in eight would be of the same laser for ever."""
-    seen = ObstacleMemory(keep_s=10.0)
+    seen = RecentObstacles(keep_s=10.0)
     for first in range(0, 12_000, length):
         turn = (np.arange(first, first + length) % lasers).astype(float)
         seen.add(scan(np.column_stack([turn, np.zeros((length, 2))]), S))

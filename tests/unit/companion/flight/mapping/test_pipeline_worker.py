@@ -44,7 +44,7 @@ async def test_a_window_makes_a_report_with_its_latency() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
     for second in (0, 0.5, 1.0):
-        worker.offer(scan(second))
+        worker.add_scan(scan(second))
     await drive(worker, lambda: bool(reports))
     assert len(reports[0].zones) == 1
     assert worker.reports == 1
@@ -60,12 +60,12 @@ async def test_memory_is_made_ready_after_a_report_and_a_failure_of_that_costs_n
 
     def fail(_: Pipeline) -> None:
         known.append(len(reports))
-        worker.offer(scan(5.0))
+        worker.add_scan(scan(5.0))
         raise MemoryError("broken on purpose")
 
     monkeypatch.setattr(Pipeline, "prepare", fail)
     for second in (0, 1.0):
-        worker.offer(scan(second))
+        worker.add_scan(scan(second))
     await drive(worker, lambda: len(reports) == 2)
     assert known[0] == 1
     assert not worker.invalid
@@ -75,7 +75,7 @@ async def test_the_newest_window_wins_and_the_lost_one_is_counted() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
     for second in range(5):
-        worker.offer(scan(second))
+        worker.add_scan(scan(second))
     await drive(worker, lambda: bool(reports))
     assert worker.dropped_windows == 3
     assert reports[0].stamp_ns > BEGIN_NS + 3e9
@@ -93,13 +93,13 @@ async def test_a_failure_withdraws_the_answer_until_a_window_succeeds(
         raise ArithmeticError("broken on purpose")
 
     monkeypatch.setattr(Pipeline, "process", fail)
-    worker.offer(scan(0))
-    worker.offer(scan(1))
+    worker.add_scan(scan(0))
+    worker.add_scan(scan(1))
     task = asyncio.create_task(worker.run())
     async with asyncio.timeout(60):
         while not worker.invalid:
             await asyncio.sleep(0)
-        worker.offer(scan(2))
+        worker.add_scan(scan(2))
         while worker.invalid:
             await asyncio.sleep(0)
     task.cancel()
@@ -117,17 +117,17 @@ async def test_a_report_that_breaks_an_invariant_is_withdrawn_and_told_once(
     worker.on_invalid.subscribe(told.append)
     monkeypatch.setattr(Pipeline, "state", lambda _self, _which, box: np.full(box.shape, 255, np.uint8))
     for second in range(2):
-        worker.offer(scan(second))
+        worker.add_scan(scan(second))
     task = asyncio.create_task(worker.run())
     async with asyncio.timeout(60):
         for failed in (1, 2):
             while worker.failed < failed:
                 await asyncio.sleep(0)
-            worker.offer(scan(failed + 1))
+            worker.add_scan(scan(failed + 1))
         monkeypatch.undo()
         while not reports:
             await asyncio.sleep(0)
-            worker.offer(scan(4 + len(told)))
+            worker.add_scan(scan(4 + len(told)))
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     worker.close()
@@ -139,7 +139,7 @@ async def test_a_report_that_breaks_an_invariant_is_withdrawn_and_told_once(
 async def test_what_was_gathered_is_not_kept_while_nothing_is_mapped() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
-    worker.offer(scan(0))
+    worker.add_scan(scan(0))
     worker.flush()
     worker.flush()
     await drive(worker, lambda: bool(reports))
@@ -150,14 +150,14 @@ async def test_what_was_gathered_is_not_kept_while_nothing_is_mapped() -> None:
 async def test_a_point_selected_is_judged_with_the_next_window() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
-    worker.offer(scan(0))
-    worker.offer(scan(1))
+    worker.add_scan(scan(0))
+    worker.add_scan(scan(1))
     task = asyncio.create_task(worker.run())
     async with asyncio.timeout(60):
         while not reports:
             await asyncio.sleep(0)
         worker.select(np.array([1.0, 1.0, 0.0]))
-        worker.offer(scan(2))
+        worker.add_scan(scan(2))
         while len(reports) < 2:
             await asyncio.sleep(0)
     task.cancel()
@@ -175,14 +175,14 @@ async def test_a_report_of_the_map_before_a_jump_is_dropped(monkeypatch: pytest.
     def jump_meanwhile(self: Pipeline, window: Window) -> Report:
         monkeypatch.setattr(Pipeline, "process", process)
         report = process(self, window)
-        worker.restart()
+        worker.reset()
         for second in (5, 6):
-            worker.offer(scan(second))
+            worker.add_scan(scan(second))
         return report
 
     monkeypatch.setattr(Pipeline, "process", jump_meanwhile)
     for second in (0, 1):
-        worker.offer(scan(second))
+        worker.add_scan(scan(second))
     await drive(worker, lambda: bool(reports))
     assert reports[0].stamp_ns > 4e9
 
@@ -190,9 +190,9 @@ async def test_a_report_of_the_map_before_a_jump_is_dropped(monkeypatch: pytest.
 async def test_a_window_that_waits_when_the_estimate_jumps_is_never_computed() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
-    worker.offer(scan(0))
-    worker.offer(scan(1))
-    worker.restart()
+    worker.add_scan(scan(0))
+    worker.add_scan(scan(1))
+    worker.reset()
     await drive(worker, lambda: not worker._wake.is_set())
     assert (reports, worker.reports) == ([], 0)
 
@@ -206,8 +206,8 @@ async def test_it_hangs_once_a_window_takes_longer_than_the_limit(monkeypatch: p
     begun, go_on = threading.Event(), threading.Event()
     monkeypatch.setattr(Pipeline, "process", process)
     worker = worker_to([])
-    worker.offer(scan(0))
-    worker.offer(scan(1))
+    worker.add_scan(scan(0))
+    worker.add_scan(scan(1))
     assert not worker.hangs(0.0)
     task = asyncio.create_task(worker.run())
     async with asyncio.timeout(60):
@@ -229,9 +229,9 @@ async def test_a_point_selected_before_the_map_was_forgotten_is_forgotten_with_i
     reports: list[Report] = []
     worker = worker_to(reports)
     worker.select(np.array([1.0, 1.0, 0.0]))
-    worker.restart()
+    worker.reset()
     for second in (0, 0.5, 1.0):
-        worker.offer(scan(second))
+        worker.add_scan(scan(second))
     await drive(worker, lambda: bool(reports))
     assert reports[0].selected is None
 
@@ -242,8 +242,8 @@ async def test_a_window_left_half_gathered_by_an_outage_is_dropped_and_counted_n
     worker = PipelineWorker(SMALL, reports.append)
     worker.on_invalid.subscribe(told.append)
     begin_ns = now_ns() - 30_000_000_000
-    worker.offer(scan(0.0, begin_ns))
-    worker.offer(scan(29.0, begin_ns))  # the link is back
+    worker.add_scan(scan(0.0, begin_ns))
+    worker.add_scan(scan(29.0, begin_ns))  # the link is back
     await drive(worker, lambda: worker.late > 0)
     assert (worker.late, worker.failed, worker.invalid, told, reports) == (1, 0, False, [], [])
 
@@ -262,13 +262,13 @@ async def test_a_report_that_comes_too_late_leaves_the_last_one_and_calls_no_map
         check(self, report, verdicts, now_ns + 4_000_000_000_000)
 
     monkeypatch.setattr(Invariants, "check", late)
-    worker.offer(scan(0))
-    worker.offer(scan(1))
+    worker.add_scan(scan(0))
+    worker.add_scan(scan(1))
     task = asyncio.create_task(worker.run())
     async with asyncio.timeout(60):
         while not worker.late:
             await asyncio.sleep(0)
-        worker.offer(scan(2))
+        worker.add_scan(scan(2))
         while not reports:
             await asyncio.sleep(0)
     task.cancel()

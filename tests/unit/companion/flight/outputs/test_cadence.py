@@ -10,7 +10,7 @@ MS = 1_000_000
 def test_rate_jitter_and_age() -> None:
     cadence = Cadence(20.0)
     for at in (0, 50, 104, 150):
-        cadence.note(at * MS, 15 * MS)
+        cadence.record(at * MS, 15 * MS)
     assert cadence.summary() == {
         "count": 4,
         "hz": 20.0,
@@ -21,10 +21,10 @@ def test_rate_jitter_and_age() -> None:
 
 def test_a_pause_is_no_interval() -> None:
     cadence = Cadence(20.0)
-    cadence.note(0)
-    cadence.note(50 * MS)
+    cadence.record(0)
+    cadence.record(50 * MS)
     cadence.pause()
-    cadence.note(9000 * MS)
+    cadence.record(9000 * MS)
     assert cadence.summary()["jitter_ms"]["max"] == 0
 
 
@@ -35,6 +35,6 @@ def test_what_was_never_sent_has_no_figures() -> None:
 
 def test_messages_of_one_instant_have_no_rate() -> None:
     cadence = Cadence(20.0)
-    cadence.note(5)
-    cadence.note(5)
+    cadence.record(5)
+    cadence.record(5)
     assert cadence.summary() == {"count": 2}

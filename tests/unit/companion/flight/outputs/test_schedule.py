@@ -19,10 +19,10 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.mapping.recent_obstacles import ObstacleMemory
+from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.outputs import schedule
 from companion.flight.outputs.landing_status import Status
-from companion.flight.outputs.schedule import Streams
+from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.services.settings import Settings
 from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
@@ -67,8 +67,10 @@ class Flight:
         monkeypatch.setattr(schedule, "now_ns", lambda: self.now_ns)
         self.link = FakeLink(autopilot)
         self.history = PoseHistory(Parameters(), FRAME)
-        self.memory = ObstacleMemory(thin=1)
-        self.streams = Streams(cast(Link, self.link), self.history, self.memory, Parameters(), lambda: STATUS)
+        self.memory = RecentObstacles(thin=1)
+        self.streams = MessageSchedule(
+            cast(Link, self.link), self.history, self.memory, Parameters(), lambda: STATUS
+        )
         self.moves(0)
 
     def moves(self, after_ns: int, up_m: float = 10.0) -> None:
@@ -104,7 +106,7 @@ def flight(monkeypatch: pytest.MonkeyPatch) -> Flight:
 
 def test_ranges_that_came_from_the_autopilot_are_not_told_back_to_it(flight: Flight) -> None:
     link, memory = cast(Link, flight.link), flight.memory
-    flight.streams = Streams(link, flight.history, memory, Parameters(), lambda: STATUS, ranges=False)
+    flight.streams = MessageSchedule(link, flight.history, memory, Parameters(), lambda: STATUS, ranges=False)
     flight.maps()
     flight.sees_ground()
     flight.streams.send_obstacles()
@@ -259,8 +261,8 @@ def test_rates_are_kept_on_a_clock_that_only_the_loop_moves() -> None:
     link.vehicle = replace(link.vehicle, boot_ms=None)
 
     async def fly() -> dict[str, Any]:
-        history, memory = PoseHistory(parameters, FRAME), ObstacleMemory()
-        sender = Streams(cast(Link, link), history, memory, parameters, lambda: STATUS)
+        history, memory = PoseHistory(parameters, FRAME), RecentObstacles()
+        sender = MessageSchedule(cast(Link, link), history, memory, parameters, lambda: STATUS)
         sender.target_enu_m = np.zeros(3)
         task = asyncio.create_task(sender.run())
         for _ in range(250):
@@ -289,8 +291,8 @@ def test_a_rate_that_is_set_in_flight_holds_from_the_next_message_on(flight: Fli
     sent = []
 
     async def fly() -> None:
-        history, memory = PoseHistory(settings.live, FRAME), ObstacleMemory()
-        sender = Streams(cast(Link, flight.link), history, memory, settings.live, lambda: STATUS)
+        history, memory = PoseHistory(settings.live, FRAME), RecentObstacles()
+        sender = MessageSchedule(cast(Link, flight.link), history, memory, settings.live, lambda: STATUS)
         sender.send_obstacles = lambda: sent.append(loop.time())  # type: ignore[method-assign]
         task = asyncio.create_task(sender.run())
         await asyncio.sleep(2.0)

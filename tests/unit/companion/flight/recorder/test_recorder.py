@@ -71,7 +71,7 @@ async def test_each_start_records_into_a_file_of_its_own(tmp_path: Path) -> None
     """The service starts with the same options every time, after a crash in flight too."""
     for _ in range(3):
         made = recordings()
-        made.begin_flight(tmp_path / "flight.mcap")
+        made.start_flight_recording(tmp_path / "flight.mcap")
         assert made.recorder is not None
         made.close()
     assert sorted(os.listdir(tmp_path)) == ["flight-2.mcap", "flight-3.mcap", "flight.mcap"]
@@ -85,7 +85,7 @@ async def test_what_cannot_be_recorded_is_flown_all_the_same(
     if why == "full disk":
         monkeypatch.setattr("shutil.disk_usage", lambda _folder: SimpleNamespace(free=1 << 20))
     made = recordings()
-    made.begin_flight(folder / "flight.mcap")
+    made.start_flight_recording(folder / "flight.mcap")
     assert made.recorder is None
     assert "this flight is not recorded: --record" in caplog.text
     assert not os.listdir(tmp_path)

@@ -236,7 +236,7 @@ def test_of_several_faults_the_first_ends_the_run(port: int, monkeypatch: pytest
         def fail(*_: object) -> None:
             raise next(faults)
 
-        monkeypatch.setattr(driver.stream, "take", fail)
+        monkeypatch.setattr(driver.stream, "add_packet", fail)
         for _ in range(2):
             driver.datagram_received(b"x", ("127.0.0.1", 56300))
         await running
@@ -276,7 +276,7 @@ def test_the_sensor_that_the_url_names_is_the_one_that_is_heard() -> None:
     lidar = open_lidar("livox:0.0.0.0:56301?sensor=192.168.1.100", Parameters(), batches.append)
     assert isinstance(lidar, UdpLidar)
     for k, host in enumerate(("192.168.1.77", "192.168.1.100", "192.168.1.77"), start=100):
-        lidar.stream.take(points_packet(ONE, stamp_ns=k * 10 * MS), host, k * 10 * MS)
+        lidar.stream.add_packet(points_packet(ONE, stamp_ns=k * 10 * MS), host, k * 10 * MS)
     lidar.stream.flush(2000 * MS)
     assert sum(map(len, batches)) == 1
     assert lidar.statistics()["foreign"] == 2

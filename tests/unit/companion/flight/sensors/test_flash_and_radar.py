@@ -17,7 +17,7 @@ from companion.flight.sensors.decoders import flash_decoder, radar_decoder
 from companion.flight.sensors.decoders.flash_decoder import FlashDecoder
 from companion.flight.sensors.decoders.radar_decoder import RadarDecoder
 from companion.flight.sensors.driver import decoder_for
-from companion.flight.sensors.packet_identification import lookalike
+from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.returns import RawReturns
 from companion.runtime.errors import UsageError
 from params import Parameters, load
@@ -53,7 +53,7 @@ def swaying(stamps: I64) -> tuple[F64, F64]:
 def decoded(decoder: Any, packets: list[bytes]) -> RawReturns:
     for packet in packets:
         assert decoder.check(packet) is not None
-        decoder.take(packet)
+        decoder.add_packet(packet)
     raw: RawReturns = decoder.drain()
     return raw
 
@@ -108,7 +108,7 @@ def test_a_pitched_radar_gives_true_heights_or_none(height_m: float, pitch_deg: 
     sensor = RadarSensor(np.random.default_rng(1))
     raw = decoded(RadarDecoder(), sensor.scan(0, SECOND, hovering, flat))
     assembler = ScanAssembler(radar_parameters(Parameters()), history, scans.append)
-    assembler.add(raw.later(-sensor.clock.offset_ns))
+    assembler.add(raw.shifted(-sensor.clock.offset_ns))
     assert bool(scans) == (abs(pitch_deg) < 9)
     assert assembler.statistics()["pitched"] == (0 if scans else len(raw)) <= len(raw)
     assert len(raw) > 100
@@ -217,7 +217,7 @@ def test_what_is_no_packet_is_counted_and_a_foreign_one_is_named(kind: str) -> N
         assert decoder.check(broken) is None
     assert decoder.counters.malformed == 5
     assert decoder.kind == kind
-    assert lookalike(packet) == kind
+    assert identify_packet(packet) == kind
 
 
 def changed(packet: bytes, header: struct.Struct, **fields: float) -> bytes:
@@ -249,7 +249,7 @@ def test_a_header_that_cannot_be_is_counted_and_its_packet_gives_nothing(
     packet = changed(sensor.scan(0, SECOND // 5, swaying, world())[0], header, **fields)
     decoder = decoder_for(kind)
     assert decoder.check(packet) is None
-    decoder.take(packet)
+    decoder.add_packet(packet)
     assert (len(decoder), decoder.counters.malformed, decoder.counters.packets) == (0, 1, 0)
     assert len(decoder.drain()) == 0
 

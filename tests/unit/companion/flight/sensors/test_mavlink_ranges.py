@@ -59,7 +59,7 @@ def attitude(
 )
 def test_a_range_lies_where_its_sensor_looks(orientation: int, frd: tuple[float, float, float]) -> None:
     bench = Bench()
-    bench.ranges.take(beam(800, orientation), NOW)
+    bench.ranges.on_message(beam(800, orientation), NOW)
     np.testing.assert_allclose(bench.body(), [frd], atol=1e-5)
     assert bench.batches[0].stamp_ns.tolist() == [NOW]
 
@@ -67,7 +67,7 @@ def test_a_range_lies_where_its_sensor_looks(orientation: int, frd: tuple[float,
 @pytest.mark.parametrize("cm", [20, 5000, 0, 65535])
 def test_a_range_at_its_limits_is_no_return(cm: int) -> None:
     bench = Bench()
-    bench.ranges.take(beam(cm, 25), NOW)
+    bench.ranges.on_message(beam(cm, 25), NOW)
     assert not bench.batches
     assert bench.ranges.counters.no_return == 1
 
@@ -78,14 +78,14 @@ def test_a_range_at_its_limits_is_no_return(cm: int) -> None:
 )
 def test_directions_that_nobody_can_know_are_counted(message: object) -> None:
     bench = Bench()
-    bench.ranges.take(message, NOW)
+    bench.ranges.on_message(message, NOW)
     assert not bench.batches
     assert bench.ranges.counters.malformed == 1
 
 
 def test_sectors_lie_clockwise_from_the_offset() -> None:
     bench = Bench()
-    bench.ranges.take(ring([65535, 1000, 1000], increment_f=45.0, angle_offset=45.0), NOW)
+    bench.ranges.on_message(ring([65535, 1000, 1000], increment_f=45.0, angle_offset=45.0), NOW)
     np.testing.assert_allclose(bench.body(), [[0, 10, 0], [-7.0711, 7.0711, 0]], atol=1e-3)
 
 
@@ -111,37 +111,37 @@ def test_a_sector_lies_where_its_frame_says(
 ) -> None:
     bench = Bench()
     for boot_ms, angles in ((900, (45, 30, 30)), (1010, vehicle), (1100, (45, 30, 30))):
-        bench.ranges.take(attitude(*angles, boot_ms), NOW)
-    bench.ranges.take(ring([1000], angle_offset=90.0, frame=frame), NOW)
+        bench.ranges.on_message(attitude(*angles, boot_ms), NOW)
+    bench.ranges.on_message(ring([1000], angle_offset=90.0, frame=frame), NOW)
     np.testing.assert_allclose(bench.body(), [frd], atol=1e-4)
 
 
 @pytest.mark.parametrize("frame", [LOCAL, GLOBAL, NED])
 def test_level_sectors_without_an_attitude_of_their_time_are_counted_and_not_placed(frame: int) -> None:
     bench = Bench()
-    bench.ranges.take(attitude(0, 0, 0, 900), NOW)
-    bench.ranges.take(ring([1000], frame=frame), NOW)
+    bench.ranges.on_message(attitude(0, 0, 0, 900), NOW)
+    bench.ranges.on_message(ring([1000], frame=frame), NOW)
     assert not bench.batches
     assert (bench.ranges.counters.without_attitude, bench.ranges.counters.malformed) == (1, 0)
 
 
 def test_other_messages_are_passed_over() -> None:
     bench = Bench()
-    bench.ranges.take(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3), NOW)
+    bench.ranges.on_message(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3), NOW)
     assert bench.ranges.counters.packets == 0
 
 
 def test_nothing_seen_around_is_no_return() -> None:
     bench = Bench()
-    bench.ranges.take(ring([65535] * 72), NOW)
+    bench.ranges.on_message(ring([65535] * 72), NOW)
     assert not bench.batches
     assert (bench.ranges.counters.no_return, bench.ranges.counters.malformed) == (1, 0)
 
 
 def test_a_range_whose_stamp_cannot_be_is_counted_and_not_placed() -> None:
     bench = Bench()
-    bench.ranges.take(beam(800, 25), NOW)
-    bench.ranges.take(beam(700, 25), NOW + 60_000_000_000)  # the same stamp a minute later
+    bench.ranges.on_message(beam(800, 25), NOW)
+    bench.ranges.on_message(beam(700, 25), NOW + 60_000_000_000)  # the same stamp a minute later
     assert len(bench.batches) == 1
     assert bench.ranges.statistics()["without_time"] == 1
     assert bench.ranges.last_arrival_ns == NOW
@@ -150,7 +150,7 @@ def test_a_range_whose_stamp_cannot_be_is_counted_and_not_placed() -> None:
 def test_a_range_before_any_pose_is_not_placed() -> None:
     batches: list[Returns] = []
     ranges = MavlinkRanges(Parameters(), AutopilotClock(), batches.append)
-    ranges.take(beam(800, 25), NOW)
+    ranges.on_message(beam(800, 25), NOW)
     assert not batches
     assert ranges.counters.without_time == 1
 
@@ -160,9 +160,9 @@ def test_ranges_stamped_by_another_clock_do_not_touch_the_autopilots() -> None:
     unix = ring([1000])
     unix.time_usec = 1_790_000_000_000_000
     for number in range(25):
-        bench.ranges.take(unix, NOW + number * 100_000_000)
+        bench.ranges.on_message(unix, NOW + number * 100_000_000)
     assert not bench.batches
     assert bench.ranges.counters.without_time == 25
     assert (bench.clock.source, bench.clock.implausible) == ("arrival", 0)
-    bench.ranges.take(beam(800, 25), NOW + 5_000_000)
+    bench.ranges.on_message(beam(800, 25), NOW + 5_000_000)
     assert bench.batches[0].stamp_ns.tolist() == [NOW]

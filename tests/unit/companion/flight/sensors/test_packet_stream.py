@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.flight.sensors.driver import decoder_for
-from companion.flight.sensors.packet_identification import lookalike
+from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.returns import RawReturns, Returns
 from params import Parameters
@@ -61,7 +61,7 @@ class Rig:
         self.stream = PacketStream(decoder_for(kind, SETUPS.get(kind, "")), Parameters(), self.batches.append)
 
     def send(self, number: int, at_ns: int, arrival_ns: int) -> None:
-        self.stream.take(self.packet(number, at_ns), "sensor", arrival_ns)
+        self.stream.add_packet(self.packet(number, at_ns), "sensor", arrival_ns)
 
     def stamps_ns(self) -> list[int]:
         return [int(stamp) for batch in self.batches for stamp in batch.stamp_ns]
@@ -138,7 +138,7 @@ def test_truncated_and_flipped_packets_never_raise(kind: str, spoilt: list[tuple
                     del packet[where % len(packet) :]
                 else:
                     packet[where // 8 % len(packet)] ^= 1 << where % 8
-        rig.stream.take(bytes(packet), "sensor", 500 * S + i * MS)
+        rig.stream.add_packet(bytes(packet), "sensor", 500 * S + i * MS)
     rig.stream.flush(600 * S)
     assert all(np.isfinite(batch.xyz_sensor_m).all() for batch in rig.batches)
     assert len(rig.stamps_ns()) == rig.counted("returns")
@@ -159,8 +159,8 @@ def named() -> list[tuple[str, bytes]]:
 
 @pytest.mark.parametrize(("kind", "packet"), named())
 def test_a_packet_tells_its_maker(kind: str, packet: bytes) -> None:
-    assert lookalike(packet) == kind
-    assert lookalike(packet[:-1]) is None
+    assert identify_packet(packet) == kind
+    assert identify_packet(packet[:-1]) is None
 
 
 @kinds
@@ -171,7 +171,7 @@ def test_another_maker_s_sensor_is_counted_and_named_in_one_line(
     rig = Rig(kind)
     with caplog.at_level(logging.ERROR):
         for i in range(5):
-            rig.stream.take(packet, "10.0.0.9", 500 * S + i * MS)
+            rig.stream.add_packet(packet, "10.0.0.9", 500 * S + i * MS)
     rig.stream.flush(501 * S)
     wrong = sender != kind
     assert rig.counted("wrong_sensor") == (5 if wrong else 0)
@@ -192,10 +192,10 @@ class Raising:
         self._try("check", [packet])
         return self._own.check(packet)
 
-    def take(self, packet: bytes) -> None:
-        self._try("take", [packet])
+    def add_packet(self, packet: bytes) -> None:
+        self._try("add_packet", [packet])
         self._kept.append(packet)
-        self._own.take(packet)
+        self._own.add_packet(packet)
 
     def drain(self) -> RawReturns:
         kept, self._kept = self._kept, []
@@ -211,7 +211,7 @@ class Raising:
             raise IndexError("of a column")
 
 
-METHODS = pytest.mark.parametrize("method", ["check", "take", "drain"])
+METHODS = pytest.mark.parametrize("method", ["check", "add_packet", "drain"])
 
 
 @METHODS
@@ -252,6 +252,6 @@ def test_returns_of_a_synchronised_sensor_have_its_own_stamps_whatever_their_way
     measured = [EPOCH_NS + k * 10 * MS for k in range(20)]
     for k, at_ns in enumerate(measured):
         arrival_ns = at_ns + (2 + k % 5) * MS
-        stream.take(livox(k, wall_ns + at_ns), "sensor", arrival_ns)
+        stream.add_packet(livox(k, wall_ns + at_ns), "sensor", arrival_ns)
         stream.flush(arrival_ns)
     assert [int(stamp) for batch in batches for stamp in batch.stamp_ns] == measured

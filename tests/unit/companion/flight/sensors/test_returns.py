@@ -51,15 +51,15 @@ def test_join_keeps_the_order_of_every_column() -> None:
 
 
 def test_a_part_keeps_the_order_of_every_column() -> None:
-    part = batch(4).part(np.array([True, False, False, True]))
+    part = batch(4).select(np.array([True, False, False, True]))
     assert [part.stamp_ns.tolist(), part.ring.tolist(), part.echo.tolist()] == [[0, 3], [1, 4], [1, 4]]
-    assert batch(4).part(slice(1, None, 2)).intensity.tolist() == [2, 4]
+    assert batch(4).select(slice(1, None, 2)).intensity.tolist() == [2, 4]
 
 
 def test_joined_returns_bear_the_least_pitch_of_any_and_so_does_a_part_of_them() -> None:
-    steady = RawReturns(*columns(2).values(), most_pitch_rad=0.2).later(0)
+    steady = RawReturns(*columns(2).values(), most_pitch_rad=0.2).shifted(0)
     joined = join([batch(2), steady, batch(1)])
-    assert joined.most_pitch_rad == joined.part(slice(0, 1)).most_pitch_rad == 0.2
+    assert joined.most_pitch_rad == joined.select(slice(0, 1)).most_pitch_rad == 0.2
     assert batch(2).most_pitch_rad == np.inf
 
 
@@ -71,6 +71,6 @@ def test_plain_returns_are_one_of_one() -> None:
 
 def test_another_clock_changes_nothing_but_the_stamps() -> None:
     xyz, stamps, *rest = columns(2).values()
-    returns = RawReturns(xyz, stamps, *rest).later(10**18)
+    returns = RawReturns(xyz, stamps, *rest).shifted(10**18)
     assert returns.stamp_ns.tolist() == [10**18, 10**18 + 1]
     assert [returns.intensity, returns.ring, returns.echo, returns.echoes] == rest

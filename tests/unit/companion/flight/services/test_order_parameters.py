@@ -49,11 +49,11 @@ class Desk:
         monkeypatch.setattr(order_parameters, "now_ns", lambda: self.now_ns)
         self.server = ParameterServer(OrderParameters(cast(Operator, self.listener)))
         self.texts: list[tuple[str, bool]] = []
-        self.server.told.subscribe(lambda *text: self.texts.append(text))
+        self.server.on_change_result.subscribe(lambda *text: self.texts.append(text))
 
     def set(self, name: str, value: float) -> list[tuple[str, Any]]:
         message = mavlink.MAVLink_param_set_message(*US, name.encode(), value, mavlink.MAV_PARAM_TYPE_INT32)
-        answers = self.server.take(received(message, 255, 190), *US)
+        answers = self.server.on_message(received(message, 255, 190), *US)
         return [(m.get_type(), getattr(m, "param_value", None)) for m in answers]
 
     def later(self) -> list[float]:

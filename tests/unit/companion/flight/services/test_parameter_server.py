@@ -29,10 +29,10 @@ class Desk:
         self.settings = Settings(params.build(values))
         self.server = ParameterServer(self.settings)
         self.texts: list[tuple[str, bool]] = []
-        self.server.told.subscribe(lambda *text: self.texts.append(text))
+        self.server.on_change_result.subscribe(lambda *text: self.texts.append(text))
 
     def tell(self, message: Any) -> list[Any]:
-        return [received(m) for m in self.server.take(received(message, 255, 190), *US)]
+        return [received(m) for m in self.server.on_message(received(message, 255, 190), *US)]
 
     def set(self, name: str, value: float, kind: int = REAL32, to: tuple[int, int] = US) -> list[Any]:
         return self.tell(mavlink.MAVLink_param_set_message(*to, name.encode(), value, kind))

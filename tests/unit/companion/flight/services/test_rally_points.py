@@ -75,12 +75,12 @@ class Vehicle:
                 self._say(mavlink.MAVLink_mission_ack_message(*US, 0, RALLY))
 
     def _say(self, message: Any) -> None:
-        self._hear(self.rally.hear(received(message), round(self.now_s * S), 1, US))
+        self._hear(self.rally.on_message(received(message), round(self.now_s * S), 1, US))
 
     def other(self) -> None:
         """Somebody else begins to write points."""
         message = received(mavlink.MAVLink_mission_count_message(1, 1, 3, RALLY), *STATION)
-        self.rally.hear(message, round(self.now_s * S), 1, US)
+        self.rally.on_message(message, round(self.now_s * S), 1, US)
 
     def writes(self) -> int:
         return self.sent.count("MISSION_COUNT") + self.sent.count("MISSION_CLEAR_ALL")
@@ -188,7 +188,7 @@ def test_somebody_who_begins_while_we_read_is_let_finish() -> None:
 def test_messages_that_carry_no_points_hold_nothing_up() -> None:
     vehicle = Vehicle()
     told = received(mavlink.MAVLink_param_request_list_message(1, 1), *STATION)
-    assert vehicle.rally.hear(told, 0, 1, US) == []
+    assert vehicle.rally.on_message(told, 0, 1, US) == []
     assert vehicle.run(MINE).points == list(MINE)
 
 
@@ -270,5 +270,5 @@ def test_only_transfers_with_the_vehicle_itself_hold_ours_up(
 ) -> None:
     rally = Rally()
     other = mavlink.MAVLink_mission_count_message(to, 1, 2, RALLY)
-    rally.hear(received(other, *sender), S, 1, US)
+    rally.on_message(received(other, *sender), S, 1, US)
     assert bool(rally.poll(2 * S, (point(10),), 1, US)) is not waits

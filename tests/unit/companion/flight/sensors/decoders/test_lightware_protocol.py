@@ -82,7 +82,7 @@ def test_readings_without_a_return_are_dated_with_the_others(seen: range | tuple
     stream = LightwareStream(Parameters(lidar_delay_ms=0.0), batches.append)
     piece = sent([(1000 if k in seen else -100, 0) for k in range(20)])
     for arrival_ns in range(10**12, 10**12 + 3_000 * ms, 20 * ms):
-        stream.take(piece, "", arrival_ns)
+        stream.add_packet(piece, "", arrival_ns)
         stream.flush(arrival_ns)
     assert ((batches[-1].stamp_ns - arrival_ns) // ms).tolist() == [k - 19 for k in seen]
 
@@ -91,7 +91,7 @@ def test_pieces_without_any_return_keep_the_dates_of_the_next_apart() -> None:
     ms, batches = 1_000_000, list[Returns]()
     stream = LightwareStream(Parameters(lidar_delay_ms=0.0), batches.append)
     for arrival_ms, cm in ((100, 1000), (115, -100), (120, 1000)):
-        stream.take(sent([(cm, 0)] * 5), "", arrival_ms * ms)
+        stream.add_packet(sent([(cm, 0)] * 5), "", arrival_ms * ms)
         stream.flush(arrival_ms * ms)
     assert len(batches) == 2
     assert (batches[1].stamp_ns // ms).tolist() == [116, 117, 118, 119, 120]

@@ -206,7 +206,7 @@ def test_packets_may_be_checked_together_before_they_are_taken() -> None:
     decoder = LivoxDecoder()
     assert all(decoder.check(packet) for packet in packets)
     for packet in packets:
-        decoder.take(packet)
+        decoder.add_packet(packet)
     raw = decoder.drain()
     assert raw.xyz_m[:, 0].tolist() == [1.0, 2.0, 3.0]
     assert raw.stamp_ns.tolist() == [10**9, 2 * 10**9, 3 * 10**9]

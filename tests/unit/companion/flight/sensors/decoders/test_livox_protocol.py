@@ -26,7 +26,7 @@ def test_the_sensor_is_set_to_sampling_and_to_our_address() -> None:
     assert request is not None
     answer = sensor.receive(request)
     assert answer is not None
-    assert control.take(answer)
+    assert control.on_datagram(answer)
     assert sensor.sampling
     assert sensor.point_host == ("192.168.1.5", 56301)
     assert sensor.data_type == 1
@@ -38,13 +38,13 @@ def test_it_asks_each_second_until_answered_and_then_no_more_while_points_come()
     assert asked == [0, 10, 20, 30, 40]
     request = control.due(5 * SECOND, None)
     assert request is not None
-    control.take(sensor.receive(request) or b"")
+    control.on_datagram(sensor.receive(request) or b"")
     assert all(control.due(t * SECOND, t * SECOND) is None for t in range(5, 20))
 
 
 def test_it_asks_again_when_the_points_stop() -> None:
     sensor, control = ControlUnit(), LivoxControl("192.168.1.5", 56301)
-    control.take(sensor.receive(control.due(0, None) or b"") or b"")
+    control.on_datagram(sensor.receive(control.due(0, None) or b"") or b"")
     assert control.due(2 * SECOND, 0) is None
     assert control.due(4 * SECOND, 0) is not None
 
@@ -52,7 +52,7 @@ def test_it_asks_again_when_the_points_stop() -> None:
 def test_a_refusal_names_the_parameter() -> None:
     control = LivoxControl("192.168.1.5", 56301)
     control.due(0, None)
-    assert control.take(encode(Frame(SET_PARAMETERS, 1, ANSWER, b"\x20\x1a\x00"), sender=1))
+    assert control.on_datagram(encode(Frame(SET_PARAMETERS, 1, ANSWER, b"\x20\x1a\x00"), sender=1))
     assert "0x001a" in control.refused
 
 
@@ -64,7 +64,7 @@ def test_answers_to_something_else_are_passed_over() -> None:
         Frame(0x0101, 1, ANSWER, bytes(3)),
         Frame(SET_PARAMETERS, 1, 0, bytes(3)),
     ):
-        assert not control.take(encode(frame, sender=1))
+        assert not control.on_datagram(encode(frame, sender=1))
 
 
 @given(st.binary(max_size=80))

@@ -5,7 +5,7 @@ from __future__ import annotations
 BUCKET_NS = 15_000_000_000
 
 
-class LeastDelay:
+class MinimumDelay:
     """Offset from the message of least delay over the last 15 to 30 seconds.
 
     Converted stamps are late by that least delay. It is the only offset until TIMESYNC is answered.
