@@ -37,7 +37,7 @@ class PlacedReturns(Protocol):
     n: int
 
     def kept(self, every: int = 1) -> NDArray[np.float64]:
-        """Return the points (m, 3) that no outlier rule dropped, every so many of them."""
+        """Return the points (m, 3) that no outlier rule dropped, every `every`-th of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -168,7 +168,7 @@ class PaperTerrain:
         return np.where(known, _read(values, box), np.float32(np.nan))
 
     def around(self, cell: Box, reach: int) -> Box:
-        """Return the box within so many cells of a cell, within the grid: nothing is known outside."""
+        """Return the box within `reach` cells of a cell, within the grid: nothing is known outside."""
         return cell.grown(reach, self.grid)
 
     def state_at(self, enu_m: NDArray[np.float64], error_m: float) -> int | None:

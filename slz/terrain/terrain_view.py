@@ -27,7 +27,7 @@ class TerrainView(Protocol):
         """Return 0 unsafe, 1 safe, 255 unknown for a box."""
 
     def around(self, cell: Box, reach: int) -> Box:
-        """Return the box within so many cells of a cell, as far as the map extends."""
+        """Return the box within `reach` cells of a cell, as far as the map extends."""
 
     def state_at(self, enu_m: NDArray[np.float64], error_m: float) -> int | None:
         """Return the state of a point (3,) that may be missed by an error; None where the map lacks it."""
@@ -88,7 +88,7 @@ class UnboundedTerrain:
         return self.layer_at(name, cells)
 
     def around(self: TerrainView, cell: Box, reach: int) -> Box:
-        """Return the box within so many cells of a cell."""
+        """Return the box within `reach` cells of a cell."""
         return Box(cell.row0 - reach, cell.row1 + reach, cell.col0 - reach, cell.col1 + reach)
 
     def state_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> int | None:
