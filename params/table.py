@@ -184,7 +184,7 @@ class Parameters(BaseModel):
     repeat_depth: Annotated[
         int,
         _in(1, 100000),
-        Spec("SLZ_REP_DEPTH", "", "SLZ paper 3.4.3", "Earlier zones that the repeat filter looks at."),
+        Spec("SLZ_REP_DEPTH", "", "SLZ paper §3.4.3", "Earlier zones that the repeat filter looks at."),
     ] = 1000
     touchdown_error_m: Annotated[
         float,

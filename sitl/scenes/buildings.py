@@ -1,4 +1,4 @@
-"""Two flat-roofed buildings with a level yard between them (landing points, SLZ thesis 4.4.5)."""
+"""Two flat-roofed buildings with a level yard between them (landing points, SLZ thesis, section 4.4.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Landing site of five surfaces with objects and a slope, after the radar letter's example (Radar 3.2)."""
+"""Landing site of five surfaces with objects and a slope, after the radar letter's example (section 3.2)."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ def test_the_source_warns_of_a_van_but_not_of_a_crate(surveys: Path) -> None:
 
 
 def test_the_source_keeps_the_state_of_a_point_out_of_its_maps(surveys: Path) -> None:
-    """SLZ thesis 4.3.2.2."""
+    """SLZ thesis, section 4.3.2.2."""
     flight = Flight(surveys, "source")
     assert flight.look().state is PointState.SAFE
     assert flight.look(way_m=600.0).state is PointState.SAFE

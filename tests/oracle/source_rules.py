@@ -97,7 +97,7 @@ class Kept:
 
 
 class Repeats:
-    """The filter of repeated zones with an unlimited list (SLZ paper 3.4.3, Eq. 18)."""
+    """The filter of repeated zones with an unlimited list (SLZ paper, section 3.4.3, Eq. 18)."""
 
     def __init__(self, ratio: float = 0.8, area_ratio: float = 0.9) -> None:
         self.kept: list[Kept] = []

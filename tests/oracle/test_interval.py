@@ -18,7 +18,7 @@ GRID = Grid(-50.0, -50.0, 0.5, 200, 200)
 
 
 def by_hand(height: Heights) -> tuple[float, float]:
-    """Trim sparse end bins, the emptier first, while nine tenths of the points stay (SLZ paper 3.2.1)."""
+    """Trim sparse end bins, the emptier first; nine tenths of the points stay (SLZ paper, section 3.2.1)."""
     low, high, n = height.min(), height.max(), len(height)
     scale = BINS / (high - low)
     count = np.bincount(np.minimum(((height - low) * scale).astype(int), BINS - 1), minlength=BINS).tolist()

@@ -12,7 +12,7 @@ from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 
 
 def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:
-    """Return the polygons in longitude and latitude, outer rings anticlockwise (RFC 7946, 3.1.6).
+    """Return the polygons in longitude and latitude, outer rings anticlockwise (RFC 7946, section 3.1.6).
 
     Polygons that cross the date line are cut along it (3.1.9); polygons around a pole are unchanged.
     """

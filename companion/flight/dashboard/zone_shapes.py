@@ -22,7 +22,7 @@ Rings = list[list[int]]
 
 
 def certainty_class(certainty: float, parameters: Parameters) -> CertaintyClass:
-    """Return the drawing class of a zone (SLZ paper 3.4.1: dark green, light green, red)."""
+    """Return the drawing class of a zone (SLZ paper, section 3.4.1: dark green, light green, red)."""
     if certainty >= parameters.confidence_factor:
         return "certain"
     return "less" if certainty >= parameters.uncertain_below else "uncertain"

@@ -1,4 +1,4 @@
-"""Announcements of state changes of the selected landing point (SLZ thesis 4.3.2)."""
+"""Announcements of state changes of the selected landing point (SLZ thesis, section 4.3.2)."""
 
 from __future__ import annotations
 

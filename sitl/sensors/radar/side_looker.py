@@ -2,7 +2,8 @@
 
 For each line and look, rays sample the world within the beam: a strip as wide as the antenna along the track,
 because the ground is in its near zone, and all look angles across. At each hit of a ray is a partial
-scatterer with a random phase and the power of its patch (Radar 3.2); surfaces without a hit are in shadow.
+scatterer with a random phase and the power of its patch (Radar letter, section 3.2);
+surfaces without a hit are in shadow.
 Each antenna sums them with the exact phase of its own path and the response of a limited bandwidth, and adds
 noise. Looks and lines are independent of each other, as with a carrier that changes from pulse to pulse.
 

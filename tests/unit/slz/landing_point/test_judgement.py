@@ -79,7 +79,7 @@ STEEP_DEG = 20.0
 def test_source_the_near_map_decides_else_the_far_one(
     near: str, far: str, state: PointState, judged_by: str, far_first: bool
 ) -> None:
-    """SLZ thesis 4.3.2.3, every row."""
+    """SLZ thesis, section 4.3.2.3, every row."""
     flight = SourceFlight()
     slope = {"safe": 0.0, "unsafe": STEEP_DEG, "left": 0.0, "beside": 0.0}
     away = {"left": ELSEWHERE_M, "beside": BESIDE_M}
@@ -114,7 +114,7 @@ def test_source_the_point_is_told_its_zone_and_ground() -> None:
 
 @pytest.mark.parametrize("slope_deg", [0.0, STEEP_DEG])
 def test_source_the_state_outlives_a_map_that_left_the_point_behind(slope_deg: float) -> None:
-    """SLZ thesis 4.3.2.2, both for a point found safe and for one found unsafe."""
+    """SLZ thesis, section 4.3.2.2, both for a point found safe and for one found unsafe."""
     flight = SourceFlight()
     flight.near(slope_deg)
     flight.far(0.0, ELSEWHERE_M)
@@ -153,7 +153,7 @@ def test_source_the_far_map_takes_over_from_a_near_one_that_left_the_point() -> 
 
 
 def test_source_a_new_point_knows_nothing_of_the_one_before() -> None:
-    """SLZ thesis 4.3.2.1."""
+    """SLZ thesis, section 4.3.2.1."""
     flight = SourceFlight()
     flight.near()
     flight.far()

@@ -57,7 +57,7 @@ def by_id(report: Report, zone_id: int) -> Zone:
     return zone
 
 
-# ---- source mode (SLZ paper 3.4.3) -------------------------------------------------------------
+# ---- source mode (SLZ paper, section 3.4.3) -------------------------------------------------------------
 
 BASE = Patch(5, 45, 5, 45)
 TAB = Patch(45, 49, 10, 22)  # at the northern edge of BASE
