@@ -23,10 +23,10 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.sensors.decoders.lightware_protocol import encode as lightware_frame
 from companion.flight.sensors.decoders.lightware_stream import LightwareStream
 from companion.flight.sensors.decoders.livox_protocol import LivoxControl
-from companion.flight.sensors.driver import decoder_for
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.returns import Returns
+from companion.flight.sensors.sensor_registry import decoder_for
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
 from params import Parameters

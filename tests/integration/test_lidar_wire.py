@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.flight.sensors.driver import decoder_for
+from companion.flight.sensors.sensor_registry import decoder_for
 from sitl.sensors.mid360 import Mid360
 from sitl.sensors.optics import Noise
 from sitl.sensors.ouster_os1 import Ouster

@@ -1,27 +1,98 @@
-"""Registry of third-party sensors, whose decoders a user's program adds first (`docs/driver.md`)."""
+"""Registry of sensors that send UDP packets: the decoder, default port and metadata of each kind.
+
+A program of the user's can add its own before it calls ours (`docs/driver.md`).
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from companion.flight.sensors.packet_stream import Decoder
+from companion.flight.sensors.packet_stream import Decoder
+from companion.runtime.errors import UsageError
 
-OURS = frozenset({"livox", "velodyne", "ouster", "flash", "radar", "lightware", "mavlink"})
+EXAMPLE = "livox:HOST:PORT (livox:0.0.0.0:56301), velodyne:HOST:PORT or ouster:HOST:PORT?meta=FILE.json"
+WITHOUT_PACKETS = frozenset({"lightware", "mavlink"})  # kinds that send no UDP packets
 
 
 @dataclass(frozen=True, slots=True)
-class OtherSensor:
-    """Factory of decoders of a kind of sensor; default_port: its own UDP port, None without one."""
+class Sensor:
+    """A kind of sensor.
 
-    make: Callable[[], Decoder]
-    default_port: int | None
+    Attributes
+    ----------
+    make
+        Returns a new decoder from the sensor's metadata, which is empty where it has none.
+    default_port
+        The maker's UDP port, None without one.
+    has_metadata
+        Its packets can be decoded only with a description of the sensor.
+    """
+
+    make: Callable[[str], Decoder]
+    default_port: int | None = None
+    has_metadata: bool = False
 
 
-_SENSORS: dict[str, OtherSensor] = {}
+def _livox(_: str) -> Decoder:
+    from companion.flight.sensors.decoders.livox_decoder import LivoxDecoder
+
+    return LivoxDecoder()
+
+
+def _velodyne(_: str) -> Decoder:
+    # Imported only when used: its library reports leaks when the program ends, on any terminal.
+    from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
+
+    return VelodyneDecoder()
+
+
+def _ouster(metadata: str) -> Decoder:
+    from companion.flight.sensors.decoders.ouster_decoder import OusterDecoder
+
+    return OusterDecoder(metadata)
+
+
+def _flash(_: str) -> Decoder:
+    from companion.flight.sensors.decoders.flash_decoder import FlashDecoder
+
+    return FlashDecoder()
+
+
+def _radar(_: str) -> Decoder:
+    from companion.flight.sensors.decoders.radar_decoder import RadarDecoder
+
+    return RadarDecoder()
+
+
+_OURS = {
+    "livox": Sensor(_livox),
+    "velodyne": Sensor(_velodyne, 2368),
+    "ouster": Sensor(_ouster, 7502, has_metadata=True),
+    "flash": Sensor(_flash, 7610),
+    "radar": Sensor(_radar, 7611),
+}
+_added: dict[str, Sensor] = {}
+
+
+def registered(kind: str) -> Sensor | None:
+    """Return the sensor of a kind, None if there is none."""
+    return _OURS.get(kind) or _added.get(kind)
+
+
+def decoder_for(kind: str, metadata: str = "") -> Decoder:
+    """Return the decoder of a kind of sensor, as in its URL, with the sensor's metadata if it has any.
+
+    Raises
+    ------
+    UsageError
+        The kind is unknown, or the metadata cannot be read.
+    """
+    sensor = registered(kind)
+    if sensor is None:
+        raise UsageError(f"LiDAR {kind!r} is no sensor: {EXAMPLE}")
+    return sensor.make(metadata)
 
 
 def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None = None) -> None:
@@ -43,18 +114,13 @@ def add_sensor(kind: str, make: Callable[[], Decoder], default_port: int | None 
     """
     if not re.fullmatch(r"[a-z][a-z0-9-]*", kind):
         raise ValueError(f"sensor {kind!r}: a kind is lower-case letters, digits and hyphens")
-    if kind in OURS or kind in _SENSORS:
+    if kind in WITHOUT_PACKETS or registered(kind) is not None:
         raise ValueError(f"sensor {kind!r} is there already: take another name")
     if default_port is not None and not 0 < default_port < 65536:
         raise ValueError(f"sensor {kind!r}: default port {default_port} is not from 1 to 65535")
-    _SENSORS[kind] = OtherSensor(make, default_port)
+    _added[kind] = Sensor(lambda _: make(), default_port)
 
 
 def remove_sensor(kind: str) -> None:
-    """Undo `add_sensor`; raise KeyError for an unknown kind."""
-    del _SENSORS[kind]
-
-
-def other_sensor(kind: str) -> OtherSensor | None:
-    """Return the sensor registered under a name, None if there is none."""
-    return _SENSORS.get(kind)
+    """Undo `add_sensor`; raise KeyError for a kind that was not added."""
+    del _added[kind]

@@ -11,9 +11,11 @@ from typing import Any
 
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
-from companion.flight.sensors.driver import BATCH_PACKETS, decoder_for, description
+from companion.flight.sensors.driver import description
 from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.packet_stream import PacketStream
+from companion.flight.sensors.sensor_registry import decoder_for
+from companion.flight.sensors.udp_lidar import BATCH_PACKETS
 from companion.runtime.errors import UsageError
 
 LOOKED_AT = 2000  # datagrams examined to identify the sensor

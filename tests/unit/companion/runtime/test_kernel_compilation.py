@@ -23,6 +23,8 @@ IMPORTS_ROWS = "from slz.kernels.growable_array import (\n    b,\n)\n"
 EAGER = '@kernel("int64(int64)")\n'
 KERNELS = ("slz/kernels/points/voxels", "companion/flight/fusion/placement")
 OF_SOME_FLIGHTS = {
+    "companion.flight.sensors.decoders.livox_points",
+    "companion.flight.sensors.decoders.ouster_points",
     "companion.flight.sensors.decoders.velodyne_points",
     "companion.flight.dashboard.quantise",
 }

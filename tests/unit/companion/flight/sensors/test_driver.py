@@ -9,8 +9,9 @@ from collections.abc import Awaitable, Callable, Iterator
 import pytest
 
 from companion.flight.sensors.decoders.livox_session import LivoxSession
-from companion.flight.sensors.driver import UdpLidar, open_lidar
+from companion.flight.sensors.driver import open_lidar
 from companion.flight.sensors.returns import Returns
+from companion.flight.sensors.udp_lidar import UdpLidar
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.lockstep_loop import CLOCK_OFFSET_NS, LockstepLoop
 from params import Parameters

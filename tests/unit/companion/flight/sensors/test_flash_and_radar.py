@@ -16,9 +16,9 @@ from companion.flight.fusion.second_sensor import open_beside, radar_parameters
 from companion.flight.sensors.decoders import flash_decoder, radar_decoder
 from companion.flight.sensors.decoders.flash_decoder import FlashDecoder
 from companion.flight.sensors.decoders.radar_decoder import RadarDecoder
-from companion.flight.sensors.driver import decoder_for
 from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.returns import RawReturns
+from companion.flight.sensors.sensor_registry import decoder_for
 from companion.runtime.errors import UsageError
 from params import Parameters, load
 from sitl.sensors.flash.flash_sensor import FlashSensor

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.flight.sensors.driver import decoder_for
 from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.returns import RawReturns, Returns
+from companion.flight.sensors.sensor_registry import decoder_for
 from params import Parameters
 from tests.unit.companion.flight.sensors import ouster_packets
 from tests.unit.companion.flight.sensors.packets import imu_packet, points_packet

@@ -1,0 +1,130 @@
+"""Receiver of a LiDAR's packets on a UDP port."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+from typing import Any
+
+from companion.flight.sensors.decoders.livox_session import LivoxSession
+from companion.flight.sensors.packet_stream import PacketStream
+from companion.runtime.clock import now_ns
+from companion.runtime.errors import CompanionError, UsageError
+
+BATCH_S = 0.01
+BATCH_PACKETS = 64
+RECEIVE_BUFFER = 8 << 20
+BIND_ERRORS = {
+    errno.EADDRINUSE: "the port is in use",
+    errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
+}
+
+
+class UdpLidar(asyncio.DatagramProtocol):
+    """Receiver of packets on a UDP port, in batches of 10 ms.
+
+    Attributes
+    ----------
+    stream
+        Decoder of the packets.
+    """
+
+    def __init__(self, host: str, port: int, stream: PacketStream) -> None:
+        self._address = (host, port)
+        self._timer: asyncio.TimerHandle | None = None
+        self._failure: asyncio.Future[None] | None = None
+        self.stream = stream
+        self.session: LivoxSession | None = None
+
+    @property
+    def last_arrival_ns(self) -> int | None:
+        """Arrival of the newest valid packet, None before any."""
+        return self.stream.last_arrival_ns
+
+    def statistics(self) -> dict[str, int | float | None]:
+        """Return counters of packets and returns, and of dropped data by reason."""
+        return self.stream.statistics()
+
+    async def run(self) -> None:
+        """Receive until cancelled.
+
+        Raises
+        ------
+        UsageError
+            The port cannot be bound.
+        CompanionError
+            The socket failed.
+        """
+        loop = asyncio.get_running_loop()
+        self._failure = loop.create_future()
+        transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound())
+        try:
+            await self._until_failed(self._failure)
+        finally:
+            transport.close()
+            self._stop_timer()
+
+    async def _until_failed(self, failure: asyncio.Future[None]) -> None:
+        """Wait for a failure, and meanwhile keep the sensor sending."""
+        if self.session is None:
+            await failure
+            return
+        session = asyncio.create_task(self.session.run(), name="lidar session")
+        try:
+            done, _ = await asyncio.wait({failure, session}, return_when=asyncio.FIRST_COMPLETED)
+            next(iter(done)).result()
+        finally:
+            session.cancel()
+            await asyncio.gather(session, return_exceptions=True)
+
+    def _bound(self) -> socket.socket:
+        host, port = self._address
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        sock = socket.socket(family, socket.SOCK_DGRAM)
+        with contextlib.suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        sock.setblocking(False)
+        try:
+            sock.bind(self._address)
+        except OSError as error:
+            sock.close()
+            why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
+            raise UsageError(f"LiDAR {self.stream.kind}:{host}:{port}: {why}") from None
+        return sock
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        """Store a packet for the next batch."""
+        try:
+            self.stream.add_packet(data, addr[0], now_ns())
+        except Exception as error:
+            self._fail(error)
+        if len(self.stream) >= BATCH_PACKETS:
+            self._flush()
+        elif self._timer is None and len(self.stream):
+            self._timer = asyncio.get_running_loop().call_later(BATCH_S, self._flush)
+
+    def error_received(self, exc: Exception) -> None:
+        """Ignore errors of a peer's closed port; nothing is sent from here."""
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End `run` if the socket failed."""
+        if exc is not None:
+            self._fail(CompanionError(f"LiDAR socket {self._address[0]}:{self._address[1]} failed: {exc}"))
+
+    def _flush(self) -> None:
+        self._stop_timer()
+        try:
+            self.stream.flush(now_ns())
+        except Exception as error:
+            self._fail(error)
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _fail(self, error: Exception) -> None:
+        if self._failure is not None and not self._failure.done():
+            self._failure.set_exception(error)
