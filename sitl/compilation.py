@@ -32,7 +32,7 @@ def kernel(signature: object = None) -> Callable[[F], F]:
         compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
         index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
         if index is not None:  # None if the compiler is disabled
-            index._source_stamp = index._source_stamp, _stamp()
+            index._version = f"{index._version} {_stamp()}"  # compared before anything else is read
         if signature is not None and index is not None:
             compiled.compile(signature)
             compiled.disable_compile()
@@ -42,8 +42,8 @@ def kernel(signature: object = None) -> Callable[[F], F]:
 
 
 @functools.cache
-def _stamp() -> bytes:
+def _stamp() -> str:
     whole = hashlib.sha256()
     for path in sorted(ROOT.rglob("*.py")):
         whole.update(path.read_bytes())
-    return whole.digest()
+    return whole.hexdigest()

@@ -62,7 +62,7 @@ def _is_compiled(source: Path, compiled: list[Path]) -> bool:
     written = max(path.stat().st_mtime for path in sources_of(source, ROOT))
     if any(path.stat().st_mtime >= written for path in compiled):
         return True
-    text = stamp(source, ROOT)
+    text = stamp(source, ROOT).hex().encode()
     return any(text in path.read_bytes() for path in compiled)
 
 

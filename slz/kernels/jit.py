@@ -44,10 +44,13 @@ def kernel(*signatures: str) -> Callable[[F], F]:
 
 
 def _mark(compiled: Any, path: Path) -> None:
-    """Stamp the cache of a kernel with all sources that it is compiled from."""
+    """Stamp the cache of a kernel with all sources that it is compiled from.
+
+    Numba compares the version before it unpickles the rest, which may name modules that an update has moved.
+    """
     index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if index is not None and path.is_file():  # absent with the compiler off, and in a notebook
-        index._source_stamp = index._source_stamp, _stamp(path)
+        index._version = f"{index._version} {_stamp(path).hex()}"
 
 
 @functools.cache

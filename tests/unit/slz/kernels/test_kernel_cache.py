@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 
 import slz.kernels
@@ -76,6 +78,13 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_calls_has_changed(program: P
     (program / "helper.py").write_text(HELPER.format(added=5))
     (program / "stranger.py").write_text("")
     assert asked(program) == (6.0, 1)
+
+
+def test_what_was_compiled_from_modules_that_an_update_moved_is_compiled_anew(program: Path) -> None:
+    assert asked(program) == (2.0, 1)
+    for index in (program.parents[1] / "cache").rglob("*.nbi"):
+        index.write_bytes(pickle.dumps(numba.__version__) + b"cslz.kernels.gone\nThing\n.")
+    assert asked(program) == (2.0, 1)
 
 
 def test_the_stamp_of_the_companion_s_kernels_follows_the_modules_that_they_import() -> None:
