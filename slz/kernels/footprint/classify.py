@@ -16,7 +16,6 @@ LOW16 = np.uint64(0xFFFF)
 
 # Layers of the derived maps, see `slz.terrain.derive.LAYERS`.
 A_HEIGHT, A_TOP, A_SLOPE, A_SIGMA, A_RELIEF, A_ROUGHNESS, A_CERTAINTY = range(7)
-MAPS = 7
 
 F0, NAN = np.float32(0), np.float32(np.nan)
 Row = NDArray[np.float32]
