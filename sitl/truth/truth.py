@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rasterio import Affine
 
 from sitl.scenes.scene import Scene
+from sitl.truth.footprint_span import measure_span
 from sitl.truth.truth_surface import sample_top
 from sitl.world.primitives import Kind
 from sitl.world.world import World
@@ -147,15 +148,8 @@ def _fit(z: F64, offsets: F64, step: int) -> tuple[F32, F32]:
     # The offsets are symmetric about zero, so the normal equations of the plane are diagonal.
     spread = n * float(np.sum(offsets**2))
     mean, gradient_x, gradient_y = total / n**2, moment_x / spread, moment_y / spread
-    lowest, highest = np.full(mean.shape, np.inf), np.full(mean.shape, -np.inf)
-    for j in range(n):
-        row = down[j].T
-        for i in range(n):
-            plane = mean + gradient_x * offsets[i] + gradient_y * offsets[j]
-            residual = _shifted(row, i, n, step) - plane
-            np.minimum(lowest, residual, out=lowest)
-            np.maximum(highest, residual, out=highest)
-    relief = highest - lowest
+    relief = np.empty(mean.shape)
+    measure_span(z, offsets, step, mean, gradient_x, gradient_y, relief)
     slope = np.degrees(np.arctan(np.hypot(gradient_x, gradient_y)))
     return slope.T.astype(np.float32), relief.T.astype(np.float32)
 
