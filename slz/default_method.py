@@ -14,7 +14,8 @@ from slz.concurrency import run_concurrently
 from slz.frame import is_known
 from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable
 from slz.landing_point.judgement import SelectedPoint, unknown
-from slz.method import MapPair, MethodResult
+from slz.map_pair import MapPair
+from slz.method import MethodResult
 from slz.points.mapping_reach import reach_m, within
 from slz.points.outliers import (
     CLOUD_GROUP,

@@ -206,8 +206,9 @@ class Pipeline:
         point = judge_point(enu_m, near.terrain, far.terrain, self._parameters)
         if point is None:
             return self.method.without_map(enu_m, before)
-        zones = near if point.judged_by == "near" else far
-        return replace(point, zone_id=zones.zone_at(enu_m))
+        found = near if point.judged_by == "near" else far
+        row, col = found.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
+        return replace(point, zone_id=next((zone.id for zone in found.zones if zone.holds(row, col)), None))
 
 
 def _method(

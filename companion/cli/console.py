@@ -45,6 +45,7 @@ def compile_at_first(mode: str = "default") -> None:
 
 
 def set_up_logging(verbose: bool) -> None:
+    """Log to stderr, in colour on a terminal; compile missing kernels first."""
     compile_at_first()
     level = logging.DEBUG if verbose else logging.INFO
     if err.is_terminal:
@@ -99,6 +100,7 @@ class progress:  # noqa: N801 - a context manager used as a function
 
 
 def zone_table(zones: list[dict[str, Any]], title: str) -> Table:
+    """Return a table of the first 20 zones of a summary."""
     table = Table("zone", "area m²", "certainty", "slope °", "square m", "latitude", "longitude", title=title)
     for zone in zones[:20]:
         table.add_row(

@@ -55,11 +55,6 @@ class PaperMap:
         self._tracker.regrid(old, grid)
         self._use(self.terrain.moved(grid))
 
-    def zone_at(self, enu_m: Points) -> int | None:
-        """Return the ID of the zone that holds a point."""
-        row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
-        return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
-
     def detect_zones(self, sensor_enu_m: Points) -> None:
         """Search the total map for zones, identify and rank them."""
         found = self._search.update()

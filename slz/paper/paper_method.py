@@ -11,7 +11,8 @@ from params import Parameters
 from slz.adaptive import Adapter, Choice
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint, unknown
-from slz.method import MapPair, MethodResult
+from slz.map_pair import MapPair
+from slz.method import MethodResult
 from slz.paper.paper_map import PaperMap
 from slz.paper.window_cells import Returns
 from slz.report import MapReport

@@ -69,11 +69,6 @@ class ZoneMap:
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
         self._candidates = self._search()
 
-    def zone_at(self, enu_m: Points) -> int | None:
-        """Return the ID of the zone that holds a point."""
-        row, col = self.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
-        return next((zone.id for zone in self.zones if zone.holds(row, col)), None)
-
     def _follow(self, sensor_enu_m: Points) -> None:
         """Move the grid if required (SLZ paper, section 3.2.5)."""
         old = self.terrain.grid
