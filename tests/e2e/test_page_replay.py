@@ -31,6 +31,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     async def script(m: Mission) -> None:
         await m.until(lambda: m.height_m > 13 and m.companion.report is not None)
+        found_s = m.loop.time()
+        await m.until(lambda: m.loop.time() > found_s + 20.0)  # a path to draw, with a fix and at height
 
     mission.fly(script)
     return path
