@@ -13,11 +13,17 @@ import numpy as np
 
 from companion.flight.fusion.pose_history import motion_m
 from companion.flight.landing.aim import Aim, same_place
+from companion.flight.landing.emergencies.outage import Outage
+from companion.flight.landing.emergencies.preconditions import (
+    Breach,
+    Precondition,
+    Preconditions,
+    Reaction,
+    Stage,
+)
 from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.hand_over import HandOver
 from companion.flight.landing.mode_ownership import ModeOwnership
-from companion.flight.landing.outage import Outage
-from companion.flight.landing.presumptions import Breach, Presumption, Presumptions, Reaction, Stage
 from companion.flight.landing.route import Route, Way
 from companion.flight.landing.situation import (
     FLYING,
@@ -77,7 +83,7 @@ class Executive:
         self.tally = Tally()
         self.order_count = 0
         self._custody = ModeOwnership()
-        self._presumed = Presumptions()
+        self._required = Preconditions()
         self._hand_over_seen = HandOver()
         self._asked_up_ms: float | None = None
         self._taken: tuple[str, int] | None = None  # mode set by another party, and its time
@@ -247,7 +253,7 @@ class Executive:
         if (blamed := self._blame_failsafe(s)) is not None:
             return blamed
         if self.phase in FLYING:
-            breach = self._presumed.breach(
+            breach = self._required.breach(
                 self._stage,
                 s,
                 self._aim,
@@ -292,11 +298,11 @@ class Executive:
                 return self._hands_off(breach, s)
             case Reaction.STAND_BACK:
                 return self._stand_back(breach, s)
-            case Reaction.BREAK_OFF if breach.presumption is not Presumption.POSITION:
+            case Reaction.BREAK_OFF if breach.precondition is not Precondition.POSITION:
                 return self._break_off(s, breach.what)
             case Reaction.CALL:
                 self._say(Severity.CRITICAL, f"{breach.what}: take over")
-            case Reaction.TELL if breach.presumption is Presumption.GPS:
+            case Reaction.TELL if breach.precondition is Precondition.GPS:
                 self._say(Severity.CRITICAL, "GPS lost: the estimate drifts, be ready")
             case Reaction.TELL:
                 cause = f" ({breach.what})" if breach.what else ""
@@ -304,14 +310,14 @@ class Executive:
         return None
 
     def _hands_off(self, breach: Breach, s: Situation) -> Orders:
-        if breach.presumption is Presumption.STICKS:
+        if breach.precondition is Precondition.STICKS:
             text = f"pilot moves the sticks in {s.mode}: hands off"
         else:
             text = f"pilot set {s.mode}: hands off" if s.switched else f"{s.mode} set, not by SLZ: hands off"
         self._say(Severity.WARNING, text)
         self.tally.hands_off += 1
         self._rest(Phase.IDLE, s)
-        self._taken = (s.mode, s.now_ns) if breach.presumption is Presumption.MODE else None
+        self._taken = (s.mode, s.now_ns) if breach.precondition is Precondition.MODE else None
         return Orders()
 
     def _blame_failsafe(self, s: Situation) -> Orders | None:
@@ -323,7 +329,7 @@ class Executive:
             self._taken = None
         elif s.failsafe or s.breached or s.estimate_lost:
             self.tally.hands_off -= 1
-            return self._stand_back(Breach(Presumption.MODE, Reaction.STAND_BACK, mode), s)
+            return self._stand_back(Breach(Precondition.MODE, Reaction.STAND_BACK, mode), s)
         return None
 
     # ---- the autopilot's failsafe ---------------------------------------------------------------
@@ -331,7 +337,7 @@ class Executive:
     def _stand_back(self, breach: Breach, s: Situation) -> Orders:
         """Stop commanding: the autopilot flies by its own failsafe, or without an estimate."""
         self._taken = None
-        cause = breach.what if breach.presumption is Presumption.ESTIMATE else s.cause
+        cause = breach.what if breach.precondition is Precondition.ESTIMATE else s.cause
         self._say(Severity.CRITICAL, f"failsafe{f' ({cause})' if cause else ''}: {s.mode} flies, take over")
         self.tally.failsafes.append(cause or "failsafe")
         self._hand_over_seen.withdraw()

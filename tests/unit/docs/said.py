@@ -29,7 +29,7 @@ SOURCES = (
     "companion/flight/landing/operator_commands.py",
     "companion/flight/landing/operator_order.py",
     "companion/flight/services/order_parameters.py",
-    "companion/flight/landing/presumptions.py",
+    "companion/flight/landing/emergencies/preconditions.py",
     "companion/flight/landing/landing_point_news.py",
     "companion/flight/link/link.py",
     "companion/flight/services/parameter_server.py",
@@ -97,7 +97,7 @@ def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
 
 
 def _is_of_words(target: ast.expr) -> bool:
-    """Tell whether what is assigned here is said: to a text, a reason, or a presumption that is broken."""
+    """Tell whether what is assigned here is said: to a text, a reason, or a precondition that is broken."""
     if isinstance(target, ast.Subscript):
         return getattr(target.value, "id", "") == "broken"
     return getattr(target, "id", "") in ("text", "reason")

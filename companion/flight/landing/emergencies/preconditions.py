@@ -1,6 +1,6 @@
 """Preconditions of each stage of a landing, with the reaction to each violation.
 
-`TABLE` is the table of docs/reactions.md. `Presumptions` checks it at every step.
+`TABLE` is the table of docs/reactions.md. `Preconditions` checks it at every step.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Stage(Enum):
 LANDING = (Stage.FINAL, Stage.COMMITTED)
 
 
-class Presumption(Enum):
+class Precondition(Enum):
     """Rows of the table, in the order in which they are checked."""
 
     ARMED = "armed, in the air"
@@ -51,11 +51,11 @@ class Reaction(Enum):
     HANDS_OFF = "hands off"  # the pilot flies: nothing more is commanded
     STAND_BACK = "stand back"  # the autopilot flies by its own failsafe, or blind: nothing more is commanded
     BREAK_OFF = "break off"  # guided mode, climb, next zone
-    HOLD = "hold"  # stand still until the presumption holds again
+    HOLD = "hold"  # stand still until the precondition holds again
     RETURN = "return"  # stop sinking and fly back over the point
     CALL = "call"  # "take over", while still commanding the vehicle
     TELL = "tell"  # warn the pilot and go on
-    NONE = "-"  # not presumed
+    NONE = "-"  # no precondition
 
 
 def _row(*reactions: Reaction) -> dict[Stage, Reaction]:
@@ -66,29 +66,29 @@ def _row(*reactions: Reaction) -> dict[Stage, Reaction]:
 _NO, _BREAK, _CALL, _OFF = Reaction.NONE, Reaction.BREAK_OFF, Reaction.CALL, Reaction.HANDS_OFF
 _HOLD = Reaction.HOLD
 # Columns: survey, approach, descend, final, committed, climb, hold.
-TABLE: dict[Presumption, dict[Stage, Reaction]] = {
-    Presumption.ARMED: _row(Reaction.ENDS),
-    Presumption.MODE: _row(_OFF),
-    Presumption.ESTIMATE: _row(Reaction.STAND_BACK),
-    Presumption.NO_FAILSAFE: _row(Reaction.TELL),
-    Presumption.GPS: _row(Reaction.TELL),
-    Presumption.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
-    Presumption.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
-    Presumption.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
-    Presumption.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
-    Presumption.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
-    Presumption.LEVEL: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
+TABLE: dict[Precondition, dict[Stage, Reaction]] = {
+    Precondition.ARMED: _row(Reaction.ENDS),
+    Precondition.MODE: _row(_OFF),
+    Precondition.ESTIMATE: _row(Reaction.STAND_BACK),
+    Precondition.NO_FAILSAFE: _row(Reaction.TELL),
+    Precondition.GPS: _row(Reaction.TELL),
+    Precondition.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
+    Precondition.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
+    Precondition.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
+    Precondition.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
+    Precondition.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
+    Precondition.LEVEL: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
 }
 
 SECOND = 1_000_000_000
 # A breach must last this long: longer than one wrong message, a gust, or a change of speed.
 PATIENCE_NS = {
-    Presumption.ESTIMATE: SECOND,
-    Presumption.GPS: SECOND // 2,
-    Presumption.STICKS: SECOND // 4,
-    Presumption.OVER: SECOND // 2,
-    Presumption.SINKS: 3 * SECOND // 2,
-    Presumption.LEVEL: 3 * SECOND,
+    Precondition.ESTIMATE: SECOND,
+    Precondition.GPS: SECOND // 2,
+    Precondition.STICKS: SECOND // 4,
+    Precondition.OVER: SECOND // 2,
+    Precondition.SINKS: 3 * SECOND // 2,
+    Precondition.LEVEL: 3 * SECOND,
 }
 CALL_AGAIN_NS = 30 * SECOND
 STICK_US = 80  # beyond the dead zones of both autopilots
@@ -100,19 +100,19 @@ SINKING_MS = 0.5  # excess over the commanded sink rate
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A violated presumption, the reaction, and the text for the pilot."""
+    """A violated precondition, the reaction, and the text for the pilot."""
 
-    presumption: Presumption
+    precondition: Precondition
     reaction: Reaction
     what: str = ""
 
 
-class Presumptions:
-    """Checker of the presumptions of the present stage, step by step."""
+class Preconditions:
+    """Checker of the preconditions of the present stage, step by step."""
 
     def __init__(self) -> None:
-        self._since_ns: dict[Presumption, int] = {}
-        self._reported_ns: dict[Presumption, int] = {}
+        self._since_ns: dict[Precondition, int] = {}
+        self._reported_ns: dict[Precondition, int] = {}
         self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
         self._landing_since_ns: int | None = None
         self._stage: Stage | None = None
@@ -127,7 +127,7 @@ class Presumptions:
         asked_up_ms: float | None,
         off_point_m: float,
     ) -> Breach | None:
-        """Return the first violated presumption that needs a reaction, None without one.
+        """Return the first violated precondition that needs a reaction, None without one.
 
         Parameters
         ----------
@@ -138,18 +138,20 @@ class Presumptions:
         """
         self._follow(stage, s)
         broken = self._state(stage, s, ownership)
-        if s.velocity_enu_ms is not None and Presumption.POSITION not in broken:
+        if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
             broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
-        lasting = [presumption for presumption in Presumption if self._lasts(presumption, broken, s.now_ns)]
-        for presumption in lasting:
-            reaction = TABLE[presumption][stage]
-            if presumption is Presumption.MODE and (s.failsafe or s.breached):
+        lasting = [
+            precondition for precondition in Precondition if self._lasts(precondition, broken, s.now_ns)
+        ]
+        for precondition in lasting:
+            reaction = TABLE[precondition][stage]
+            if precondition is Precondition.MODE and (s.failsafe or s.breached):
                 reaction = Reaction.STAND_BACK
-            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_report(presumption, s.now_ns):
+            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_report(precondition, s.now_ns):
                 continue
             if reaction not in (Reaction.NONE, Reaction.RETURN):  # the descent returns by its own steering
-                return Breach(presumption, reaction, broken[presumption])
+                return Breach(precondition, reaction, broken[precondition])
         return None
 
     def _follow(self, stage: Stage, s: Situation) -> None:
@@ -165,27 +167,27 @@ class Presumptions:
             self._since_ns.clear()  # kept at the commit height, about which a landing may waver
         self._stage = stage
 
-    def _state(self, stage: Stage, s: Situation, ownership: ModeOwnership) -> dict[Presumption, str]:
-        """Return the presumptions about the vehicle's state that fail now, with their texts."""
+    def _state(self, stage: Stage, s: Situation, ownership: ModeOwnership) -> dict[Precondition, str]:
+        """Return the preconditions about the vehicle's state that fail now, with their texts."""
         landing = stage in LANDING
-        broken: dict[Presumption, str] = {}
+        broken: dict[Precondition, str] = {}
         if s.connected and (not s.armed or (s.on_ground is True and landing)):
-            broken[Presumption.ARMED] = ""
+            broken[Precondition.ARMED] = ""
         if s.connected and ownership.is_taken_away(s):
-            broken[Presumption.MODE] = s.mode
+            broken[Precondition.MODE] = s.mode
         if s.estimate_lost:
-            broken[Presumption.ESTIMATE] = f"{s.estimate_lost} lost"
+            broken[Precondition.ESTIMATE] = f"{s.estimate_lost} lost"
         if s.failsafe:
-            broken[Presumption.NO_FAILSAFE] = s.cause
+            broken[Precondition.NO_FAILSAFE] = s.cause
         if s.gps_lost:
-            broken[Presumption.GPS] = ""
+            broken[Precondition.GPS] = ""
         if self._sticks_moved(s):
-            broken[Presumption.STICKS] = ""
+            broken[Precondition.STICKS] = ""
         since_ns, lost_ns = self._landing_since_ns, s.target_lost_ns
         if since_ns is not None and lost_ns is not None and lost_ns > since_ns:
-            broken[Presumption.TARGET] = "target lost"
+            broken[Precondition.TARGET] = "target lost"
         if s.position_enu_m is None or s.velocity_enu_ms is None:
-            broken[Presumption.POSITION] = "position lost"
+            broken[Precondition.POSITION] = "position lost"
         return broken
 
     def _sticks_moved(self, s: Situation) -> bool:
@@ -194,33 +196,33 @@ class Presumptions:
         moved = any(abs(now - rest) > STICK_US for now, rest in zip(s.sticks_us, self._rest_us, strict=True))
         return moved or any(abs(now - MIDDLE_US) > HELD_US for now in s.sticks_us)
 
-    def _lasts(self, presumption: Presumption, broken: dict[Presumption, str], now_ns: int) -> bool:
-        """Return whether a presumption has failed for its minimum time."""
-        if presumption not in broken:
-            self._since_ns.pop(presumption, None)
-            if TABLE[presumption][Stage.SURVEY] is Reaction.TELL:
-                self._reported_ns.pop(presumption, None)
+    def _lasts(self, precondition: Precondition, broken: dict[Precondition, str], now_ns: int) -> bool:
+        """Return whether a precondition has failed for its minimum time."""
+        if precondition not in broken:
+            self._since_ns.pop(precondition, None)
+            if TABLE[precondition][Stage.SURVEY] is Reaction.TELL:
+                self._reported_ns.pop(precondition, None)
             return False
-        since_ns = self._since_ns.setdefault(presumption, now_ns)
-        return now_ns - since_ns >= PATIENCE_NS.get(presumption, 0)
+        since_ns = self._since_ns.setdefault(precondition, now_ns)
+        return now_ns - since_ns >= PATIENCE_NS.get(precondition, 0)
 
-    def _must_report(self, presumption: Presumption, now_ns: int) -> bool:
-        reported_ns = self._reported_ns.get(presumption)
+    def _must_report(self, precondition: Precondition, now_ns: int) -> bool:
+        reported_ns = self._reported_ns.get(precondition)
         if reported_ns is not None and now_ns - reported_ns < CALL_AGAIN_NS:
             return False
-        self._reported_ns[presumption] = now_ns
+        self._reported_ns[precondition] = now_ns
         return True
 
 
 def _motion(
     s: Situation, up_ms: float, asked_up_ms: float | None, away_m: float, limit_m: float
-) -> dict[Presumption, str]:
-    """Return the presumptions about the vehicle's motion that fail now, with their texts."""
-    broken: dict[Presumption, str] = {}
+) -> dict[Precondition, str]:
+    """Return the preconditions about the vehicle's motion that fail now, with their texts."""
+    broken: dict[Precondition, str] = {}
     if away_m > limit_m:
-        broken[Presumption.OVER] = f"{away_m:.1f} m off the point"
+        broken[Precondition.OVER] = f"{away_m:.1f} m off the point"
     if s.landing and up_ms > CLIMBING_MS:
-        broken[Presumption.SINKS] = "climbs in landing"
+        broken[Precondition.SINKS] = "climbs in landing"
     if s.guided and s.heard and asked_up_ms is not None and up_ms < min(0.0, asked_up_ms) - SINKING_MS:
-        broken[Presumption.LEVEL] = "sinking"
+        broken[Precondition.LEVEL] = "sinking"
     return broken

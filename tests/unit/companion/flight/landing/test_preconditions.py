@@ -1,9 +1,9 @@
-"""Presumptions of each stage of a landing about the vehicle: the table, and each reaction flown."""
+"""Preconditions of each stage of a landing about the vehicle: the table, and each reaction flown."""
 
 import numpy as np
 import pytest
 
-from companion.flight.landing.presumptions import TABLE, Presumption, Reaction, Stage
+from companion.flight.landing.emergencies.preconditions import TABLE, Precondition, Reaction, Stage
 from companion.flight.landing.situation import Orders, Phase, Severity
 from slz import PointState
 from tests import REPOSITORY
@@ -41,7 +41,7 @@ def silent_since(flight: Flight, first: int) -> bool:
 
 def test_the_documented_table_is_the_one_that_flies() -> None:
     lines = DOCS.read_text("utf-8").splitlines()
-    header = next(n for n, line in enumerate(lines) if line.startswith("| Presumption |"))
+    header = next(n for n, line in enumerate(lines) if line.startswith("| Precondition |"))
     assert [cell.strip() for cell in lines[header].split("|")[2:-1]] == [stage.value for stage in Stage]
     documented = {}
     for line in lines[header + 2 :]:
@@ -50,14 +50,14 @@ def test_the_documented_table_is_the_one_that_flies() -> None:
         name, *reactions = (cell.strip() for cell in line.split("|")[1:-1])
         documented[name] = reactions
     assert documented == {
-        presumption.value: [row[stage].value for stage in Stage] for presumption, row in TABLE.items()
+        precondition.value: [row[stage].value for stage in Stage] for precondition, row in TABLE.items()
     }
 
 
 def test_every_reaction_is_explained() -> None:
     text = DOCS.read_text("utf-8")
     assert [reaction.value for reaction in Reaction if f"| {reaction.value} | " not in text] == []
-    assert set(TABLE) == set(Presumption)
+    assert set(TABLE) == set(Precondition)
 
 
 # ---- over the point --------------------------------------------------------------------------------
