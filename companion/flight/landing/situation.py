@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slz import Report, SelectedPoint
 
 Vector = NDArray[np.float64]
+STOPPED: Vector = np.zeros(3)  # setpoint of a vehicle that holds its position
 
 
 class Phase(Enum):
@@ -133,3 +134,10 @@ class LandingRequest:
     enu_m: Vector | None = None
     zone_id: int | None = None
     urgent: bool = False
+
+
+def known(vector: Vector | None) -> Vector:
+    """Return a position or velocity that the caller has made sure of; RuntimeError without one."""
+    if vector is None:
+        raise RuntimeError("position unknown")
+    return vector

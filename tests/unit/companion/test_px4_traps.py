@@ -45,7 +45,7 @@ def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[An
     sent: list[Any] = []
     monkeypatch.setattr(made.link, "send", sent.append)
     monkeypatch.setattr(made.link._commander, "_send", lambda command, attempt: sent.append(command) or True)
-    made.executive.phase = Phase.FINAL
+    made.executive.state.phase = Phase.FINAL
     yield made, sent
     made.worker.close()
 

@@ -26,6 +26,16 @@ SOURCES = (
     "companion/flight/dashboard/viewer.py",
     "companion/desk/replay/replay_page.py",
     "companion/flight/landing/executive.py",
+    "companion/flight/landing/landing_state.py",
+    "companion/flight/landing/emergencies/failsafe.py",
+    "companion/flight/landing/emergencies/low_battery.py",
+    "companion/flight/landing/emergencies/missing_input.py",
+    "companion/flight/landing/emergencies/position_jump.py",
+    "companion/flight/landing/phases/approach.py",
+    "companion/flight/landing/phases/climb.py",
+    "companion/flight/landing/phases/descent.py",
+    "companion/flight/landing/phases/survey.py",
+    "companion/flight/landing/phases/waiting.py",
     "companion/flight/landing/operator_commands.py",
     "companion/flight/landing/operator_order.py",
     "companion/flight/services/order_parameters.py",
@@ -39,10 +49,11 @@ SAYS = {
     "Reply": 1,
     "Change": 1,
     "BrokenInvariantError": 0,
+    "say": 1,
     "_say": 1,
-    "_call": 0,
-    "_waits_for": 0,
-    "_break_off": 1,
+    "call": 0,
+    "_wait_for": 1,
+    "break_off": 0,
     "statustext": 0,
 }
 GAP = "…"
@@ -64,7 +75,7 @@ def templates() -> dict[str, str]:
 
 def files_that_speak() -> set[str]:
     """Return the files that make texts for a pilot, by the names of what takes them."""
-    words = ("Reply(", "Change(", "BrokenInvariantError(", "_say(Severity", ".statustext(")
+    words = ("Reply(", "Change(", "BrokenInvariantError(", "say(Severity", ".statustext(")
     files = (REPOSITORY / "companion").rglob("*.py")
     return {
         str(f.relative_to(REPOSITORY)) for f in files if any(word in f.read_text("utf-8") for word in words)
@@ -78,7 +89,7 @@ def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
         name = getattr(node.func, "id", getattr(node.func, "attr", ""))
         place = SAYS.get(name)
         if place is not None and len(node.args) > place:
-            severity = getattr(node.args[0], "attr", "") if name == "_say" else ""
+            severity = getattr(node.args[0], "attr", "") if name in ("say", "_say") else ""
             yield from ((text, severity) for text in _texts(node.args[place]))
         elif name == "append" and isinstance(node.args[0], ast.Tuple) and len(node.args[0].elts) == 3:
             level = getattr(node.args[0].elts[0], "value", "")
@@ -88,7 +99,7 @@ def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
 def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
     """Yield what functions return, or put together, to be said by others."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.name in ("update", "_why_not", "_blind"):
+        if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not", "_blind"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from _returned(part.value)

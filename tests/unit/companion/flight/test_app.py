@@ -38,7 +38,7 @@ class Cockpit:
         monkeypatch.setattr(self.companion.link, "send", self.sent.append)
         monkeypatch.setattr(self.companion.link, "set_mode", self._set_mode)
         monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.orders)
-        self.companion.executive.phase = Phase.CLIMB
+        self.companion.executive.state.phase = Phase.CLIMB
 
     async def _set_mode(self, name: str) -> CommandResult:
         self.asked.append(name)
@@ -90,13 +90,13 @@ async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_
 ) -> None:
     """A try after that would land the vehicle where it is."""
     async with cockpit(monkeypatch) as seat:
-        seat.companion.executive.phase = Phase.FINAL
+        seat.companion.executive.state.phase = Phase.FINAL
         seat.orders = Orders(mode="land")
         await seat.tick("GUIDED")
         seat.orders = Orders()
         await seat.tick("GUIDED")
         assert not seat.ended
-        seat.companion.executive.phase = phase
+        seat.companion.executive.state.phase = phase
         await seat.tick("GUIDED")
         assert seat.ended == ["LAND"]
 

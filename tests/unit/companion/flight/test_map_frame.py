@@ -71,7 +71,7 @@ def test_far_from_its_origin_another_begins_and_the_pilot_is_told(made: Companio
 @pytest.mark.parametrize("phase", sorted(FLYING, key=lambda phase: phase.value))
 def test_from_the_hand_over_to_the_landing_the_frame_stays(made: Companion, phase: Phase) -> None:
     fly(made, 30.0, 2400.0)
-    frame, made.executive.phase = made.history.frame, phase
+    frame, made.executive.state.phase = made.history.frame, phase
     assert not begin_frame_if_far(made)
     assert made.history.frame == frame
 

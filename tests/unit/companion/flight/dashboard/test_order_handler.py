@@ -100,7 +100,7 @@ async def test_nothing_is_flown_before_the_hand_over() -> None:
 async def test_a_point_of_the_map_is_watched_where_it_was_tapped() -> None:
     async with seat() as s:
         assert (await s.order(do="select_point", east_m=-7.25, north_m=3.5)).accepted
-        asked = s.companion.executive._asked
+        asked = s.companion.executive.state.selection.enu_m
         assert asked is not None
         assert np.allclose(asked[:2], (-7.25, 3.5), atol=0.01)
         far = await s.order(do="select_point", east_m=90_000, north_m=0)

@@ -605,7 +605,7 @@ def test_a_landing_mode_that_shows_when_it_already_looks_elsewhere_is_left_again
     flight.blind = True
     flight.step()
     flight.blind = False
-    flight.executive._go(phase, flight.situation())
+    flight.executive.state.go(phase, flight.situation())
     flight.run(0.5)
     assert flight.executive.phase is phase
     flight.mode = "LAND"

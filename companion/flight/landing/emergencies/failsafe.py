@@ -1,0 +1,76 @@
+"""The autopilot's failsafe and the pilot's hand: nothing is commanded until the next hand-over."""
+
+from __future__ import annotations
+
+from companion.flight.landing.emergencies.preconditions import Breach, Precondition, Reaction
+from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.situation import Orders, Phase, Severity, Situation
+
+OVER_NS = 3 * SECOND  # without a failsafe, until it is over
+BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
+
+
+class Failsafe:
+    """Withdrawal from control, and what is told to the pilot meanwhile."""
+
+    def __init__(self, state: LandingState) -> None:
+        self._state = state
+        self._taken: tuple[str, int] | None = None  # mode set by another party, and its time
+        self._told_mode = ""  # last reported mode of the failsafe
+        self._calm_since_ns: int | None = None  # since then without failsafe
+
+    def hands_off(self, breach: Breach, s: Situation) -> Orders:
+        """Leave control to the pilot, who moved the sticks or set another mode."""
+        if breach.precondition is Precondition.STICKS:
+            text = f"pilot moves the sticks in {s.mode}: hands off"
+        else:
+            text = f"pilot set {s.mode}: hands off" if s.switched else f"{s.mode} set, not by SLZ: hands off"
+        self._state.say(Severity.WARNING, text)
+        self._state.tally.hands_off += 1
+        self._state.rest(Phase.IDLE, s)
+        self._taken = (s.mode, s.now_ns) if breach.precondition is Precondition.MODE else None
+        return Orders()
+
+    def blame(self, s: Situation) -> Orders | None:
+        """Stand back if a failsafe reported only now explains a mode taken away a moment ago."""
+        if self._taken is None or self._state.phase is not Phase.IDLE:
+            return None
+        mode, taken_ns = self._taken
+        if s.mode != mode or s.now_ns - taken_ns > BLAMED_NS:
+            self._taken = None
+        elif s.failsafe or s.breached or s.estimate_lost:
+            self._state.tally.hands_off -= 1
+            return self.stand_back(Breach(Precondition.MODE, Reaction.STAND_BACK, mode), s)
+        return None
+
+    def stand_back(self, breach: Breach, s: Situation) -> Orders:
+        """Stop commanding: the autopilot flies by its own failsafe, or without an estimate."""
+        self._taken = None
+        cause = breach.what if breach.precondition is Precondition.ESTIMATE else s.cause
+        because = f" ({cause})" if cause else ""
+        self._state.say(Severity.CRITICAL, f"failsafe{because}: {s.mode} flies, take over")
+        self._state.tally.failsafes.append(cause or "failsafe")
+        self._state.hand_over.withdraw()
+        self._told_mode, self._calm_since_ns = s.mode, None
+        self._state.rest(Phase.FAILSAFE, s)
+        return Orders()
+
+    def orders(self, s: Situation) -> Orders:
+        """Wait for the end of the failsafe and report its mode; a new hand-over is needed afterwards."""
+        state = self._state
+        if s.connected and (not s.armed or s.on_ground is True):
+            state.say(Severity.WARNING, "on the ground by the autopilot's failsafe")
+            state.rest(Phase.IDLE, s)
+            return Orders()
+        if s.mode != self._told_mode:
+            self._told_mode = s.mode
+            state.say(Severity.CRITICAL, f"failsafe: {s.mode} flies, take over")
+        if s.failsafe or s.breached or s.estimate_lost or not s.connected:
+            self._calm_since_ns = None
+        elif self._calm_since_ns is None:
+            self._calm_since_ns = s.now_ns
+        elif s.now_ns - self._calm_since_ns > OVER_NS:
+            state.say(Severity.WARNING, f"failsafe over, {s.mode} flies: hand over again")
+            state.told_to_hand_over_ns = s.now_ns
+            state.rest(Phase.IDLE, s)
+        return Orders()

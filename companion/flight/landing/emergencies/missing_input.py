@@ -1,0 +1,39 @@
+"""Hovering without scans or position, and the call to the pilot when that lasts."""
+
+from __future__ import annotations
+
+from companion.flight.landing.landing_state import LandingState
+from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation
+
+
+def without_lidar(state: LandingState, s: Situation) -> Orders:
+    """Stop; call the pilot after ten seconds."""
+    _wait_for(state, s.blind, s)
+    return Orders(velocity_enu_ms=STOPPED)
+
+
+def without_pose(state: LandingState, s: Situation) -> Orders:
+    """Hold by the autopilot's own estimate; break off a landing that cannot be watched any more."""
+    if state.phase is Phase.FINAL and state.committed:
+        return Orders()
+    if state.phase in (Phase.DESCEND, Phase.FINAL):
+        state.break_off("position lost", s)
+    _wait_for(state, "position lost", s)
+    return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
+
+
+def tell_return(state: LandingState, s: Situation) -> None:
+    """Report once that the input of a call is back: the vehicle hovers until the next order."""
+    if thing := state.outage.on_present(s.now_ns):
+        state.say(Severity.WARNING, f"{thing} back: hovering, order again")
+
+
+def _wait_for(state: LandingState, what: str, s: Situation) -> None:
+    state.safe_since_ns = None
+    if state.outage.on_missing(what, s.now_ns):
+        state.say(Severity.WARNING, f"{what}: holding")
+    thing, _, lost = what.partition(" ")
+    if state.outage.calls_for(thing, s.now_ns):
+        state.say(Severity.CRITICAL, f"{thing} still {lost}: take over")
+        if state.phase is not Phase.HOLD:
+            state.go(Phase.HOLD, s)

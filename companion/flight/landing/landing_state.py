@@ -1,0 +1,184 @@
+"""State shared by the phases and the emergencies of a landing, and the transitions between phases."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.landing.aim import Aim
+from companion.flight.landing.emergencies.outage import Outage
+from companion.flight.landing.hand_over import HandOver
+from companion.flight.landing.mode_ownership import ModeOwnership
+from companion.flight.landing.point_selection import PointSelection
+from companion.flight.landing.route import Route, Way
+from companion.flight.landing.situation import (
+    FLYING,
+    STOPPED,
+    LandingRequest,
+    Orders,
+    Phase,
+    Severity,
+    Situation,
+    Tally,
+    Vector,
+)
+from companion.flight.landing.zone_choice import soonest
+from params import Parameters
+from slz import PointState, Zone
+
+SECOND = 1_000_000_000
+STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
+LANDING_MS = 0.5  # lowest sink rate of autopilots at the end of a landing
+
+
+class LandingState:
+    """What a landing has come to.
+
+    Attributes
+    ----------
+    parameters
+        Speeds, heights and times of the `landing` section.
+    auto
+        Land without an order, once the vehicle is armed, airborne and in its guided mode.
+    phase, since_ns, late_ns
+        Present phase, its beginning, and its time limit.
+    wish, started_ns, refused
+        The accepted request, its time, and the points that its landing broke off from.
+    safe_since_ns
+        In the approach: since then the vehicle has been over the point, which is safe.
+    level_since_ns
+        Before an automatic start: since then the vehicle has been airborne, guided and level.
+    told_to_hand_over_ns
+        Last time at which the pilot was told that a hand-over is needed.
+    """
+
+    def __init__(self, parameters: Parameters, auto: bool) -> None:
+        self.parameters, self.auto = parameters, auto
+        self.phase = Phase.IDLE
+        self.since_ns = self.late_ns = self.started_ns = 0
+        self.tally = Tally()
+        self.order_count = 0
+        self.ownership, self.hand_over = ModeOwnership(), HandOver()
+        self.aim, self.route = Aim(), Route(parameters)
+        self.selection, self.outage = PointSelection(), Outage()
+        self.wish: LandingRequest | None = None
+        self.refused: list[Vector] = []
+        self.safe_since_ns: int | None = None
+        self.level_since_ns: int | None = None
+        self.told_to_hand_over_ns: int | None = None
+        self._texts: list[tuple[Severity, str]] = []
+
+    # ---- texts ----------------------------------------------------------------------------------
+
+    def say(self, severity: Severity, text: str) -> None:
+        """Send the pilot a text with this step's orders."""
+        self._texts.append((severity, f"SLZ: {text}"))
+
+    def call(self, trouble: str, s: Situation) -> None:
+        """Call the pilot, again each minute, about a vehicle that does not obey; keep commanding it."""
+        self.say(Severity.CRITICAL, f"{trouble}: take over")
+        self.late_ns = s.now_ns + STUCK_NS
+
+    def collect_texts(self) -> tuple[tuple[Severity, str], ...]:
+        """Return the texts since the last call."""
+        texts, self._texts = tuple(self._texts), []
+        return texts
+
+    # ---- transitions ----------------------------------------------------------------------------
+
+    def go(self, phase: Phase, s: Situation) -> None:
+        """Enter a phase."""
+        self.phase = phase
+        self.order_count += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
+        self.since_ns = s.now_ns
+        self.restart_limit(s)
+        self.level_since_ns = None
+        self.route.unblocked()
+
+    def rest(self, phase: Phase, s: Situation) -> None:
+        """End the request: nothing more is commanded."""
+        self.wish = None
+        self.ownership.clear()
+        self.outage.reset()
+        self.go(phase, s)
+
+    def start(self, wish: LandingRequest, s: Situation) -> None:
+        """Begin a requested landing."""
+        self.wish, self.started_ns = wish, s.now_ns
+        self.refused.clear()
+        self.start_survey(s)
+
+    def start_survey(self, s: Situation) -> None:
+        """Begin the search for a zone, from where the vehicle is."""
+        if s.position_enu_m is None:
+            self.say(Severity.WARNING, "no position: waiting")
+            self.route.forget()
+        else:
+            # After an abort close to the ground, an order does not end the climb.
+            least_m = self.route.height_m if self.phase in FLYING else -np.inf
+            self.route.start_search(s.position_enu_m, s.height_above_home_m, least_m)
+        self.say(Severity.INFO, "surveying")
+        self.outage.reset()
+        self.go(Phase.SURVEY, s)
+
+    def end_survey(self, s: Situation) -> None:
+        """Let the present map count as the survey."""
+        self.since_ns = s.now_ns - round(self.parameters.survey_s * 1e9)
+
+    def break_off(self, reason: str, s: Situation, hold: bool = False) -> Orders:
+        """Leave the point: stop, or climb at once where the autopilot is landing."""
+        self.tally.aborts += 1
+        self.tally.abort_reasons.append(reason)
+        self.say(Severity.WARNING, f"abort: {reason}")
+        if self.aim.enu_m is not None and not hold:
+            self.refused.append(self.aim.enu_m)
+        landing = self.phase is Phase.FINAL
+        self.go(Phase.HOLD if hold else Phase.CLIMB, s)
+        if landing:
+            return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self.parameters.climb_speed_ms]))
+        return Orders(velocity_enu_ms=STOPPED)
+
+    def restart_limit(self, s: Situation) -> None:
+        """Set the time limit of the phase to a minute and twice its travel time from now."""
+        way_s = 0.0
+        match self.phase:
+            case Phase.APPROACH:
+                way_s = self.aim.away_m / self.parameters.approach_speed_ms
+            case Phase.DESCEND:
+                way_s = self.aim.height_left_m / self.parameters.descent_speed_ms
+            case Phase.FINAL:
+                way_s = self.aim.height_left_m / LANDING_MS
+            case Phase.CLIMB | Phase.HOLD if s.position_enu_m is not None:
+                rise_m = max(0.0, self.route.height_m - float(s.position_enu_m[2]))
+                way_s = rise_m / self.parameters.climb_speed_ms
+        self.late_ns = s.now_ns + STUCK_NS + round(2e9 * way_s)
+
+    # ---- questions ------------------------------------------------------------------------------
+
+    @property
+    def committed(self) -> bool:
+        """Whether the last verified state of the point holds, because only dust would be seen this low."""
+        return self.aim.height_left_m <= max(self.parameters.commit_height_m, self.parameters.dust_height_m)
+
+    def way(self, s: Situation) -> Way:
+        """Return the route's response to what is ahead."""
+        way = self.route.way(s)
+        if way is Way.CLIMBING:
+            self.say(Severity.INFO, "obstacle ahead: climbing")
+        return way
+
+    def why_not(self, s: Situation) -> str | None:
+        """Return the reason against going on with the descent, or None."""
+        if not s.lidar_ok:
+            return s.blind
+        judged = self.aim.judgement(s.selected)
+        return None if judged is PointState.SAFE else f"point {judged.value}"
+
+    def is_battery_low(self, s: Situation) -> bool:
+        """Return whether the charge is at or below the one at which to land."""
+        return s.battery_pct is not None and 0 < self.parameters.battery_land_pct >= s.battery_pct
+
+    def soonest_zone(self, s: Situation) -> Zone | None:
+        """Return the usable zone that is reached soonest, None without one."""
+        if s.report is None or s.position_enu_m is None:
+            return None
+        return soonest(s.report, self.refused, self.parameters, s.position_enu_m)

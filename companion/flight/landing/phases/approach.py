@@ -1,0 +1,66 @@
+"""Phase approach: fly over the point, and stay there until it has been safe for two seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.landing.emergencies.missing_input import without_lidar
+from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.route import Way
+from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation, Vector, known
+from slz import PointState
+
+STEADY_NS = 2 * SECOND  # point safe before the descent
+UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
+OVER_M, OVER_MS = 1.0, 0.5  # distance and speed of a vehicle that is over the point
+
+
+class Approach:
+    """Flies to a point at the height of the route."""
+
+    def __init__(self, state: LandingState) -> None:
+        self._state = state
+        self._over_since_ns: int | None = None  # over the point, in this approach
+
+    def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> Orders:
+        """Choose a point and turn to it."""
+        state = self._state
+        state.aim.set_target(enu_m)
+        state.aim.measure(s.position_enu_m, s.selected)
+        state.tally.zone_id, state.tally.chosen_enu_m = zone_id, state.aim.enu_m
+        state.selection.select(state.aim.enu_m)
+        self._over_since_ns = state.safe_since_ns = None
+        where = f"zone {zone_id}" if zone_id is not None else "the point"
+        state.say(Severity.INFO, f"approaching {where}")
+        state.go(Phase.APPROACH, s)
+        return Orders(velocity_enu_ms=STOPPED)
+
+    def orders(self, s: Situation) -> Orders:
+        """Fly towards the point; descend, or break off with the reason."""
+        state = self._state
+        position, velocity = known(s.position_enu_m), known(s.velocity_enu_ms)
+        if not s.lidar_ok:
+            return without_lidar(state, s)
+        state.outage.on_present(s.now_ns)
+        judged = state.aim.judgement(s.selected)
+        offset = known(state.aim.enu_m)[:2] - position[:2]
+        over = state.aim.away_m < OVER_M and float(np.hypot(*velocity[:2])) < OVER_MS
+        if over and self._over_since_ns is None:
+            self._over_since_ns = s.now_ns
+        if judged is PointState.UNSAFE:
+            return state.break_off("point unsafe", s)
+        if not (over and judged is PointState.SAFE):
+            state.safe_since_ns = None
+        elif state.safe_since_ns is None:
+            state.safe_since_ns = s.now_ns
+        elif s.now_ns - state.safe_since_ns > STEADY_NS:
+            state.say(Severity.INFO, "descending")
+            state.go(Phase.DESCEND, s)
+        unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > UNSEEN_NS
+        if over and judged is PointState.UNKNOWN and unseen:
+            return state.break_off("point not seen", s)
+        if state.way(s) is Way.TOO_HIGH:
+            return state.break_off("way blocked", s)
+        if s.now_ns > state.late_ns:
+            return state.break_off("point not reached", s)
+        return state.route.orders_towards(position, offset, state.parameters.approach_speed_ms)

@@ -1,0 +1,59 @@
+"""Phases climb and hold: after an abort up to survey height, then survey again or wait for the operator."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.landing.emergencies.missing_input import tell_return, without_lidar
+from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.situation import (
+    STOPPED,
+    LandingRequest,
+    Orders,
+    Phase,
+    Severity,
+    Situation,
+    known,
+)
+
+STEADY_NS = 2 * SECOND  # at survey height before the next choice
+AT_HEIGHT_M = 1.0  # below survey height
+
+
+class Climb:
+    """Climbs in guided mode."""
+
+    def __init__(self, state: LandingState) -> None:
+        self._state = state
+
+    def leave_landing(self, s: Situation) -> Orders:
+        """Leave a landing mode entered after it was given up: nobody chose this ground."""
+        self._state.say(Severity.WARNING, "LAND came late: climbing")
+        self._state.go(Phase.CLIMB, s)
+        return Orders(mode="guided", velocity_enu_ms=STOPPED)
+
+    def orders(self, s: Situation) -> Orders:
+        """Climb; at survey height choose again, or hold until the next order."""
+        state = self._state
+        up = np.array([0.0, 0.0, state.parameters.climb_speed_ms])
+        left_m = state.route.height_m - float(known(s.position_enu_m)[2])
+        if s.lidar_ok or left_m > AT_HEIGHT_M:  # climbing needs no map
+            tell_return(state, s)
+        if left_m <= AT_HEIGHT_M:
+            state.restart_limit(s)
+        elif s.now_ns > state.late_ns:
+            state.call("not climbing", s)
+        if not s.guided:
+            return Orders(mode="guided", velocity_enu_ms=up)
+        if left_m > AT_HEIGHT_M:
+            return Orders(velocity_enu_ms=up)
+        if not s.lidar_ok:
+            return without_lidar(state, s)
+        if state.phase is Phase.HOLD or s.now_ns - state.since_ns < STEADY_NS:
+            return Orders(velocity_enu_ms=STOPPED)
+        state.say(Severity.INFO, "choosing again")
+        if state.wish is not None:
+            state.wish = LandingRequest(urgent=state.wish.urgent or state.is_battery_low(s))
+        state.go(Phase.SURVEY, s)
+        state.end_survey(s)
+        return Orders(velocity_enu_ms=STOPPED)

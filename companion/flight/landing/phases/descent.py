@@ -1,0 +1,73 @@
+"""Phases descend and final: sink over the point in guided mode, then watch the autopilot land."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from companion.flight.landing.guidance import level, towards
+from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation, Vector, known
+from slz import PointState
+
+TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
+REQUEST_AGAIN_NS = SECOND  # a request for LAND that shows no effect was refused, or lost on the way
+RESUMED_NS = 8 * SECOND  # a resumed landing may sink this long before its point must be seen safe
+SINK_WITHIN_M, LAND_WITHIN_M = 1.5, 0.7  # horizontal distance to the point for sinking, and for LAND
+BELOW_FINAL_M = 1.0  # the descent's floor below `final_height_m`: the vehicle does not slow down before LAND
+
+
+class Descent:
+    """Descends to `final_height_m` and hands over to the autopilot's landing mode."""
+
+    def __init__(self, state: LandingState) -> None:
+        self._state = state
+        self._resumed_until_ns = 0
+
+    def resume(self, s: Situation, enu_m: Vector) -> None:
+        """Resume watching the autopilot's landing at a point, which a previous companion began."""
+        state = self._state
+        state.aim.set_target(enu_m)
+        state.aim.measure(s.position_enu_m, s.selected)
+        state.tally.chosen_enu_m = state.aim.enu_m
+        state.selection.select(state.aim.enu_m)
+        state.route.start_search(known(s.position_enu_m), s.height_above_home_m, -np.inf)
+        state.ownership.adopt_landing(s)
+        state.say(Severity.WARNING, f"restarted in {s.mode}: watching the landing again")
+        state.go(Phase.FINAL, s)
+        self._resumed_until_ns = s.now_ns + RESUMED_NS
+
+    def orders(self, s: Situation) -> Orders:
+        """Sink over the selected point, streaming the landing target, until LAND can take over."""
+        state, p = self._state, self._state.parameters
+        reason = state.why_not(s) or ("point not reached" if s.now_ns > state.late_ns else None)
+        if reason:
+            return state.break_off(reason, s)
+        left_m, away_m, target = state.aim.height_left_m, state.aim.away_m, state.aim.on_ground_enu_m
+        steady = s.now_ns - state.since_ns > TARGET_NS
+        if left_m <= p.final_height_m and steady and away_m < LAND_WITHIN_M:
+            state.say(Severity.INFO, "final: LAND")
+            state.go(Phase.FINAL, s)
+            return Orders(mode="land", target_enu_m=target)
+        floor = p.final_height_m - BELOW_FINAL_M - left_m
+        sink = level(min(0.0, floor), p.descent_speed_ms) if away_m < SINK_WITHIN_M else 0.0
+        horizontal = towards(target[:2] - known(s.position_enu_m)[:2], p.approach_speed_ms)
+        return Orders(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=target)
+
+    def final_orders(self, s: Situation) -> Orders:
+        """Watch the autopilot land; break off if the point turns unsafe while it can be seen."""
+        state = self._state
+        late = s.now_ns > state.late_ns
+        if not state.committed:
+            unseen = (
+                s.now_ns < self._resumed_until_ns and state.aim.judgement(s.selected) is PointState.UNKNOWN
+            )
+            reason = None if unseen else state.why_not(s)
+            reason = reason or ("does not land" if late else None)
+            if reason:
+                return state.break_off(reason, s)
+        elif late:
+            state.call("not landing", s)
+        target = state.aim.on_ground_enu_m
+        if s.guided and s.now_ns - state.since_ns > REQUEST_AGAIN_NS:  # stop the vehicle's last setpoint too
+            return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=target)
+        return Orders(target_enu_m=target)

@@ -1,0 +1,69 @@
+"""Phase survey: fly an expanding square until a zone can be chosen."""
+
+from __future__ import annotations
+
+from companion.flight.landing.emergencies.missing_input import without_lidar
+from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.phases.approach import Approach
+from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation, known
+from companion.flight.landing.zone_choice import choose, look_at
+from slz import Zone
+
+SEARCH_NS = 300 * SECOND  # beyond `survey_s`, before the pilot is called
+TAKE_OVER_NS = 5 * SECOND  # limit for the autopilot to obey an emergency
+
+
+class Survey:
+    """Searches for a zone and hands it to the approach."""
+
+    def __init__(self, state: LandingState, approach: Approach) -> None:
+        self._state, self._approach = state, approach
+
+    def orders(self, s: Situation) -> Orders:
+        """Fly to the next corner of the search, or approach the zone that is chosen now."""
+        state = self._state
+        if not s.guided:
+            return self.take_over(s)
+        if not state.route.begun:
+            state.start_survey(s)
+            return Orders(velocity_enu_ms=STOPPED)
+        if not s.lidar_ok:
+            return without_lidar(state, s)
+        state.outage.on_present(s.now_ns)
+        if state.wish is not None and state.wish.enu_m is not None:
+            return self._approach.start(s, state.wish.enu_m, state.wish.zone_id)
+        zone = self._choice(s)
+        if zone is not None:
+            return self._approach.start(s, zone.best.enu_m, zone.id)
+        if s.now_ns - state.since_ns > round(state.parameters.survey_s * 1e9) + SEARCH_NS:
+            state.say(Severity.CRITICAL, "no zone found: take over")
+            state.go(Phase.HOLD, s)
+            return Orders(velocity_enu_ms=STOPPED)
+        position = known(s.position_enu_m)
+        offset = state.route.to_corner(position, state.way(s))
+        return state.route.orders_towards(position, offset, state.parameters.survey_speed_ms)
+
+    def take_over(self, s: Situation) -> Orders:
+        """Request the guided mode after an emergency order; give up if the autopilot refuses."""
+        if s.now_ns - self._state.started_ns > TAKE_OVER_NS:
+            self._state.say(Severity.CRITICAL, f"{s.mode} stays: not landing")
+            self._state.rest(Phase.IDLE, s)
+            return Orders()
+        return Orders(mode="guided", velocity_enu_ms=STOPPED)
+
+    def _choice(self, s: Situation) -> Zone | None:
+        """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.
+
+        The latter is a zone of the far map, or of the survey prior.
+        """
+        state, p = self._state, self._state.parameters
+        urgent = state.wish is not None and state.wish.urgent
+        if s.report is None or (not urgent and s.now_ns - state.since_ns < p.survey_s * 1e9):
+            return None
+        if urgent:
+            return state.soonest_zone(s)
+        return (
+            choose(s.report.zones, state.refused, p)
+            or choose(s.report.far.zones, state.refused, p)
+            or look_at(s.report, state.refused)
+        )
