@@ -1,4 +1,4 @@
-"""Decorator that compiles the simulator's kernels with Numba."""
+"""Decorators that compile the simulator's kernels with Numba."""
 
 from __future__ import annotations
 
@@ -6,39 +6,58 @@ import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from types import NoneType
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
+SCALARS = {float: "float64", int: "int64", NoneType: "void"}
 ROOT = Path(__file__).parent
 
 
-def kernel(signature: object = None) -> Callable[[F], F]:
-    """Compile a function with Numba, without the GIL and cached on disk.
+def kernel(function: F) -> F:
+    """Compile a function at import, for the types in its annotations (`sitl.array_types`)."""
+    compiled = _compiled(function)
+    if hasattr(compiled, "compile"):  # not with the compiler off
+        compiled.compile(_signature(function))
+        compiled.disable_compile()
+    return cast(F, compiled)
+
+
+def kernel_for_any_types(function: F) -> F:
+    """Compile a function when it is first called, by a kernel or otherwise, for the types of that call."""
+    return cast(F, _compiled(function))
+
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """Return a function with Numba's compiler, without the GIL and cached on disk.
 
     Numba reuses compiled code until the source of the kernel itself changes, but that code contains kernels
     and constants of other modules too. The cache is therefore marked with all sources of the simulator.
-
-    Parameters
-    ----------
-    signature
-        A Numba signature compiles at import (entry points); None compiles at the first call
-        (helpers, which are compiled with the entry point that calls them).
-        ``fastmath`` is never on: it would let the compiler assume that NaN does not exist.
+    ``fastmath`` is never on: it would let the compiler assume that NaN does not exist.
     """
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if index is not None:  # None if the compiler is disabled
+        index._version = f"{index._version} {_stamp()}"  # compared before anything else is read
+    return compiled
 
-    def decorate(function: F) -> F:
-        compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-        index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-        if index is not None:  # None if the compiler is disabled
-            index._version = f"{index._version} {_stamp()}"  # compared before anything else is read
-        if signature is not None and index is not None:
-            compiled.compile(signature)
-            compiled.disable_compile()
-        return cast(F, compiled)
 
-    return decorate
+def _signature(function: Callable[..., Any]) -> str:
+    """Return the types in a function's annotations as Numba writes them: result(argument, ...)."""
+    *arguments, result = get_type_hints(function, include_extras=True).values()
+    return f"{_notation(result)}({', '.join(map(_notation, arguments))})"
+
+
+def _notation(hint: Any) -> str:
+    if get_origin(hint) is tuple:
+        return f"Tuple(({', '.join(map(_notation, get_args(hint)))},))"
+    if get_origin(hint) is Annotated:
+        plain, notation = get_args(hint)
+        elements = [_notation(kind) for dtype in get_args(plain)[1:] for kind in get_args(dtype)]
+        return str(notation).format(*elements)
+    return str(SCALARS.get(hint, hint.__name__))
 
 
 @functools.cache

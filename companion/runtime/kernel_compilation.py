@@ -28,9 +28,7 @@ _OF_KERNELS = runpy.run_path(str(ROOT / "slz" / "kernels" / "source_stamp.py")) 
 sources_of: Callable[[Path, Path], dict[Path, bytes]] = _OF_KERNELS["sources_of"]
 stamp: Callable[[Path, Path], bytes] = _OF_KERNELS["stamp"]
 COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's index files
-EAGER = re.compile(
-    rb'@kernel\(\s*f?"'
-)  # a kernel with a signature compiles at import, others with their callers
+EAGER = re.compile(rb"^@kernel$", re.MULTILINE)  # compiled at import; others with their callers
 # Folders of `slz/kernels` that not every flight needs.
 OF_SOURCE_MODE = frozenset({"paper"})
 SELDOM = frozenset({"instruments", "survey"})  # take seconds to compile, at their first use

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.compilation import kernel
+from sitl.compilation import kernel_for_any_types
 from sitl.vehicle.multirotor import GRAVITY_MS2
 from sitl.vehicle.rigid_body import State, multiply
 
@@ -23,7 +23,7 @@ VERTICAL_GAIN_PER_S = 4.0
 INTEGRAL_GAIN_PER_S2 = 0.6
 
 
-@kernel()
+@kernel_for_any_types
 def rate_command(quat: F64, wanted: F64) -> F64:
     """Return body rates that rotate the estimated attitude to the commanded one."""
     error = multiply(np.array([quat[0], -quat[1], -quat[2], -quat[3]]), wanted)
@@ -96,7 +96,7 @@ class VelocityLoop:
         )
 
 
-@kernel()
+@kernel_for_any_types
 def _accelerate(
     wanted: F64, integral: F64, goal: F64, velocity: F64, gains: F64, longest: float, dt: float
 ) -> F64:

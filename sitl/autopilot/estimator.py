@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.autopilot.position_aiding import PositionAiding
-from sitl.compilation import kernel
+from sitl.compilation import kernel_for_any_types
 from sitl.vehicle.rigid_body import State, multiply
 
 F64 = NDArray[np.float64]
@@ -43,7 +43,7 @@ class EstimateErrors:
                    white_position_m=0.0, white_velocity_ms=0.0, white_attitude_deg=0.0)  # fmt: skip
 
 
-@kernel()
+@kernel_for_any_types
 def _drift(error: F64, smooth: F64, sigma: F64, tau: F64, dt: float, draw: F64) -> None:
     """Advance Gauss-Markov errors and their low-passed values, which are the ones used."""
     for i in range(len(error)):

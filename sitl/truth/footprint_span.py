@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import types
-from numpy.typing import NDArray
 
+from sitl.array_types import Array1D, Strided2D
 from sitl.compilation import kernel
 
-F64 = NDArray[np.float64]
-F1, F2 = types.float64[::1], types.Array(types.float64, 2, "A")
+Plane = Strided2D[np.float64]
 
 
-@kernel(types.void(F2, F1, types.int64, F2, F2, F2, F2))
+@kernel
 def measure_span(
-    z: F64, offsets_m: F64, step: int, mean: F64, gradient_x: F64, gradient_y: F64, span: F64
+    z: Plane,
+    offsets_m: Array1D[np.float64],
+    step: int,
+    mean: Plane,
+    gradient_x: Plane,
+    gradient_y: Plane,
+    span: Plane,
 ) -> None:
     """Write the greatest less the smallest residual of each footprint; NaN where its plane is NaN.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.compilation import kernel
+from sitl.compilation import kernel_for_any_types
 from sitl.vehicle.rigid_body import State, from_euler, multiply, rotate, to_euler
 
 F64 = NDArray[np.float64]
@@ -28,7 +28,7 @@ NEW_FLIGHT_M = 2.0  # higher than any bounce
 # x: 0-2 position enu, 3-5 velocity enu, 6-9 quaternion, 10-12 rates, 13 thrust, 14-16 acceleration
 
 
-@kernel()
+@kernel_for_any_types
 def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64) -> tuple[bool, float]:
     """Advance the body by dt; return whether it is on the ground, and how far the ground lifted it."""
     for i in range(3):
@@ -69,7 +69,7 @@ def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64
     return standing, lifted
 
 
-@kernel()
+@kernel_for_any_types
 def _blow(gust: F64, mean: F64, sigma: float, draw: F64, dt: float) -> F64:
     """Advance the gust (Gauss-Markov); return the wind."""
     share = dt / GUST_TAU_S

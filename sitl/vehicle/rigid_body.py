@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.compilation import kernel
+from sitl.compilation import kernel_for_any_types
 
 F64 = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class State:
     acc_enu_ms2: F64
 
 
-@kernel()
+@kernel_for_any_types
 def multiply(a: F64, b: F64) -> F64:
     """Return the Hamilton product of two quaternions."""
     out = np.empty(4)
@@ -38,7 +38,7 @@ def multiply(a: F64, b: F64) -> F64:
     return out
 
 
-@kernel()
+@kernel_for_any_types
 def rotate(q: F64, v: F64) -> F64:
     """Return q v q*: a vector rotated from body to world."""
     x, y, z, w = q[1], q[2], q[3], q[0]

@@ -12,29 +12,14 @@ from __future__ import annotations
 
 import math
 
-from numba import types
+import numpy as np
 
-from sitl.compilation import kernel
-from sitl.world.tables import (
-    F1,
-    F2,
-    F64,
-    GRID,
-    GROUND,
-    INF,
-    MOVERS,
-    SOLIDS,
-    U1,
-    U8,
-    WATER_KIND,
-    GridTable,
-    GroundTable,
-    MoverTable,
-    SolidTable,
-)
+from sitl.array_types import Array1D, Array2D
+from sitl.compilation import kernel, kernel_for_any_types
+from sitl.world.tables import F64, INF, WATER_KIND, GridTable, GroundTable, MoverTable, SolidTable
 
 
-@kernel()
+@kernel_for_any_types
 def _first(near: float, far: float) -> float:
     """Return the first of two ordered crossings that is ahead."""
     if near > 0.0:
@@ -42,7 +27,7 @@ def _first(near: float, far: float) -> float:
     return far if far > 0.0 else INF
 
 
-@kernel()
+@kernel_for_any_types
 def slab(origin: float, direction: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of t between two parallel planes, (inf, -inf) if the ray is never between them."""
     if direction == 0.0:
@@ -52,7 +37,7 @@ def slab(origin: float, direction: float, low: float, high: float) -> tuple[floa
     return (a, b) if a <= b else (b, a)
 
 
-@kernel()
+@kernel_for_any_types
 def _box(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     c, s = p[i, 6], p[i, 7]
     rx, ry = ox - p[i, 0], oy - p[i, 1]
@@ -64,7 +49,7 @@ def _box(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, 
     return _first(near, far) if near <= far else INF
 
 
-@kernel()
+@kernel_for_any_types
 def _cylinder(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     rx, ry = ox - p[i, 0], oy - p[i, 1]
     near, far = slab(oz, dz, p[i, 2], p[i, 3])
@@ -81,7 +66,7 @@ def _cylinder(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: fl
     return _first(near, far) if near <= far else INF
 
 
-@kernel()
+@kernel_for_any_types
 def _ellipsoid(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     rx, ry, rz = (ox - p[i, 0]) / p[i, 3], (oy - p[i, 1]) / p[i, 4], (oz - p[i, 2]) / p[i, 5]
     ex, ey, ez = dx / p[i, 3], dy / p[i, 4], dz / p[i, 5]
@@ -94,7 +79,7 @@ def _ellipsoid(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: f
     return _first((-b - root) / a, (-b + root) / a)
 
 
-@kernel()
+@kernel_for_any_types
 def _wire(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     ax, ay, az = p[i, 3] - p[i, 0], p[i, 4] - p[i, 1], p[i, 5] - p[i, 2]
     length2 = ax * ax + ay * ay + az * az
@@ -117,7 +102,7 @@ def _wire(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float,
     return float(far) if far > 0.0 and 0.0 <= along_r + far * along_d <= 1.0 else INF
 
 
-@kernel()
+@kernel_for_any_types
 def solid_hit(
     shape: int, p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float
 ) -> float:
@@ -131,7 +116,7 @@ def solid_hit(
     return _wire(p, i, ox, oy, oz, dx, dy, dz)
 
 
-@kernel()
+@kernel_for_any_types
 def patch_hit(
     z: F64,
     j: int,
@@ -175,7 +160,7 @@ def patch_hit(
     return float(tb) if t0 <= tb <= t1 else INF
 
 
-@kernel()
+@kernel_for_any_types
 def solid_normal(shape: int, p: F64, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return a normal (any length and sign) of solid i at a point on its surface."""
     if shape == 2:
@@ -195,7 +180,7 @@ def solid_normal(shape: int, p: F64, i: int, x: float, y: float, z: float) -> tu
     return (c, s, 0.0) if on_end else (-s, c, 0.0)
 
 
-@kernel()
+@kernel_for_any_types
 def ground_square(ground: GroundTable, x: float, y: float) -> tuple[int, int, float, float]:
     """Return row, column and the position within the square of the ground under (x, y)."""
     z, _, meta = ground
@@ -205,7 +190,7 @@ def ground_square(ground: GroundTable, x: float, y: float) -> tuple[int, int, fl
     return j, i, u - i, v - j
 
 
-@kernel()
+@kernel_for_any_types
 def ground_normal(ground: GroundTable, x: float, y: float) -> tuple[float, float, float]:
     j, i, u, v = ground_square(ground, x, y)
     z, post = ground[0], ground[2][2]
@@ -214,7 +199,7 @@ def ground_normal(ground: GroundTable, x: float, y: float) -> tuple[float, float
     return -gx / post, -gy / post, 1.0
 
 
-@kernel()
+@kernel_for_any_types
 def ground_hit(
     ground: GroundTable,
     ox: float,
@@ -257,7 +242,7 @@ def ground_hit(
             return INF
 
 
-@kernel()
+@kernel_for_any_types
 def _movers_hit(
     movers: MoverTable, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, limit: float
 ) -> tuple[float, int]:
@@ -275,7 +260,7 @@ def _movers_hit(
     return best, which
 
 
-@kernel()
+@kernel_for_any_types
 def _cast_one(
     ground: GroundTable,
     solids: SolidTable,
@@ -337,18 +322,18 @@ def _cast_one(
             return best, what, index
 
 
-@kernel(types.void(GROUND, SOLIDS, GRID, MOVERS, F2, F2, types.float64, F1, U1, F1))
+@kernel
 def cast_rays(
     ground: GroundTable,
     solids: SolidTable,
     grid: GridTable,
     movers: MoverTable,
-    origins: F64,
-    directions: F64,
+    origins: Array2D[np.float64],
+    directions: Array2D[np.float64],
     limit: float,
-    out_range: F64,
-    out_kind: U8,
-    out_cosine: F64,
+    out_range: Array1D[np.float64],
+    out_kind: Array1D[np.uint8],
+    out_cosine: Array1D[np.float64],
 ) -> None:
     """Cast every ray; write range (NaN for none), material and cosine of the angle of incidence."""
     for n in range(origins.shape[0]):

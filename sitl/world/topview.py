@@ -7,27 +7,14 @@ from __future__ import annotations
 
 import math
 
-from numba import types
+import numpy as np
 
-from sitl.compilation import kernel
-from sitl.world.tables import (
-    F1,
-    F64,
-    GRID,
-    GROUND,
-    INF,
-    MOVERS,
-    SOLIDS,
-    U1,
-    U8,
-    GridTable,
-    GroundTable,
-    MoverTable,
-    SolidTable,
-)
+from sitl.array_types import Array1D
+from sitl.compilation import kernel, kernel_for_any_types
+from sitl.world.tables import F64, INF, GridTable, GroundTable, MoverTable, SolidTable
 
 
-@kernel()
+@kernel_for_any_types
 def _top(shape: int, p: F64, i: int, x: float, y: float) -> float:
     """Return the height of the top of solid i above (x, y), -inf beside it."""
     rx, ry = x - p[i, 0], y - p[i, 1]
@@ -43,7 +30,7 @@ def _top(shape: int, p: F64, i: int, x: float, y: float) -> float:
     return _wire_top(p, i, rx, ry)
 
 
-@kernel()
+@kernel_for_any_types
 def _wire_top(p: F64, i: int, rx: float, ry: float) -> float:
     ax, ay, az = p[i, 3] - p[i, 0], p[i, 4] - p[i, 1], p[i, 5] - p[i, 2]
     flat2 = ax * ax + ay * ay
@@ -58,16 +45,16 @@ def _wire_top(p: F64, i: int, rx: float, ry: float) -> float:
     return p[i, 2] + along * az + half if 0.0 <= axial <= 1.0 else -INF
 
 
-@kernel(types.void(GROUND, SOLIDS, GRID, MOVERS, F1, F1, F1, U1))
+@kernel
 def top_surface(
     ground: GroundTable,
     solids: SolidTable,
     grid: GridTable,
     movers: MoverTable,
-    xs: F64,
-    ys: F64,
-    out_z: F64,
-    out_kind: U8,
+    xs: Array1D[np.float64],
+    ys: Array1D[np.float64],
+    out_z: Array1D[np.float64],
+    out_kind: Array1D[np.uint8],
 ) -> None:
     """Write the height and material seen from straight above; NaN and 0 outside the world."""
     z, _, meta = ground

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_for_any_types
 from slz.kernels.simd import Floats, broadcast, where
 
 F0, F1 = np.float32(0.0), np.float32(1.0)
@@ -15,7 +15,7 @@ A3, A5, A7, A9 = (
 )
 
 
-@kernel()
+@kernel_for_any_types
 def arctangent(x: Floats) -> Floats:
     """Return the arc tangents of 16 numbers >= 0 (Cephes polynomial, relative error 2e-7); NaN of NaN."""
     one = broadcast(F1)

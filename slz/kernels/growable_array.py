@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_for_any_types
 
 Table = NDArray[Any]
 
 
-@kernel()
+@kernel_for_any_types
 def put(out: NDArray[Any], at: int, values: NDArray[Any]) -> None:
     """Copy (n,) values into an array, from index `at` on."""
     for i in range(len(values)):
         out[at + i] = values[i]
 
 
-@kernel()
+@kernel_for_any_types
 def put_rows(out: Table, at: int, rows: Table) -> None:
     """Copy (n, k) rows into a table, from row `at` on."""
     for i in range(len(rows)):
@@ -30,7 +30,7 @@ def put_rows(out: Table, at: int, rows: Table) -> None:
             out[at + i, k] = rows[i, k]
 
 
-@kernel()
+@kernel_for_any_types
 def doubled(rows: Table) -> Table:
     """Return a (2 n, k) copy of a table; its second half is uninitialised."""
     out = np.empty((2 * len(rows), rows.shape[1]), rows.dtype)

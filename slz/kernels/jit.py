@@ -1,4 +1,4 @@
-"""Compilation of kernels with Numba: cached, without the GIL, eager where a signature is given.
+"""Compilation of kernels with Numba: cached, without the GIL, for the types in their annotations.
 
 Numba's cache is invalidated only by the source of the kernel itself. A kernel contains the kernels that it
 calls, so a change of their files would go unnoticed. The cache is therefore stamped with all sources that a
@@ -11,36 +11,71 @@ import functools
 import logging
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from types import NoneType
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
+import numpy as np
 
 from slz.kernels.source_stamp import stamp
 
 log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
+SCALARS = {float: "float64", int: "int64", bool: "boolean", np.bool_: "boolean", NoneType: "void"}
 ROOT = Path(__file__).parents[2]
 _logged = set[str]()  # modules
 
 
-def kernel(*signatures: str) -> Callable[[F], F]:
-    """Compile a function with Numba; `fastmath` stays off because it disables `isnan`."""
+def kernel(function: F) -> F:
+    """Compile a function at import, for the types in its annotations (`slz.kernels.argument_types`).
 
-    def decorate(function: F) -> F:
-        compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-        _mark(compiled, Path(function.__code__.co_filename))
-        if signatures and hasattr(compiled, "compile"):
-            for signature in signatures:
-                compiled.compile(signature)
-            compiled.disable_compile()
+    A type variable with constraints stands for each of them, a compilation each.
+    """
+    compiled = _compiled(function)
+    if hasattr(compiled, "compile"):
+        for signature in signatures(function):
+            compiled.compile(signature)
+        compiled.disable_compile()
         module = function.__module__
-        if module not in _logged and getattr(compiled, "stats", None) and compiled.stats.cache_misses:
+        if module not in _logged and compiled.stats.cache_misses:
             _logged.add(module)
             log.info("%s is used for the first time on this computer: its kernels are compiled", module)
-        return cast(F, compiled)
+    return cast(F, compiled)
 
-    return decorate
+
+def kernel_for_any_types(function: F) -> F:
+    """Compile a function when it is first called, by a kernel or otherwise, for the types of that call."""
+    return cast(F, _compiled(function))
+
+
+def signatures(function: Callable[..., Any]) -> list[str]:
+    """Return the types in a function's annotations as Numba writes them: result(argument, ...)."""
+    *arguments, result = get_type_hints(function, include_extras=True).values()
+    text = f"{_notation(result)}({', '.join(map(_notation, arguments))})"
+    variables = {variable for hint in arguments for variable in getattr(hint, "__parameters__", ())}
+    if not variables:
+        return [text]
+    (variable,) = variables
+    return [text.replace(str(variable), _notation(kind)) for kind in variable.__constraints__]
+
+
+@functools.cache
+def _notation(hint: Any) -> str:
+    if get_origin(hint) is tuple:
+        return f"Tuple(({', '.join(map(_notation, get_args(hint)))},))"
+    if get_origin(hint) is Annotated:
+        plain, notation = get_args(hint)
+        elements = [_notation(kind) for dtype in get_args(plain)[1:] for kind in get_args(dtype)]
+        return str(notation).format(*elements)
+    return str(hint) if isinstance(hint, TypeVar) else SCALARS.get(hint, hint.__name__)
+
+
+def _compiled(function: Callable[..., Any]) -> Any:
+    """Return a function with Numba's compiler; `fastmath` stays off because it disables `isnan`."""
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    _mark(compiled, Path(function.__code__.co_filename))
+    return compiled
 
 
 def _mark(compiled: Any, path: Path) -> None:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D
 from slz.kernels.jit import kernel
 
 PAGE = 4096  # bytes; with larger pages some are touched more often than needed
 
 
-@kernel("void(uint8[::1], int64, int64, int64, int64, uint8)")
+@kernel
 def prefault(
-    memory: NDArray[np.uint8], first: int, apart: int, count: int, length: int, nothing: np.uint8
+    memory: Array1D[np.uint8], first: int, apart: int, count: int, length: int, nothing: np.uint8
 ) -> None:
     """Prefault the pages of `count` byte ranges, `apart` bytes apart, by rewriting their contents.
 

@@ -16,9 +16,9 @@ import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic, models, overload, register_model
-from numpy.typing import NDArray
 
-from slz.kernels.jit import kernel
+from slz.kernels.argument_types import Array1D
+from slz.kernels.jit import kernel, kernel_for_any_types
 
 LANES = 16
 FLOAT, DOUBLE, FLAG, INT32 = ir.FloatType(), ir.DoubleType(), ir.IntType(1), ir.IntType(32)
@@ -208,28 +208,28 @@ else:
     _operator(operator.eq, lambda b, x, y: b.fcmp_ordered("==", x, y), FLAGS)
 
 
-@kernel()
+@kernel_for_any_types
 def minimum(a: Floats, b: Floats) -> Floats:
     """Return the lane-wise minimum; where either is NaN, the lane of `b`."""
     return where(a < b, a, b)
 
 
-@kernel()
+@kernel_for_any_types
 def maximum(a: Floats, b: Floats) -> Floats:
     """Return the lane-wise maximum; where either is NaN, the lane of `b`."""
     return where(b < a, a, b)
 
 
-@kernel("float32[::1](int64)")
-def aligned_empty(count: int) -> Any:
+@kernel
+def aligned_empty(count: int) -> Array1D[np.float32]:
     """Return uninitialised float32, aligned to a cache line: lanes that straddle two lines are slower."""
     whole = np.empty(count + LANES, np.float32)
     first = -(whole.ctypes.data >> 2) & (LANES - 1)
     return whole[first : first + count]
 
 
-@kernel("uint64(float32[::1], int64, float32)")
-def below(values: NDArray[np.float32], at: int, limit: np.float32) -> np.uint64:
+@kernel
+def below(values: Array1D[np.float32], at: int, limit: np.float32) -> np.uint64:
     """Return a bit mask of 64 values, from index `at` on: 1 where below the limit; 0 for NaN."""
     word, most = np.uint64(0), broadcast(limit)
     for i in range(0, 64, LANES):

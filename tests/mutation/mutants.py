@@ -56,7 +56,7 @@ class _Meaning(ast.NodeTransformer):
 
 
 def meaning(source: str) -> str:
-    """Return what a module does, without annotations (never evaluated) and the kernels' compiler (off)."""
+    """Return what a module does, without annotations and the compiler of kernels, which is off."""
     return ast.dump(_Meaning().visit(ast.parse(source)))
 
 

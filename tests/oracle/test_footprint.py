@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from slz.grid import Box
+from slz.kernels.argument_types import Array1D
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.footprint.derive_maps import derive_box
 from slz.kernels.footprint.moments import (
@@ -32,6 +33,8 @@ from slz.kernels.simd import LANES, store, store_wide
 from slz.terrain.tiles import Noise, Tiles
 
 Floats = NDArray[np.float64]
+Row = Array1D[np.float32]
+Wide = Array1D[np.float64]
 HEIGHT, BOTTOM, TOP, WEIGHT, EXCESS, SPREAD = range(6)
 COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
 seeds = st.integers(0, 10_000)
@@ -208,11 +211,8 @@ def test_a_first_cell_far_up_rounds_no_relief_but_those_that_hold_it() -> None:
     np.testing.assert_allclose(other[2, 3:, 3:], plain[2, 3:, 3:], rtol=rounding, atol=2e-6)
 
 
-@kernel("void(float32[::1], float64[::1], int64, int64, float32[::1], float64, float32[::1], float64[::1])")
-def _told(
-    sums: NDArray[np.float32], rises: Floats, at: int, layer: int, away: NDArray[np.float32], y: float,
-    out: NDArray[np.float32], heights: Floats,
-) -> None:  # fmt: skip
+@kernel
+def _told(sums: Row, rises: Wide, at: int, layer: int, away: Row, y: float, out: Row, heights: Wide) -> None:
     s, z = over_columns(sums, at, layer, away, y), rises_over_columns(rises, at, layer, away, y)
     store(out, 0, s[0])
     store(out, LANES, s[1])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import params
 from slz.grid import Grid
 from slz.kernels.arctangent import arctangent
+from slz.kernels.argument_types import Array1D
 from slz.kernels.jit import kernel
 from slz.kernels.simd import LANES, load, store
 from slz.paper.paper_terrain import PaperTerrain
@@ -113,8 +114,8 @@ def test_the_roughness_of_a_bowl_is_the_gradient_of_its_slope() -> None:
     assert found[2] < found[1] < found[0]
 
 
-@kernel("void(float32[::1], float32[::1])")
-def arctangents(x: Floats, out: Floats) -> None:
+@kernel
+def arctangents(x: Array1D[np.float32], out: Array1D[np.float32]) -> None:
     for i in range(0, len(x), LANES):
         store(out, i, arctangent(load(x, i)))
 

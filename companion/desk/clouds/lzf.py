@@ -7,15 +7,15 @@ reference: three bits of length, where 7 means that the next byte is added, and 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, ReadOnly1D
 from slz.kernels.jit import kernel
 
 MOST_RATIO = 100  # three bytes become at most 264
 
 
-@kernel("int64(Array(uint8, 1, 'C', True), uint8[::1])")
-def unpack(packed: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
+@kernel
+def unpack(packed: ReadOnly1D[np.uint8], out: Array1D[np.uint8]) -> int:
     """Decompress into `out` and return the number of bytes written; -1 if the input is invalid."""
     n, most = len(packed), len(out)
     i = o = 0

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array2D, Float32, Strided2D
 from slz.kernels.jit import kernel
 
 STEP_M = 0.005  # height step
@@ -16,43 +14,38 @@ NO_VALUE = np.uint8(255)
 SLOPE_STEP_DEG, RELIEF_STEP_M, CERTAINTY_STEP = 0.25, 0.01, 0.005
 _UNSAFE, _SAFE, _UNKNOWN = 0, 1, 255  # same as in `slz.terrain.terrain_maps`
 
-Floats = NDArray[np.float32]
-Small = NDArray[np.uint8]
-Heights = NDArray[np.uint16]
+Floats = Array2D[np.float32]
 
 
-@kernel("uint8(float32, float64)")
-def _steps(value: float, step: float) -> Any:
+@kernel
+def _steps(value: Float32, step: float) -> np.uint8:
     """Return a value in steps, at most 254; 255 if unknown."""
     if np.isnan(value):
         return np.uint8(255)
     return np.uint8(min(254.0, max(0.0, np.rint(value / step))))
 
 
-@kernel("uint16(float32, float64)")
-def _height(value: float, base_m: float) -> Any:
+@kernel
+def _height(value: Float32, base_m: float) -> np.uint16:
     """Return a height in steps above a base, 1 to 65535; 0 if unknown."""
     if np.isnan(value):
         return np.uint16(0)
     return np.uint16(min(65_535.0, max(1.0, np.rint((value - base_m) / STEP_M))))
 
 
-@kernel(
-    "boolean(float32[:, ::1], float32[:, ::1], float32[:, ::1], float32[:, ::1], uint8[:, ::1], float64,"
-    " uint16[:, :], uint8[:, :], uint8[:, :], uint8[:, :], uint8[:, :])"
-)
+@kernel
 def quantise(
     height_m: Floats,
     slope_deg: Floats,
     relief_m: Floats,
     certainty: Floats,
-    state: Small,
+    state: Array2D[np.uint8],
     base_m: float,
-    height: Heights,
-    slope: Small,
-    relief: Small,
-    sure: Small,
-    verdict: Small,
+    height: Strided2D[np.uint16],
+    slope: Strided2D[np.uint8],
+    relief: Strided2D[np.uint8],
+    sure: Strided2D[np.uint8],
+    verdict: Strided2D[np.uint8],
 ) -> bool:
     """Overwrite quantised maps with new ones; return whether anything changed.
 
@@ -82,22 +75,19 @@ def quantise(
     return changed
 
 
-@kernel(
-    "void(uint16[:, ::1], uint8[:, ::1], uint8[:, ::1], uint8[:, ::1], uint8[:, ::1], int64,"
-    " uint16[:, :], uint8[:, :], uint8[:, :], uint8[:, :], uint8[:, :])"
-)
+@kernel
 def halve(
-    height: Heights,
-    slope: Small,
-    relief: Small,
-    sure: Small,
-    verdict: Small,
+    height: Array2D[np.uint16],
+    slope: Array2D[np.uint8],
+    relief: Array2D[np.uint8],
+    sure: Array2D[np.uint8],
+    verdict: Array2D[np.uint8],
     shift: int,
-    out_height: Heights,
-    out_slope: Small,
-    out_relief: Small,
-    out_sure: Small,
-    out_verdict: Small,
+    out_height: Strided2D[np.uint16],
+    out_slope: Strided2D[np.uint8],
+    out_relief: Strided2D[np.uint8],
+    out_sure: Strided2D[np.uint8],
+    out_verdict: Strided2D[np.uint8],
 ) -> None:
     """Downsample squares of four cells to one: see `companion.flight.dashboard.map_block.coarser`.
 

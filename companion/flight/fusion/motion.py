@@ -10,12 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D
 from slz.kernels.jit import kernel
-
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 # Columns of a position sample: east, north, up; their rates; a number that changes when the estimate or the
 # clock of its stamps jumps.
@@ -24,8 +21,8 @@ STRETCH = 6
 SMALL_RAD = 0.5  # limit of the sine's power series
 
 
-@kernel("int64(int64[::1], int64, int64)")
-def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
+@kernel
+def segment(stamp_ns: Array1D[np.int64], t_ns: int, hint: int) -> int:
     """Return the least i with `stamp_ns[i] <= t_ns <= stamp_ns[i + 1]`, -1 if there is none.
 
     The last sample before a gap thus belongs to the segment before it. The search walks from `hint`, because
@@ -44,8 +41,8 @@ def segment(stamp_ns: Stamps, t_ns: int, hint: int) -> int:
     return i
 
 
-@kernel("void(float64[::1], float64[:, ::1])")
-def rotation_enu(quat_wxyz: Floats, out: Floats) -> None:
+@kernel
+def rotation_enu(quat_wxyz: Array1D[np.float64], out: Array2D[np.float64]) -> None:
     """Write the rotation of body forward-right-down into east-north-up from the quaternion into NED."""
     w, x, y, z = quat_wxyz[0], quat_wxyz[1], quat_wxyz[2], quat_wxyz[3]
     out[1, 0] = 1 - 2 * (y * y + z * z)
@@ -59,8 +56,10 @@ def rotation_enu(quat_wxyz: Floats, out: Floats) -> None:
     out[2, 2] = -1 + 2 * (x * x + y * y)
 
 
-@kernel("UniTuple(float64, 4)(float64[::1], float64[::1])")
-def turn_between(before: Floats, after: Floats) -> tuple[float, float, float, float]:
+@kernel
+def turn_between(
+    before: Array1D[np.float64], after: Array1D[np.float64]
+) -> tuple[float, float, float, float]:
     """Return body axis (3) and angle (rad, 0 to pi) of the shorter rotation between two attitudes."""
     w = before[0] * after[0] + before[1] * after[1] + before[2] * after[2] + before[3] * after[3]
     # conjugate(before) * after
@@ -75,7 +74,7 @@ def turn_between(before: Floats, after: Floats) -> tuple[float, float, float, fl
     return x * scale, y * scale, z * scale, 2 * math.atan2(sine, abs(w))
 
 
-@kernel("UniTuple(float64, 2)(float64)")
+@kernel
 def sine_versine_of_small(angle: float) -> tuple[float, float]:
     """Return sin and 1 - cos of an angle below half a radian from their series, with an error of 1e-11."""
     s = angle * angle  # reciprocals, because a chain of divisions takes longer than the rest of a return
@@ -84,7 +83,7 @@ def sine_versine_of_small(angle: float) -> tuple[float, float]:
     return sine, versine
 
 
-@kernel("UniTuple(float64, 2)(float64)")
+@kernel
 def sine_versine(angle: float) -> tuple[float, float]:
     """Return sin and 1 - cos of an angle."""
     if angle > SMALL_RAD:
@@ -92,8 +91,8 @@ def sine_versine(angle: float) -> tuple[float, float]:
     return sine_versine_of_small(angle)
 
 
-@kernel("void(float64[:, ::1], int64, float64, float64[:, ::1])")
-def hermite_cubic(samples: Floats, i: int, span_s: float, out: Floats) -> None:
+@kernel
+def hermite_cubic(samples: Array2D[np.float64], i: int, span_s: float, out: Array2D[np.float64]) -> None:
     """Write the coefficients (4, 3), constant first, of the cubic from sample i to i + 1.
 
     The argument of the cubic is the normalised time, 0 to 1, between samples `span_s` seconds apart.
@@ -107,20 +106,17 @@ def hermite_cubic(samples: Floats, i: int, span_s: float, out: Floats) -> None:
         out[3, k] = leave + arrive - 2 * way
 
 
-@kernel(
-    "void(Array(int64, 1, 'C', True), int64[::1], float64[:, ::1], int64[::1], float64[:, ::1], int64,"
-    " float64[:, ::1], float64[:, :, ::1], boolean[::1])"
-)
+@kernel
 def interpolate(
-    stamp_ns: Stamps,
-    attitude_ns: Stamps,
-    attitudes: Floats,
-    position_ns: Stamps,
-    positions: Floats,
+    stamp_ns: ReadOnly1D[np.int64],
+    attitude_ns: Array1D[np.int64],
+    attitudes: Array2D[np.float64],
+    position_ns: Array1D[np.int64],
+    positions: Array2D[np.float64],
     gap_ns: int,
-    position_enu_m: Floats,
-    rotation_enu_from_frd: Floats,
-    valid: NDArray[np.bool_],
+    position_enu_m: Array2D[np.float64],
+    rotation_enu_from_frd: Array3D[np.float64],
+    valid: Array1D[np.bool_],
 ) -> None:
     """Write position (n, 3), rotation (n, 3, 3) and validity (n,) at each stamp; NaN where invalid.
 

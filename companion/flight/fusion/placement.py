@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.flight.fusion.motion import (
     SMALL_RAD,
     STRETCH,
-    Floats,
-    Stamps,
     hermite_cubic,
     rotation_enu,
     segment,
@@ -17,6 +14,7 @@ from companion.flight.fusion.motion import (
     sine_versine_of_small,
     turn_between,
 )
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
 
 BLOCK = 256  # returns per block, without a branch, so that the compiler vectorises
@@ -24,15 +22,15 @@ SINE, VERSINE, X, Y, Z, SQUARE = range(6)
 ONE = np.uint64(1)
 
 
-@kernel("void(Array(int64, 1, 'C', True), uint64, uint64, int64, float64, float64, float64[:, ::1])")
+@kernel
 def _turns(
-    stamp_ns: Stamps,
+    stamp_ns: ReadOnly1D[np.int64],
     first: np.uint64,
     count: np.uint64,
     since: np.int64,
     share: float,
     angle: float,
-    work: Floats,
+    work: Array2D[np.float64],
 ) -> None:
     """Write sin and 1 - cos of the body's rotation angles since the beginning of a segment."""
     sine, versine = work[SINE], work[VERSINE]
@@ -44,20 +42,17 @@ def _turns(
         sine[i], versine[i] = sine_versine_of_small(share * (stamp_ns[first + i] - since))
 
 
-@kernel(
-    "void(Array(float32, 2, 'C', True), uint64, uint64, float64[:, ::1], float64[::1], float64, float64,"
-    " float64, float64[:, ::1])"
-)
+@kernel
 def _turned(
-    xyz_m: NDArray[np.float32],
+    xyz_m: ReadOnly2D[np.float32],
     first: np.uint64,
     count: np.uint64,
-    m: Floats,
-    lever: Floats,
+    m: Array2D[np.float64],
+    lever: Array1D[np.float64],
     ax: float,
     ay: float,
     az: float,
-    work: Floats,
+    work: Array2D[np.float64],
 ) -> None:
     """Write returns in body axes at the beginning of a segment, rotated by Rodrigues' formula."""
     m00, m01, m02 = m[0, 0], m[0, 1], m[0, 2]
@@ -83,19 +78,16 @@ def _turned(
         tz[i] = bz * (1 - c) + s * (ax * by - ay * bx) + along * az
 
 
-@kernel(
-    "void(Array(int64, 1, 'C', True), uint64, uint64, int64, float64, float64[:, ::1], float64[:, ::1],"
-    " float64[:, ::1])"
-)
+@kernel
 def _moved(
-    stamp_ns: Stamps,
+    stamp_ns: ReadOnly1D[np.int64],
     first: np.uint64,
     count: np.uint64,
     since: np.int64,
     share: float,
-    r: Floats,
-    cubic: Floats,
-    work: Floats,
+    r: Array2D[np.float64],
+    cubic: Array2D[np.float64],
+    work: Array2D[np.float64],
 ) -> None:
     """Convert returns from body to map coordinates: rotate, then add the body's position."""
     r00, r01, r02 = r[0, 0], r[0, 1], r[0, 2]
@@ -113,25 +105,21 @@ def _moved(
         zs[i] = z0 + u * (z1 + u * (z2 + u * z3)) + r20 * tx + r21 * ty + r22 * tz
 
 
-@kernel(
-    "UniTuple(int64, 3)(Array(float32, 2, 'C', True), Array(int64, 1, 'C', True), int64[::1],"
-    " float64[:, ::1], int64[::1], float64[:, ::1], int64, float64[:, ::1], float64[::1], float64, float64,"
-    " float64[:, ::1], int64[::1])"
-)
+@kernel
 def place(
-    xyz_sensor_m: NDArray[np.float32],
-    stamp_ns: Stamps,
-    attitude_ns: Stamps,
-    attitudes: Floats,
-    position_ns: Stamps,
-    positions: Floats,
+    xyz_sensor_m: ReadOnly2D[np.float32],
+    stamp_ns: ReadOnly1D[np.int64],
+    attitude_ns: Array1D[np.int64],
+    attitudes: Array2D[np.float64],
+    position_ns: Array1D[np.int64],
+    positions: Array2D[np.float64],
     gap_ns: int,
-    rotation_frd_from_sensor: Floats,
-    lever_frd_m: Floats,
+    rotation_frd_from_sensor: Array2D[np.float64],
+    lever_frd_m: Array1D[np.float64],
     least_m: float,
     most_m: float,
-    points_enu_m: Floats,
-    point_ns: Stamps,
+    points_enu_m: Array2D[np.float64],
+    point_ns: Array1D[np.int64],
 ) -> tuple[int, int, int]:
     """Write the map coordinates of all returns that are in range and have a pose.
 

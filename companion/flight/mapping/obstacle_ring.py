@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = Array1D[np.int64]
 
 
-@kernel("int64(float64[:, ::1], int64[::1], int64, float64[::1], float64[:, ::1], float64[:, ::1])")
+@kernel
 def levelled(
-    points: Floats, stamps: Stamps, oldest_ns: int, origin: Floats, axes: Floats, out: Floats
+    points: Array2D[np.float64],
+    stamps: Stamps,
+    oldest_ns: int,
+    origin: Array1D[np.float64],
+    axes: Array2D[np.float64],
+    out: Array2D[np.float64],
 ) -> int:
     """Write points since `oldest_ns` relative to an origin, in axes given by columns; return the count."""
     n = 0
@@ -26,9 +30,15 @@ def levelled(
     return n
 
 
-@kernel("int64(float64[:, ::1], int64[::1], int64, float64, float64, float64, float64[::1])")
+@kernel
 def heights_below(
-    points: Floats, stamps: Stamps, oldest_ns: int, east: float, north: float, radius: float, out: Floats
+    points: Array2D[np.float64],
+    stamps: Stamps,
+    oldest_ns: int,
+    east: float,
+    north: float,
+    radius: float,
+    out: Array1D[np.float64],
 ) -> int:
     """Write the heights of the points since `oldest_ns` within a radius; return the count."""
     n = 0

@@ -5,22 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 
-Floats = NDArray[np.float64]
 
-
-@kernel("void(float64[:, ::1], float64, float64, float64, float64, float64[::1], boolean[::1])")
+@kernel
 def mark_returns(
-    points: Floats,
+    points: Array2D[np.float64],
     min_m: float,
     max_m: float,
     low: float,
     high: float,
-    nearest: Floats,
-    free: NDArray[np.bool_],
+    nearest: Array1D[np.float64],
+    free: Array1D[np.bool_],
 ) -> None:
     """Lower the distances of the sectors that contain returns, and mark those that a ray passed through.
 
@@ -48,9 +46,14 @@ def mark_returns(
             nearest[sector] = min(nearest[sector], reach)
 
 
-@kernel("void(float64[:, ::1], float64, float64, float64, float64, float64[::1])")
+@kernel
 def mark_columns(
-    columns: Floats, half_m: float, min_m: float, max_m: float, high: float, nearest: Floats
+    columns: Array2D[np.float64],
+    half_m: float,
+    min_m: float,
+    max_m: float,
+    high: float,
+    nearest: Array1D[np.float64],
 ) -> None:
     """Lower the distances of all sectors that contain map cells, solid from the ground to their tops.
 

@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import (
+    Array1D,
+    Array2D,
+    Array3D,
+    Array4D,
+    Array5D,
+    Float32,
+    Strided1D,
+    Strided2D,
+    Strided5D,
+)
 from slz.kernels.cells.cell_record import (
     COUNT,
     FIELDS,
@@ -29,9 +39,9 @@ F1, F2 = np.float32(1), np.float32(2)
 NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
-@kernel("void(float64[::1], float64, float64, float64, float64[:, ::1])")
+@kernel
 def _place(
-    points: NDArray[np.float64], west: float, south: float, cell: float, out: NDArray[np.float64]
+    points: Array1D[np.float64], west: float, south: float, cell: float, out: Array2D[np.float64]
 ) -> None:
     """Write rows, columns and heights of points, without a branch, so that the compiler vectorises the loop.
 
@@ -45,14 +55,14 @@ def _place(
         heights[k] = points[THREE * k + PAIR]
 
 
-@kernel("Tuple((int32[:, ::1], int64[::1]))(float64[:, ::1], float64, float64, float64, int64[:])")
+@kernel
 def cells_of(
-    points: NDArray[np.float64],
+    points: Array2D[np.float64],
     west: float,
     south: float,
     cell: float,
-    within: NDArray[np.int64],
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    within: Strided1D[np.int64],
+) -> tuple[Array2D[np.int32], Array1D[np.int64]]:
     """Return (n, 2) row and column of each point, and row0, row1, col0, col1 (half open) and count inside.
 
     Cells count from (west, south). Points outside `within` (row0, row1, col0, col1) get row `OUTSIDE_BOX`.
@@ -89,16 +99,16 @@ def cells_of(
     return at, np.array([np.int64(r0), np.int64(r1) + 1, np.int64(c0), np.int64(c1) + 1, inside], np.int64)
 
 
-@kernel("void(float64[:, :], float64, float64, float64, int64, int64, float64[:, :], int32[:, :])")
+@kernel
 def sum_and_count(
-    points: NDArray[np.float64],
+    points: Strided2D[np.float64],
     west: float,
     south: float,
     cell: float,
     row0: int,
     col0: int,
-    total: NDArray[np.float64],
-    count: NDArray[np.int32],
+    total: Strided2D[np.float64],
+    count: Strided2D[np.int32],
 ) -> None:
     """Add heights and counts of points to every cell of a box, whose quotient is SLZ paper, Eq. (5)."""
     rows, cols = total.shape
@@ -111,9 +121,9 @@ def sum_and_count(
         count[r, c] += 1
 
 
-@kernel("UniTuple(int64, 2)(float64[:, ::1], float64, float64, float64, int64, int64)")
+@kernel
 def hit_squares(
-    points: NDArray[np.float64], west: float, south: float, side: float, rows: int, cols: int
+    points: Array2D[np.float64], west: float, south: float, side: float, rows: int, cols: int
 ) -> tuple[int, int]:
     """Return how many of rows x cols squares, fewer than 2^31, from (west, south) on, hold a point.
 
@@ -134,9 +144,9 @@ def hit_squares(
     return int(np.count_nonzero(out[:-1])), int(out[-1])
 
 
-@kernel("void(int32[::1], int32, int32, int32, int32[::1])")
+@kernel
 def _tiles_of(
-    at: NDArray[np.int32], wide: np.int32, first: np.int32, elsewhere: np.int32, tile: NDArray[np.int32]
+    at: Array1D[np.int32], wide: np.int32, first: np.int32, elsewhere: np.int32, tile: Array1D[np.int32]
 ) -> None:
     """Write the index of each cell's tile, in rows of `wide`, less the first; 32-bit throughout."""
     for k in range(np.uint64(len(at) // 2)):
@@ -145,10 +155,10 @@ def _tiles_of(
         tile[k] = np.int32(number) if row != OUTSIDE_BOX else elsewhere
 
 
-@kernel("int64[:, ::1](int32[:, ::1], int64, int64, int64, int64)")
+@kernel
 def count_by_tile(
-    at: NDArray[np.int32], tile_row: int, tile_col: int, rows: int, cols: int
-) -> NDArray[np.int64]:
+    at: Array2D[np.int32], tile_row: int, tile_col: int, rows: int, cols: int
+) -> Array2D[np.int64]:
     """Count the cells in each tile of a rectangle of rows x cols tiles, from (tile_row, tile_col) on.
 
     Two tables are used, so that successive increments of one count need not wait.
@@ -163,13 +173,13 @@ def count_by_tile(
     return (count[0, :-1] + count[1, :-1]).reshape(rows, cols)
 
 
-@kernel("void(float64[::1], float64[:], float64, float64, float32[:, ::1])")
+@kernel
 def _sample(
-    points: NDArray[np.float64],
-    sensor: NDArray[np.float64],
+    points: Array1D[np.float64],
+    sensor: Strided1D[np.float64],
     range_noise_m: float,
     angle_noise_rad: float,
-    sample: NDArray[np.float32],
+    sample: Array2D[np.float32],
 ) -> None:
     """Write heights and their variances of points, see `sorted_by_tile`; vectorised."""
     height, variance = sample[0], sample[1]
@@ -185,20 +195,17 @@ def _sample(
         height[k], variance[k] = np.float32(z), np.float32(noise if noise == noise else own)
 
 
-@kernel(
-    "Tuple((int32[::1], float32[:, ::1]))"
-    "(float64[:, ::1], int32[:, ::1], float64[:], float64, float64, int64, int64, int64[:, ::1])"
-)
+@kernel
 def sorted_by_tile(
-    points: NDArray[np.float64],
-    at: NDArray[np.int32],
-    sensor: NDArray[np.float64],
+    points: Array2D[np.float64],
+    at: Array2D[np.int32],
+    sensor: Strided1D[np.float64],
     range_noise_m: float,
     angle_noise_rad: float,
     tile_row: int,
     tile_col: int,
-    count: NDArray[np.int64],
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+    count: Array2D[np.int64],
+) -> tuple[Array1D[np.int32], Array2D[np.float32]]:
     """Return the points sorted by tile, in their order within each tile.
 
     Random access to cells of all tiles would wait for memory each time; the cells of one tile are close
@@ -237,14 +244,14 @@ def sorted_by_tile(
     return cell[:n], sample[:n]
 
 
-@kernel("UniTuple(int64, 4)(int32[::1], float32[:, ::1], float32, float32, float32, float32[:, :, ::1])")
+@kernel
 def _accumulate_in_tile(
-    cells: NDArray[np.int32],
-    samples: NDArray[np.float32],
-    now_s: float,
-    hold_s: float,
-    max_age_s: float,
-    tile: NDArray[np.float32],
+    cells: Array1D[np.int32],
+    samples: Array2D[np.float32],
+    now_s: Float32,
+    hold_s: Float32,
+    max_age_s: Float32,
+    tile: Array3D[np.float32],
 ) -> tuple[int, int, int, int]:
     """Add the points of a tile to its cells, see `accumulate`; return the box of the cells hit."""
     r0, r1, c0, c1 = TILE, -1, TILE, -1
@@ -281,22 +288,19 @@ def _accumulate_in_tile(
     return r0, r1 + 1, c0, c1 + 1
 
 
-@kernel(
-    "int64(int32[::1], float32[:, ::1], int64[:, ::1], int64, int64, float32, float32, float32,"
-    " float32[:, :, :, :, ::1], int32[:, ::1], int64[:, :, ::1])"
-)
+@kernel
 def accumulate(
-    cells: NDArray[np.int32],
-    samples: NDArray[np.float32],
-    count: NDArray[np.int64],
+    cells: Array1D[np.int32],
+    samples: Array2D[np.float32],
+    count: Array2D[np.int64],
     tile_row: int,
     tile_col: int,
-    now_s: float,
-    hold_s: float,
-    max_age_s: float,
-    pool: NDArray[np.float32],
-    table: NDArray[np.int32],
-    hit_boxes: NDArray[np.int64],
+    now_s: Float32,
+    hold_s: Float32,
+    max_age_s: Float32,
+    pool: Array5D[np.float32],
+    table: Array2D[np.int32],
+    hit_boxes: Array3D[np.int64],
 ) -> int:
     """Add points, sorted by tile, to the per-cell statistics; return how many were used.
 
@@ -324,15 +328,15 @@ def accumulate(
     return used
 
 
-@kernel("void(float32[:, :, :, :, ::1], int32[:, :], int64, int64, int64, int64, float32[:, :, :, ::1])")
+@kernel
 def copy_evidence(
-    pool: NDArray[np.float32],
-    table: NDArray[np.int32],
+    pool: Array5D[np.float32],
+    table: Strided2D[np.int32],
     tile_row: int,
     tile_col: int,
     row0: int,
     col0: int,
-    out: NDArray[np.float32],
+    out: Array4D[np.float32],
 ) -> None:
     """Copy the evidence of the cells from (row0, col0) on into an array of zeros."""
     rows, cols = out.shape[:2]
@@ -346,13 +350,10 @@ def copy_evidence(
                 store(into, (r * cols + c) * LANES, load(flat, first))
 
 
-@kernel(
-    "boolean[:](float64[:, :], float64[:], float64, float64, float64, float64, float64, int64, int64,"
-    " float32[:, :, :, :, :], int32[:, :])"
-)
+@kernel
 def contradicts(
-    points: NDArray[np.float64],
-    sensor: NDArray[np.float64],
+    points: Strided2D[np.float64],
+    sensor: Strided1D[np.float64],
     least_m: float,
     angle_noise_rad: float,
     west: float,
@@ -360,9 +361,9 @@ def contradicts(
     cell: float,
     tile_row: int,
     tile_col: int,
-    pool: NDArray[np.float32],
-    table: NDArray[np.int32],
-) -> NDArray[np.bool_]:
+    pool: Strided5D[np.float32],
+    table: Strided2D[np.int32],
+) -> Strided1D[np.bool_]:
     """Return which points are higher than the known ground of their cell by more than noise explains.
 
     The bound is `least_m` plus four standard deviations of a height at the point's horizontal distance.
@@ -384,20 +385,17 @@ def contradicts(
     return out
 
 
-@kernel(
-    "float64[:, :](float64[:, :], float64, float64, float64, int64, int64,"
-    " float32[:, :, :, :, :], int32[:, :])"
-)
+@kernel
 def differences(
-    points: NDArray[np.float64],
+    points: Strided2D[np.float64],
     west: float,
     south: float,
     cell: float,
     tile_row: int,
     tile_col: int,
-    pool: NDArray[np.float32],
-    table: NDArray[np.int32],
-) -> NDArray[np.float64]:
+    pool: Strided5D[np.float32],
+    table: Strided2D[np.int32],
+) -> Strided2D[np.float64]:
     """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""
     rows, cols = table.shape
     out = np.empty((len(points), 3))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Float32
 from slz.kernels.cells.cell_record import (
     BOTTOM,
     COUNT,
@@ -24,7 +25,7 @@ from slz.kernels.cells.cell_record import (
     TOP,
     WEIGHT,
 )
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
@@ -56,11 +57,11 @@ RECORD = 2 * FIELDS  # numbers in a cell's evidence
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
 HIGHEST, LOWEST = np.float32(np.inf), np.float32(-np.inf)
-Row = NDArray[np.float32]
-Layers = NDArray[np.float32]
+Row = Array1D[np.float32]
+Layers = Array3D[np.float32]
 
 
-@kernel("float64(float64)")
+@kernel
 def expected_maximum(n: float) -> float:
     """Return the expected maximum of n > 8 standard normal numbers (Gumbel limit; 7 % too large at n = 9)."""
     root = np.sqrt(2 * np.log(n))
@@ -72,7 +73,7 @@ TABLE_LENGTH = 1024
 BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in range(TABLE_LENGTH)])
 
 
-@kernel()
+@kernel_for_any_types
 def _store_epoch(
     held: Row, width: int, at: int, n: Floats, most: Floats, most2: Floats, least: Floats, least2: Floats
 ) -> None:
@@ -86,7 +87,7 @@ def _store_epoch(
     store(held, at + DOWN * width, where(nobody, broadcast(HIGHEST), where(single, least, least2)))
 
 
-@kernel("void(float32[::1], int64, int64)")
+@kernel
 def _store_empty(held: Row, at: int, width: int) -> None:
     """Write 16 cells without a return."""
     for layer in range(ROW_LAYERS):
@@ -96,9 +97,9 @@ def _store_empty(held: Row, at: int, width: int) -> None:
         store(held, at + (epoch * EPOCH + DOWN) * width, broadcast(HIGHEST))
 
 
-@kernel("void(float32[::1], int64, float32, float32, float32[::1], int64, int64)")
+@kernel
 def _read_lanes(
-    records: Row, first: int, now_s: float, max_age_s: float, held: Row, at: int, width: int
+    records: Row, first: int, now_s: Float32, max_age_s: Float32, held: Row, at: int, width: int
 ) -> None:
     """Write the evidence of 16 cells as layers; evidence that is too old counts as no return."""
     nothing, one, cell = broadcast(F0), broadcast(F1), columns(records, first)
@@ -121,17 +122,15 @@ def _read_lanes(
     store(held, at + MEAN_NOISE * width, where(also, (noise * n + noise_then * n_then) / total, noise))
 
 
-@kernel(
-    "void(float32[::1], int64[:, ::1], int64, int64, int64, float32, float32, float32[::1], int64, int64)"
-)
+@kernel
 def _read_row(
     records: Row,
-    places: NDArray[np.int64],
+    places: Array2D[np.int64],
     r: int,
     first: int,
     count: int,
-    now_s: float,
-    max_age_s: float,
+    now_s: Float32,
+    max_age_s: Float32,
     held: Row,
     at: int,
     width: int,
@@ -152,7 +151,7 @@ def _read_row(
             _read_lanes(records, RECORD * place + there, now_s, max_age_s, held, at + c - first, width)
 
 
-@kernel()
+@kernel_for_any_types
 def _supported(held: Row, width: int, south: int, here: int, north: int) -> tuple[Floats, Floats]:
     """Return the supported top and bottom of cells, see `summarise`."""
     n, most, least = load(held, here), load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
@@ -177,7 +176,7 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
     )
 
 
-@kernel("void(float32[::1], int64, int64, int64, int64, float32[::1], int64, int64)")
+@kernel
 def _summarise_lanes(
     held: Row, width: int, south: int, here: int, north: int, out: Row, to: int, layer: int
 ) -> None:
@@ -209,9 +208,9 @@ def _summarise_lanes(
             out[to + EXCESS * layer + i] = more * np.sqrt(out[to + SPREAD * layer + i])
 
 
-@kernel("float32[:, :, ::1](float32[::1], int64[:, ::1], int64, int64, float32, float32)")
+@kernel
 def summarise(
-    records: Row, places: NDArray[np.int64], first: int, cols: int, now_s: float, max_age_s: float
+    records: Row, places: Array2D[np.int64], first: int, cols: int, now_s: Float32, max_age_s: Float32
 ) -> Layers:
     """Return height, bottom, top, number of returns, excess and spread of every cell; NaN, 0 where unknown.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array4D, Float32
 from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
 from slz.kernels.jit import kernel
 
 
-@kernel("float32[:, :, :, ::1](float32[:, :, :, ::1], float32, float32)")
-def downsample(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> NDArray[np.float32]:
+@kernel
+def downsample(evidence: Array4D[np.float32], now_s: Float32, max_age_s: Float32) -> Array4D[np.float32]:
     """Merge 2 x 2 cells, (2 r, 2 c) the first of cell (r, c), and both their epochs into one epoch.
 
     The statistics are those of all returns together. Cells not seen for `max_age_s` count as unseen; the time

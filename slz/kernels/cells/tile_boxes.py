@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.raster.bitmap import NONE, Bits
 
+Value = TypeVar("Value", np.float32, np.uint8)
 Values = NDArray[Any]
-Table = NDArray[np.int32]
+Table = Array2D[np.int32]
 
 
-@kernel()
+@kernel_for_any_types
 def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
     """Copy n values between flat arrays, with unsigned indices, which need no check for negative ones."""
     to, by = np.uint64(at), np.uint64(first)
@@ -23,7 +25,7 @@ def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
         there[to + k] = here[by + k]
 
 
-@kernel()
+@kernel_for_any_types
 def _move(
     block: Values,
     first: int,
@@ -55,11 +57,10 @@ def _move(
                     _copy(given, here, flat, there, c1 - c0)
 
 
-@kernel(
-    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, float32[:, :, ::1])",
-    "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, uint8[:, :, ::1])",
-)
-def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, values: Values) -> None:
+@kernel
+def put_layers(
+    block: Array4D[Value], first: int, table: Table, row0: int, col0: int, values: Array3D[Value]
+) -> None:
     """Write (layers, rows, cols) of a box to those of its tiles that are in a block.
 
     Parameters
@@ -75,19 +76,18 @@ def put_layers(block: Values, first: int, table: Table, row0: int, col0: int, va
         _move(block, first, table, layer, row0, col0, values[layer], True)
 
 
-@kernel(
-    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, float32[:, ::1])",
-    "void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, uint8[:, ::1])",
-)
+@kernel
 def copy_layer(
-    block: Values, first: int, table: Table, layer: int, row0: int, col0: int, out: Values
+    block: Array4D[Value], first: int, table: Table, layer: int, row0: int, col0: int, out: Array2D[Value]
 ) -> None:
     """Copy one layer of a box from those of its tiles that are in a block, see `put_layers`."""
     _move(block, first, table, layer, row0, col0, out, False)
 
 
-@kernel("void(uint8[:, :, :, ::1], int64, int32[:, ::1], int64, uint8, uint64[:, ::1])")
-def set_bits(block: Values, first: int, table: Table, row0: int, value: np.uint8, out: Bits) -> None:
+@kernel
+def set_bits(
+    block: Array4D[np.uint8], first: int, table: Table, row0: int, value: np.uint8, out: Bits
+) -> None:
     """Set the bits of the cells that hold a value, from the tiles in a block; a word is a row of a tile.
 
     Parameters
@@ -111,8 +111,8 @@ def set_bits(block: Values, first: int, table: Table, row0: int, value: np.uint8
                 out[r - row0, tc] = word
 
 
-@kernel("UniTuple(int64, 4)(int32[:, ::1])")
-def reach_of(cells: NDArray[np.int32]) -> tuple[int, int, int, int]:
+@kernel
+def reach_of(cells: Array2D[np.int32]) -> tuple[int, int, int, int]:
     """Return the bounding box row0, row1, col0, col1 (half open) of at least one cell, (n, 2)."""
     row0 = row1 = cells[0, 0]
     col0 = col1 = cells[0, 1]
@@ -122,21 +122,18 @@ def reach_of(cells: NDArray[np.int32]) -> tuple[int, int, int, int]:
     return row0, row1 + 1, col0, col1 + 1
 
 
-@kernel(
-    "void(float32[:, :, :, ::1], int64, int32[:, ::1], int64, int64, int64, int32[:, ::1], int64, int64,"
-    " float32[::1])"
-)
+@kernel
 def copy_cells(
-    block: Values,
+    block: Array4D[np.float32],
     first: int,
     table: Table,
     layer: int,
     row0: int,
     col0: int,
-    cells: NDArray[np.int32],
+    cells: Array2D[np.int32],
     down: int,
     right: int,
-    out: Values,
+    out: Array1D[np.float32],
 ) -> None:
     """Copy one layer of (n, 2) cells, shifted down and right, from a box's tiles that are in a block."""
     for i in range(len(cells)):

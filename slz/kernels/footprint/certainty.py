@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.simd import Floats, broadcast, logical_and, where
 
 SLOPE_MARGIN_DEG = 0.06  # bias of a fitted plane's slope against the ground, and its standard deviation
@@ -27,7 +27,7 @@ RELIEF_MARGIN = np.float32(
 )  # margin of the relief, in deviations of a return
 
 
-@kernel("float64(float64)")
+@kernel
 def _normal_cdf(deviations: float) -> float:
     """Return the standard normal distribution function; NaN of NaN."""
     if deviations > CERTAIN_SIGMAS:
@@ -35,12 +35,12 @@ def _normal_cdf(deviations: float) -> float:
     return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
 
 
-@kernel("float64(float64, float64, float64)")
+@kernel
 def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> float:
     return _normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
 
 
-@kernel("float64(float64, float64, float64, float64, float64, float64, float64, float64)")
+@kernel
 def certainty(
     slope_deg: float,
     slope_sigma_deg: float,
@@ -75,7 +75,7 @@ def certainty(
     return gentle * (RIM * outer + (1 - RIM) * inner) * seen
 
 
-@kernel()
+@kernel_for_any_types
 def undoubted(
     slope_deg: Floats,
     slope_sigma_deg: Floats,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Float32
 from slz.kernels.footprint.certainty import certainty, undoubted
 from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SLOPE
 from slz.kernels.jit import kernel
@@ -18,22 +18,20 @@ LOW16 = np.uint64(0xFFFF)
 A_HEIGHT, A_TOP, A_SLOPE, A_SIGMA, A_RELIEF, A_ROUGHNESS, A_CERTAINTY = range(7)
 
 F0, NAN = np.float32(0), np.float32(np.nan)
-Row = NDArray[np.float32]
+Row = Array1D[np.float32]
 
 
-@kernel(
-    "uint64(float32[::1], int64, uint64, float32, float32, float32[::1], int64, int64, uint8[::1], int64)"
-)
+@kernel
 def classify(
     statistics: Row,
     at: int,
     hidden: np.uint64,
-    slope_limit: float,
-    relief_limit: float,
+    slope_limit: Float32,
+    relief_limit: Float32,
     maps: Row,
     to: int,
     layer: int,
-    states: NDArray[np.uint8],
+    states: Array1D[np.uint8],
     place: int,
 ) -> np.uint64:
     """Write 16 cells of the maps from the slope on, and their states: safe, unsafe or unknown.
@@ -73,13 +71,13 @@ def classify(
     return seen & (clear_ones ^ LOW16) & flags_of(relief == relief)
 
 
-@kernel("void(float32[::1], int64, uint64, float32, float32, float32[::1], int64)")
+@kernel
 def certainty_of_doubtful(
     statistics: Row,
     at: int,
     doubtful: np.uint64,
-    slope_limit: float,
-    relief_limit: float,
+    slope_limit: Float32,
+    relief_limit: Float32,
     certainties: Row,
     to: int,
 ) -> None:
@@ -95,8 +93,8 @@ def certainty_of_doubtful(
         )  # fmt: skip
 
 
-@kernel("void(float32[::1], int64, int64, uint8[::1], int64)")
-def leave_unknown(maps: Row, to: int, layer: int, states: NDArray[np.uint8], place: int) -> None:
+@kernel
+def leave_unknown(maps: Row, to: int, layer: int, states: Array1D[np.uint8], place: int) -> None:
     """Write 16 cells of the maps, from the slope on, as unknown, see `classify`."""
     for q in range(A_SLOPE, A_CERTAINTY):
         store(maps, q * layer + to, broadcast(NAN))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32
 from slz.kernels.cells.cell_record import HEIGHT, TILE, TILE_BITS, TOP
 from slz.kernels.footprint.classify import (
     A_CERTAINTY,
@@ -29,18 +29,14 @@ from slz.kernels.raster.bitmap import NONE, Bits, word_at
 from slz.kernels.simd import LANES, aligned_empty, load, store
 
 LOW16 = np.uint64(0xFFFF)
-Row = NDArray[np.float32]
-Layers = NDArray[np.float32]
-Table = NDArray[np.int32]
-Limits = tuple[float, float, float, float]
+Row = Array1D[np.float32]
+Table = Array2D[np.int32]
+Limits = tuple[Float32, Float32, Float32, Float32]
 
 
-@kernel(
-    "void(float32[:, :, ::1], float32[::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
-    " UniTuple(float32, 4), UniTuple(int64, 4), float32[::1], int64, int64, int64, uint8[::1], int64)"
-)
+@kernel
 def derive_box(
-    cells: Layers,
+    cells: Array3D[np.float32],
     inverse: Row,
     covered: Bits,
     unseen: Bits,
@@ -52,7 +48,7 @@ def derive_box(
     to: int,
     layer: int,
     stride: int,
-    states: NDArray[np.uint8],
+    states: Array1D[np.uint8],
     place: int,
 ) -> None:
     """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`.
@@ -139,19 +135,16 @@ def derive_box(
                         leave_unknown(maps, to + here, layer, states, place + here)
 
 
-@kernel(
-    "void(float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, UniTuple(float32, 4),"
-    " float32[:, :, :, ::1], uint8[:, :, :, ::1], int64, int32[:, ::1], int64, int64)"
-)
+@kernel
 def derive_tiles(
-    cells: Layers,
+    cells: Array3D[np.float32],
     covered: Bits,
     unseen: Bits,
     edge: int,
     radius: int,
     limits: Limits,
-    block: Layers,
-    states: NDArray[np.uint8],
+    block: Array4D[np.float32],
+    states: Array4D[np.uint8],
     first: int,
     table: Table,
     row0: int,

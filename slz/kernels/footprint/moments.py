@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slz.kernels.jit import kernel
+from slz.kernels.argument_types import Array1D
+from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.simd import (
     LANES,
     Doubles,
@@ -37,12 +37,12 @@ PATCH_LAYERS = 6
 SUMS, RISES = 5, 3
 F0, D0 = np.float32(0), np.float64(0)
 
-Row = NDArray[np.float32]
-Wide = NDArray[np.float64]
+Row = Array1D[np.float32]
+Wide = Array1D[np.float64]
 Sums = Any  # a tuple of lanes, one for each sum
 
 
-@kernel()
+@kernel_for_any_types
 def _add_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
     """Return the sums with one more row of cells added."""
     north, known = broadcast(np.float32(y)), load(held, at)
@@ -56,14 +56,14 @@ def _add_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
     )
 
 
-@kernel()
+@kernel_for_any_types
 def _add_rises(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
     """Return the sums of heights with one more row of cells added."""
     rise = widened(load(held, at + RISE * layer))
     return s[0] + rise, s[1] + rise * broadcast_wide(y), s[2] + rise * rise
 
 
-@kernel()
+@kernel_for_any_types
 def _store_sums(sums: Row, rises: Wide, at: int, layer: int, s: Sums, z: Sums) -> None:
     store(sums, at, s[0])
     store(sums, at + layer, s[1])
@@ -75,7 +75,7 @@ def _store_sums(sums: Row, rises: Wide, at: int, layer: int, s: Sums, z: Sums) -
     store_wide(rises, at + 2 * layer, z[2])
 
 
-@kernel("void(float32[::1], int64, int64, int64, float32[::1], float64[::1])")
+@kernel
 def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wide) -> None:
     """Write the sums over the rows of footprints, column by column.
 
@@ -125,7 +125,7 @@ W, WX, WXX, WY, WXY, WYY, S_INVERSE, S_NOISE = range(8)
 WZ, WXZ, WYZ, WZZ = range(4)
 
 
-@kernel()
+@kernel_for_any_types
 def over_columns(sums: Row, at: int, layer: int, away: Row, y: float) -> Sums:
     """Return the sums over 16 footprints, x and y relative to the middle of each.
 
@@ -161,7 +161,7 @@ def over_columns(sums: Row, at: int, layer: int, away: Row, y: float) -> Sums:
     return w, wx, wxx, wy - north * w, wxy - north * wx, wyy, inverses, noises
 
 
-@kernel()
+@kernel_for_any_types
 def rises_over_columns(rises: Wide, at: int, layer: int, away: Row, y: float) -> tuple[Doubles, ...]:
     """Return the sums of heights over 16 footprints, see `over_columns`."""
     radius = len(away) // 2

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array3D
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, RETURN_NOISE, RISE, UPPER
 from slz.kernels.jit import kernel
@@ -16,11 +16,11 @@ MOST_SAMPLED = 128
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
 HIGHEST, LOWEST = np.float32(np.inf), np.float32(-np.inf)
-Row = NDArray[np.float32]
-Layers = NDArray[np.float32]
+Row = Array1D[np.float32]
+Layers = Array3D[np.float32]
 
 
-@kernel("int64(int64)")
+@kernel
 def rows_of_patch(radius: int) -> int:
     """Return the rows of footprints of a patch: a power of two, from 2 to the rows of one footprint."""
     rows = 2
@@ -29,7 +29,7 @@ def rows_of_patch(radius: int) -> int:
     return rows
 
 
-@kernel("float32[::1](float32[:, :, ::1])")
+@kernel
 def inverses(cells: Layers) -> Row:
     """Return 1 / number of returns of every cell, 0 where there is none."""
     weight = cells[WEIGHT].ravel()
@@ -39,7 +39,7 @@ def inverses(cells: Layers) -> Row:
     return out
 
 
-@kernel("float32(float32[:, :, ::1], int64, int64, int64, int64, float32[::1])")
+@kernel
 def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found: Row) -> np.float32:
     """Return the approximate median height of cells of a box; NaN where none is known.
 
@@ -64,7 +64,7 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
     return NAN
 
 
-@kernel("void(float32[::1], float32[::1], int64, int64, float32, float32[::1], int64, int64)")
+@kernel
 def _gather_some_cells(
     cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
 ) -> None:
@@ -82,7 +82,7 @@ def _gather_some_cells(
         held[UPPER * size + to + i] = cells[TOP * layer + at + i] - level - excess if known else LOWEST
 
 
-@kernel("void(float32[::1], float32[::1], int64, int64, int64, int64, int64, float32, float32[::1])")
+@kernel
 def gather_cells(
     cells: Row,
     inverse: Row,

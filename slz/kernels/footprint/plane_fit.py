@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slz.kernels.arctangent import arctangent
+from slz.kernels.argument_types import Array1D, Float32
 from slz.kernels.footprint.moments import (
     S_INVERSE,
     S_NOISE,
@@ -55,14 +55,11 @@ PLANE = 3
 D2 = np.float64(2)
 F0, F1, HALF, F3, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
 DEGREES = np.float32(57.29577951308232)
-Row = NDArray[np.float32]
-Wide = NDArray[np.float64]
+Row = Array1D[np.float32]
+Wide = Array1D[np.float64]
 
 
-@kernel(
-    "uint64(float32[::1], float64[::1], int64, int64, int64, float32[::1], uint64, float32, float32, float32,"
-    " float32[::1], float32[::1])"
-)
+@kernel
 def _fit(
     sums: Row,
     rises: Wide,
@@ -71,9 +68,9 @@ def _fit(
     rows: int,
     away: Row,
     covered: np.uint64,
-    cell_m: float,
-    noise_m: float,
-    slope_limit: float,
+    cell_m: Float32,
+    noise_m: Float32,
+    slope_limit: Float32,
     statistics: Row,
     plane: Row,
 ) -> np.uint64:
@@ -124,10 +121,7 @@ def _fit(
     return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(F3) * sigma))
 
 
-@kernel(
-    "void(float32[::1], float32[::1], int64, int64, int64, float32[::1], uint64, uint64, float32[::1],"
-    " float32[::1])"
-)
+@kernel
 def _add_relief(
     lower: Row,
     upper: Row,
@@ -150,7 +144,7 @@ def _add_relief(
     store(statistics, at + PLANE_STATISTICS * LANES, where(flags(asked_north), whole_north, broadcast(NAN)))
 
 
-@kernel("void(float32[::1], float32[::1], int64, int64, int64, float32[::1], float32[::1], float32[::1])")
+@kernel
 def add_inner_relief(
     lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, statistics: Row
 ) -> None:
@@ -164,10 +158,7 @@ def add_inner_relief(
     store(statistics, at, relief(lower, upper, row * wide + col, wide, away, 1, west, north, level))
 
 
-@kernel(
-    "void(float32[::1], float64[::1], float32[::1], float32[::1], int64, int64, float32[::1], uint64[::1],"
-    " float32, float32, float32, float32[::1], float32[::1])"
-)
+@kernel
 def fit_planes(
     sums: Row,
     rises: Wide,
@@ -176,10 +167,10 @@ def fit_planes(
     wide: int,
     col: int,
     away: Row,
-    covered: NDArray[np.uint64],
-    cell_m: float,
-    noise_m: float,
-    slope_limit: float,
+    covered: Array1D[np.uint64],
+    cell_m: Float32,
+    noise_m: Float32,
+    slope_limit: Float32,
     statistics: Row,
     plane: Row,
 ) -> None:

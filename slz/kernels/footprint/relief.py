@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_for_any_types
 from slz.kernels.simd import Floats, broadcast, fused_multiply_add, load, maximum, minimum
 
 F0, HIGHEST, LOWEST = np.float32(0), np.float32(np.inf), np.float32(-np.inf)
@@ -15,7 +15,7 @@ Row = NDArray[np.float32]
 Pair = Any  # of lanes
 
 
-@kernel()
+@kernel_for_any_types
 def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, west: Floats) -> Pair:
     """Return the lowest and highest of cells of a row, less the eastward rise of the plane."""
     low, high = broadcast(HIGHEST), broadcast(LOWEST)
@@ -26,7 +26,7 @@ def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, w
     return low, high
 
 
-@kernel()
+@kernel_for_any_types
 def relief(
     lower: Row,
     upper: Row,
@@ -47,7 +47,7 @@ def relief(
     return maximum(highest - lowest, broadcast(F0))
 
 
-@kernel()
+@kernel_for_any_types
 def reliefs(
     lower: Row, upper: Row, at: int, wide: int, away: Row, west: Pair, north: Pair, level: Pair
 ) -> Pair:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Strided1D, Strided2D, Strided3D
 from slz.kernels.jit import kernel
 
 SUM_WEIGHT, SUM_HEIGHT, SUM_SQUARE, SUM_VARIANCE, SUM_TURN = range(5)
@@ -14,23 +14,18 @@ TURNS = 2  # whole turns of the phase that an observation may be off by
 CAP = 16.0  # bound on a squared deviation, in variances
 RIVAL = 9.0  # margin in cost of the best height over any other
 
-F64 = NDArray[np.float64]
 
-
-@kernel(
-    "void(float64[:, :], float64[:], float64[:], float64[:], float64, float64, float64, float64,"
-    " float64[:, :, :])"
-)
+@kernel
 def add_samples(
-    points: F64,
-    sigma: F64,
-    turn: F64,
-    ahead: F64,
+    points: Strided2D[np.float64],
+    sigma: Strided1D[np.float64],
+    turn: Strided1D[np.float64],
+    ahead: Strided1D[np.float64],
     azimuth: float,
     west: float,
     south: float,
     cell: float,
-    sums: F64,
+    sums: Strided3D[np.float64],
 ) -> None:
     """Add samples to the cells under their beam: sums of weight, height, its square, variance and turn."""
     rows, cols = sums.shape[:2]
@@ -50,11 +45,15 @@ def add_samples(
             sums[r, c, SUM_TURN] += weight * turn[i]
 
 
-@kernel(
-    "void(float64[:, :, :], float64[:, :, :], float64[:, :, :], int64, float64, float64[:, :], float64[:, :])"
-)
+@kernel
 def fuse_cells(
-    height: F64, sigma: F64, turn: F64, least: int, most_apart: float, out_height: F64, out_sigma: F64
+    height: Strided3D[np.float64],
+    sigma: Strided3D[np.float64],
+    turn: Strided3D[np.float64],
+    least: int,
+    most_apart: float,
+    out_height: Strided2D[np.float64],
+    out_sigma: Strided2D[np.float64],
 ) -> None:
     """Fuse observations (k, rows, cols) of each cell by weight; NaN where the height is ambiguous.
 

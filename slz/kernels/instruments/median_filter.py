@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Strided2D
 from slz.kernels.jit import kernel
 
 
-@kernel("float64[:, :](float64[:, :])")
-def median_of_neighbours(image: NDArray[np.float64]) -> NDArray[np.float64]:
+@kernel
+def median_of_neighbours(image: Strided2D[np.float64]) -> Strided2D[np.float64]:
     """Return the median of the known pixels among 9, 6 at edges and 4 at corners (Flash paper, Eq. (1)).
 
     Where no more than half of them are known, the result is NaN: a hole is not filled from its rim.

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Strided2D
 from slz.kernels.jit import kernel
 
 LEVELS = 256
 
-F64 = NDArray[np.float64]
+F64 = Strided2D[np.float64]
 
 
-@kernel("Tuple((float64[:, :], int32[:, :]))(float64[:, :], float64[:, :], float64)")
-def unwrap_by_quality(phase: F64, quality: F64, least: float) -> tuple[F64, NDArray[np.int32]]:
+@kernel
+def unwrap_by_quality(phase: F64, quality: F64, least: float) -> tuple[F64, Strided2D[np.int32]]:
     """Unwrap a phase image from its best pixels outwards; return it and the region number of each pixel.
 
     Pixels of quality below `least` are NaN and of region 0. A region grows from the best pixel that has no

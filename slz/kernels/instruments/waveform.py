@@ -6,8 +6,8 @@ The first n - 1 samples in time are used: the last one carries the end marker of
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Strided1D, Strided2D, Strided3D
 from slz.kernels.jit import kernel
 
 MISSING, GOOD, SATURATED, ODD = range(4)
@@ -17,11 +17,9 @@ STEPS = 5  # Gauss-Newton or Newton iterations, at most
 SETTLED = 1e-3  # samples; a smaller step is the last one
 ODD_OVER = 9.0  # variance of the residuals over that of the noise, above which it is not one pulse
 
-F64 = NDArray[np.float64]
 
-
-@kernel("int64(uint16[:], float64, float64, float64[:])")
-def unwrap(ring: NDArray[np.uint16], marker: float, baseline: float, out: F64) -> int:
+@kernel
+def unwrap(ring: Strided1D[np.uint16], marker: float, baseline: float, out: Strided1D[np.float64]) -> int:
     """Write the samples before the marker in time order, less the baseline; return 1 if sound.
 
     A ring without a marker, or with two, has no order (Flash paper, section 4.2): 0.
@@ -40,22 +38,19 @@ def unwrap(ring: NDArray[np.uint16], marker: float, baseline: float, out: F64) -
     return 1
 
 
-@kernel(
-    "void(uint16[:, :, :], uint32[:, :], int64, float64[:, :], float64, float64, float64, float64,"
-    " float64[:, :], float64[:, :], uint8[:, :])"
-)
+@kernel
 def polynomial_peaks(
-    samples: NDArray[np.uint16],
-    counter: NDArray[np.uint32],
+    samples: Strided3D[np.uint16],
+    counter: Strided2D[np.uint32],
     gate: int,
-    fit: F64,
+    fit: Strided2D[np.float64],
     marker: float,
     baseline: float,
     clipped: float,
     least: float,
-    ticks: F64,
-    height: F64,
-    state: NDArray[np.uint8],
+    ticks: Strided2D[np.float64],
+    height: Strided2D[np.float64],
+    state: Strided2D[np.uint8],
 ) -> None:
     """Fit a polynomial to each waveform; write time (clock ticks) and value of its maximum.
 
@@ -107,13 +102,10 @@ def polynomial_peaks(
             state[r, c] = SATURATED if n_clipped > CLIPPED_MOST else GOOD
 
 
-@kernel(
-    "void(uint16[:, :, :], uint32[:, :], int64, float64, float64, float64, float64, float64, float64,"
-    " float64[:, :], float64[:, :], float64[:, :], uint8[:, :])"
-)
+@kernel
 def likely_peaks(
-    samples: NDArray[np.uint16],
-    counter: NDArray[np.uint32],
+    samples: Strided3D[np.uint16],
+    counter: Strided2D[np.uint32],
     gate: int,
     sigma: float,
     noise: float,
@@ -121,10 +113,10 @@ def likely_peaks(
     baseline: float,
     clipped: float,
     least: float,
-    ticks: F64,
-    height: F64,
-    error: F64,
-    state: NDArray[np.uint8],
+    ticks: Strided2D[np.float64],
+    height: Strided2D[np.float64],
+    error: Strided2D[np.float64],
+    state: Strided2D[np.uint8],
 ) -> None:
     """Fit a Gaussian pulse to each waveform by maximum likelihood; write time, its standard error and height.
 

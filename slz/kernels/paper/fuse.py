@@ -7,16 +7,16 @@ A ring buffer of rows holds the heights and slopes, so that only the sums are st
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slz.kernels.arctangent import arctangent
+from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
 from slz.kernels.simd import LANES, below, broadcast, load, logical_and, sqrt, store, where
 
-Row = NDArray[np.float32]
-Rows = NDArray[np.float32]
-Map = NDArray[np.float32]
+Row = Array1D[np.float32]
+Rows = Array2D[np.float32]
+Map = Array3D[np.float32]
 
 NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float32(0.5)
 F0, F1 = np.float32(0.0), np.float32(1.0)
@@ -29,8 +29,8 @@ RING = 20  # rows of the ring buffer: a strip, and at least one row to the south
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
-@kernel("UniTuple(int64, 2)(uint64[::1])")
-def _hit_span(sums: NDArray[np.uint64]) -> tuple[int, int]:
+@kernel
+def _hit_span(sums: Array1D[np.uint64]) -> tuple[int, int]:
     """Return the range of columns of a row that was hit, in whole words; 0, 0 for none."""
     first, stop = 0, len(sums)
     while first < stop and sums[first] == NONE:
@@ -42,19 +42,16 @@ def _hit_span(sums: NDArray[np.uint64]) -> tuple[int, int]:
     return first // WORD * WORD, -(-stop // WORD) * WORD
 
 
-@kernel(
-    "void(uint64[::1], float64, float64, uint64, uint64[::1], float64[::1], uint64[::1], float64[::1],"
-    " float32[::1])"
-)
+@kernel
 def _mean_heights(
-    sums: NDArray[np.uint64],
+    sums: Array1D[np.uint64],
     low: float,
     unit: float,
     bits: np.uint64,
-    counts: NDArray[np.uint64],
-    real_counts: NDArray[np.float64],
-    totals: NDArray[np.uint64],
-    real_totals: NDArray[np.float64],
+    counts: Array1D[np.uint64],
+    real_counts: Array1D[np.float64],
+    totals: Array1D[np.uint64],
+    real_totals: Array1D[np.float64],
     height: Row,
 ) -> None:
     """Convert sums (see `height_sums.sum_heights`) to mean heights, NaN where nothing was hit.
@@ -71,7 +68,7 @@ def _mean_heights(
         height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN  # SLZ paper, Eq. (5)
 
 
-@kernel("void(uint64[:, ::1], int64, int64, int64, uint64[:, ::1])")
+@kernel
 def _with_all_neighbours(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
     """Write the cells of a row that are set with all four neighbours; the outermost words are margin."""
     for w in range(1, held.shape[1] - 1):
@@ -80,7 +77,7 @@ def _with_all_neighbours(held: Bits, south: int, here: int, north: int, out: Bit
         out[here, w] = row & east & west & held[south, w] & held[north, w]
 
 
-@kernel("void(float32[::1], int64, int64, int64, int64, uint64[:, ::1], int64, float32, float32[::1])")
+@kernel
 def _slopes(
     values: Row,
     south: int,
@@ -115,9 +112,7 @@ def _slopes(
         store(out, at, where(mid == mid, angle, nothing))
 
 
-@kernel(
-    "void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], float32[::1], int64)"
-)
+@kernel
 def _fuse_word(
     height: Row,
     slope: Row,
@@ -151,7 +146,7 @@ def _fuse_word(
         store(total_height, to + i, where(held, joint_h, h))
 
 
-@kernel("void(float32[::1], float32[::1], int64, uint64, float32, boolean, float32[::1], int64)")
+@kernel
 def _fuse_roughness(
     rough: Row,
     slope: Row,
@@ -173,7 +168,7 @@ def _fuse_roughness(
         store(total_rough, to + i, where(old == most, q, joint))
 
 
-@kernel("uint64(int64, int64, int64, int64)")
+@kernel
 def _off_margin(rows: int, cols: int, row: int, word: int) -> np.uint64:
     """Return a mask of a word's cells off the margin, which is never safe (SLZ paper, section 3.2.4)."""
     if row == 0 or row == rows - 1:
@@ -182,11 +177,7 @@ def _off_margin(rows: int, cols: int, row: int, word: int) -> np.uint64:
     return mask & ~(ONE << np.uint64((cols - 1) & 63)) if word == (cols - 1) >> 6 else mask
 
 
-@kernel(
-    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64,"
-    " int64, int64, int64, float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1],"
-    " float32[:, :, ::1], uint8[:, ::1], uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1], int64[::1])"
-)
+@kernel
 def _fuse_strip(
     heights: Rows,
     slopes: Rows,
@@ -204,11 +195,11 @@ def _fuse_strip(
     height: Map,
     slope: Map,
     rough: Map,
-    begun: NDArray[np.uint8],
+    begun: Array2D[np.uint8],
     safe: Bits,
     known: Bits,
-    blocks: NDArray[np.int32],
-    changed: NDArray[np.int64],
+    blocks: Array3D[np.int32],
+    changed: Array1D[np.int64],
 ) -> None:
     """Fuse rows start to stop of a window with the total maps, word by word, so that each page is met once.
 
@@ -242,13 +233,9 @@ def _fuse_strip(
                 changed[2], changed[3] = min(changed[2], c), max(changed[3], c)
 
 
-@kernel(
-    "UniTuple(int64, 4)(uint64[::1], int64, int64, int64, int64, int64, float64, float64, int64, float64,"
-    " float32, float32, boolean, float32[:, :, ::1], float32[:, :, ::1], float32[:, :, ::1], uint8[:, ::1],"
-    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
-)
+@kernel
 def fuse(
-    sums: NDArray[np.uint64],
+    sums: Array1D[np.uint64],
     row0: int,
     word0: int,
     rows: int,
@@ -264,10 +251,10 @@ def fuse(
     height: Map,
     slope: Map,
     rough: Map,
-    begun: NDArray[np.uint8],
+    begun: Array2D[np.uint8],
     safe: Bits,
     known: Bits,
-    blocks: NDArray[np.int32],
+    blocks: Array3D[np.int32],
 ) -> tuple[int, int, int, int]:
     """Fuse the sums of a window, rows x width cells from (row0, 64 word0) on, with the total maps.
 
@@ -360,10 +347,7 @@ def fuse(
     return changed[0], changed[1] + 1, 64 * changed[2], 64 * (changed[3] + 1)
 
 
-@kernel(
-    "void(int64, int64, int64, int64, int64, float32, float32[:, :, ::1], float32[:, :, ::1],"
-    " uint64[:, ::1], uint64[:, ::1], int32[:, :, ::1])"
-)
+@kernel
 def refresh(
     row0: int,
     row1: int,
@@ -375,7 +359,7 @@ def refresh(
     slope: Map,
     safe: Bits,
     known: Bits,
-    blocks: NDArray[np.int32],
+    blocks: Array3D[np.int32],
 ) -> None:
     """Recompute the bitmaps of a box of words from copied maps (see `fuse`)."""
     flat_slope, flat_height, rows = slope.ravel(), height.ravel(), slope.shape[1]

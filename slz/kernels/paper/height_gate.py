@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D
 from slz.kernels.jit import kernel
 from slz.kernels.paper.point_pass import DROPPED
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, broadcast, flags_of, load
 
-Points = NDArray[np.float64]
-Counts = NDArray[np.int32]
+Points = ReadOnly1D[np.float64]
+Counts = Array2D[np.int32]
 CHUNK = 64  # points, few enough that a chunk seldom has one near a bin's edge or far from the others
 SAMPLE_EVERY = 64  # one chunk in 64 is counted to estimate the distribution
 CLEARLY = 4.0  # multiple of a sparse bin's population, above which the sample shows a bin not to be sparse
@@ -20,14 +20,14 @@ HEIGHT_ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
 FOUR = np.uint64(3)
 
 
-@kernel("boolean(uint32[::1], float32[::1], float64, float64, int64, uint16[::1])")
+@kernel
 def _bins(
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
     shift: float,
     scale: float,
     bins: int,
-    out: NDArray[np.uint16],
+    out: Array1D[np.uint16],
 ) -> bool:
     """Write the bins of a chunk's heights, `bins` for dropped points; return whether one may be wrong.
 
@@ -44,14 +44,11 @@ def _bins(
     return odd != 0
 
 
-@kernel(
-    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64,"
-    " int32[:, ::1])"
-)
+@kernel
 def _count_by_bin(
     points: Points,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
     level: float,
     low: float,
     scale: float,
@@ -71,8 +68,8 @@ def _count_by_bin(
             count[i & FOUR, mine[i]] += 1
 
 
-@kernel("uint64(float32[::1], int64, float32, float32)")
-def _outside_mask(heights: NDArray[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
+@kernel
+def _outside_mask(heights: Array1D[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
     """Return a mask of 64 heights, fewer at the end: 1 below the least or above the most."""
     word, i = NONE, np.uint64(0)
     if start + CHUNK <= len(heights):
@@ -87,14 +84,11 @@ def _outside_mask(heights: NDArray[np.float32], start: int, least: np.float32, m
     return word
 
 
-@kernel(
-    "void(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64, int64, int64,"
-    " int32[:, ::1])"
-)
+@kernel
 def _count_end_bins(
     points: Points,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
     level: float,
     low: float,
     scale: float,
@@ -120,7 +114,7 @@ def _count_end_bins(
             count[0, min(bins - 1, int(at))] += 1
 
 
-@kernel("UniTuple(int64, 2)(int32[:, ::1], float64)")
+@kernel
 def _dense_bins(count: Counts, sparse: float) -> tuple[int, int]:
     """Return the first and the last bin that are not sparse; first equals last if all are sparse."""
     first, last = 0, count.shape[1] - 2
@@ -131,7 +125,7 @@ def _dense_bins(count: Counts, sparse: float) -> tuple[int, int]:
     return first, last
 
 
-@kernel("UniTuple(int64, 2)(int32[:, ::1], float64, int64, float64)")
+@kernel
 def _kept_bins(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
     """Return the first and last bin that are kept."""
     first, last, left = 0, count.shape[1] - 2, n
@@ -148,14 +142,11 @@ def _kept_bins(count: Counts, sparse: float, n: int, threshold: float) -> tuple[
     return first, last
 
 
-@kernel(
-    "UniTuple(float64, 2)(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
-    " int64, int64, float64)"
-)
+@kernel
 def accepted_interval(
     points: Points,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
     level: float,
     low: float,
     high: float,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, ReadOnly1D
 from slz.kernels.jit import kernel
 from slz.kernels.paper.fuse import TWO_52
 from slz.kernels.paper.point_pass import DROPPED, HALF_BITS, LOW16, OUTSIDE
@@ -14,13 +14,10 @@ CHUNK = 64  # points, few enough that a chunk seldom has an exceptional one
 ONE, MANTISSA = np.uint64(1), np.uint64((1 << 52) - 1)
 
 
-@kernel(
-    "boolean(uint32[::1], float32[::1], float32, float32, float64, float64, uint64, uint32, uint32,"
-    " uint32[::1], float64[::1], uint64[::1])"
-)
+@kernel
 def _place_chunk(
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
     least: np.float32,
     most: np.float32,
     shift: float,
@@ -28,9 +25,9 @@ def _place_chunk(
     bits: np.uint64,
     width: np.uint32,
     first: np.uint32,
-    places: NDArray[np.uint32],
-    scaled: NDArray[np.float64],
-    added: NDArray[np.uint64],
+    places: Array1D[np.uint32],
+    scaled: Array1D[np.float64],
+    added: Array1D[np.uint64],
 ) -> bool:
     """Write index and addend of each point of a chunk; return whether some point needs the slow path.
 
@@ -49,14 +46,11 @@ def _place_chunk(
     return bool(odd != 0)
 
 
-@kernel(
-    "int64(Array(float64, 1, 'C', True), uint32[::1], float32[::1], float64, float64, float64,"
-    " float64, int64, int64, int64, int64, uint64[::1])"
-)
+@kernel
 def sum_heights(
-    points: NDArray[np.float64],
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    points: ReadOnly1D[np.float64],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
     level: float,
     low: float,
     high: float,
@@ -65,7 +59,7 @@ def sum_heights(
     row0: int,
     col0: int,
     width: int,
-    sums: NDArray[np.uint64],
+    sums: Array1D[np.uint64],
 ) -> int:
     """Add the heights from low to high to the sums of the cells of a box; return how many were accepted.
 

@@ -6,15 +6,12 @@ the cells (`height_sums.sum_heights`).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, ReadOnly1D, Strided1D
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import signed
 
-Points = NDArray[np.float64]
 DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
 MOST_CELLS = 65_535  # along one side of a map: row and column of a cell have 16 bits each
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
@@ -27,12 +24,9 @@ EDGE_TOLERANCE = (
 )
 
 
-@kernel(
-    "boolean(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64, float64,"
-    " float64, float64, uint32[::1], float32[::1])"
-)
+@kernel
 def _place_chunk(
-    points: Points,
+    points: ReadOnly1D[np.float64],
     west: float,
     south: float,
     cell: float,
@@ -42,8 +36,8 @@ def _place_chunk(
     sensor_north: float,
     range2: float,
     level: float,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
 ) -> bool:
     """Place the points of a chunk using products; return whether one is too near an edge to be certain.
 
@@ -68,9 +62,15 @@ def _place_chunk(
     return near != 0
 
 
-@kernel("void(Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, uint32[::1])")
+@kernel
 def _place_exactly(
-    points: Points, west: float, south: float, cell: float, rows: int, cols: int, cells: NDArray[np.uint32]
+    points: ReadOnly1D[np.float64],
+    west: float,
+    south: float,
+    cell: float,
+    rows: int,
+    cols: int,
+    cells: Array1D[np.uint32],
 ) -> None:
     """Place the points of a chunk using quotients."""
     for i in range(len(cells)):
@@ -81,8 +81,10 @@ def _place_exactly(
             cells[i] = np.uint32((int(row) << 16) | int(col)) if inside else OUTSIDE
 
 
-@kernel("Tuple((uint32, uint32, uint32, uint32, int32, int32))(uint32[::1], int32[::1])")
-def _chunk_extremes(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> Any:
+@kernel
+def _chunk_extremes(
+    cells: Array1D[np.uint32], heights: Array1D[np.int32]
+) -> tuple[np.uint32, np.uint32, np.uint32, np.uint32, np.int32, np.int32]:
     """Return the least and greatest cell, the least and greatest column, the least and greatest height.
 
     Heights are float32 bit patterns with the magnitude bits of negative numbers inverted: as int32 these have
@@ -100,8 +102,8 @@ def _chunk_extremes(cells: NDArray[np.uint32], heights: NDArray[np.int32]) -> An
     return first, last, col0, col1, low, high
 
 
-@kernel("UniTuple(float64, 2)(Array(float64, 1, 'C', True), float64, float64)")
-def _height_range(points: Points, low: float, high: float) -> tuple[float, float]:
+@kernel
+def _height_range(points: ReadOnly1D[np.float64], low: float, high: float) -> tuple[float, float]:
     """Return the lowest and highest of all points and of the two given heights."""
     a0 = a1 = a2 = a3 = low
     b0 = b1 = b2 = b3 = high
@@ -118,8 +120,10 @@ def _height_range(points: Points, low: float, high: float) -> tuple[float, float
     return min(min(a0, a1), min(a2, a3)), max(max(b0, b1), max(b2, b3))
 
 
-@kernel("float64(Array(float64, 1, 'C', True), float64, float64, float64)")
-def _first_height(points: Points, sensor_east: float, sensor_north: float, range2: float) -> float:
+@kernel
+def _first_height(
+    points: ReadOnly1D[np.float64], sensor_east: float, sensor_north: float, range2: float
+) -> float:
     """Return the height of the first point that is not dropped; 0 for none."""
     for i in range(len(points) // 3):
         x, y, z = points[3 * i], points[3 * i + 1], points[3 * i + 2]
@@ -130,23 +134,20 @@ def _first_height(points: Points, sensor_east: float, sensor_north: float, range
     return 0.0
 
 
-@kernel(
-    "float64[:](Array(float64, 1, 'C', True), float64, float64, float64, int64, int64, float64[:],"
-    " float64, float64, uint32[::1], float32[::1])"
-)
+@kernel
 def place_points(
-    points: Points,
+    points: ReadOnly1D[np.float64],
     west: float,
     south: float,
     cell: float,
     rows: int,
     cols: int,
-    sensor: Points,
+    sensor: Strided1D[np.float64],
     range_m: float,
     level: float,
-    cells: NDArray[np.uint32],
-    heights: NDArray[np.float32],
-) -> Points:
+    cells: Array1D[np.uint32],
+    heights: Array1D[np.float32],
+) -> Strided1D[np.float64]:
     """Place points in a grid; write their cells and their heights above a level.
 
     Parameters

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.growable_array import doubled, put, put_rows
 from slz.kernels.jit import kernel
 from slz.kernels.polygons.boundary_tracing import extent, trace_boundary, westmost
@@ -16,17 +16,17 @@ ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
 COMPONENT_FIELDS = 8
 
 
-@kernel("Tuple((int32[:, ::1], uint8[::1]))(int32[:, ::1], uint8[::1], int64)")
+@kernel
 def _doubled_trace(
-    path: NDArray[np.int32], edges: NDArray[np.uint8], used: int
-) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    path: Array2D[np.int32], edges: Array1D[np.uint8], used: int
+) -> tuple[Array2D[np.int32], Array1D[np.uint8]]:
     new_edges = np.empty(2 * len(edges), np.uint8)
     put(new_edges, 0, edges[:used])
     return doubled(path), new_edges
 
 
-@kernel("int64(int32[:, ::1], uint8[::1], int64, int64)")
-def _first_step(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first: int) -> int:
+@kernel
+def _first_step(path: Array2D[np.int32], edges: Array1D[np.uint8], n: int, first: int) -> int:
     """Return the index at which a trace leaves its first cell as a trace started there would."""
     row, col = path[first, 0], path[first, 1]
     start, best = first, 9
@@ -38,14 +38,14 @@ def _first_step(path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, first
     return start
 
 
-@kernel("void(uint64[:, ::1], uint64[:, ::1], int64, int64)")
+@kernel
 def _mark_taken(taken: Bits, content: Bits, row0: int, word0: int) -> None:
     for i in range(content.shape[0]):
         for j in range(content.shape[1]):
             taken[row0 + i, word0 + j] |= content[i, j]
 
 
-@kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int64)")
+@kernel
 def _next_seed(
     seeds: Bits, taken: Bits, row: int, word: int, row1: int, word0: int, word1: int
 ) -> tuple[int, int]:
@@ -62,10 +62,7 @@ def _next_seed(
     return row1, word0
 
 
-@kernel(
-    "Tuple((int64[:, ::1], int32[:, ::1], uint64[::1], int64[::1]))(uint64[:, ::1], uint64[:, ::1],"
-    " uint64[:, ::1], int64, int64, int64, int64, int64, int64)"
-)
+@kernel
 def search_zones(
     safe: Bits,
     seeds: Bits,
@@ -76,7 +73,7 @@ def search_zones(
     word1: int,
     least: int,
     longest: int,
-) -> tuple[NDArray[np.int64], NDArray[np.int32], Bits, NDArray[np.int64]]:
+) -> tuple[Array2D[np.int64], Array2D[np.int32], Array1D[np.uint64], Array1D[np.int64]]:
     """Return the components with a free seed in a box and a boundary of at least `least` cells.
 
     Parameters

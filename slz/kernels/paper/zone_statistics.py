@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel
 from slz.kernels.paper.fuse import HALF, OLD
 from slz.kernels.polygons.contour import corner_indices
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, signed
 
-Map = NDArray[np.float32]
-Row = NDArray[np.float32]
-Word = NDArray[np.uint64]
+Map = Array3D[np.float32]
+Row = Array1D[np.float32]
+Word = Array1D[np.uint64]
 SUM_UNIT = np.float32(65536.0)  # sums are integers in units of 1 / 65536 degree
 CHUNK = 64  # cells of a boundary
 SIX = np.uint64(6)
 
 
-@kernel("int32(float32[::1], int64, uint64)")
+@kernel
 def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
     """Return the sum of the set ones of 64 values, from index `at` on, in units of 1 / SUM_UNIT."""
     total, first = np.int32(0), np.uint64(at)
@@ -30,7 +28,7 @@ def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
     return total
 
 
-@kernel("int32(float32[::1], int64, uint64)")
+@kernel
 def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
     """Return the result of `_sum_of`, one set cell at a time."""
     total = np.int32(0)
@@ -40,21 +38,19 @@ def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
     return total
 
 
-@kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int32[:, :, ::1],"
-        " float32[:, :, ::1], float32[:, :, ::1], uint64[:, ::1], uint64[:, ::1],"
-        " boolean[:, ::1])")  # fmt: skip
+@kernel  # fmt: skip
 def zonal_statistics(
     content: Bits,
     safe: Bits,
     known: Bits,
     row0: int,
     word0: int,
-    blocks: NDArray[np.int32],
+    blocks: Array3D[np.int32],
     slope: Map,
     rough: Map,
     safe_inside: Bits,
     holes: Bits,
-    blocks_held: NDArray[np.bool_],
+    blocks_held: Array2D[np.bool_],
 ) -> tuple[int, int, int, int]:
     """Return counts of safe and unknown cells of a content, and sums of slope and roughness of the safe ones.
 
@@ -95,10 +91,10 @@ def zonal_statistics(
     return signed(n_safe), signed(n_unknown), slopes, roughs
 
 
-@kernel("float64[:, ::1](int32[:, ::1], float32[::1], float64, float64, float64)")
+@kernel
 def corners(
-    boundary: NDArray[np.int32], height: NDArray[np.float32], west: float, south: float, cell: float
-) -> NDArray[np.float64]:
+    boundary: Array2D[np.int32], height: Array1D[np.float32], west: float, south: float, cell: float
+) -> Array2D[np.float64]:
     """Return (m, 3) east, north, height of the boundary cells that `corner_indices` keeps."""
     kept = corner_indices(boundary)
     out = np.empty((len(kept), 3))
@@ -109,8 +105,8 @@ def corners(
     return out
 
 
-@kernel("int64(int32[::1], uint64[::1], int64, int64, int64)")
-def _count_inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: int, words: int) -> Any:
+@kernel
+def _count_inside(boundary: Array1D[np.int32], content: Word, row0: int, col0: int, words: int) -> int:
     """Return how many cells are set in a bitmap that starts at (row0, col0) and covers all of them."""
     inside = NONE
     for i in range(np.uint64(len(boundary) >> 1)):
@@ -119,8 +115,8 @@ def _count_inside(boundary: NDArray[np.int32], content: Word, row0: int, col0: i
     return signed(inside)
 
 
-@kernel("int64(int32[:, ::1], uint64[:, ::1], int64, int64, int64)")
-def inside_count(boundary: NDArray[np.int32], content: Bits, row0: int, col0: int, most_outside: int) -> int:
+@kernel
+def inside_count(boundary: Array2D[np.int32], content: Bits, row0: int, col0: int, most_outside: int) -> int:
     """Return how many boundary cells are set in a bitmap from (row0, col0) on; -1 if too many are not.
 
     Consecutive cells are neighbours. So the first of a chunk decides whether the whole chunk is inside or

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Strided1D
 from slz.kernels.jit import kernel
 
 CHUNK = 64  # heights processed together
 ONE = np.uint64(1)
-Counts = NDArray[np.int64]
 
 
-@kernel("UniTuple(int64, 2)(int64[:], int64, int64)")
-def ends_of(count: Counts, most: int, needed: int) -> tuple[int, int]:
+@kernel
+def ends_of(count: Strided1D[np.int64], most: int, needed: int) -> tuple[int, int]:
     """Return the first and last bin after cutting at most `most` heights beyond `needed` empty bins."""
     bins = len(count)
     first, last = 0, bins - 1
@@ -36,8 +36,8 @@ def ends_of(count: Counts, most: int, needed: int) -> tuple[int, int]:
     return (first, last) if first <= last else (0, bins - 1)
 
 
-@kernel("int64[::1](float64[::1], float64, float64, int64)")
-def _count(height: NDArray[np.float64], low: float, width: float, bins: int) -> Counts:
+@kernel
+def _count(height: Array1D[np.float64], low: float, width: float, bins: int) -> Array1D[np.int64]:
     """Count heights by bin, in two tables, so that successive increments of one bin need not wait."""
     count, at = np.zeros((2, bins), np.int64), np.empty(CHUNK, np.int32)
     for start in range(0, len(height), CHUNK):
@@ -46,12 +46,12 @@ def _count(height: NDArray[np.float64], low: float, width: float, bins: int) -> 
             at[k] = np.int32((height[first + k] - low) / width)
         for k in range(some):
             count[k & ONE, np.uint64(at[k])] += 1
-    whole: Counts = count[0] + count[1]
+    whole: NDArray[np.int64] = count[0] + count[1]
     return whole
 
 
-@kernel("UniTuple(float64, 2)(float64[::1])")
-def _range(height: NDArray[np.float64]) -> tuple[float, float]:
+@kernel
+def _range(height: Array1D[np.float64]) -> tuple[float, float]:
     """Return the least and the greatest height."""
     least, most = np.full(CHUNK, height[0]), np.full(CHUNK, height[0])
     whole = len(height) // CHUNK * CHUNK
@@ -66,8 +66,8 @@ def _range(height: NDArray[np.float64]) -> tuple[float, float]:
     return least.min(), most.max()
 
 
-@kernel("UniTuple(float64, 2)(float64[::1], float64, float64)")
-def gaps_of(height: NDArray[np.float64], gap: float, max_share: float) -> tuple[float, float]:
+@kernel
+def gaps_of(height: Array1D[np.float64], gap: float, max_share: float) -> tuple[float, float]:
     """Return the interval of heights after cutting the few heights beyond an empty gap at either end."""
     low, high = _range(height)
     width = gap / 4

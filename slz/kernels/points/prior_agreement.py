@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array2D, Strided1D, Strided2D
 from slz.kernels.jit import kernel
 
 
-@kernel("float64[:](float64[:, :], float64, float64, float64, uint8[:, ::1], float32[:, ::1])")
+@kernel
 def heights_over(
-    points: NDArray[np.float64],
+    points: Strided2D[np.float64],
     west: float,
     south: float,
     cell: float,
-    safe: NDArray[np.uint8],
-    height: NDArray[np.float32],
-) -> NDArray[np.float64]:
+    safe: Array2D[np.uint8],
+    height: Array2D[np.float32],
+) -> Strided1D[np.float64]:
     """Return the heights of points over surveyed ground; NaN where it was not safe or not surveyed."""
     rows, cols = safe.shape
     out = np.full(len(points), np.nan)
@@ -28,21 +28,18 @@ def heights_over(
     return out
 
 
-@kernel(
-    "int64(float64[:, :], float64[:], float64[:], float64, float64, float64, float64, float64, float64,"
-    " uint8[:, ::1])"
-)
+@kernel
 def contradict(
-    points: NDArray[np.float64],
-    over: NDArray[np.float64],
-    sensor: NDArray[np.float64],
+    points: Strided2D[np.float64],
+    over: Strided1D[np.float64],
+    sensor: Strided1D[np.float64],
     offset_m: float,
     least_m: float,
     angle_noise_rad: float,
     west: float,
     south: float,
     cell: float,
-    contradicted: NDArray[np.uint8],
+    contradicted: Array2D[np.uint8],
 ) -> int:
     """Mark the cells of points that differ in height from surveyed ground; return how many are new.
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
 
 THREE = np.uint64(3)
 CHUNK = 64  # points tested together before any of them is tested alone
-Points = NDArray[np.float64]
-Heights = NDArray[np.float64]
+Heights = Array1D[np.float64]
 
 
-@kernel("boolean[::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64)")
-def within_reach(points: Points, sensor: Points, reach2: float) -> NDArray[np.bool_]:
+@kernel
+def within_reach(
+    points: ReadOnly2D[np.float64], sensor: ReadOnly1D[np.float64], reach2: float
+) -> Array1D[np.bool_]:
     """Return which points are within a horizontal range (given squared); all where the sensor is unknown."""
     out = np.empty(len(points), np.bool_)
     for i in range(len(points)):
@@ -23,8 +24,10 @@ def within_reach(points: Points, sensor: Points, reach2: float) -> NDArray[np.bo
     return out
 
 
-@kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64, float64)")
-def usable(points: Points, sensor: Points, reach2: float, most_height: float) -> Points:
+@kernel
+def usable(
+    points: ReadOnly2D[np.float64], sensor: ReadOnly1D[np.float64], reach2: float, most_height: float
+) -> Array2D[np.float64]:
     """Return the finite points within range whose height is below `most_height` in magnitude."""
     out, n = np.empty((len(points), 3)), 0
     for i in range(len(points)):
@@ -36,11 +39,10 @@ def usable(points: Points, sensor: Points, reach2: float, most_height: float) ->
     return out[:n]
 
 
-@kernel(
-    "Tuple((float64[::1], boolean))"
-    "(Array(float64, 2, 'C', True), Array(float64, 1, 'C', True), float64, float64)"
-)
-def are_usable(points: Points, sensor: Points, reach2: float, most_height: float) -> tuple[Heights, bool]:
+@kernel
+def are_usable(
+    points: ReadOnly2D[np.float64], sensor: ReadOnly1D[np.float64], reach2: float, most_height: float
+) -> tuple[Heights, bool]:
     """Return all heights, and whether `usable` returns all points; if not, the heights are incomplete."""
     height, flat = np.empty(len(points)), points.ravel()
     for start in range(0, len(points), CHUNK):
@@ -58,8 +60,8 @@ def are_usable(points: Points, sensor: Points, reach2: float, most_height: float
     return height, True
 
 
-@kernel("float64[:, ::1](Array(float64, 2, 'C', True), Array(boolean, 1, 'C', True))")
-def picked(points: Points, which: NDArray[np.bool_]) -> Points:
+@kernel
+def picked(points: ReadOnly2D[np.float64], which: ReadOnly1D[np.bool_]) -> Array2D[np.float64]:
     """Return the points to keep, as `points[which]` does."""
     out, n = np.empty((np.count_nonzero(which), 3)), 0
     for i in range(len(points)):
@@ -69,8 +71,8 @@ def picked(points: Points, which: NDArray[np.bool_]) -> Points:
     return out
 
 
-@kernel("float64[::1](float64[::1], boolean[::1])")
-def heights_of(height: Heights, which: NDArray[np.bool_]) -> Heights:
+@kernel
+def heights_of(height: Heights, which: Array1D[np.bool_]) -> Heights:
     """Return the heights to keep, as `height[which]` does."""
     out, n = np.empty(len(height)), 0
     for i in range(len(height)):
@@ -79,8 +81,8 @@ def heights_of(height: Heights, which: NDArray[np.bool_]) -> Heights:
     return out[:n]
 
 
-@kernel("int64[::1](float64[::1], boolean[::1], float64, float64)")
-def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -> NDArray[np.int64]:
+@kernel
+def beyond(height: Heights, which: Array1D[np.bool_], low: float, high: float) -> Array1D[np.int64]:
     """Return the indices of the selected points below or above an interval."""
     out, m = np.empty(CHUNK, np.int64), 0
     for start in range(0, len(height), CHUNK):
@@ -98,8 +100,8 @@ def beyond(height: Heights, which: NDArray[np.bool_], low: float, high: float) -
     return out[:m].copy()
 
 
-@kernel("UniTuple(float64, 4)(float64[:, ::1])")
-def extent(points: Points) -> tuple[float, float, float, float]:
+@kernel
+def extent(points: Array2D[np.float64]) -> tuple[float, float, float, float]:
     """Return the least and greatest east, and the least and greatest north, of at least one point."""
     low, high, flat = np.empty(3 * CHUNK), np.empty(3 * CHUNK), points.ravel()
     for k in range(3 * CHUNK):

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 
-Reals = NDArray[np.float64]
 
-
-@kernel(
-    "Tuple((float64[:, ::1], float64[::1], float64))(float64[:, ::1], float64[::1], float64[::1], float64)"
-)
+@kernel
 def weighted_normal_equations(
-    design: Reals, values: Reals, error: Reals, most: float
-) -> tuple[Reals, Reals, float]:
+    design: Array2D[np.float64], values: Array1D[np.float64], error: Array1D[np.float64], most: float
+) -> tuple[Array2D[np.float64], Array1D[np.float64], float]:
     """Return the normal equations (matrix, right side) with Tukey's weights, and the share of weights over 0.
 
     Parameters
@@ -41,8 +37,10 @@ def weighted_normal_equations(
     return left, right, agree / n
 
 
-@kernel("float64[:, ::1](float64[:, ::1], float64[::1], float64, float64, float64)")
-def subtract_plane(points: Reals, sensor: Reals, up: float, east: float, north: float) -> Reals:
+@kernel
+def subtract_plane(
+    points: Array2D[np.float64], sensor: Array1D[np.float64], up: float, east: float, north: float
+) -> Array2D[np.float64]:
     """Return points (n, 3) lowered by a height, and by a slope per metre east and north of the sensor."""
     out = np.empty_like(points)
     for i in range(len(points)):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D, Strided1D
 from slz.kernels.jit import kernel
 
 FINE, COARSE = 1, 7  # layers of voxels above and below that are searched
@@ -13,12 +13,11 @@ OBJECT_RETURNS, CLEAR_M = 5, 2.0  # returns that are an object; range up to whic
 DENSE_PER_POINT = 16  # voxel columns, or their layers, per point, above which a dense table is too large
 NO_LAYER = np.int32(2**31 - 1)
 
-Ints = NDArray[np.int32]
-Longs = NDArray[np.int64]
+Longs = Array1D[np.int64]
 
 
-@kernel("int64(int64[::1], int64, int64, int64)")
-def _hash_slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
+@kernel
+def _hash_slot(keys: Array1D[np.int64], x: int, y: int, z: int) -> int:
     """Return the hash slot of a voxel, or the empty slot for it.
 
     Voxels of a column are in adjacent slots, because they are read together.
@@ -31,9 +30,9 @@ def _hash_slot(keys: NDArray[np.int64], x: int, y: int, z: int) -> int:
     return slot
 
 
-@kernel("int64(int64[::1], int32[::1], int64, int64, int64, int64)")
+@kernel
 def _count_around(
-    keys: NDArray[np.int64], count: NDArray[np.int32], x: int, y: int, low: int, high: int
+    keys: Array1D[np.int64], count: Array1D[np.int32], x: int, y: int, low: int, high: int
 ) -> int:
     total = 0
     for a in range(x - 1, x + 2):
@@ -45,9 +44,9 @@ def _count_around(
     return total
 
 
-@kernel("UniTuple(int64, 2)(Array(float64, 1, 'C', True), float64[:], float64, int64)")
+@kernel
 def _support_needed(
-    point: NDArray[np.float64], sensor: NDArray[np.float64], share: float, least: int
+    point: ReadOnly1D[np.float64], sensor: Strided1D[np.float64], share: float, least: int
 ) -> tuple[int, int]:
     """Return how many points a return needs around it, and how many layers up and down are searched."""
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
@@ -58,10 +57,14 @@ def _support_needed(
     return least, COARSE
 
 
-@kernel("boolean[:](Array(float64, 2, 'C', True), int32[:, ::1], float64[:], int64, float64)")
+@kernel
 def _by_table(
-    points: NDArray[np.float64], at: Ints, sensor: NDArray[np.float64], least: int, object_m2: float
-) -> NDArray[np.bool_]:
+    points: ReadOnly2D[np.float64],
+    at: Array2D[np.int32],
+    sensor: Strided1D[np.float64],
+    least: int,
+    object_m2: float,
+) -> Strided1D[np.bool_]:
     """Compute `is_supported` with voxels in a hash table, whose size is independent of the volume spanned."""
     n = len(points)
     keep = np.ones(n, np.bool_)
@@ -91,8 +94,8 @@ def _by_table(
     return keep
 
 
-@kernel("Tuple((int64[::1], int32[:, ::1]))(int32[:, ::1], int64, int64)")
-def _column_spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
+@kernel
+def _column_spans(at: Array2D[np.int32], columns: int, deep: int) -> tuple[Longs, Array2D[np.int32]]:
     """Return (columns + 1,) the start of each column's layers, and (columns, 2) its lowest and highest layer.
 
     Column (x, y) has the number deep * x + y. A column holds all layers between these two, an empty one none.
@@ -111,9 +114,16 @@ def _column_spans(at: Ints, columns: int, deep: int) -> tuple[Longs, Ints]:
     return starts, ends
 
 
-@kernel("int64(int64[::1], int32[:, ::1], int32[::1], int64, int64, int64, int64, int64)")
+@kernel
 def _count_in_columns(
-    starts: Longs, ends: Ints, below: Ints, column: int, deep: int, low: int, high: int, enough: int
+    starts: Longs,
+    ends: Array2D[np.int32],
+    below: Array1D[np.int32],
+    column: int,
+    deep: int,
+    low: int,
+    high: int,
+    enough: int,
 ) -> int:
     """Return the number of points in layers low to high of 3 x 3 columns; counting stops at `enough`."""
     total = 0
@@ -128,20 +138,17 @@ def _count_in_columns(
     return total
 
 
-@kernel(
-    "boolean[:](Array(float64, 2, 'C', True), int32[:, ::1], float64[:], int64, float64, int64, int64[::1],"
-    " int32[:, ::1])"
-)
+@kernel
 def _by_columns(
-    points: NDArray[np.float64],
-    at: Ints,
-    sensor: NDArray[np.float64],
+    points: ReadOnly2D[np.float64],
+    at: Array2D[np.int32],
+    sensor: Strided1D[np.float64],
     least: int,
     object_m2: float,
     deep: int,
     starts: Longs,
-    ends: Ints,
-) -> NDArray[np.bool_]:
+    ends: Array2D[np.int32],
+) -> Strided1D[np.bool_]:
     """Compute `is_supported` with all layers of each column stored contiguously."""
     n = len(points)
     keep, own = np.ones(n, np.bool_), np.empty(n, np.int32)
@@ -169,8 +176,8 @@ def _by_columns(
     return keep
 
 
-@kernel("Tuple((int32[:, ::1], int64, int64))(Array(float64, 2, 'C', True), float64)")
-def _voxels_of(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, int]:
+@kernel
+def _voxels_of(points: ReadOnly2D[np.float64], voxel: float) -> tuple[Array2D[np.int32], int, int]:
     """Return (n, 3) the voxel of each point, indices from `COARSE` on, and the greatest x and y index.
 
     The voxel lattice is fixed to the map, not to the points.
@@ -192,10 +199,10 @@ def _voxels_of(points: NDArray[np.float64], voxel: float) -> tuple[Ints, int, in
     return at, most_x, most_y
 
 
-@kernel("boolean[:](Array(float64, 2, 'C', True), float64[:], float64, int64, float64)")
+@kernel
 def is_supported(
-    points: NDArray[np.float64], sensor: NDArray[np.float64], voxel: float, least: int, object_m2: float
-) -> NDArray[np.bool_]:
+    points: ReadOnly2D[np.float64], sensor: Strided1D[np.float64], voxel: float, least: int, object_m2: float
+) -> Strided1D[np.bool_]:
     """Return which points have enough others near them, see `slz.points.outliers.not_isolated`.
 
     Voxels are a quarter as high as wide.

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
 from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
@@ -55,8 +54,8 @@ def _step_table() -> NDArray[np.int32]:
 TABLE = _step_table()
 
 
-@kernel("int64(uint64[:, ::1], int64, int64)")
-def _neighbourhood(safe: Bits, row: int, col: int) -> Any:
+@kernel
+def _neighbourhood(safe: Bits, row: int, col: int) -> int:
     """Return the 3 x 3 cells around a cell as nine bits; all must be inside the map."""
     k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
     if shift <= np.uint64(61):
@@ -69,9 +68,9 @@ def _neighbourhood(safe: Bits, row: int, col: int) -> Any:
     return signed((south & SEVEN) | ((here & SEVEN) << np.uint64(3)) | ((north & SEVEN) << np.uint64(6)))
 
 
-@kernel("UniTuple(int64, 2)(uint64[:, ::1], int64, int64, int32[:, ::1], uint8[::1])")
+@kernel
 def trace_boundary(
-    safe: Bits, row: int, col: int, path: NDArray[np.int32], edges: NDArray[np.uint8]
+    safe: Bits, row: int, col: int, path: Array2D[np.int32], edges: Array1D[np.uint8]
 ) -> tuple[int, int]:
     """Trace a component's boundary from a cell with no set western neighbour, until its first step repeats.
 
@@ -110,8 +109,8 @@ def trace_boundary(
         index = entry >> START_BITS & 3
 
 
-@kernel("UniTuple(int64, 5)(int32[:, ::1], int64)")
-def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
+@kernel
+def extent(path: Array2D[np.int32], n: int) -> tuple[int, int, int, int, int]:
     """Return row0, row1, col0, col1 (half open) of n cells, and the index of the first in raster order."""
     first, least = 0, path[0, 0]
     row1, col0, col1 = path[0, 0], path[0, 1], path[0, 1]
@@ -123,8 +122,8 @@ def extent(path: NDArray[np.int32], n: int) -> tuple[int, int, int, int, int]:
     return signed(least), signed(row1) + 1, signed(col0), signed(col1) + 1, first
 
 
-@kernel("int64(uint64[:, ::1], int64, int64)")
-def westmost(safe: Bits, row: int, col: int) -> Any:
+@kernel
+def westmost(safe: Bits, row: int, col: int) -> int:
     """Return the westernmost column of the run of set cells that holds a cell."""
     while True:
         k, bits = col >> 6, np.uint64(col & 63)

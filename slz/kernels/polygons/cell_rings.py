@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Strided2D
 from slz.kernels.growable_array import doubled
 from slz.kernels.jit import kernel
 
@@ -15,15 +15,15 @@ ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
 COL_LEFT = np.array([0, -1, -1, 0], np.int64)
 
 
-@kernel("boolean(uint8[:, :], int64, int64)")
-def _cell(cells: NDArray[np.uint8], row: int, col: int) -> bool:
+@kernel
+def _cell(cells: Strided2D[np.uint8], row: int, col: int) -> bool:
     if row < 0 or col < 0 or row >= cells.shape[0] or col >= cells.shape[1]:
         return False
     return bool(cells[row, col] != 0)
 
 
-@kernel("int32[:, :](uint8[:, :])")
-def boundary_rings(cells: NDArray[np.uint8]) -> NDArray[np.int32]:
+@kernel
+def boundary_rings(cells: Strided2D[np.uint8]) -> Strided2D[np.int32]:
     """Return every ring around the set cells as (n, 3): ring number, row and column of unit-step vertices.
 
     Set cells are to the left: outer rings run anticlockwise (rows grow to the north), holes clockwise. Where

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.jit import kernel
 
 # Moore neighbours, clockwise from west (SLZ paper, Table 1); rows grow to the north.
@@ -12,8 +12,8 @@ COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
 ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
 
 
-@kernel("int32[:, :](uint8[:, :])")
-def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
+@kernel
+def squares(safe: Strided2D[np.uint8]) -> Strided2D[np.int32]:
     """Return, by cell, the side in cells of the largest safe square whose last row and column end there."""
     rows, cols = safe.shape
     side = np.zeros((rows, cols), np.int32)
@@ -27,8 +27,8 @@ def squares(safe: NDArray[np.uint8]) -> NDArray[np.int32]:
     return side
 
 
-@kernel("int32[::1](int32[:, ::1])")
-def corner_indices(boundary: NDArray[np.int32]) -> NDArray[np.int32]:
+@kernel
+def corner_indices(boundary: Array2D[np.int32]) -> Array1D[np.int32]:
     """Return the indices of the boundary cells that `slz.zones.boundary_points.without_collinear` keeps."""
     n, m = len(boundary), 0
     kept = np.empty(n, np.int32)

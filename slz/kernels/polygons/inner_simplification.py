@@ -7,10 +7,11 @@ import heapq
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.jit import kernel
+from slz.kernels.argument_types import Strided1D, Strided2D
+from slz.kernels.jit import kernel, kernel_for_any_types
 
-Points = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Points = Strided2D[np.float64]
+Indices = Strided1D[np.int64]
 Offer = tuple[float, int, int, int]  # price, vertex or ring, kind, version at the time of the offer
 Move = tuple[float, float, float, float, float]  # area removed, then up to two points that are inserted
 
@@ -23,18 +24,18 @@ AFFECTED_VERTICES = 4  # vertices to either side whose moves a move changes
 CELLS_SHARE = 0.5  # share of cells in a move's price; the rest is area
 
 
-@kernel("float64(float64, float64, float64, float64)")
+@kernel
 def _cross(ax: float, ay: float, bx: float, by: float) -> float:
     return ax * by - ay * bx
 
 
-@kernel("float64(float64[:, :], int64, int64, int64)")
+@kernel
 def _turn(at: Points, a: int, b: int, c: int) -> float:
     """Return twice the signed area of a triangle: positive for a left turn, that is a convex vertex."""
     return _cross(at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[c, 0] - at[b, 0], at[c, 1] - at[b, 1])
 
 
-@kernel("UniTuple(float64, 2)(float64, float64, float64, float64, float64, float64, float64, float64)")
+@kernel
 def _meet(
     bx: float, by: float, ux: float, uy: float, cx: float, cy: float, vx: float, vy: float
 ) -> tuple[float, float]:
@@ -45,12 +46,12 @@ def _meet(
     return _cross(cx - bx, cy - by, vx, vy) / across, _cross(cx - bx, cy - by, ux, uy) / across
 
 
-@kernel("boolean(float64[:, :], int64, float64, float64)")
+@kernel
 def _same(at: Points, i: int, x: float, y: float) -> bool:
     return bool(abs(at[i, 0] - x) + abs(at[i, 1] - y) < SAME)
 
 
-@kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64)")
+@kernel
 def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Move:
     """Remove a convex vertex: the chord of its neighbours replaces it."""
     twice = _turn(at, before[i], i, after[i])
@@ -59,7 +60,7 @@ def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Mov
     return max(twice, 0.0) / 2, 0.0, 0.0, 0.0, 0.0
 
 
-@kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64)")
+@kernel
 def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> Move:
     """Remove the edge from b: the adjacent edges are extended at its reflex ends until they meet."""
     a, c = before[b], after[b]
@@ -85,7 +86,7 @@ def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> 
     )
 
 
-@kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64)")
+@kernel
 def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Move:
     """Remove a reflex vertex between convex ones: one line through it replaces its two edges.
 
@@ -123,7 +124,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
     return (first + second) / 2, px, py, qx, qy
 
 
-@kernel("UniTuple(float64, 5)(float64[:, :], int64[:], int64[:], int64, int64, int64)")
+@kernel
 def _move(at: Points, before: Indices, after: Indices, count: int, kind: int, i: int) -> Move:
     if kind == CUT:
         return _cut(at, before, after, count, i)
@@ -132,9 +133,9 @@ def _move(at: Points, before: Indices, after: Indices, count: int, kind: int, i:
     return _tilt(at, before, after, count, i)
 
 
-@kernel("int64(int32[:, :], float64, float64, float64, float64, float64, float64)")
+@kernel
 def _centres_in_triangle(
-    sums: NDArray[np.int32], ax: float, ay: float, bx: float, by: float, cx: float, cy: float
+    sums: Strided2D[np.int32], ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 ) -> int:
     """Return how many cells have their centre in or on a triangle, from cumulative sums along rows."""
     xs, ys = (ax, bx, cx, ax), (ay, by, cy, ay)
@@ -159,9 +160,9 @@ def _centres_in_triangle(
     return found
 
 
-@kernel("int64(int32[:, :], float64[:, :], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
+@kernel
 def _centres_removed(
-    sums: NDArray[np.int32], at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
+    sums: Strided2D[np.int32], at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> int:
     """Return how many cell centres a move removes."""
     _, x0, y0, x1, y1 = move
@@ -174,12 +175,12 @@ def _centres_removed(
     return int(first + _centres_in_triangle(sums, at[q, 0], at[q, 1], at[i, 0], at[i, 1], x1, y1))
 
 
-@kernel("float64(float64, float64)")
+@kernel
 def _price(area: float, cells: float) -> float:
     return (1 - CELLS_SHARE) * area + CELLS_SHARE * cells
 
 
-@kernel("boolean(float64[:, :], int64[:], float64, float64, int64, int64, int64, int64)")
+@kernel
 def _holds_no_vertex(at: Points, live: Indices, x: float, y: float, a: int, b: int, c: int, end: int) -> bool:
     """Return whether the triangle a, b, (x, y) holds no vertex but a, b, c, and `end` if it is at (x, y)."""
     ax, ay, bx, by = at[a, 0], at[a, 1], at[b, 0], at[b, 1]
@@ -199,7 +200,7 @@ def _holds_no_vertex(at: Points, live: Indices, x: float, y: float, a: int, b: i
     return True
 
 
-@kernel("boolean(float64[:, :], int64[:], int64[:], int64, float64, float64, int64)")
+@kernel
 def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: float, skip: int) -> bool:
     """Return whether an edge crosses the line from vertex i to (x, y), except edges at i and from `skip`."""
     ux, uy = x - at[i, 0], y - at[i, 1]
@@ -217,7 +218,7 @@ def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: flo
     return False
 
 
-@kernel("boolean(float64[:, :], int64[:], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
+@kernel
 def _is_free(
     at: Points, live: Indices, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> bool:
@@ -239,7 +240,7 @@ def _is_free(
     return not (_crossed(at, live, after, i, x0, y0, q) or _crossed(at, live, after, q, x0, y0, p))
 
 
-@kernel("UniTuple(int64, 3)(float64[:, :], int64[:], int64[:], int64, int64, UniTuple(float64, 5))")
+@kernel
 def _apply_move(
     at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> tuple[int, int, int]:
@@ -256,7 +257,7 @@ def _apply_move(
     return i, p if _same(at, before[p], x0, y0) else -1, q if _same(at, after[q], x1, y1) else -1
 
 
-@kernel("int64(int64[:], int64[:], int64[:], int64[:], int64, int64)")
+@kernel
 def _remove_vertex(before: Indices, after: Indices, live: Indices, place: Indices, n: int, i: int) -> int:
     """Remove a vertex from its ring and from the first n of `live`; return n - 1."""
     after[before[i]], before[after[i]] = after[i], before[i]
@@ -266,7 +267,7 @@ def _remove_vertex(before: Indices, after: Indices, live: Indices, place: Indice
     return n - 1
 
 
-@kernel()
+@kernel_for_any_types
 def _push_moves(
     heap: list[Offer],
     sums: NDArray[np.int32],
@@ -285,14 +286,14 @@ def _push_moves(
             heapq.heappush(heap, (_price(move[0], cells), i, kind, version[i]))
 
 
-@kernel()
+@kernel_for_any_types
 def _push_ring(heap: list[Offer], worth: Points, count: Indices, r: int) -> None:
     """Push the removal of a ring onto the heap, at its price per point."""
     if count[r] and worth[r, 0] < np.inf:
         heapq.heappush(heap, (_price(worth[r, 0], worth[r, 1]) / count[r], r, DROP, count[r]))
 
 
-@kernel("float64[:, :](float64[:, :], int64[:], int64[:], int64[:], int64)")
+@kernel
 def _in_order(at: Points, after: Indices, place: Indices, first: Indices, n: int) -> Points:
     """Return the n remaining vertices in ring order: (n, 3) ring, column, row."""
     out = np.empty((n, 3))
@@ -313,12 +314,12 @@ def _in_order(at: Points, after: Indices, place: Indices, first: Indices, n: int
     return out
 
 
-@kernel("float64[:, :](float64[:, :], int64[:], float64[:, :], int32[:, :], float64, float64, int64)")
+@kernel
 def simplify_inside(
     points: Points,
     ring: Indices,
     worth: Points,
-    sums: NDArray[np.int32],
+    sums: Strided2D[np.int32],
     most_area: float,
     most_cells: float,
     enough: int,

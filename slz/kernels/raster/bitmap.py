@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
@@ -11,11 +11,12 @@ from numba import config, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array2D, Strided2D
 from slz.kernels.jit import kernel
 
-Bits = NDArray[np.uint64]
+Bits = Array2D[np.uint64]
 NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
-signed: Any = np.int64  # converts a word to a number that mixes with other integers
+signed = cast(Callable[[Any], int], np.int64)  # converts a word to a number that mixes with other integers
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 EACH, DIAGONAL = np.uint64(0x0101010101010101), np.uint64(0x8040201008040201)
 BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
@@ -48,14 +49,15 @@ lowest = _operation(lambda builder, word: builder.cttz(word, ir.Constant(ir.IntT
 leading = _operation(lambda builder, word: builder.ctlz(word, ir.Constant(ir.IntType(1), 0)), _leading)
 
 
-@kernel("uint64(uint64[:, :], int64, int64)")
-def bit(bits: Bits, row: int, col: int) -> Any:
+@kernel
+def bit(bits: Strided2D[np.uint64], row: int, col: int) -> np.uint64:
     """Return 1 where a cell is set, else 0."""
-    return (bits[row, col >> 6] >> np.uint64(col & 63)) & ONE
+    word: np.uint64 = bits[row, col >> 6]
+    return (word >> np.uint64(col & 63)) & ONE
 
 
-@kernel("uint64(uint64[:, :], int64, int64)")
-def word_at(bits: Bits, row: int, col: int) -> Any:
+@kernel
+def word_at(bits: Strided2D[np.uint64], row: int, col: int) -> np.uint64:
     """Return the 64 cells from a column on, which may be outside; cells outside are 0."""
     if row < 0 or row >= bits.shape[0]:
         return NONE
@@ -67,21 +69,21 @@ def word_at(bits: Bits, row: int, col: int) -> Any:
     return (low >> shift) | (high << (np.uint64(64) - shift))
 
 
-@kernel("uint64(int64, int64)")
-def word_mask(first: int, stop: int) -> Any:
+@kernel
+def word_mask(first: int, stop: int) -> np.uint64:
     """Return a mask of bits first to stop - 1; the range may extend beyond the word but must overlap it."""
     return (ALL << np.uint64(max(0, first))) & (ALL >> np.uint64(64 - min(64, stop)))
 
 
-@kernel("uint64(uint64)")
-def prefix_xor(word: Any) -> Any:
+@kernel
+def prefix_xor(word: np.uint64) -> np.uint64:
     """Return the prefix parity of a word: bit i is the exclusive or of its bits 0 to i."""
     for shift in (1, 2, 4, 8, 16, 32):
         word ^= word << np.uint64(shift)
     return word
 
 
-@kernel("void(uint64[:, ::1], uint64[:, ::1])")
+@kernel
 def _spread_out(bits: Bits, eights: Bits) -> None:
     for r in range(bits.shape[0]):
         for w in range(np.uint64(bits.shape[1])):

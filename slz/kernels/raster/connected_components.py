@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.growable_array import doubled
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
 
-Ints = NDArray[np.int64]
 
-
-@kernel("int64[:, ::1](uint64[:, ::1])")
-def runs(cells: Bits) -> Ints:
+@kernel
+def runs(cells: Bits) -> Array2D[np.int64]:
     """Return (n, 4) row, first column, column after the last, and number of all runs, row by row."""
     out, n = np.empty((1024, 4), np.int64), 0
     for r in range(cells.shape[0]):
@@ -37,16 +35,16 @@ def runs(cells: Bits) -> Ints:
     return out[:n].copy()
 
 
-@kernel("int64(int64[:, ::1], int64)")
-def _find_root(run: Ints, i: int) -> int:
+@kernel
+def _find_root(run: Array2D[np.int64], i: int) -> int:
     while run[i, 3] != i:
         run[i, 3] = run[run[i, 3], 3]
         i = run[i, 3]
     return i
 
 
-@kernel("void(int64[:, ::1], int64)")
-def union_runs(run: Ints, corner: int) -> None:
+@kernel
+def union_runs(run: Array2D[np.int64], corner: int) -> None:
     """Label the runs of each component with the number of its first run; `corner` is 1 for 8-connectivity."""
     n, above = len(run), 0
     for i in range(n):
@@ -63,8 +61,8 @@ def union_runs(run: Ints, corner: int) -> None:
         run[i, 3] = _find_root(run, i)
 
 
-@kernel("int64[::1](int64[::1], int64[::1], int64)")
-def _largest(roots: Ints, size: Ints, most: int) -> Ints:
+@kernel
+def _largest(roots: Array1D[np.int64], size: Array1D[np.int64], most: int) -> Array1D[np.int64]:
     """Return the `most` roots of the greatest size, in order; of equal sizes the first."""
     least = more = 0
     for i in range(len(roots)):
@@ -84,8 +82,8 @@ def _largest(roots: Ints, size: Ints, most: int) -> Ints:
     return out
 
 
-@kernel("Tuple((int64[:, ::1], int32[:, ::1]))(uint64[:, ::1], int64)")
-def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
+@kernel
+def largest_groups(cells: Bits, most: int) -> tuple[Array2D[np.int64], Array2D[np.int32]]:
     """Return the `most` largest components, in the order of their first cells.
 
     Returns
@@ -122,7 +120,7 @@ def largest_groups(cells: Bits, most: int) -> tuple[Ints, NDArray[np.int32]]:
     return groups, out
 
 
-@kernel("boolean(uint64[:, ::1], int64, int64, int64)")
+@kernel
 def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
     """Return whether any cell of a run is set."""
     for w in range(first >> 6, ((stop - 1) >> 6) + 1):
@@ -131,8 +129,8 @@ def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
     return False
 
 
-@kernel("Tuple((int64[:, ::1], int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1])")
-def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
+@kernel
+def components(cells: Bits, corners: Bits) -> tuple[Array2D[np.int64], Array2D[np.int64]]:
     """Return the components that hold a corner, in the order of the first corner's run.
 
     Parameters
@@ -173,8 +171,8 @@ def components(cells: Bits, corners: Bits) -> tuple[Ints, Ints]:
     return out, groups
 
 
-@kernel("void(int64[:, ::1], int64, uint64[:, ::1])")
-def put_without_small_parts(run: Ints, fewest: int, out: Bits) -> None:
+@kernel
+def put_without_small_parts(run: Array2D[np.int64], fewest: int, out: Bits) -> None:
     """Set the cells of runs, except small parts that touch the rest at a corner only.
 
     The largest part is kept, however small. Other parts of fewer than `fewest` cells are left out.
@@ -202,8 +200,8 @@ def put_without_small_parts(run: Ints, fewest: int, out: Bits) -> None:
                 out[r, w - word0] |= word_mask(first - 64 * w, stop - 64 * w)
 
 
-@kernel("int64[::1](float32[::1], int64[:, ::1])")
-def highest_cells(tops: NDArray[np.float32], groups: Ints) -> Ints:
+@kernel
+def highest_cells(tops: Array1D[np.float32], groups: Array2D[np.int64]) -> Array1D[np.int64]:
     """Return the index of each group's highest cell, the first of equals; its first cell where unknown."""
     out = np.empty(len(groups), np.int64)
     for g in range(len(groups)):
@@ -214,10 +212,10 @@ def highest_cells(tops: NDArray[np.float32], groups: Ints) -> Ints:
     return out
 
 
-@kernel("Tuple((int32[:, ::1], int64[::1]))(uint64[:, ::1], int64[:, ::1], int64, int64, int64)")
+@kernel
 def cells_around(
-    part: Bits, groups: Ints, start: int, around: int, enough: int
-) -> tuple[NDArray[np.int32], Ints]:
+    part: Bits, groups: Array2D[np.int64], start: int, around: int, enough: int
+) -> tuple[Array2D[np.int32], Array1D[np.int64]]:
     """Return the cells of a part in the boxes of groups, with a margin, from one group until `enough` cells.
 
     Returns
@@ -243,13 +241,13 @@ def cells_around(
     return cells[:n].copy(), ends
 
 
-@kernel("float64(float32[::1])")
-def _median(height: NDArray[np.float32]) -> float:
+@kernel
+def _median(height: Array1D[np.float32]) -> float:
     return np.float64(np.float32(np.median(height)))
 
 
-@kernel("float64[::1](float32[::1], int64[::1])")
-def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
+@kernel
+def medians(height: Array1D[np.float32], ends: Array1D[np.int64]) -> Array1D[np.float64]:
     """Return the median of the known heights between successive ends, NaN for none."""
     out, found = np.full(len(ends) - 1, np.nan), np.empty(len(height), np.float32)
     for g in range(len(out)):
@@ -262,8 +260,8 @@ def medians(height: NDArray[np.float32], ends: Ints) -> NDArray[np.float64]:
     return out
 
 
-@kernel("float64(uint64[:, ::1], float32[:, :], int64, int64)")
-def median_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int) -> float:
+@kernel
+def median_height(part: Bits, height: Strided2D[np.float32], row0: int, col0: int) -> float:
     """Return the median of the known heights of a part, NaN for none.
 
     The heights start at cell (row0, col0) and may reach beyond the part.
@@ -279,20 +277,17 @@ def median_height(part: Bits, height: NDArray[np.float32], row0: int, col0: int)
     return _median(found[:n]) if n else np.nan
 
 
-@kernel(
-    "Tuple((float64[:, ::1], int64[:, ::1], float64[:, ::1]))(uint64[:, ::1], uint64[:, ::1],"
-    " float32[:, ::1], float64, float64, float64, int64, int64)"
-)
+@kernel
 def obstacles(
     cells: Bits,
     part: Bits,
-    height: NDArray[np.float32],
+    height: Array2D[np.float32],
     west: float,
     south: float,
     cell: float,
     most: int,
     around: int,
-) -> tuple[NDArray[np.float64], Ints, NDArray[np.float64]]:
+) -> tuple[Array2D[np.float64], Array2D[np.int64], Array2D[np.float64]]:
     """Return the `most` largest groups of cells, with their highest cells and their heights over the ground.
 
     Returns

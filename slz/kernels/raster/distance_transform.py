@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D
 from slz.kernels.growable_array import doubled
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
 
-Word = NDArray[np.uint64]
+Word = Array1D[np.uint64]
 Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open); nothing is set outside
 NEAR = 32  # columns to either side that one word around a cell covers
 WITNESSES = 16  # recent nearest outside cells, kept for distance bounds
 MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
-@kernel("void(uint64[::1], uint64[::1], int64)")
+@kernel
 def _erode_row(row: Word, out: Word, by: int) -> None:
     """Write the cells of a row whose neighbour `by` columns to the east is also set."""
     far, near = by >> 6, np.uint64(by & 63)
@@ -28,7 +28,7 @@ def _erode_row(row: Word, out: Word, by: int) -> None:
         out[w] = row[w] & (row[w + far] >> near) if w + far < len(row) else NONE
 
 
-@kernel("uint64(uint64[::1], uint64[::1])")
+@kernel
 def _intersect(row: Word, other: Word) -> np.uint64:
     """Intersect a row with another one, in place; return 0 if nothing is left."""
     some = NONE
@@ -38,7 +38,7 @@ def _intersect(row: Word, other: Word) -> np.uint64:
     return some
 
 
-@kernel("UniTuple(int64, 4)(uint64[:, ::1], UniTuple(int64, 4), int64, uint64[:, ::1])")
+@kernel
 def _corners_of_larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     """Reduce south-west corners of squares to those of squares larger by `by`, at most their side.
 
@@ -61,10 +61,7 @@ def _corners_of_larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     return first, last, left, right
 
 
-@kernel(
-    "Tuple((int64, UniTuple(int64, 2), int64, uint64[:, ::1], UniTuple(int64, 4), uint64[:, ::1],"
-    " UniTuple(int64, 4)))(uint64[:, ::1], int64)"
-)
+@kernel
 def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits, Span, Bits, Span]:
     """Return the side and first corner of the largest square; the greatest `side` times 2^k with a square.
 
@@ -100,7 +97,7 @@ def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits,
     return side, where, double, corners, span, before, before_span
 
 
-@kernel("int64(uint64[:, ::1], int64)")
+@kernel
 def largest_square(corners: Bits, side: int) -> int:
     """Return the side of the largest square of set cells.
 
@@ -112,7 +109,7 @@ def largest_square(corners: Bits, side: int) -> int:
     return _largest(corners, side)[0]
 
 
-@kernel("int64(uint64[:, ::1], int64, int64, int64)")
+@kernel
 def _row_distance(part: Bits, r: int, col: int, most2: int) -> int:
     """Return the distance along a row to the nearest open cell, or one whose square is at least `most2`."""
     first, bits, words = col >> 6, np.uint64(col & 63), part.shape[1]
@@ -133,14 +130,14 @@ def _row_distance(part: Bits, r: int, col: int, most2: int) -> int:
     return int(min(best, dx + signed(leading(open_))))
 
 
-@kernel("boolean(uint64[:, ::1], int64, int64)")
+@kernel
 def _is_open(part: Bits, row: int, col: int) -> bool:
     if row < 0 or row >= part.shape[0] or col < 0 or col >= 64 * part.shape[1]:
         return True
     return bool((part[row, col >> 6] >> np.uint64(col & 63)) & ONE == NONE)
 
 
-@kernel("UniTuple(int64, 3)(uint64[:, ::1], int64, int64, int64, int64)")
+@kernel
 def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple[int, int, int]:
     """Return the squared distance from a cell to the nearest outside cell; if below `least2`, any such value.
 
@@ -163,7 +160,7 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple
     return best, where, col + beside if _is_open(part, where, col + beside) else col - beside
 
 
-@kernel("boolean(uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+@kernel
 def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     """Return whether a cell is set in an aligned square whose side is a power of two."""
     w = col >> 6
@@ -176,10 +173,10 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     return bool(some != NONE)
 
 
-@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+@kernel
 def _farthest_cells(
     part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int
-) -> NDArray[np.int64]:
+) -> Array2D[np.int64]:
     """Return the cells of greatest clearance among those `shift` rows and columns beyond a span's set cells.
 
     The result is that of `square_and_clearance`.
@@ -252,16 +249,16 @@ def _farthest_cells(
     return found
 
 
-@kernel("int64(int64)")
+@kernel
 def _half_side(least2: int) -> int:
     """Return the half side of a square that fits around any cell nearly this far from the outside."""
     return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
 
 
-@kernel("int64[:, ::1](uint64[:, ::1], uint64[:, ::1], UniTuple(int64, 4), int64, int64, int64)")
+@kernel
 def _clearance_among_corners(
     part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int
-) -> NDArray[np.int64]:
+) -> Array2D[np.int64]:
     """Return the cells farthest from the outside, at least `least2`, from the corners of smaller squares."""
     half = _half_side(least2)
     wanted = 2 * half + 1
@@ -272,10 +269,10 @@ def _clearance_among_corners(
     return _farthest_cells(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
 
 
-@kernel("Tuple((int64, UniTuple(int64, 2), int64[:, ::1]))(uint64[:, ::1], uint64[:, ::1], int64)")
+@kernel
 def square_and_clearance(
     part: Bits, corners: Bits, least: int
-) -> tuple[int, tuple[int, int], NDArray[np.int64]]:
+) -> tuple[int, tuple[int, int], Array2D[np.int64]]:
     """Return the side of a part's largest square, its corner, and the cells farthest from the outside.
 
     The farthest cell is at least as far as the middle of the square. Around any cell nearly as far from the
@@ -303,8 +300,8 @@ def square_and_clearance(
     return side, where, _clearance_among_corners(part, cells, span, double, least2, side)
 
 
-@kernel("int64[:, ::1](uint64[:, ::1], int64)")
-def greatest_clearance(part: Bits, side: int) -> NDArray[np.int64]:
+@kernel
+def greatest_clearance(part: Bits, side: int) -> Array2D[np.int64]:
     """Return the cells as in `square_and_clearance`, for a part whose largest square has the given side."""
     inner = (side - 1) // 2
     return _clearance_among_corners(
@@ -312,11 +309,11 @@ def greatest_clearance(part: Bits, side: int) -> NDArray[np.int64]:
     )
 
 
-@kernel("int64(int64[:, :], float32[::1], float32[::1], float64, float64, float64, float64, float64)")
+@kernel
 def most_certain(
-    cells: NDArray[np.int64],
-    certainty: NDArray[np.float32],
-    slope: NDArray[np.float32],
+    cells: Strided2D[np.int64],
+    certainty: Array1D[np.float32],
+    slope: Array1D[np.float32],
     west: float,
     south: float,
     cell: float,
@@ -338,10 +335,10 @@ def most_certain(
     return best
 
 
-@kernel("int64(int64[:, ::1], float32[:, :, ::1], int64, int64, float64, float64, float64, float64, float64)")
+@kernel
 def least_steep(
-    cells: NDArray[np.int64],
-    slope: NDArray[np.float32],
+    cells: Array2D[np.int64],
+    slope: Array3D[np.float32],
     row0: int,
     col0: int,
     west: float,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Strided1D, Strided2D
 from slz.kernels.jit import kernel
 
 
-@kernel(
-    "float64[:](float32[:, :], float64, float64, float64, float64, float64, float64, int64, float64, float64)"
-)
+@kernel
 def horizon(
-    top: NDArray[np.float32],
+    top: Strided2D[np.float32],
     row: float,
     col: float,
     base_m: float,
@@ -22,7 +20,7 @@ def horizon(
     sectors: int,
     to_east: float,
     to_north: float,
-) -> NDArray[np.float64]:
+) -> Strided1D[np.float64]:
     """Return by sector the greatest elevation angle (rad) of a top seen from a point; NaN where unknown.
 
     Sectors are bearings, clockwise from north, the first centred on north. Only cells between `near_m` and

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Float32
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
 from slz.kernels.simd import LANES, broadcast, flags_of, load, store, where
 
-Row = NDArray[np.float32]
-Word = NDArray[np.uint64]
+Row = Array1D[np.float32]
+Word = Array1D[np.uint64]
 HIGHEST = np.float32(np.inf)
 
 
-@kernel("void(uint64[:, ::1], int64)")
+@kernel
 def _clear_beyond(bits: Bits, cols: int) -> None:
     """Clear the bits of the last words that are beyond the last column."""
     if cols & 63:
@@ -22,7 +22,7 @@ def _clear_beyond(bits: Bits, cols: int) -> None:
             bits[r, -1] &= (ONE << np.uint64(cols & 63)) - ONE
 
 
-@kernel("void(uint64[::1], int64, int64, int64, boolean)")
+@kernel
 def _combine_shifted(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
     """Combine words with those `far` words and `shift` bits ahead, in place: by AND, or by OR."""
     near, rest, first = np.uint64(shift), np.uint64(63 - shift), np.uint64(far)
@@ -31,7 +31,7 @@ def _combine_shifted(words: Word, count: int, far: int, shift: int, all_: bool) 
         words[w] = words[w] & ahead if all_ else words[w] | ahead
 
 
-@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64, boolean)")
+@kernel
 def _squares_filter(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
     """Return the cells whose square of 2 radius + 1 cells is all set, or has any set; outside is not set.
 
@@ -63,19 +63,19 @@ def _squares_filter(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
     return out
 
 
-@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+@kernel
 def dilated(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the dilation by a square of 2 radius + 1 cells."""
     return _squares_filter(bits, radius, cols, False)
 
 
-@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+@kernel
 def eroded(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the erosion by a square of 2 radius + 1 cells; cells outside are not set."""
     return _squares_filter(bits, radius, cols, True)
 
 
-@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+@kernel
 def closed(bits: Bits, radius: int, cols: int) -> Bits:
     """Return the closing by a square of 2 radius + 1 cells, with the outside unknown.
 
@@ -84,7 +84,7 @@ def closed(bits: Bits, radius: int, cols: int) -> Bits:
     return bits | eroded(dilated(bits, radius, cols), radius, cols)
 
 
-@kernel("uint64[:, ::1](uint64[:, ::1], int64)")
+@kernel
 def complement(bits: Bits, cols: int) -> Bits:
     """Return the complement: the cells that are not set."""
     out = ~bits
@@ -92,8 +92,8 @@ def complement(bits: Bits, cols: int) -> Bits:
     return out
 
 
-@kernel("uint64[:, ::1](float32[:, ::1], float32)")
-def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
+@kernel
+def above(values: Array2D[np.float32], limit: np.float32) -> Bits:
     """Return the cells whose value is above a limit; NaN is not above."""
     rows, cols = values.shape
     out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
@@ -109,8 +109,8 @@ def above(values: NDArray[np.float32], limit: np.float32) -> Bits:
     return out
 
 
-@kernel("uint64[:, ::1](float32[:, ::1], float32[:, ::1], float32)")
-def exceeds(values: NDArray[np.float32], others: NDArray[np.float32], by: float) -> Bits:
+@kernel
+def exceeds(values: Array2D[np.float32], others: Array2D[np.float32], by: Float32) -> Bits:
     """Return the cells whose value exceeds the other value by more than a limit; NaN does not.
 
     Rows of the other values are padded to whole lanes.
@@ -127,9 +127,9 @@ def exceeds(values: NDArray[np.float32], others: NDArray[np.float32], by: float)
     return out
 
 
-@kernel("void(float32[::1], int64, int64, int64, int64, float32, float32[::1], int64)")
+@kernel
 def _row_minimum(
-    values: Row, first: int, count: int, radius: int, away: int, rise: float, out: Row, at: int
+    values: Row, first: int, count: int, radius: int, away: int, rise: Float32, out: Row, at: int
 ) -> None:
     """Write the minimum over 2 radius + 1 values, `away` apart, each raised by `rise` per step away."""
     for c in range(0, count, LANES):
@@ -142,8 +142,8 @@ def _row_minimum(
         store(out, at + c, least)
 
 
-@kernel("float32[:, ::1](float32[:, ::1], int64, float32)")
-def minimum_filter(values: NDArray[np.float32], radius: int, rise: float) -> NDArray[np.float32]:
+@kernel
+def minimum_filter(values: Array2D[np.float32], radius: int, rise: Float32) -> Array2D[np.float32]:
     """Return the minimum over a square of 2 radius + 1 cells around every cell, NaN ignored.
 
     A value is raised by `rise` for every row and every column of its distance. Rows are padded to whole

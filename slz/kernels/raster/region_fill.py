@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 from slz.kernels.polygons.boundary_tracing import EAST_BIT, WEST_BIT, extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
@@ -14,10 +12,10 @@ from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, popcount, pref
 TO_WEST, TO_EAST = np.uint64(WEST_BIT), np.uint64(EAST_BIT)
 
 
-@kernel("int64(int32[:, ::1], uint8[::1], int64, int64, int64, uint64[:, ::1])")
+@kernel
 def fill(
-    path: NDArray[np.int32], edges: NDArray[np.uint8], n: int, row0: int, word0: int, content: Bits
-) -> Any:
+    path: Array2D[np.int32], edges: Array1D[np.uint8], n: int, row0: int, word0: int, content: Bits
+) -> int:
     """Set the cells on and inside a traced contour, in a box of zeros; return their number.
 
     Parity fill: toggle the bits at western and eastern edges, then take the prefix parity of each row.
@@ -40,7 +38,7 @@ def fill(
     return signed(count)
 
 
-@kernel("uint64(uint64, uint64)")
+@kernel
 def _spread_down(open_cells: np.uint64, set_: np.uint64) -> np.uint64:
     """Spread set cells to lower columns, as far as the free cells reach."""
     for shift in (1, 2, 4, 8, 16, 32):
@@ -49,7 +47,7 @@ def _spread_down(open_cells: np.uint64, set_: np.uint64) -> np.uint64:
     return set_
 
 
-@kernel("UniTuple(int64, 2)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64)")
+@kernel
 def _spread(open_cells: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
     """Spread a part into row r, from the row itself and from words of an adjacent row.
 
@@ -88,7 +86,7 @@ def _spread(open_cells: Bits, part: Bits, r: int, other: int, first: int, last: 
     return low, high
 
 
-@kernel("uint64[:, ::1](uint64[:, ::1], int64, int64)")
+@kernel
 def component(open_cells: Bits, row: int, col: int) -> Bits:
     """Return the 8-connected component of a set cell.
 
@@ -133,7 +131,7 @@ def component(open_cells: Bits, row: int, col: int) -> Bits:
     return part
 
 
-@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int32[:, ::1], uint8[::1])")
+@kernel
 def _reaches(
     safe: Bits,
     content: Bits,
@@ -141,8 +139,8 @@ def _reaches(
     word0: int,
     row: int,
     col: int,
-    path: NDArray[np.int32],
-    edges: NDArray[np.uint8],
+    path: Array2D[np.int32],
+    edges: Array1D[np.uint8],
 ) -> bool:
     """Return whether a set cell belongs to the component whose contour is around it, see `all_reach`."""
     while True:  # west to an edge; the trace of a hole is followed to its first cell, farther south
@@ -157,9 +155,9 @@ def _reaches(
         row, col = signed(path[first, 0]), signed(path[first, 1])
 
 
-@kernel("boolean(uint64[:, ::1], uint64[:, ::1], int64, int64, int64[:, ::1], int64)")
+@kernel
 def all_reach(
-    safe: Bits, content: Bits, row0: int, word0: int, cells: NDArray[np.int64], longest: int
+    safe: Bits, content: Bits, row0: int, word0: int, cells: Array2D[np.int64], longest: int
 ) -> bool:
     """Return whether set cells inside a contour belong to its component, and not to an island in a hole.
 

@@ -8,7 +8,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, Bits
 
 
-@kernel("void(uint64[:, ::1], int64)")
+@kernel
 def erode_columns(bits: Bits, by: int) -> None:
     """Keep the cells whose neighbour `by` columns to the east is also set, in place."""
     far, near = by >> 6, np.uint64(by & 63)
@@ -25,7 +25,7 @@ def erode_columns(bits: Bits, by: int) -> None:
             bits[r, w] &= low
 
 
-@kernel("void(uint64[:, ::1], int64)")
+@kernel
 def erode_rows(bits: Bits, by: int) -> None:
     """Keep the cells whose neighbour `by` rows to the north is also set, in place."""
     rows, words = bits.shape
@@ -37,7 +37,7 @@ def erode_rows(bits: Bits, by: int) -> None:
             bits[r] = NONE
 
 
-@kernel("void(uint64[:, ::1], int64, int64)")
+@kernel
 def erode_to_side(bits: Bits, side: int, wanted: int) -> None:
     """Reduce south-west corners of set squares of one side to those of a larger side, in place."""
     while side < wanted:
@@ -47,7 +47,7 @@ def erode_to_side(bits: Bits, side: int, wanted: int) -> None:
         side += step
 
 
-@kernel("UniTuple(int64, 4)(uint64[:, ::1], uint64[:, ::1], int64, int64, int64, int64, int64)")
+@kernel
 def erode(
     safe: Bits, seeds: Bits, side: int, row0: int, row1: int, col0: int, col1: int
 ) -> tuple[int, int, int, int]:

@@ -5,23 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Strided2D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, popcount, signed, word_at
 
-Bytes = NDArray[np.uint8]
-Layer = NDArray[np.float32]
-Sums = NDArray[np.float64]
+Sums = Array2D[np.float64]
 
 # Statistics of a zone; those after SUM_SLOPE and SUM_ROUGHNESS are the numbers of summands.
 N_SAFE, N_UNSAFE, SUM_CERTAINTY, SUM_SLOPE, N_SLOPE, SUM_ROUGHNESS, N_ROUGHNESS = range(7)
 ZONAL_STATISTICS = 7
 
 
-@kernel("void(float64[:, ::1], int64, float32[::1], uint64, uint64)")
-def _add_finite(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.uint64) -> None:
+@kernel
+def _add_finite(sums: Sums, of: int, values: Array1D[np.float32], first: np.uint64, cells: np.uint64) -> None:
     """Add the set and finite ones of 64 values, each to the sum of its bit, and count them."""
     for k in range(np.uint64(64)):
         value = np.float64(values[first + k])
@@ -30,17 +28,14 @@ def _add_finite(sums: Sums, of: int, values: Layer, first: np.uint64, cells: np.
         sums[of + 1, k] += 1.0 if counts else 0.0
 
 
-@kernel(
-    "uint64(uint64, uint64, uint8[::1], float32[::1], float32[::1], float32[::1], UniTuple(int64, 4), uint8,"
-    " uint8, float64[:, ::1])"
-)
+@kernel
 def _add_word(
     mine: np.uint64,
     inside: np.uint64,
-    state: Bytes,
-    certainty: Layer,
-    slope: Layer,
-    roughness: Layer,
+    state: Array1D[np.uint8],
+    certainty: Array1D[np.float32],
+    slope: Array1D[np.float32],
+    roughness: Array1D[np.float32],
     at: tuple[int, int, int, int],
     safe: np.uint8,
     unsafe: np.uint8,
@@ -63,8 +58,8 @@ def _add_word(
     return inside & bad
 
 
-@kernel("int64(uint64[:, :])")
-def count(cells: Bits) -> Any:
+@kernel
+def count(cells: Strided2D[np.uint64]) -> int:
     """Return the number of set cells."""
     n = NONE
     for r in range(cells.shape[0]):
@@ -73,8 +68,8 @@ def count(cells: Bits) -> Any:
     return signed(n)
 
 
-@kernel("int64(uint64[:, :], uint64[:, :], int64, int64)")
-def common(cells: Bits, others: Bits, down: int, right: int) -> Any:
+@kernel
+def common(cells: Strided2D[np.uint64], others: Strided2D[np.uint64], down: int, right: int) -> int:
     """Return the number of cells set in both of two bitmaps, the first one moved."""
     n = NONE
     for r in range(max(0, -down), min(cells.shape[0], others.shape[0] - down)):
@@ -84,21 +79,18 @@ def common(cells: Bits, others: Bits, down: int, right: int) -> Any:
     return signed(n)
 
 
-@kernel(
-    "void(uint64[:, :], uint64[:, :], uint8[:, ::1], uint8, uint8, float32[:, ::1], float32[:, ::1],"
-    " float32[:, ::1], float64[::1], uint64[:, :])"
-)
+@kernel
 def zonal_sums(
-    own: Bits,
-    content: Bits,
-    state: Bytes,
+    own: Strided2D[np.uint64],
+    content: Strided2D[np.uint64],
+    state: Array2D[np.uint8],
     safe: np.uint8,
     unsafe: np.uint8,
-    certainty: Layer,
-    slope: Layer,
-    roughness: Layer,
-    statistics: NDArray[np.float64],
-    holes: Bits,
+    certainty: Array2D[np.float32],
+    slope: Array2D[np.float32],
+    roughness: Array2D[np.float32],
+    statistics: Array1D[np.float64],
+    holes: Strided2D[np.uint64],
 ) -> None:
     """Sum the maps of some rows of a zone, over the cells of whole words.
 
@@ -130,16 +122,13 @@ def zonal_sums(
         statistics[of] = sums[of].sum()
 
 
-@kernel(
-    "void(float32[:, :, :, ::1], uint8[:, :, :, ::1], int64, int32[:, ::1], boolean[:, ::1], int64, int64,"
-    " int64, int64, uint8, uint8, uint64[:, ::1], uint64[:, ::1], float64[:, :, ::1], uint64[:, ::1])"
-)
+@kernel
 def zonal_sums_of_tiles(
-    layers: NDArray[np.float32],
-    states: Bytes,
+    layers: Array4D[np.float32],
+    states: Array4D[np.uint8],
     first: int,
-    table: NDArray[np.int32],
-    wanted: NDArray[np.bool_],
+    table: Array2D[np.int32],
+    wanted: Array2D[np.bool_],
     row0: int,
     certainty: int,
     slope: int,
@@ -148,7 +137,7 @@ def zonal_sums_of_tiles(
     unsafe: np.uint8,
     own: Bits,
     content: Bits,
-    statistics: NDArray[np.float64],
+    statistics: Array3D[np.float64],
     holes: Bits,
 ) -> None:
     """Compute `zonal_sums` for each wanted tile of a zone that is in a block.
@@ -186,7 +175,7 @@ def zonal_sums_of_tiles(
                 statistics[tr, tc, of] = sums[of].sum()
 
 
-@kernel()
+@kernel_for_any_types
 def _none(cells: Bits, first: int, stop: int, word: int) -> Any:
     """Return whether nothing is set in a word of some rows, which may be outside."""
     any_ = NONE
@@ -196,7 +185,7 @@ def _none(cells: Bits, first: int, stop: int, word: int) -> Any:
     return any_ == NONE
 
 
-@kernel()
+@kernel_for_any_types
 def _same(new: Bits, old: Bits, first: int, stop: int, down: int, word: int, right: int) -> Any:
     """Return whether a word of some rows is unchanged; outside the old rows nothing was set."""
     w, begin, end = word + right, max(first, -down), min(stop, len(old) - down)
@@ -208,27 +197,23 @@ def _same(new: Bits, old: Bits, first: int, stop: int, down: int, word: int, rig
     return other == NONE and _none(new, first, begin, word) and _none(new, end, stop, word)
 
 
-@kernel(
-    "boolean(int64, int64[:, ::1], uint64[:, ::1], uint64[:, ::1], int64, int64, int64[:, ::1],"
-    " uint64[:, ::1], uint64[:, ::1], float64[:, :, ::1], uint64[:, ::1], boolean[:, ::1],"
-    " float64[:, :, ::1], uint64[:, ::1])"
-)
+@kernel
 def carry_over(
     row0: int,
-    versions: NDArray[np.int64],
+    versions: Array2D[np.int64],
     own: Bits,
     content: Bits,
     down: int,
     right: int,
-    old_versions: NDArray[np.int64],
+    old_versions: Array2D[np.int64],
     old_own: Bits,
     old_content: Bits,
-    old_statistics: NDArray[np.float64],
+    old_statistics: Array3D[np.float64],
     old_holes: Bits,
-    wanted: NDArray[np.bool_],
-    statistics: NDArray[np.float64],
+    wanted: Array2D[np.bool_],
+    statistics: Array3D[np.float64],
     holes: Bits,
-) -> Any:
+) -> bool:
     """Copy earlier `zonal_sums_of_tiles` for unchanged tiles; return whether all tiles are unchanged.
 
     Parameters

@@ -7,8 +7,8 @@ bit-identical however the points were split and whoever added them.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Int32, Strided2D, Strided3D
 from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE
 from slz.kernels.jit import kernel
 
@@ -16,12 +16,9 @@ BLOCK_BITS = 8
 BLOCK = 1 << BLOCK_BITS  # cells along the side of a block
 MOST_INDEX = 2.0**30  # bound on a row or column
 
-Ints = NDArray[np.int64]
-Heights = NDArray[np.int32]
 
-
-@kernel("int64(int64[:, ::1], int64[::1], int64, int64)")
-def _find(blocks: Ints, slots: Ints, row: int, col: int) -> int:
+@kernel
+def _find(blocks: Array2D[np.int64], slots: Array1D[np.int64], row: int, col: int) -> int:
     """Return the hash slot of a block's number, or the empty slot (-1) for it."""
     mask = len(slots) - 1
     at = ((row * 0x9E3779B1 + col * 0x85EBCA77) >> 7) & mask
@@ -30,32 +27,29 @@ def _find(blocks: Ints, slots: Ints, row: int, col: int) -> int:
     return at
 
 
-@kernel("void(int64[:, ::1], int64, int64[::1])")
-def rehash(blocks: Ints, n_blocks: int, slots: Ints) -> None:
+@kernel
+def rehash(blocks: Array2D[np.int64], n_blocks: int, slots: Array1D[np.int64]) -> None:
     """Enter blocks into an empty hash table whose length is a power of two above twice their number."""
     for i in range(n_blocks):
         slots[_find(blocks, slots, blocks[i, 0], blocks[i, 1])] = i
 
 
-@kernel(
-    "UniTuple(int64, 2)(float64[::1], float64[::1], float64[::1], boolean[::1], float64, float64, float64,"
-    " float64, int64[:, ::1], int64[::1], int64, uint16[::1], int32[::1], int32[::1])"
-)
+@kernel
 def place(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    z: NDArray[np.float64],
-    keep: NDArray[np.bool_],
+    x: Array1D[np.float64],
+    y: Array1D[np.float64],
+    z: Array1D[np.float64],
+    keep: Array1D[np.bool_],
     x_cells: float,
     y_cells: float,
     z_units: float,
     most_height: float,
-    blocks: Ints,
-    slots: Ints,
+    blocks: Array2D[np.int64],
+    slots: Array1D[np.int64],
     n_blocks: int,
-    cell: NDArray[np.uint16],
-    height: Heights,
-    block: Heights,
+    cell: Array1D[np.uint16],
+    height: Array1D[np.int32],
+    block: Array1D[np.int32],
 ) -> tuple[int, int]:
     """Find block, cell and height of the points to keep; return the numbers of points and of blocks.
 
@@ -89,14 +83,14 @@ def place(
     return n, n_blocks
 
 
-@kernel("void(int32[::1], uint16[::1], int32[::1], int64[::1], uint16[::1], int32[::1])")
+@kernel
 def by_block(
-    block: Heights,
-    cell: NDArray[np.uint16],
-    height: Heights,
-    place_of: Ints,
-    cell_out: NDArray[np.uint16],
-    height_out: Heights,
+    block: Array1D[np.int32],
+    cell: Array1D[np.uint16],
+    height: Array1D[np.int32],
+    place_of: Array1D[np.int64],
+    cell_out: Array1D[np.uint16],
+    height_out: Array1D[np.int32],
 ) -> None:
     """Sort points by block; place_of holds the start of each block, and is modified."""
     for i in range(len(block)):
@@ -105,44 +99,41 @@ def by_block(
         place_of[block[i]] = at + 1
 
 
-@kernel("void(uint16[::1], int64[::1], int64[::1])")
-def count_lines(cell: NDArray[np.uint16], rows: Ints, cols: Ints) -> None:
+@kernel
+def count_lines(cell: Array1D[np.uint16], rows: Array1D[np.int64], cols: Array1D[np.int64]) -> None:
     """Count a block's points by row and by column."""
     for i in range(len(cell)):
         rows[cell[i] >> BLOCK_BITS] += 1
         cols[cell[i] & (BLOCK - 1)] += 1
 
 
-@kernel("void(int32[::1], float64, int64, int64[::1])")
-def count_heights(height: Heights, units: float, first: int, count: Ints) -> None:
+@kernel
+def count_heights(height: Array1D[np.int32], units: float, first: int, count: Array1D[np.int64]) -> None:
     """Count points by height, in bins of `units` units; the first bin has the number `first`."""
     for i in range(len(height)):
         count[int(np.floor(height[i] / units)) - first] += 1
 
 
-@kernel("void(uint16[::1], int32[:, ::1], int64)")
-def count_squares(cell: NDArray[np.uint16], count: NDArray[np.int32], bits: int) -> None:
+@kernel
+def count_squares(cell: Array1D[np.uint16], count: Array2D[np.int32], bits: int) -> None:
     """Count a block's points by squares of 2^bits cells."""
     for i in range(len(cell)):
         count[cell[i] >> (BLOCK_BITS + bits), (cell[i] & (BLOCK - 1)) >> bits] += 1
 
 
-@kernel(
-    "int64(uint16[::1], int32[::1], int64, int64, int64, int64, int32, int32,"
-    " int32[:, ::1], int64[:, ::1], int32[:, :, ::1])"
-)
+@kernel
 def join(
-    cell: NDArray[np.uint16],
-    height: Heights,
+    cell: Array1D[np.uint16],
+    height: Array1D[np.int32],
     row0: int,
     col0: int,
     rows: int,
     cols: int,
-    low: int,
-    high: int,
-    count: NDArray[np.int32],
-    total: Ints,
-    extreme: Heights,
+    low: Int32,
+    high: Int32,
+    count: Array2D[np.int32],
+    total: Array2D[np.int64],
+    extreme: Array3D[np.int32],
 ) -> int:
     """Add a block's points from `low` to `high` to the statistics of rows x cols cells; return how many.
 
@@ -176,15 +167,15 @@ def join(
     return n
 
 
-@kernel("float32[:, :, :, ::1](int32[:, :], int64[:, :], int32[:, :, :], int64, float64, float64)")
+@kernel
 def evidence_of(
-    count: NDArray[np.int32],
-    total: Ints,
-    extreme: Heights,
+    count: Strided2D[np.int32],
+    total: Strided2D[np.int64],
+    extreme: Strided3D[np.int32],
     datum: int,
     unit_m: float,
     noise_m: float,
-) -> NDArray[np.float32]:
+) -> Array4D[np.float32]:
     """Return the evidence (rows, cols, 2, FIELDS) of the sums: one epoch, heights above `datum` (m)."""
     rows, cols = count.shape
     out = np.zeros((rows, cols, 2, FIELDS), np.float32)

@@ -20,7 +20,7 @@ SOURCE = '''"""A module."""
 from __future__ import annotations
 
 
-@kernel("float64(float64)")
+@kernel
 def half(x: float | None) -> float:
     if x > 1:
         return (

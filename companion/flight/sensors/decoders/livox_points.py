@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D
 from slz.kernels.jit import kernel
 
 HEADER_BYTES = 36
@@ -17,30 +17,30 @@ DOUBTFUL = 0b101010
 LINES = 4
 
 
-Bytes = NDArray[np.uint8]
+Bytes = ReadOnly1D[np.uint8]
 
 
-@kernel("uint32(Array(uint8, 1, 'C', readonly=True), uint64)")
+@kernel
 def _u16(data: Bytes, at: np.uint64) -> np.uint32:
     return np.uint32(data[at]) | np.uint32(data[at + np.uint64(1)]) << np.uint32(8)
 
 
-@kernel("uint32(Array(uint8, 1, 'C', readonly=True), uint64)")
+@kernel
 def _u32(data: Bytes, at: np.uint64) -> np.uint32:
     return _u16(data, at) | _u16(data, at + np.uint64(2)) << np.uint32(16)
 
 
-@kernel("int32(Array(uint8, 1, 'C', readonly=True), uint64)")
+@kernel
 def _i32(data: Bytes, at: np.uint64) -> np.int32:
     return np.int32(_u32(data, at))
 
 
-@kernel("int16(Array(uint8, 1, 'C', readonly=True), uint64)")
+@kernel
 def _i16(data: Bytes, at: np.uint64) -> np.int16:
     return np.int16(_u16(data, at))
 
 
-@kernel("UniTuple(float64, 3)(Array(uint8, 1, 'C', readonly=True), uint64, int64)")
+@kernel
 def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]:
     """Return x, y, z of the point at a byte offset; kind 1: mm, 2: cm, 3: depth in mm and two angles."""
     two, four, six, eight = np.uint64(2), np.uint64(4), np.uint64(6), np.uint64(8)
@@ -55,13 +55,13 @@ def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]
     return across * math.cos(phi), across * math.sin(phi), depth * math.cos(theta)
 
 
-@kernel("UniTuple(int64, 3)(Array(uint8, 1, 'C', readonly=True), f4[:, ::1], i8[::1], u1[::1], u1[::1])")
+@kernel
 def decode_points(
-    data: NDArray[np.uint8],
-    xyz_m: NDArray[np.float32],
-    stamps_ns: NDArray[np.int64],
-    intensity: NDArray[np.uint8],
-    ring: NDArray[np.uint8],
+    data: ReadOnly1D[np.uint8],
+    xyz_m: Array2D[np.float32],
+    stamps_ns: Array1D[np.int64],
+    intensity: Array1D[np.uint8],
+    ring: Array1D[np.uint8],
 ) -> tuple[int, int, int]:
     """Decode consecutive packets in `data`.
 

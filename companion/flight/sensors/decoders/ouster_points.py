@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel
 
 
-@kernel(
-    "UniTuple(int64, 2)(u4[:, :, ::1], u1[:, :, ::1], i8[::1], i8[::1], f4[:, :, ::1], f4[:, :, ::1], "
-    "f4[:, ::1], i8[::1], u1[::1], u1[::1], u1[::1], u1[::1])"
-)
+@kernel
 def place_pixels(
-    range_mm: NDArray[np.uint32],
-    bright: NDArray[np.uint8],
-    number: NDArray[np.int64],
-    column_ns: NDArray[np.int64],
-    direction: NDArray[np.float32],
-    offset_m: NDArray[np.float32],
-    xyz_m: NDArray[np.float32],
-    stamp_ns: NDArray[np.int64],
-    intensity: NDArray[np.uint8],
-    ring: NDArray[np.uint8],
-    echo: NDArray[np.uint8],
-    echoes: NDArray[np.uint8],
+    range_mm: Array3D[np.uint32],
+    bright: Array3D[np.uint8],
+    number: Array1D[np.int64],
+    column_ns: Array1D[np.int64],
+    direction: Array3D[np.float32],
+    offset_m: Array3D[np.float32],
+    xyz_m: Array2D[np.float32],
+    stamp_ns: Array1D[np.int64],
+    intensity: Array1D[np.uint8],
+    ring: Array1D[np.uint8],
+    echo: Array1D[np.uint8],
+    echoes: Array1D[np.uint8],
 ) -> tuple[int, int]:
     """Project the ranges of columns to points; a range of zero is no return.
 

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly2D
 from slz.kernels.jit import kernel
 
 BLOCKS, PLACES = 12, 32  # blocks of a packet; measurements of a block
@@ -95,17 +95,14 @@ BLOCK_TICKS = np.array([SEQUENCE_TICKS * count // BLOCKS for count in SEQUENCES.
 NUMBER = np.full(256, -1)  # row of a model in the tables, by its factory byte
 NUMBER[list(MODELS)] = range(len(MODELS))
 
-Bytes = NDArray[np.uint8]
-_PACKETS = "Array(uint8, 2, 'C', readonly=True)"
 
-
-@kernel(f"int64({_PACKETS}, int64, int64)")
-def _u16(packets: Bytes, packet: int, at: int) -> int:
+@kernel
+def _u16(packets: ReadOnly2D[np.uint8], packet: int, at: int) -> int:
     return int(packets[packet, at]) | int(packets[packet, at + 1]) << 8
 
 
-@kernel(f"float64({_PACKETS}, int64, int64, int64)")
-def _turn_per_tick(packets: Bytes, packet: int, step: int, ticks: int) -> float:
+@kernel
+def _turn_per_tick(packets: ReadOnly2D[np.uint8], packet: int, step: int, ticks: int) -> float:
     """Return the mean turn per tick, in 0.01 degrees, without steps over an omitted sector."""
     turned, times = 0, 0
     for block in range(0, BLOCKS - step, step):
@@ -117,24 +114,21 @@ def _turn_per_tick(packets: Bytes, packet: int, step: int, ticks: int) -> float:
     return turned / (times * ticks) if times else 0.0
 
 
-@kernel(
-    f"UniTuple(int64, 2)({_PACKETS}, i8[::1], i8[::1], f8[:, :, ::1], i8[:, ::1], u1[:, ::1], i8[::1], "
-    "f4[:, ::1], i8[::1], u1[::1], u1[::1], u1[::1], u1[::1])"
-)
+@kernel
 def place_rays(
-    packets: Bytes,
-    stamps_ns: NDArray[np.int64],
-    number: NDArray[np.int64],
-    shape: NDArray[np.float64],
-    ticks: NDArray[np.int64],
-    rings: Bytes,
-    block_ticks: NDArray[np.int64],
-    xyz_m: NDArray[np.float32],
-    stamp_ns: NDArray[np.int64],
-    intensity: Bytes,
-    ring: Bytes,
-    echo: Bytes,
-    echoes: Bytes,
+    packets: ReadOnly2D[np.uint8],
+    stamps_ns: Array1D[np.int64],
+    number: Array1D[np.int64],
+    shape: Array3D[np.float64],
+    ticks: Array2D[np.int64],
+    rings: Array2D[np.uint8],
+    block_ticks: Array1D[np.int64],
+    xyz_m: Array2D[np.float32],
+    stamp_ns: Array1D[np.int64],
+    intensity: Array1D[np.uint8],
+    ring: Array1D[np.uint8],
+    echo: Array1D[np.uint8],
+    echoes: Array1D[np.uint8],
 ) -> tuple[int, int]:
     """Project the measurements of packets to points; a distance of zero is no return.
 

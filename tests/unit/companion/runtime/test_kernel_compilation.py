@@ -20,7 +20,7 @@ from companion.runtime.interrupt import Interrupted
 
 EVERYTHING = kernel_compilation.OF_SOURCE_MODE | kernel_compilation.SELDOM
 IMPORTS_ROWS = "from slz.kernels.growable_array import (\n    b,\n)\n"
-EAGER = '@kernel("int64(int64)")\n'
+EAGER = "@kernel\n"
 KERNELS = ("slz/kernels/points/voxels", "companion/flight/fusion/placement")
 OF_SOME_FLIGHTS = {
     "companion.flight.sensors.decoders.livox_points",

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 import pytest
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_for_any_types
 from slz.kernels.raster import bitmap
 
 RANDOM = Random(7)
@@ -17,17 +17,17 @@ WORDS = [0, 1, 2, 3, 2**31, 2**32, 2**62, 2**63, 2**63 - 1, 2**64 - 2, 2**64 - 1
 WORDS += [RANDOM.getrandbits(64) >> RANDOM.randrange(64) for _ in range(200)]
 
 
-@kernel()
+@kernel_for_any_types
 def _population(word: np.uint64) -> np.uint64:
     return np.uint64(bitmap.popcount(word))
 
 
-@kernel()
+@kernel_for_any_types
 def _lowest(word: np.uint64) -> np.uint64:
     return np.uint64(bitmap.lowest(word))
 
 
-@kernel()
+@kernel_for_any_types
 def _leading(word: np.uint64) -> np.uint64:
     return np.uint64(bitmap.leading(word))
 

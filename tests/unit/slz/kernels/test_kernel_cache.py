@@ -16,10 +16,10 @@ from slz.kernels.source_stamp import sources_of
 from tests import REPOSITORY
 
 HELPER = """
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_for_any_types
 
 
-@kernel()
+@kernel_for_any_types
 def helped(x):
     return x + {added}
 """
@@ -28,8 +28,8 @@ from slz.kernels.jit import kernel
 from slz.kernels.between import passed_on
 
 
-@kernel("float64(float64)")
-def called(x):
+@kernel
+def called(x: float) -> float:
     return passed_on(x)
 """
 BETWEEN = CALLER.replace("between import passed_on", "helper import (\n    helped,\n)").replace(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 from slz.kernels.simd import (
     LANES,
@@ -30,12 +31,12 @@ from slz.kernels.simd import (
     widened,
 )
 
-Floats = NDArray[np.float32]
+Floats = Array1D[np.float32]
 ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-40, 3e38, -1.5], np.float32)
 
 
-@kernel("void(float32[::1], float32[::1], int64, float32[:, ::1], uint64[::1])")
-def all_of_them(a: Floats, b: Floats, at: int, out: Floats, bits: NDArray[np.uint64]) -> None:
+@kernel
+def all_of_them(a: Floats, b: Floats, at: int, out: Array2D[np.float32], bits: Array1D[np.uint64]) -> None:
     flat = out.ravel()
     x, y = load(a, at), load(b, at)
     store(flat, 0, x + y)
@@ -47,15 +48,15 @@ def all_of_them(a: Floats, b: Floats, at: int, out: Floats, bits: NDArray[np.uin
     bits[0], bits[1], bits[2] = flags_of(x < y), flags_of(x == y), flags_of(logical_and(x == x, y < x))
 
 
-@kernel("void(float32[::1], float64[::1], int64, float64[:, ::1], float32[::1], uint8[::1], uint64[::1])")
+@kernel
 def wide_ones(
     a: Floats,
-    b: NDArray[np.float64],
+    b: Array1D[np.float64],
     at: int,
-    out: NDArray[np.float64],
+    out: Array2D[np.float64],
     narrow: Floats,
-    states: NDArray[np.uint8],
-    bits: NDArray[np.uint64],
+    states: Array1D[np.uint8],
+    bits: Array1D[np.uint64],
 ) -> None:
     flat = out.ravel()
     x, y = widened(load(a, at)), load_wide(b, at)
@@ -112,7 +113,7 @@ def test_lanes_are_what_numpy_makes_of_them(at: int) -> None:
     assert bits.tolist() == [bits_of(x < y), bits_of(x == y), bits_of((x == x) & (y < x))]
 
 
-@kernel("void(float32[::1], float32[::1], float32[::1], float32[::1])")
+@kernel
 def multiplied_and_added(a: Floats, b: Floats, c: Floats, out: Floats) -> None:
     store(out, 0, fused_multiply_add(load(a, 0), load(b, 0), load(c, 0)))
 
@@ -135,7 +136,7 @@ def test_bits_of_what_is_below_a_limit_leave_out_what_is_no_number(at: int) -> N
     assert int(below(values, at, limit)) == bits_of(values[at : at + 64] < limit)
 
 
-@kernel("void(float32[::1], int64, float32[::1])")
+@kernel
 def in_columns(values: Floats, at: int, out: Floats) -> None:
     prefetch(values, at)
     for i, column in enumerate(columns(values, at)):
