@@ -19,6 +19,7 @@ from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report
 from slz.stage_clock import StageClock
 from slz.terrain.changes import Drawn, read_changes
+from slz.terrain.layers import Output, reaching
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
 from slz.window import Window
 
@@ -157,12 +158,7 @@ class Pipeline:
             frame=self._frame,
             grid=terrain.grid,
             box=box,
-            height_m=terrain.layer("height_m", box),
-            slope_deg=terrain.layer("slope_deg", box),
-            slope_sigma_deg=terrain.layer("slope_sigma_deg", box),
-            roughness=terrain.layer("roughness", box),
-            relief_m=terrain.layer("relief_m", box),
-            certainty=terrain.layer("certainty", box),
+            layers={layer.name: terrain.layer(layer.name, box) for layer in reaching(Output.MAPS)},
             state=terrain.state(box),
         )
 

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.cells.cell_record import TILE
+from slz.terrain.layers import Output, reaching
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.terrain.tiles import Key
 
-DISPLAYED_LAYERS = ("height_m", "slope_deg", "relief_m", "certainty")
+DISPLAYED = tuple(layer.name for layer in reaching(Output.PAGE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnTile:
-    """Maps of one tile, (TILE, TILE) each, row 0 the southernmost; NaN where unknown, see `TerrainMaps`."""
+    """Displayed layers of one tile, (TILE, TILE) each, by name; see `TerrainMaps`."""
 
     key: Key
-    height_m: NDArray[np.float32]
-    slope_deg: NDArray[np.float32]
-    relief_m: NDArray[np.float32]
-    certainty: NDArray[np.float32]
+    layers: Mapping[str, NDArray[np.float32]]
     state: NDArray[np.uint8]
 
 
@@ -66,10 +65,10 @@ def read_changes(terrain: DisplayedTerrain, most: int, around_enu_m: NDArray[np.
     changed.difference_update(keys)
     tiles, gone = [], []
     for key in keys:
-        found = terrain.tile(key, DISPLAYED_LAYERS)
+        found = terrain.tile(key, DISPLAYED)
         if found is None:
             gone.append(key)
         else:
-            height_m, slope_deg, relief_m, certainty = found[0]
-            tiles.append(DrawnTile(key, height_m, slope_deg, relief_m, certainty, found[1]))
+            layers, state = found
+            tiles.append(DrawnTile(key, dict(zip(DISPLAYED, layers, strict=True)), state))
     return Drawn(terrain.serial, west_m, south_m, cell_m, tuple(tiles), tuple(gone), len(changed))

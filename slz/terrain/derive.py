@@ -15,8 +15,7 @@ from slz.kernels.footprint.patch import inverses
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
 from slz.kernels.simd import LANES
-
-LAYERS = ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty")
+from slz.terrain.layers import LAYERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ def derive(
 
     Returns
     -------
-    (7, rows, cols) float32 `LAYERS`, NaN where unknown, and (1, rows, cols) uint8 states.
+    (layers, rows, cols) float32, see `slz.terrain.layers`, and (1, rows, cols) uint8 states.
     """
     seen, m = CoveredCells.of(cells, reach, cell_m, parameters), reach.margin
     rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m

@@ -29,13 +29,13 @@ from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.raster.bitmap import Bits
-from slz.terrain.derive import LAYERS, CoveredCells, reach_of
+from slz.terrain.derive import CoveredCells, reach_of
+from slz.terrain.layers import LAYERS, NAMED
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain
 from slz.terrain.tiled_raster import Block, TiledLayers
 from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
-HEIGHTS = ("height_m", "top_m")
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
 MORE = 4  # tiles prefaulted beyond those expected
@@ -73,8 +73,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self.pinned: frozenset[Key] = frozenset()
         self.noise = Noise(parameters.range_noise_m, math.radians(parameters.angle_noise_deg))
         self._parameters = parameters
-        empty = [0.0 if name == "certainty" else np.nan for name in LAYERS]
-        self._maps = TiledLayers(empty, self.tiles.capacity >> 2 * level)
+        self._maps = TiledLayers([layer.empty for layer in LAYERS], self.tiles.capacity >> 2 * level)
         self.serial = next(SERIALS)
         self.changed_tiles: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
@@ -279,7 +278,8 @@ class EvidenceTerrain(UnboundedTerrain):
             return None
         maps, states = held
         datum_m = np.float32(self.tiles.datum_m)
-        layers = [maps[LAYERS.index(name)] + (datum_m if name in HEIGHTS else 0) for name in names]
+        wanted = [NAMED[name] for name in names]
+        layers = [maps[layer.at] + (datum_m if layer.is_height else 0) for layer in wanted]
         return layers, states[0].copy()
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
@@ -287,7 +287,7 @@ class EvidenceTerrain(UnboundedTerrain):
 
         The relief is also NaN where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
-        return self._with_datum(name, self._maps.read(self._everywhere(box), LAYERS.index(name)))
+        return self._with_datum(name, self._maps.read(self._everywhere(box), NAMED[name].at))
 
     def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
         """Return one of `LAYERS` at (n, 2) cells, see `layer`."""
@@ -301,10 +301,10 @@ class EvidenceTerrain(UnboundedTerrain):
     def kept_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
         """Return one of `LAYERS` at (n, 2) cells, heights over `kept_datum_m`: valid while that drifts."""
         there = np.ascontiguousarray(cells, np.int32)
-        return self._maps.at(there, *self._corner, LAYERS.index(name))
+        return self._maps.at(there, *self._corner, NAMED[name].at)
 
     def _with_datum(self, name: str, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        if name in HEIGHTS:
+        if NAMED[name].is_height:
             values += np.float32(self.tiles.datum_m)
         return values
 

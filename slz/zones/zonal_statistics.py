@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
+from slz.kernels.footprint.classify import A_CERTAINTY, A_ROUGHNESS, A_SLOPE
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over, zonal_sums, zonal_sums_of_tiles
-from slz.terrain.derive import LAYERS
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNSAFE
 from slz.terrain.terrain_view import CellView
 from slz.zones.detection import Candidate
 
 STRIP = 64  # rows summed at a time, so that their maps stay in the cache
-PLACES = LAYERS.index("certainty"), LAYERS.index("slope_deg"), LAYERS.index("roughness")
+PLACES = A_CERTAINTY, A_SLOPE, A_ROUGHNESS
 
 
 @dataclass(frozen=True, slots=True, eq=False)

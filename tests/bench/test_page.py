@@ -28,6 +28,7 @@ from companion.flight.dashboard.board import NEAR_TILES
 from companion.flight.dashboard.page import PageEndpoint
 from slz import Drawn, DrawnTile, Pipeline
 from slz.kernels.cells.cell_record import TILE
+from slz.terrain.changes import DISPLAYED
 from tests.bench.test_streams import POINTS_PER_S, feeder
 from tests.ports import free_port
 
@@ -70,7 +71,11 @@ def _ground(rng: np.random.Generator) -> tuple[Any, ...]:
     height = (400 + rise + rng.normal(0, 0.02, (TILE, TILE))).astype(np.float32)
     some = rng.random((TILE, TILE)).astype(np.float32)
     state = np.ones((TILE, TILE), np.uint8)
-    return height, 3 + some, 0.05 + 0.1 * some, 0.9 + 0.1 * some, state
+    known = {
+        "height_m": height, "slope_deg": 3 + some, "relief_m": 0.05 + 0.1 * some,
+        "certainty": 0.9 + 0.1 * some,
+    }  # fmt: skip
+    return {name: known.get(name, some) for name in DISPLAYED}, state
 
 
 @contextmanager

@@ -10,7 +10,8 @@ import params
 from slz.grid import Box, Grid, overlap
 from slz.kernels.raster.bitmap import unpacked
 from slz.paper.paper_terrain import PaperTerrain
-from slz.terrain.terrain import LAYERS, EvidenceTerrain
+from slz.terrain.layers import LAYERS
+from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 
 ROWS, COLS, CELL_M, WEST_M, SOUTH_M = 40, 48, 0.25, -6.0, 100.0
@@ -104,9 +105,9 @@ def test_the_evidence_is_carried_over_and_the_rest_is_unknown(move: tuple[int, i
     old = evidence()
     new = old.moved(moved_grid(move))
     everything = new.grid.everything
-    for name in LAYERS:
-        expected = carried(old.layer(name, everything), move, 0.0 if name == "certainty" else np.nan)
-        np.testing.assert_array_equal(new.layer(name, everything), expected)
+    for layer in LAYERS:
+        expected = carried(old.layer(layer.name, everything), move, layer.empty)
+        np.testing.assert_array_equal(new.layer(layer.name, everything), expected)
     state = carried(old.state(everything), move, UNKNOWN)
     np.testing.assert_array_equal(new.state(everything), state)
     bits, row, col = new.safe_bits(Box(2, ROWS - 1, 1, COLS - 3))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import params
 from slz import Pipeline, Report
 from slz.grid import Grid
+from slz.terrain.layers import NAMED
 from slz.terrain.terrain import EvidenceTerrain
 from tests.property.test_incremental_source import scan, window
 
@@ -64,5 +65,5 @@ def test_maps_drawn_where_they_changed_are_those_drawn_at_once(seed: int, window
     box = terrain.seen
     assert anew.seen == box
     np.testing.assert_array_equal(terrain.state(box), anew.state(box))
-    for name in ("height_m", "top_m", "slope_deg", "slope_sigma_deg", "relief_m", "roughness", "certainty"):
+    for name in NAMED:
         np.testing.assert_array_equal(terrain.layer(name, box), anew.layer(name, box), name)

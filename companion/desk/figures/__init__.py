@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.figures.layer_figures import draw_numbers, draw_safe, draw_slope, draw_surface
+from companion.desk.figures.layer_figures import draw_numbers, draw_ramp, draw_safe, draw_surface
 from companion.desk.figures.map_furniture import NO_MARKS, Marks, draw_frame, draw_marks
 from companion.desk.figures.picture import Picture
 from params import Parameters
 from slz import TerrainMaps, Zone
+from slz.terrain.layers import Output, reaching
 
-__all__ = ["LAYERS", "Layer", "Marks", "save_flight", "save_maps", "save_terrain"]
+__all__ = ["Marks", "save_flight", "save_maps", "save_terrain"]
 
-Layer = Literal["dsm", "slope", "safe"]
 Floats = NDArray[np.float64]
-LAYERS: dict[Layer, str] = {"dsm": "Surface", "slope": "Slope", "safe": "Safe landing zones"}
+RAMPS = {layer.file: layer for layer in reaching(Output.PICTURE) if not layer.is_height}
 
 
 def save_terrain(
     path: Path,
     maps: TerrainMaps,
-    layer: Layer,
+    name: str,
     title: str,
     zones: Iterable[Zone] = (),
     *,
@@ -38,15 +37,16 @@ def save_terrain(
     ----------
     path
         PNG file to write.
-    layer
-        `dsm`: shaded height. `slope`: degrees, blue below the safe limit and orange above. `safe`: zones by
-        certainty over shaded ground.
+    name
+        `dsm`: shaded height. `safe`: zones by certainty over shaded ground. Or the file of a layer that
+        reaches pictures, see `slz.terrain.layers`, such as `slope`: blue below the safe limit and orange
+        above.
     zones
         Best first; the largest are numbered.
     parameters
         Thresholds of certainty and slope; defaults where None.
     """
-    _save(path, Picture(maps, tuple(zones), parameters or Parameters()), layer, title, marks)
+    _save(path, Picture(maps, tuple(zones), parameters or Parameters()), name, title, marks)
 
 
 def save_maps(
@@ -56,13 +56,15 @@ def save_maps(
     parameters: Parameters | None = None,
     marks: Marks = NO_MARKS,
 ) -> list[Path]:
-    """Write dsm.png, slope.png and safe.png into a folder and return their paths."""
+    """Write dsm.png, slope.png and all others into a folder, safe.png last, and return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    picture = Picture(maps, tuple(zones), parameters or Parameters())
+    own = parameters or Parameters()
+    picture = Picture(maps, tuple(zones), own)
+    ramps = {name: layer.title for name, layer in RAMPS.items() if layer.unit_in(own.mode)}
     paths = []
-    for layer, title in LAYERS.items():
-        paths.append(folder / f"{layer}.png")
-        _save(paths[-1], picture, layer, title, marks)
+    for name, title in {"dsm": "Surface", **ramps, "safe": "Safe landing zones"}.items():
+        paths.append(folder / f"{name}.png")
+        _save(paths[-1], picture, name, title, marks)
     return paths
 
 
@@ -75,7 +77,7 @@ def save_flight(
     touchdown_enu_m: Floats | None,
     parameters: Parameters | None = None,
 ) -> list[Path]:
-    """Write dsm.png, slope.png and safe.png of a flight and return their paths.
+    """Write the pictures of a flight, see `save_maps`, and return their paths.
 
     path_enu_m: (n, 3), from the take-off. The points are (3,). All in the map frame; None is not drawn.
     """
@@ -84,15 +86,17 @@ def save_flight(
     return save_maps(out_dir, maps, zones, parameters, marks)
 
 
-def _save(path: Path, picture: Picture, layer: Layer, title: str, marks: Marks) -> None:
+def _save(path: Path, picture: Picture, name: str, title: str, marks: Marks) -> None:
     from matplotlib.figure import Figure  # not pyplot: no global state, any thread
 
     width, height = picture.extent_m
     tall = min(max(8.6 * height / width, 3.0), 12.0) + 1.6
     figure = Figure(figsize=(10.0, tall), dpi=130, layout="constrained")
     axes = figure.add_subplot()
-    {"dsm": draw_surface, "slope": draw_slope, "safe": draw_safe}[layer](axes, picture)
-    if layer != "slope":
+    if name in RAMPS:
+        draw_ramp(axes, picture, RAMPS[name])
+    else:
+        {"dsm": draw_surface, "safe": draw_safe}[name](axes, picture)
         draw_numbers(axes, picture, marks)
     draw_marks(axes, marks)
     draw_frame(axes, picture, title)

@@ -1,4 +1,4 @@
-"""Drawings of the map layers: surface, slope, safe ground."""
+"""Drawings of the map layers: surface, safe ground, and any layer by a ramp."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from companion.desk.figures.map_furniture import Marks
 from companion.desk.figures.picture import Picture
 from params import Parameters
 from slz import SAFE, UNKNOWN, Zone
+from slz.terrain.layers import Layer
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,6 @@ SAFE_ELSEWHERE, NO_DATA = "#d9e8d3", "#ffffff"
 MOST_LABELS = 40
 COVERED = 0.02  # of the map's length: a mark nearer to a number than this hides it
 BESIDE_PT = (9, 7)  # offset right of a mark and above it
-SLOPE_TOP_DEG = 40.0
 
 
 def draw_surface(axes: Axes, picture: Picture) -> None:
@@ -41,25 +41,32 @@ def draw_surface(axes: Axes, picture: Picture) -> None:
     _colour_bar(axes, colormaps["viridis"], norm, "altitude, m")
 
 
-def draw_slope(axes: Axes, picture: Picture) -> None:
+def draw_ramp(axes: Axes, picture: Picture, layer: Layer) -> None:
+    """Draw a layer: where it has a limit, blue below and orange above, else dark to light."""
     from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap, TwoSlopeNorm
+    from matplotlib.colors import ListedColormap, Normalize, TwoSlopeNorm
 
-    limit = picture.parameters.safe_slope_deg
-    top = max(SLOPE_TOP_DEG, 2 * limit)
-    gentle, steep = (
-        colormaps["Blues"](np.linspace(0.02, 0.6, 128)),
-        colormaps["YlOrBr"](np.linspace(0.4, 1, 128)),
-    )
-    shades = ListedColormap(np.vstack([gentle, steep]))
-    norm = TwoSlopeNorm(limit, 0.0, top)
-    slope = picture.maps.slope_deg[:: picture.step, :: picture.step]
-    colour = np.asarray(shades(norm(np.clip(np.nan_to_num(slope), 0, top))))
+    limit = getattr(picture.parameters, layer.limit) if layer.limit else None
+    label = layer.meaning.format(unit=layer.unit_in(picture.parameters.mode))
+    if limit is None:
+        top = layer.full
+        shades, norm = colormaps["cividis"], Normalize(0.0, top)
+    else:
+        top = max(2 * layer.full, 2 * limit)
+        gentle, steep = (
+            colormaps["Blues"](np.linspace(0.02, 0.6, 128)),
+            colormaps["YlOrBr"](np.linspace(0.4, 1, 128)),
+        )
+        shades, norm = ListedColormap(np.vstack([gentle, steep])), TwoSlopeNorm(limit, 0.0, top)
+        label = f"{label} (safe below {limit:g})"
+    values = picture.maps.layers[layer.name][:: picture.step, :: picture.step]
+    colour = np.asarray(shades(norm(np.clip(np.nan_to_num(values), 0, top))))
     colour[..., :3] *= (0.72 + 0.4 * picture.shade).clip(0, 1)[..., None]
-    _show(axes, picture, colour, np.isnan(slope))
+    _show(axes, picture, colour, np.isnan(values))
     _outline(axes, picture, "black")
-    bar = _colour_bar(axes, shades, norm, f"slope, degrees (safe below {limit:g})")
-    bar.set_ticks([0, limit / 2, limit, (limit + top) / 2, top])
+    bar = _colour_bar(axes, shades, norm, label)
+    if limit is not None:
+        bar.set_ticks([0, limit / 2, limit, (limit + top) / 2, top])
 
 
 def draw_safe(axes: Axes, picture: Picture) -> None:

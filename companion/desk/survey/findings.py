@@ -21,7 +21,7 @@ from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
 
 
 class Maps(Protocol):
-    """Raster layers readable by box: height_m, slope_deg, roughness, certainty and state."""
+    """Layers of a survey readable by box, see `slz.terrain.layers`, and `state`."""
 
     @property
     def grid(self) -> Grid: ...
@@ -41,7 +41,8 @@ class MapsInMemory:
         return Grid(maps.west_m, maps.south_m, maps.grid.cell_m, *maps.box.shape)
 
     def read(self, name: str, box: Box) -> NDArray[Any]:
-        return np.array(getattr(self.maps, name)[box.slices])
+        values = self.maps.state if name == "state" else self.maps.layers[name]
+        return np.array(values[box.slices])
 
 
 @dataclass(frozen=True, slots=True)

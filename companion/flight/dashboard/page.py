@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import params
-from companion.flight.dashboard import state_document
+from companion.flight.dashboard import map_block, state_document
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command
 from companion.flight.dashboard.order_handler import FlightOrderHandler, OrderHandler
@@ -166,7 +166,7 @@ class Page:
 
 
 def about(rows: tuple[Row, ...]) -> dict[str, Any]:
-    """Return the document sent once to each page: the table of parameters."""
+    """Return the document sent once to each page: the table of parameters and that of the layers."""
     table = [
         {
             "name": row.name,
@@ -183,7 +183,7 @@ def about(rows: tuple[Row, ...]) -> dict[str, Any]:
         }
         for row in rows
     ]
-    return {"kind": "flight", "rows": table}
+    return {"kind": "flight", "rows": table, "layers": map_block.description()}
 
 
 def _place(enu_m: np.ndarray[Any, Any]) -> tuple[float, float, float]:

@@ -181,8 +181,7 @@ class Site:
         if found is None:
             return {**point, "map": None, "state": "unknown"}
         name, cell = found
-        fields = ("cell_m", "height_m", "slope_deg", "relief_m", "certainty", "state")
-        return {**point, "map": name} | {field: getattr(cell, field) for field in fields}
+        return {**point, "map": name, "cell_m": cell.cell_m, **cell.values, "state": cell.state}
 
     def close(self) -> None:
         """Stop the encoder's thread."""

@@ -5,17 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from companion.flight.dashboard import map_block as blocks
 from companion.flight.dashboard.map_block import SIDE, Block
-from companion.flight.dashboard.quantise import (
-    CERTAINTY_STEP,
-    NO_VALUE,
-    RELIEF_STEP_M,
-    SLOPE_STEP_DEG,
-    STEP_M,
-)
 from slz import Drawn, DrawnTile
 from slz.kernels.cells.cell_record import TILE
 
@@ -25,13 +16,10 @@ Key = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Map values of one cell; None where unknown."""
+    """Map values of one cell: layers by name, None where unknown."""
 
     cell_m: float
-    height_m: float | None
-    slope_deg: float | None
-    relief_m: float | None
-    certainty: float | None
+    values: dict[str, float | None]
     state: str
 
 
@@ -103,16 +91,8 @@ class TilePyramid:
         if block is None:
             return None
         at = row % SIDE, col % SIDE
-        height = int(block.height[at])
         state = {0: "unsafe", 1: "safe"}.get(int(block.state[at]), "unknown")
-        return Cell(
-            self.cell_m,
-            None if height == 0 else round(block.base_m + height * STEP_M, 3),
-            _value(block.slope[at], SLOPE_STEP_DEG),
-            _value(block.relief[at], RELIEF_STEP_M),
-            _value(block.certainty[at], CERTAINTY_STEP),
-            state,
-        )
+        return Cell(self.cell_m, blocks.values_at(block, *at), state)
 
     # ---- parts ----------------------------------------------------------------------------------
 
@@ -121,7 +101,7 @@ class TilePyramid:
         key, row, col = _place(tile.key, side)
         block = self._finest.get(key)
         if block is None:
-            block = self._finest[key] = blocks.empty(blocks.base_of(tile.height_m))
+            block = self._finest[key] = blocks.empty(blocks.base_of(tile.layers[blocks.HEIGHT.name]))
         return key if blocks.write(block, row, col, tile) else None
 
     def _clear(self, gone: Key) -> Key | None:
@@ -196,7 +176,3 @@ def _place(key: Key, side: int) -> tuple[Key, int, int]:
     per = SIDE // side
     (block_row, row), (block_col, col) = divmod(key[0], per), divmod(key[1], per)
     return (block_row, block_col), row * side, col * side
-
-
-def _value(number: np.uint8, step: float) -> float | None:
-    return None if number == NO_VALUE else round(float(number) * step, 3)

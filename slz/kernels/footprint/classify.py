@@ -14,7 +14,7 @@ from slz.kernels.simd import LANES, broadcast, flags, flags_of, load, logical_an
 SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
 LOW16 = np.uint64(0xFFFF)
 
-# Layers of the derived maps, see `slz.terrain.derive.LAYERS`.
+# Layers of the derived maps, described in `slz.terrain.layers`.
 A_HEIGHT, A_TOP, A_SLOPE, A_SIGMA, A_RELIEF, A_ROUGHNESS, A_CERTAINTY = range(7)
 
 F0, NAN = np.float32(0), np.float32(np.nan)

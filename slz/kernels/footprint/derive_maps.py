@@ -155,8 +155,8 @@ def derive_tiles(
     Parameters
     ----------
     block, states, first, table
-        (tiles, 7, TILE, TILE) and (tiles, 1, TILE, TILE), slot of their first tile, and slots of all tiles
-        that the box touches.
+        (tiles, layers, TILE, TILE) and (tiles, 1, TILE, TILE), slot of their first tile, and slots of all
+        tiles that the box touches.
     row0, col0
         South-west corner of the box, in the rows and columns of the tiling.
     """

@@ -22,6 +22,7 @@ from companion.desk.clouds.unit_statements import unit_name
 from companion.desk.survey.findings import Maps
 from companion.desk.survey.local_metres import Metric
 from slz import UNKNOWN, Box
+from slz.terrain.layers import NAMED, Output, reaching
 
 TILE = 256  # cells
 STRIP, WIDE = 1024, 4096  # rows and columns read at a time: whole tiles
@@ -29,8 +30,8 @@ CACHE_MB = 128  # of GDAL
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
-    """GeoTIFF layer: its name, the map layer it is read from, its unit and the meaning of its cells."""
+class Raster:
+    """GeoTIFF: its name, the map layer it is read from, its unit and the meaning of its cells."""
 
     name: str
     of: str
@@ -42,23 +43,21 @@ class Layer:
         return self.of != "state"
 
 
-def layers(metric: Metric, source_mode: bool) -> tuple[Layer, ...]:
-    """Return the layers that are written.
+def rasters(metric: Metric, mode: str) -> tuple[Raster, ...]:
+    """Return the GeoTIFFs that are written in a mode, see `slz.terrain.layers`.
 
-    dsm: height in the cloud's own vertical unit and datum. slope: degrees. roughness: rms residual about
-    the plane of the footprint, metres; in source mode the gradient of the slope map, degrees. These are
-    float32 with NaN where unknown. safe: uint8, 0 unsafe, 1 safe, 255 (nodata) unknown.
+    Layers are float32 with NaN where unknown; heights are in the cloud's own vertical unit and datum. safe:
+    uint8, 0 unsafe, 1 safe, 255 (nodata) unknown.
     """
-    height, rough = unit_name(metric.reference.vertical_m), "degree" if source_mode else "m"
-    return (
-        Layer("dsm", "height_m", height, f"mean height of the returns, {height}"),
-        Layer("slope", "slope_deg", "degree", "slope, degrees"),
-        Layer("roughness", "roughness", rough, f"roughness, {rough}"),
-        Layer("safe", "state", "", "0 unsafe, 1 safe, 255 unknown"),
-    )
+    found = []
+    for layer in reaching(Output.GEOTIFF):
+        if unit := layer.unit_in(mode):
+            unit = unit_name(metric.reference.vertical_m) if layer.is_height else unit
+            found.append(Raster(layer.file, layer.name, unit, layer.meaning.format(unit=unit)))
+    return (*found, Raster("safe", "state", "", "0 unsafe, 1 safe, 255 unknown"))
 
 
-def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
+def write(path: Path, raster: Raster, maps: Maps, metric: Metric) -> Path:
     """Write a map, north up, with overviews where it is larger than a tile.
 
     Overviews of the state take the nearest cell, so that no new value appears. Reading and writing goes
@@ -71,7 +70,7 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
     """
     unfinished = path.with_suffix(".part.tif")
     rows, cols = maps.grid.rows, maps.grid.cols
-    values: Callable[[Box], NDArray[Any]] = lambda box: _values(layer, maps, metric, box)  # noqa: E731
+    values: Callable[[Box], NDArray[Any]] = lambda box: _values(raster, maps, metric, box)  # noqa: E731
     tiled = rows > TILE or cols > TILE
     try:
         with rasterio.Env(GDAL_CACHEMAX=CACHE_MB):
@@ -82,8 +81,8 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
                 height=rows,
                 width=cols,
                 count=1,
-                dtype="float32" if layer.is_float else "uint8",
-                nodata=np.nan if layer.is_float else int(UNKNOWN),
+                dtype="float32" if raster.is_float else "uint8",
+                nodata=np.nan if raster.is_float else int(UNKNOWN),
                 crs=CRS.from_wkt(metric.reference.crs.to_wkt()),
                 transform=transform(maps, metric),
                 bigtiff="if_safer",
@@ -92,15 +91,15 @@ def write(path: Path, layer: Layer, maps: Maps, metric: Metric) -> Path:
             ) as file:
                 for window in _windows(rows, cols):
                     found = values(window)
-                    if _known(layer, found):  # unknown blocks stay sparse
+                    if _known(raster, found):  # unknown blocks stay sparse
                         place = Window(window.col0, rows - window.row1, *found.shape[::-1])
                         file.write(np.ascontiguousarray(found[::-1]), 1, window=place)
-                file.set_band_description(1, layer.meaning)
-                if layer.unit:
-                    file.set_band_unit(1, layer.unit)
+                file.set_band_description(1, raster.meaning)
+                if raster.unit:
+                    file.set_band_unit(1, raster.unit)
                 # Built before compression, since the COG driver would compress them twice.
-                file.build_overviews(_factors(rows, cols), _resampling(layer))
-            _optimize(unfinished, path, layer)
+                file.build_overviews(_factors(rows, cols), _resampling(raster))
+            _optimize(unfinished, path, raster)
     except CPLE_BaseError as error:  # raised by GDAL when the disk is full
         raise OSError(str(error)) from None
     finally:
@@ -122,14 +121,14 @@ def _windows(rows: int, cols: int) -> Iterator[Box]:
             yield Box(max(0, stop - STRIP), stop, col, min(col + WIDE, cols))
 
 
-def _known(layer: Layer, values: NDArray[Any]) -> bool:
+def _known(raster: Raster, values: NDArray[Any]) -> bool:
     """Return whether any cell of a window is known."""
-    return not (np.isnan(values) if layer.is_float else values == UNKNOWN).all()
+    return not (np.isnan(values) if raster.is_float else values == UNKNOWN).all()
 
 
-def _values(layer: Layer, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
-    found = maps.read(layer.of, box)
-    if layer.of != "height_m":
+def _values(raster: Raster, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
+    found = maps.read(raster.of, box)
+    if not raster.is_float or not NAMED[raster.of].is_height:
         return found
     height = metric.altitude_m(found.astype(np.float64)) / metric.reference.vertical_m
     return np.asarray(height.astype(np.float32))
@@ -140,20 +139,20 @@ def _factors(rows: int, cols: int) -> list[int]:
     return [2**k for k in range(1, max(0, math.ceil(math.log2(max(rows, cols) / TILE))) + 1)]
 
 
-def _resampling(layer: Layer) -> Resampling:
-    return Resampling.average if layer.is_float else Resampling.nearest
+def _resampling(raster: Raster) -> Resampling:
+    return Resampling.average if raster.is_float else Resampling.nearest
 
 
-def _optimize(unfinished: Path, path: Path, layer: Layer) -> None:
+def _optimize(unfinished: Path, path: Path, raster: Raster) -> None:
     rasterio.shutil.copy(
         unfinished,
         path,
         driver="COG",
         compress="deflate",
-        predictor="floating_point" if layer.is_float else "no",
+        predictor="floating_point" if raster.is_float else "no",
         level=1,
         blocksize=TILE,
         overviews="auto",
-        overview_resampling=_resampling(layer).name,
+        overview_resampling=_resampling(raster).name,
         bigtiff="if_safer",
     )

@@ -20,8 +20,8 @@ def rasters(folder: Path, found: Findings) -> list[Path]:
     """Write all maps, or move those written already, and return their paths."""
     if found.drawings is not None:
         return [path.replace(folder / path.name) for path in found.drawings.rasters]
-    layers = geotiff.layers(found.metric, found.parameters.mode == "source")
-    return [geotiff.write(folder / f"{each.name}.tif", each, found.maps, found.metric) for each in layers]
+    wanted = geotiff.rasters(found.metric, found.parameters.mode)
+    return [geotiff.write(folder / f"{each.name}.tif", each, found.maps, found.metric) for each in wanted]
 
 
 def zones(

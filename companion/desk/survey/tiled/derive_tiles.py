@@ -20,9 +20,10 @@ from params import Parameters
 from slz import UNKNOWN, Box
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.survey.point_binning import BLOCK, evidence_of
-from slz.terrain.derive import LAYERS, derive, reach_of
+from slz.terrain.derive import derive, reach_of
+from slz.terrain.layers import Output, reaching
 
-KEPT = ("height_m", "top_m", "slope_deg", "roughness", "certainty")
+KEPT = reaching(Output.SURVEY)
 NEVER_S = 1e12
 Maps = dict[str, NDArray[Any]]
 
@@ -61,8 +62,7 @@ def draw_tile(tile: Tile, ground: Ground) -> dict[str, Any]:
     margin = reach_of(p, p.cell_m).margin
     sums = join_cell_sums(tile.sources, tile.box, margin, ground.whole, ground.interval, p.cell_m)
     box = common(tile.box, ground.whole)
-    maps: Maps = {name: np.full(box.shape, np.nan, np.float32) for name in KEPT}
-    maps["certainty"][:] = 0
+    maps: Maps = {layer.name: np.full(box.shape, layer.empty, np.float32) for layer in KEPT}
     maps["state"] = np.full(box.shape, UNKNOWN, np.uint8)
     for row in range(box.row0 // BLOCK, (box.row1 - 1) // BLOCK + 1):
         for col in range(box.col0 // BLOCK, (box.col1 - 1) // BLOCK + 1):
@@ -99,7 +99,8 @@ def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, m
     values, verdict = derive(cells, reach_of(p, p.cell_m), p.cell_m, p)
     part = common(block, box)
     out, here = within(part, box), within(part, block)
-    for name in KEPT:
-        maps[name][out] = values[LAYERS.index(name)][here]
-    np.nan_to_num(maps["certainty"][out], copy=False)
+    for layer in KEPT:
+        maps[layer.name][out] = values[layer.at][here]
+        if layer.empty == layer.empty:
+            np.nan_to_num(maps[layer.name][out], copy=False, nan=layer.empty)
     maps["state"][out] = verdict[0][here]

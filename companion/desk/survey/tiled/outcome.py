@@ -9,6 +9,7 @@ from companion.desk.survey.geographic_polygon import wgs84
 from companion.desk.survey.tiled.tile_store import Store
 from companion.desk.survey.tiled.tiled_survey import Surveyed
 from slz import TerrainMaps
+from slz.terrain.layers import Output, reaching
 from slz.zones.ranking import rank
 
 
@@ -47,19 +48,18 @@ def of_tiles(surveyed: Surveyed) -> Findings:
 
 
 def whole_maps(findings: Findings) -> TerrainMaps:
-    """Return all maps in memory, for pictures; the slope's standard error and the relief are NaN."""
+    """Return all maps in memory, for pictures; layers that surveys do not keep are NaN."""
     maps, grid = findings.maps, findings.maps.grid
     box = grid.everything
     nothing = np.full(box.shape, np.nan, np.float32)
+    layers = {
+        layer.name: maps.read(layer.name, box) if Output.SURVEY in layer.outputs else nothing
+        for layer in reaching(Output.MAPS)
+    }
     return TerrainMaps(
         frame=findings.metric.frame,
         grid=grid,
         box=box,
-        height_m=maps.read("height_m", box),
-        slope_deg=maps.read("slope_deg", box),
-        slope_sigma_deg=nothing,
-        roughness=maps.read("roughness", box),
-        relief_m=nothing,
-        certainty=maps.read("certainty", box),
+        layers=layers,
         state=maps.read("state", box),
     )

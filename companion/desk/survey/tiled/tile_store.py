@@ -15,6 +15,7 @@ from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.lattice import common, within
 from slz import UNKNOWN, Box, Grid
 from slz.grid import read_at
+from slz.terrain.layers import NAMED
 from slz.terrain.terrain_view import UnboundedTerrain
 
 HELD = 8  # tiles whose files stay mapped: at most 22 MB each, which count as the worker's memory
@@ -86,13 +87,13 @@ class Store(UnboundedTerrain):
         return found
 
     def read(self, name: str, box: Box) -> NDArray[Any]:
-        """Return a copy of a layer over a box; outside all tiles NaN, certainty 0 and state 255."""
+        """Return a copy of a layer over a box; outside all tiles it is empty, and the state 255."""
         whole = self.layout.whole
         wanted = Box(
             box.row0 + whole.row0, box.row1 + whole.row0, box.col0 + whole.col0, box.col1 + whole.col0
         )
         state = name == "state"
-        empty: Any = UNKNOWN if state else 0.0 if name == "certainty" else np.nan
+        empty: Any = UNKNOWN if state else NAMED[name].empty
         out = np.full(box.shape, empty, np.uint8 if state else np.float32)
         for key in self.layout.keys(wanted):
             tile = self.tile(key)

@@ -223,14 +223,12 @@ class TiledSurvey:
     def _drawings(self, layout: TileLayout, metric: Metric) -> tuple[MapFiles, Iterator[Any]]:
         """Start the tasks that write the GeoTIFFs and the picture."""
         folder = self._work / "drawings"
-        layers = [
-            (folder / f"{layer.name}.tif", layer) for layer in geotiff.layers(metric, source_mode=False)
-        ]
+        asked = [(folder / f"{each.name}.tif", each) for each in geotiff.rasters(metric, "default")]
         picture = folder / "ground.png"
         store = Store(layout)
-        rasters = self._engine.each(_write_raster, layers, store, metric)
+        rasters = self._engine.each(_write_raster, asked, store, metric)
         pictures = self._engine.each(_write_picture, [picture], store)
-        return MapFiles([path for path, _ in layers], picture), chain[Any](rasters, pictures)
+        return MapFiles([path for path, _ in asked], picture), chain[Any](rasters, pictures)
 
     def _zones(self, layout: TileLayout, p: Parameters) -> None:
         """Join the safe ground of all tiles and describe every zone."""
@@ -266,11 +264,11 @@ def _check_cells(box: Box, cell_m: float) -> None:
         )
 
 
-def _write_raster(asked: tuple[Path, geotiff.Layer], maps: Store, metric: Metric) -> None:
-    path, layer = asked
+def _write_raster(asked: tuple[Path, geotiff.Raster], maps: Store, metric: Metric) -> None:
+    path, raster = asked
     if not path.exists():
         with array_file.atomic_file(path) as unfinished:
-            geotiff.write(unfinished.path, layer, maps, metric)
+            geotiff.write(unfinished.path, raster, maps, metric)
 
 
 def _write_picture(path: Path, maps: Store) -> None:

@@ -1,7 +1,7 @@
 // The bird's view: the map from above, drawn on a canvas.
 
-import { fitCanvas } from "./dom.js";
-import { rampColour, SLOPE_FULL_DEG } from "./paint.js";
+import { amount, fitCanvas } from "./dom.js";
+import { rampColour } from "./paint.js";
 import { holds, pathOf, patternOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS } from "./zones.js";
 
 const FRAME_MS = 45;
@@ -503,7 +503,7 @@ export class BirdView {
     }
     this._tag(pen, x + px / 2, y - 10 * r, `${length >= 1 ? length : length.toFixed(1)} m`, "#f2f5f7");
     this._north(pen);
-    if (this.sheets.layer !== "dsm") this._ramp(pen, x, y - 42 * r);
+    if (this.sheets.shown) this._ramp(pen, x, y - 42 * r, this.sheets.shown);
   }
 
   _north(pen) {
@@ -526,15 +526,14 @@ export class BirdView {
     pen.restore();
   }
 
-  _ramp(pen, x, y) {
+  _ramp(pen, x, y, layer) {
     const r = this._ratio;
-    const slope = this.sheets.layer === "slope";
     const width = 130 * r;
     const blend = pen.createLinearGradient(x, 0, x + width, 0);
     for (let i = 0; i <= 10; i++) blend.addColorStop(i / 10, rampColour(i / 10));
     pen.fillStyle = blend;
     pen.fillRect(x, y, width, 8 * r);
-    const labels = slope ? ["0°", `slope`, `${SLOPE_FULL_DEG}°`] : ["0 %", "certainty", "100 %"];
+    const labels = [amount(0, layer.unit), layer.title.toLowerCase(), amount(layer.full, layer.unit)];
     labels.forEach((label, i) => this._tag(pen, x + 8 * r + (i * (width - 16 * r)) / 2, y - 8 * r, label, "#f2f5f7"));
   }
 }

@@ -1,6 +1,6 @@
 // What is picked, what is under watch, and the orders.
 
-import { byId, el, percent, setClass, shown } from "./dom.js";
+import { byId, el, percent, setClass, shown, valueOf } from "./dom.js";
 import { STATE_STYLE, SURE_WORDS } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
@@ -139,10 +139,7 @@ export class Choice {
     return [
       el("h2", {}, "Point", this._badge(state, STATE_STYLE[state].word.toLowerCase())),
       this._facts([
-        ["Height", shown(facts?.height_m, 2, "m")],
-        ["Slope", shown(facts?.slope_deg, 1, "°")],
-        ["Relief", shown(facts?.relief_m, 2, "m")],
-        ["Certainty", percent(facts?.certainty, 1)],
+        ...this._model.about.layers.map((layer) => [layer.title, valueOf(layer, facts?.[layer.name])]),
         ["Map", facts?.map ?? "–"],
         ["Distance", shown(this._away([east, north]), 0, "m")],
       ]),

@@ -36,6 +36,13 @@ export function shown(value, digits = 0, unit = "") {
 export const percent = (value, digits = 0) =>
   value === null || value === undefined ? "–" : `${(100 * value).toFixed(digits)} %`;
 
+/** A round value of a layer with the sign of its unit. */
+export const amount = (value, unit) => (unit === "probability" ? `${100 * value} %` : unit === "degree" ? `${value}°` : `${value} ${unit}`);
+
+/** A cell's value of a layer, with the digits that the server gives; a dash where it is unknown. */
+export const valueOf = (layer, value) =>
+  layer.unit === "probability" ? percent(value, layer.digits) : shown(value, layer.digits, layer.unit === "degree" ? "°" : layer.unit);
+
 /** Fit a canvas to its box in device pixels, or a share of them; return width, height and ratio. */
 export function fitCanvas(canvas, share = 1) {
   const ratio = share * Math.min(window.devicePixelRatio || 1, 2);

@@ -20,7 +20,10 @@ const link = new Link(
   (message) => {
     if (message.t === "map") sheets.take(message);
     else {
-      if (message.t === "about") sheets.serve(message.serving);
+      if (message.t === "about") {
+        sheets.serve(message.serving);
+        offerLayers(message.layers);
+      }
       model.take(message);
     }
     due = true;
@@ -65,7 +68,17 @@ function press(selector, attribute, act) {
   }
 }
 
-press("#layers button", "aria-pressed", (button) => (sheets.layer = button.dataset.layer));
+/** Make a button for each layer that has one, beside that of the ground. */
+function offerLayers(layers) {
+  if (JSON.stringify(layers) === JSON.stringify(sheets.layers)) return;
+  sheets.layers = layers;
+  const [ground] = byId("layers").children;
+  const others = layers.filter(({ button }) => button);
+  byId("layers").replaceChildren(ground, ...others.map(({ name, title }) => el("button", { "data-layer": name, "aria-pressed": "false", text: title })));
+  press("#layers button", "aria-pressed", (button) => (sheets.layer = button.dataset.layer));
+  ground.click();
+}
+
 press("#cameras button", "aria-pressed", (button) => pilot.use(button.dataset.camera));
 press("#tabs button", "aria-current", (button) => (document.body.dataset.view = button.dataset.show));
 document.querySelector("#tabs button").setAttribute("aria-current", "true");

@@ -9,7 +9,6 @@ const RAMP = [
 ];
 // Ground by height: slate to sand, light enough for what is drawn on it.
 const GROUND = [[92, 104, 118], [112, 122, 126], [134, 138, 132], [158, 154, 138], [184, 174, 150], [208, 198, 176]];
-export const SLOPE_FULL_DEG = 20;
 
 function unit(v) {
   const length = Math.hypot(...v);
@@ -34,7 +33,7 @@ export const rampColour = (share) => {
   return `rgb(${RAMP_TABLE[i]}, ${RAMP_TABLE[i + 1]}, ${RAMP_TABLE[i + 2]})`;
 };
 
-/** Paint a block into a canvas, north up; what is unknown stays clear. */
+/** Paint a block into a canvas, north up, by a layer or as ground where it is null; what is unknown stays clear. */
 export function paint(data, layer, canvas) {
   const { side, height, cell } = data;
   canvas = canvas ?? document.createElement("canvas");
@@ -42,18 +41,20 @@ export function paint(data, layer, canvas) {
   const context = canvas.getContext("2d");
   const image = context.createImageData(side, side);
   const out = image.data;
+  const plane = layer && data.planes[layer.name];
+  const full = layer && Math.round(layer.full / layer.step);
   const reach = cell < 0.5 ? 2 : 1; // returns are noisy: shade over a metre or so
   for (let row = 0; row < side; row++) {
     let at = 4 * (side - 1 - row) * side;
     for (let col = 0; col < side; col++, at += 4) {
       const i = row * side + col;
       const h = height[i];
-      const value = layer === "slope" ? data.slope[i] : layer === "certainty" ? data.certainty[i] : 0;
-      if (!(h === h) && (layer === "dsm" || value === 255)) continue;
+      const value = plane ? plane[i] : 0;
+      if (!(h === h) && (!plane || value === 255)) continue;
       const light = h === h ? shade(height, side, row, col, reach, cell) : 1;
       let lookup = GROUND_TABLE;
       let number;
-      if (layer === "dsm") {
+      if (!plane) {
         number = ((((h / 30) % 2) + 2) % 2) * 255; // up over 30 m, down over the next: no jump of colour
         number = number > 255 ? 510 - number : number;
       } else {
@@ -62,11 +63,11 @@ export function paint(data, layer, canvas) {
           number = 0;
         } else {
           lookup = RAMP_TABLE;
-          number = layer === "slope" ? Math.min(255, (value * 0.25 * 255) / SLOPE_FULL_DEG) : (value * 255) / 200;
+          number = (value * 255) / full;
         }
       }
       const k = 3 * Math.round(Math.min(255, number));
-      const soft = layer === "dsm" ? light : 0.45 + 0.55 * light;
+      const soft = !plane ? light : 0.45 + 0.55 * light;
       out[at] = (lookup ? lookup[k] : 60) * soft;
       out[at + 1] = (lookup ? lookup[k + 1] : 60) * soft;
       out[at + 2] = (lookup ? lookup[k + 2] : 66) * soft;

@@ -6,9 +6,10 @@ const HEAD_BYTES = 48;
 const AT_ONCE = 3;
 const LEAST_AGE_MS = 2000; // a block that changes each second is fetched less often than that
 const MOST_BLOCKS = 220;
+export const GROUND = "ground"; // shown in place of a layer: shaded, coloured by height
 
-/** Decode a block: see companion/flight/dashboard/map_block.py. */
-export function decode(buffer) {
+/** Decode a block of the height and these layers: see companion/flight/dashboard/map_block.py. */
+export function decode(buffer, names) {
   const view = new DataView(buffer);
   const side = view.getUint32(4, true);
   const [west, south, cell, base, step] = [8, 16, 24, 32, 40].map((at) => view.getFloat64(at, true));
@@ -22,8 +23,8 @@ export function decode(buffer) {
       height[i] = number === 0 ? NaN : base + number * step;
     }
   }
-  const plane = (k) => bytes.subarray((2 + k) * n, (3 + k) * n);
-  return { side, west, south, cell, height, slope: plane(0), relief: plane(1), certainty: plane(2), state: plane(3) };
+  const planes = Object.fromEntries(names.map((name, k) => [name, bytes.subarray((2 + k) * n, (3 + k) * n)]));
+  return { side, west, south, cell, height, planes };
 }
 
 class Sheet {
@@ -85,7 +86,13 @@ export class Sheets {
     this._onChange = onChange;
     this._busy = 0;
     this._wanted = new Map();
-    this.layer = "dsm";
+    this.layers = []; // as the server describes them, the height first
+    this.layer = GROUND;
+  }
+
+  /** The layer that is shown, null for the ground. */
+  get shown() {
+    return this.layers.find(({ name }) => name === this.layer) ?? null;
   }
 
   take(message) {
@@ -158,7 +165,7 @@ export class Sheets {
   /** The picture of a block in the layer that is shown now. */
   picture(block) {
     if (block.layer !== this.layer || block.painted !== block.data) {
-      block.canvas = paint(block.data, this.layer, block.canvas);
+      block.canvas = paint(block.data, this.shown, block.canvas);
       block.layer = this.layer;
       block.painted = block.data;
     }
@@ -204,7 +211,7 @@ export class Sheets {
       const { serial } = sheet.head;
       const answer = await fetch(`/map/${sheet.name}/${serial}/${place.key}`);
       if (answer.ok && sheet.head.serial === serial) {
-        block.data = decode(await answer.arrayBuffer());
+        block.data = decode(await answer.arrayBuffer(), this.layers.slice(1).map(({ name }) => name));
         block.version = place.version;
         this._onChange();
       }

@@ -15,6 +15,7 @@ from companion.desk.evaluation import Truth, area_error, read_truth, relative_ar
 from companion.runtime.errors import CompanionError
 from params import load
 from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps
+from slz.terrain.layers import NAMED
 
 HOME = LocalFrame(47.4, 8.5, 400.0)
 SIDE_M, CELL_M = 20.0, 0.5
@@ -96,7 +97,7 @@ def test_cells_that_were_called_safe_are_compared_with_the_truth(tmp_path: Path)
     blank = np.full((40, 40), np.nan, np.float32)
     state = np.full((40, 40), SAFE, np.uint8)
     state[:, :10] = UNKNOWN
-    maps = TerrainMaps(HOME, grid, box, blank, blank, blank, blank, blank, blank, state)
+    maps = TerrainMaps(HOME, grid, box, dict.fromkeys(NAMED, blank), state)
     found = area_error(truth, maps, (), load())
     assert found["area_error"] is None  # there is no zone
     assert found["unsafe_as_safe"] == pytest.approx(1 / 3)

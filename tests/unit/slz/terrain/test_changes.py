@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slz.kernels.cells.cell_record import TILE
-from slz.terrain.changes import read_changes
+from slz.terrain.changes import DISPLAYED, read_changes
 
 CELL_M = 0.5
 SIDE_M = TILE * CELL_M
@@ -17,7 +17,7 @@ KEYS = {(0, 0), (0, 7), (6, 0), (-3, -4)}
 
 
 def terrain() -> Any:
-    nothing = (list(np.zeros((4, TILE, TILE), np.float32)), np.zeros((TILE, TILE), np.uint8))
+    nothing = (list(np.zeros((len(DISPLAYED), TILE, TILE), np.float32)), np.zeros((TILE, TILE), np.uint8))
     return SimpleNamespace(
         changed_tiles=set(KEYS), grid=SimpleNamespace(cell_m=CELL_M), corner_m=(100.0, 200.0), serial=7,
         tile=lambda key, _names: None if key == (-3, -4) else nothing,

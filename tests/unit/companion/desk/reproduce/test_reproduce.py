@@ -39,6 +39,7 @@ from companion.desk.reproduce.truth_comparison import compare
 from companion.runtime.errors import CompanionError, UsageError
 from slz import Box, Grid, Obstacle, Pipeline, PointState, Surroundings, TerrainMaps, zone_mask
 from slz.landing_point.judgement import unknown
+from slz.terrain.layers import NAMED
 
 SIDE_M = 30.0
 
@@ -440,9 +441,7 @@ def watched(around: Surroundings | None) -> places.ObservedPoint:
     """Return a point at 15, 15 of a plain, near the block, and what was found around it."""
     blank = np.zeros((60, 60), np.float32)
     grid, box = Grid(0.0, 0.0, 0.5, 60, 60), Box(0, 60, 0, 60)
-    maps = TerrainMaps(
-        FRAME, grid, box, blank, blank, blank, blank, blank, blank, np.ones((60, 60), np.uint8)
-    )
+    maps = TerrainMaps(FRAME, grid, box, dict.fromkeys(NAMED, blank), np.ones((60, 60), np.uint8))
     point = replace(unknown(np.array([15.0, 15.0, 0.0])), state=PointState.SAFE, surroundings=around)
     place = Place("field", survey(), (15.0, 15.0))
     return places.ObservedPoint(place, "default", point, around_a_block(), maps, params.load())

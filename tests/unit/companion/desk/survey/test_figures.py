@@ -21,6 +21,7 @@ from companion.desk.figures.picture import Picture
 from companion.desk.survey.cloud_survey import CloudSurvey, survey
 from params import load
 from slz import UNKNOWN, Box, TerrainMaps, Zone
+from slz.terrain.layers import NAMED
 from tests.unit.companion.desk.survey.clouds import field, placed
 
 
@@ -89,7 +90,7 @@ def test_maps_of_any_shape_and_without_data_are_drawn(
     blank = np.full(shape, np.nan, np.float32)
     state = np.full(shape, UNKNOWN, np.uint8)
     box = Box(0, shape[0], 0, shape[1])
-    maps = TerrainMaps(found.maps.frame, found.maps.grid, box, *[blank] * 6, state)
+    maps = TerrainMaps(found.maps.frame, found.maps.grid, box, dict.fromkeys(NAMED, blank), state)
     for path in figures.save_maps(tmp_path, maps):
         assert matplotlib.image.imread(path).shape[0] > 100
 

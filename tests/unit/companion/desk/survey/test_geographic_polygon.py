@@ -17,6 +17,7 @@ from companion.desk.survey.largest_square import square_centre
 from companion.desk.survey.local_metres import metric_for
 from companion.flight.outputs.zone_outline import zone_polygon
 from slz import SAFE, UNSAFE, Box, Grid, LandingPoint, LocalFrame, TerrainMaps, Zone
+from slz.terrain.layers import NAMED
 
 GRID = Grid(-10.0, -20.0, 0.5, 60, 50)
 Cells = NDArray[np.uint8]
@@ -98,7 +99,7 @@ def test_the_square_lies_on_safe_cells_only() -> None:
     state[7:17, 4:16][cells == 1] = SAFE
     blank = np.zeros((60, 50), np.float32)
     frame = LocalFrame(44.0, -123.0, 0.0)
-    maps = TerrainMaps(frame, GRID, GRID.everything, *[blank] * 6, state)
+    maps = TerrainMaps(frame, GRID, GRID.everything, dict.fromkeys(NAMED, blank), state)
     east, north = square_centre(zone(cells), maps)
     assert east == pytest.approx(-10 + (4 + 2 + 3.5) * 0.5)
     assert -20 + (7 + 1 + 3.5) * 0.5 <= north <= -20 + (7 + 2 + 3.5) * 0.5

@@ -45,7 +45,7 @@ class Patches:
 
 def test_no_map_is_read_in_windows_that_grow_with_it(tmp_path: Path) -> None:
     maps = Patches(1500, 20_000)
-    for layer in (geotiff.layers(METRIC, False)[k] for k in (0, 3)):
+    for layer in (geotiff.rasters(METRIC, "default")[k] for k in (0, -1)):
         geotiff.write(tmp_path / "a.tif", layer, maps, METRIC)
     overview.ground_png(maps)
     assert max(rows * cols for rows, cols in (box.shape for box in maps.asked)) <= MOST
@@ -61,7 +61,7 @@ def test_the_windows_change_no_byte(
         monkeypatch.setattr(overview, "WIDE", wide)
         paths = [
             geotiff.write(tmp_path / f"{layer.name}.tif", layer, maps, METRIC)
-            for layer in geotiff.layers(METRIC, False)
+            for layer in geotiff.rasters(METRIC, "default")
         ]
         found.append([path.read_bytes() for path in paths] + [overview.ground_png(maps)])
     assert found[0] == found[1]

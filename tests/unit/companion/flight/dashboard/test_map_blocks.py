@@ -7,10 +7,10 @@ import pytest
 
 import params
 from companion.flight.dashboard import map_block as blocks
-from companion.flight.dashboard.map_block import HEAD, SIDE
-from companion.flight.dashboard.quantise import STEP_M
+from companion.flight.dashboard.map_block import HEAD, SIDE, STEP_M
 from companion.flight.dashboard.tile_pyramid import TilePyramid, TilePyramids
 from slz import UNKNOWN, UNSAFE, Drawn, DrawnTile, LocalFrame, Pipeline, Window
+from slz.terrain.changes import DISPLAYED
 
 TILE = 64
 
@@ -18,28 +18,30 @@ TILE = 64
 def tile(key: tuple[int, int] = (0, 0), height_m: float = 100.0, state: int = 1) -> DrawnTile:
     full = np.full((TILE, TILE), 1.0, np.float32)
     rows = np.arange(TILE, dtype=np.float32)[:, None]
-    return DrawnTile(
-        key,
-        height_m + 0.1 * rows * full,
-        3 * full,
-        0.12 * full,
-        0.9 * full,
-        np.full((TILE, TILE), state, np.uint8),
-    )
+    known = {
+        "height_m": height_m + 0.1 * rows * full, "slope_deg": 3 * full, "relief_m": 0.12 * full,
+        "certainty": 0.9 * full,
+    }  # fmt: skip
+    layers = {name: known.get(name, full) for name in DISPLAYED}
+    return DrawnTile(key, layers, np.full((TILE, TILE), state, np.uint8))
+
+
+def changed(made: DrawnTile, state: np.ndarray, **layers: np.ndarray) -> DrawnTile:
+    return DrawnTile(made.key, {**made.layers, **layers}, state)
 
 
 def drawn(*tiles: DrawnTile, serial: int = 1, gone: tuple[tuple[int, int], ...] = ()) -> Drawn:
     return Drawn(serial, -50.0, -60.0, 0.2, tiles, gone, 0)
 
 
-def decoded(data: bytes) -> tuple[tuple[float, ...], np.ndarray, list[np.ndarray]]:
+def decoded(data: bytes) -> tuple[tuple[float, ...], np.ndarray, dict[str, np.ndarray]]:
     """Read a block as the browser does; written apart from what writes it."""
     raw = gzip.decompress(data)
     _, side, *head = HEAD.unpack_from(raw)
-    planes = np.frombuffer(raw, np.uint8, offset=HEAD.size).reshape(6, side, side)
+    planes = np.frombuffer(raw, np.uint8, offset=HEAD.size).reshape(-1, side, side)
     number = np.cumsum(planes[0].astype(np.int64) + 256 * planes[1].astype(np.int64), axis=1) % 65_536
     height = np.where(number == 0, np.nan, head[3] + number * head[4])
-    return tuple(head), height, list(planes[2:])
+    return tuple(head), height, dict(zip([*DISPLAYED[1:], "state"], planes[2:], strict=True))
 
 
 def test_a_block_comes_back_within_half_a_step() -> None:
@@ -47,16 +49,14 @@ def test_a_block_comes_back_within_half_a_step() -> None:
     pyramid.apply_changes(drawn(tile((1, 2))))
     data = pyramid.encoded(0, 0, 0)
     assert data is not None
-    (west, south, cell, _, step), height, (slope, relief, certainty, state) = decoded(data)
+    (west, south, cell, _, step), height, planes = decoded(data)
     assert (west, south, cell, step) == (-50.0, -60.0, 0.2, STEP_M)
     here = slice(64, 128), slice(128, 192)
-    assert np.abs(height[here] - tile().height_m).max() <= STEP_M / 2 + 1e-4
-    assert (slope[here] == 12).all()
-    assert (relief[here] == 12).all()
-    assert (certainty[here] == 180).all()
-    assert (state[here] == 1).all()
+    assert np.abs(height[here] - tile().layers["height_m"]).max() <= STEP_M / 2 + 1e-4
+    for name, number in {"slope_deg": 12, "relief_m": 12, "certainty": 180, "state": 1}.items():
+        assert (planes[name][here] == number).all()
     assert np.isnan(height[:64]).all()
-    assert (state[:64] == UNKNOWN).all()
+    assert (planes["state"][:64] == UNKNOWN).all()
 
 
 def test_tiles_west_and_south_of_the_corner_have_blocks_of_their_own() -> None:
@@ -88,7 +88,7 @@ def test_ground_that_was_given_up_is_unknown_again() -> None:
     pyramid.apply_changes(drawn(gone=((0, 0),)))
     cell = pyramid.cell(-49.0, -59.0)
     assert cell is not None
-    assert (cell.state, cell.height_m, cell.certainty) == ("unknown", None, None)
+    assert (cell.state, set(cell.values.values())) == ("unknown", {None})
 
 
 def test_another_map_begins_anew() -> None:
@@ -101,21 +101,22 @@ def test_another_map_begins_anew() -> None:
 
 def test_a_coarser_block_keeps_the_worst_of_four_cells() -> None:
     fine = tile()
-    state, certainty = fine.state.copy(), fine.certainty.copy()
-    slope = fine.slope_deg.copy()
+    state, certainty = fine.state.copy(), fine.layers["certainty"].copy()
+    slope = fine.layers["slope_deg"].copy()
     state[0, 0], state[10, 11] = UNSAFE, UNKNOWN
     certainty[0, 0], slope[0, 1] = 0.2, 30.0
     pyramid = TilePyramid()
-    pyramid.apply_changes(drawn(DrawnTile((0, 0), fine.height_m, slope, fine.relief_m, certainty, state)))
+    pyramid.apply_changes(drawn(changed(fine, state, slope_deg=slope, certainty=certainty)))
     data = pyramid.encoded(1, 0, 0)
     assert data is not None
-    head, height, (slopes, _, sure, states) = decoded(data)
+    head, height, planes = decoded(data)
+    states = planes["state"]
     assert head[2] == pytest.approx(0.4)
     assert states[0, 0] == UNSAFE
     assert states[5, 5] == UNKNOWN
     assert states[1, 1] == 1
-    assert sure[0, 0] == 40
-    assert slopes[0, 0] == 120
+    assert planes["certainty"][0, 0] == 40
+    assert planes["slope_deg"][0, 0] == 120
     assert height[3, 3] == pytest.approx(100.0 + 0.1 * 6.5, abs=STEP_M)
     assert (states[32:, 32:] == UNKNOWN).all()
 
@@ -127,8 +128,8 @@ def test_the_near_map_answers_for_a_point_and_the_far_one_where_that_knows_nothi
     near, far = pyramids.cell(-49.9, -59.9), pyramids.cell(-50 + 70 * 0.2, -59.9)
     assert near is not None
     assert far is not None
-    assert (near[0], near[1].height_m) == ("near", 100.0)
-    assert (far[0], far[1].height_m) == ("far", 90.0)
+    assert (near[0], near[1].values["height_m"]) == ("near", 100.0)
+    assert (far[0], far[1].values["height_m"]) == ("far", 90.0)
     assert pyramids.cell(500.0, 500.0) is None
 
 
@@ -161,7 +162,7 @@ def test_what_the_pipeline_hands_over_makes_up_its_maps(mode: str) -> None:
     for key, found in held.items():
         south, west = TILE * (key[0] - row), TILE * (key[1] - col)
         state[south : south + TILE, west : west + TILE] = found.state
-        height[south : south + TILE, west : west + TILE] = found.height_m
+        height[south : south + TILE, west : west + TILE] = found.layers["height_m"]
     first_row = round((maps.south_m - part.south_m) / part.cell_m) - TILE * row
     first_col = round((maps.west_m - part.west_m) / part.cell_m) - TILE * col
     rows, cols = maps.state.shape
@@ -178,14 +179,14 @@ def test_what_the_pipeline_hands_over_makes_up_its_maps(mode: str) -> None:
 
 def test_values_out_of_reach_and_unknown_ones_are_numbers_of_their_own() -> None:
     made = tile(height_m=0.0)
-    height, slope, state = made.height_m.copy(), made.slope_deg.copy(), made.state.copy()
+    height, slope, state = made.layers["height_m"].copy(), made.layers["slope_deg"].copy(), made.state.copy()
     height[0, :4] = np.nan, -1e6, 1e6, 10.0
     slope[0, :3], state[0, 0] = (np.nan, 1e3, 0.0), UNKNOWN
     block = blocks.empty(0.0)
-    assert blocks.write(block, 0, 0, DrawnTile((0, 0), height, slope, made.relief_m, made.certainty, state))
+    assert blocks.write(block, 0, 0, changed(made, state, height_m=height, slope_deg=slope))
     assert block.height[0, :4].tolist() == [0, 1, 65_535, 2000]
-    assert block.slope[0, :3].tolist() == [255, 254, 0]
-    assert block.certainty[0, :2].tolist() == [255, 180]
+    assert block.planes["slope_deg"][0, :3].tolist() == [255, 254, 0]
+    assert block.planes["certainty"][0, :2].tolist() == [255, 180]
     assert (block.state[64:] == UNKNOWN).all()
 
 

@@ -66,7 +66,9 @@ def answer(found: Surveyed) -> tuple[Any, ...]:
     """Return all that a survey found, to the last bit."""
     store = Store(found.layout)
     everything = found.layout.grid.everything
-    maps = tuple(store.read(name, everything).tobytes() for name in (*KEPT, "state"))
+    maps = tuple(
+        store.read(name, everything).tobytes() for name in (*(layer.name for layer in KEPT), "state")
+    )
     zones = tuple(
         (
             one.zone.id,

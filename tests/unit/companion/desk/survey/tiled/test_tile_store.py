@@ -26,7 +26,7 @@ def tiles(folder: Path, state: np.ndarray) -> TileLayout:
     for key in layout.keys(WHOLE):
         box = layout.held(key)
         part = state[layout.local(box).slices]
-        layers = {"state": part} | {name: part.astype(np.float32) for name in KEPT}
+        layers = {"state": part} | {layer.name: part.astype(np.float32) for layer in KEPT}
         array_file.write(layout.path(key), layers, {"box": [box.row0, box.row1, box.col0, box.col1]})
     return layout
 
