@@ -30,6 +30,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.morphology import eroded
 from slz.kernels.simd import LANES, store, store_wide
+from slz.terrain.layers import LAYERS
 from slz.terrain.tiles import Noise, Tiles
 
 Floats = NDArray[np.float64]
@@ -63,7 +64,7 @@ def planes(
     about[WEIGHT] = 0
     about[:, k : k + rows, k : k + cols] = cells
     whole = eroded(packed(np.pad(covered, k)), k, cols + 2 * k)
-    maps, states = np.empty((7, rows, wide), np.float32), np.empty(rows * wide, np.uint8)
+    maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty(rows * wide, np.uint8)
     derive_box(
         about, inverses(about), whole, np.zeros_like(whole), k, k, (cell_m, NOISE_M, limit, 9.0),
         (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,

@@ -77,10 +77,11 @@ def test_a_flight_is_drawn_over_every_map(found: CloudSurvey, tmp_path: Path) ->
     paths = figures.save_flight(
         tmp_path / "new", found.maps, found.report.zones, path, path[-1] + 1, path[-1], found.parameters
     )
-    assert [p.name for p in paths] == ["dsm.png", "slope.png", "safe.png"]
+    assert {"dsm.png", "slope.png"} < {p.name for p in paths}
+    assert paths[-1].name == "safe.png"
     np.testing.assert_array_equal(path, kept)
     without = figures.save_flight(tmp_path / "bare", found.maps, found.report.zones, None, None, None)
-    assert share_of(paths[2], CHOSEN) > share_of(without[2], CHOSEN)
+    assert share_of(paths[-1], CHOSEN) > share_of(without[-1], CHOSEN)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 200), (300, 2)])
