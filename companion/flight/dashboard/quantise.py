@@ -36,14 +36,13 @@ def _height(value: Float32, base_m: float, step_m: float) -> np.uint16:
 @kernel
 def quantise_heights(values: Floats, base_m: float, step_m: float, out: Strided2D[np.uint16]) -> bool:
     """Overwrite quantised heights with new ones; return whether any changed."""
-    changed = False
+    changed = np.uint16(0)
     for row in range(values.shape[0]):
         for col in range(values.shape[1]):
             number = _height(values[row, col], base_m, step_m)
-            if number != out[row, col]:
-                changed = True
-                out[row, col] = number
-    return changed
+            changed |= number ^ out[row, col]  # no branch, so that it is done for several cells at a time
+            out[row, col] = number
+    return bool(changed != 0)
 
 
 @kernel
@@ -52,16 +51,15 @@ def quantise(values: Floats, step: float, state: Small, of_known: bool, out: Str
 
     of_known: a value is unknown where the state is.
     """
-    changed = False
+    changed = np.uint8(0)
     for row in range(values.shape[0]):
         for col in range(values.shape[1]):
             number = _steps(values[row, col], step)
             if of_known and state[row, col] == _UNKNOWN:
                 number = np.uint8(255)
-            if number != out[row, col]:
-                changed = True
-                out[row, col] = number
-    return changed
+            changed |= number ^ out[row, col]
+            out[row, col] = number
+    return bool(changed != 0)
 
 
 @kernel
