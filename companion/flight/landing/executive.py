@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.flight.landing.aim import same_place
-from companion.flight.landing.emergencies.failsafe import Failsafe
+from companion.flight.landing.emergencies.withdrawal import Withdrawal
 from companion.flight.landing.emergencies.low_battery import LowBattery
 from companion.flight.landing.emergencies.missing_input import without_pose
 from companion.flight.landing.emergencies.position_jump import PositionJump
@@ -64,7 +64,7 @@ class Executive:
         self.state = state = LandingState(parameters, auto)
         self._preconditions = Preconditions()
         self._asked_up_ms: float | None = None
-        self._failsafe, self._battery = Failsafe(state), LowBattery(state)
+        self._withdrawal, self._battery = Withdrawal(state), LowBattery(state)
         self._jump = PositionJump(state)
         self._waiting, approach = Waiting(state), Approach(state)
         self._survey, self._descent, self._climb = Survey(state, approach), Descent(state), Climb(state)
@@ -77,7 +77,7 @@ class Executive:
             Phase.FINAL: self._descent.final_orders,
             Phase.CLIMB: self._climb.orders,
             Phase.HOLD: self._climb.orders,
-            Phase.FAILSAFE: self._failsafe.orders,
+            Phase.FAILSAFE: self._withdrawal.orders,
         }
 
     @property
@@ -239,7 +239,7 @@ class Executive:
         state.aim.measure(s.position_enu_m, s.selected)
         state.hand_over.follow(s)
         self._battery.heed(s)
-        orders = self._failsafe.blame(s) or self._reaction(s) or self._orders_in[self.phase](s)
+        orders = self._withdrawal.blame(s) or self._reaction(s) or self._orders_in[self.phase](s)
         velocity = orders.velocity_enu_ms
         self._asked_up_ms = None if velocity is None else float(velocity[2])
         if not s.heard:  # the pilot may have chosen another mode meanwhile
@@ -284,9 +284,9 @@ class Executive:
             case Reaction.ENDS:
                 return self._waiting.finish(s)
             case Reaction.HANDS_OFF:
-                return self._failsafe.hands_off(breach, s)
+                return self._withdrawal.hands_off(breach, s)
             case Reaction.STAND_BACK:
-                return self._failsafe.stand_back(breach, s)
+                return self._withdrawal.stand_back(breach, s)
             case Reaction.BREAK_OFF if breach.precondition is not Precondition.POSITION:
                 return self.state.break_off(breach.what, s)
             case Reaction.CALL:

@@ -27,7 +27,7 @@ SOURCES = (
     "companion/desk/replay/replay_page.py",
     "companion/flight/landing/executive.py",
     "companion/flight/landing/landing_state.py",
-    "companion/flight/landing/emergencies/failsafe.py",
+    "companion/flight/landing/emergencies/withdrawal.py",
     "companion/flight/landing/emergencies/low_battery.py",
     "companion/flight/landing/emergencies/missing_input.py",
     "companion/flight/landing/emergencies/position_jump.py",

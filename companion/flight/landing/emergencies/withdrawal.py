@@ -1,4 +1,4 @@
-"""The autopilot's failsafe and the pilot's hand: nothing is commanded until the next hand-over."""
+"""Withdrawal: nothing is commanded while the pilot or a failsafe of the autopilot flies the vehicle."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ OVER_NS = 3 * SECOND  # without a failsafe, until it is over
 BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
 
 
-class Failsafe:
-    """Withdrawal from control, and what is told to the pilot meanwhile."""
+class Withdrawal:
+    """Ends a landing for another party, and reports its mode to the pilot until the next hand-over."""
 
     def __init__(self, state: LandingState) -> None:
         self._state = state
