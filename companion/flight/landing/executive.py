@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.flight.landing.aim import same_place
-from companion.flight.landing.emergencies.withdrawal import Withdrawal
 from companion.flight.landing.emergencies.low_battery import LowBattery
 from companion.flight.landing.emergencies.missing_input import without_pose
 from companion.flight.landing.emergencies.position_jump import PositionJump
@@ -22,6 +21,7 @@ from companion.flight.landing.emergencies.preconditions import (
     Reaction,
     Stage,
 )
+from companion.flight.landing.emergencies.withdrawal import Withdrawal
 from companion.flight.landing.landing_state import LandingState
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.phases.climb import Climb
