@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import lzf
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,6 +46,7 @@ WORDS = frozenset(
 )
 TYPES = {("F", 4), ("F", 8)} | {(kind, size) for kind in "IU" for size in (1, 2, 4, 8)}
 MOST_COUNT = 1 << 20  # numbers in a field
+MOST_RATIO = 100  # of LZF, where three bytes become at most 264
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +155,6 @@ class PcdSource:
 
     def _plain(self, file: BinaryIO) -> NDArray[np.uint8]:
         """Return the decompressed points of binary_compressed."""
-        from companion.desk.clouds.lzf import MOST_RATIO, unpack
-
         head = file.read(8)
         if len(head) < 8:
             raise truncated(self.path, 0, self.n_points)
@@ -165,10 +165,13 @@ class PcdSource:
         if plain_bytes != self.n_points * self.layout.record_bytes or plain_bytes > packed_bytes * MOST_RATIO:
             raise UsageError(f"{self.path}: it is corrupt, its sizes contradict each other: copy it again")
         memory_limit.check_bytes(plain_bytes, self.path)
-        plain = np.empty(plain_bytes, np.uint8)
-        if unpack(np.frombuffer(packed, np.uint8), plain) != plain_bytes:
+        try:
+            plain = lzf.decompress(packed, plain_bytes)
+        except ValueError:
+            plain = None
+        if plain is None or len(plain) < plain_bytes:
             raise UsageError(f"{self.path}: it is corrupt, its points cannot be unpacked: copy it again")
-        return plain
+        return np.frombuffer(plain, np.uint8)
 
 
 def open_pcd(path: Path, reference: Reference) -> PcdSource:
