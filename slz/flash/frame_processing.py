@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.flash.camera import FlashCamera, FlashFrame
+from slz.flash.median_filter import median_of_neighbours
 from slz.flash.ranging import RangeImage, likely_ranges, polynomial_ranges
 from slz.flash.triage import Triage, triage
-from slz.kernels.instruments.median_filter import median_of_neighbours
 
 F64 = NDArray[np.float64]
 Estimator = Literal["likely", "polynomial"]

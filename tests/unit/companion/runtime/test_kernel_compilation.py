@@ -144,7 +144,7 @@ def test_modules_are_compiled_in_other_processes_and_counted(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     chosen = [
         kernel_compilation.ROOT / "slz" / "kernels" / f"{name}.py"
-        for name in ("raster/horizon", "instruments/median_filter")
+        for name in ("raster/horizon", "instruments/phase_unwrapping")
     ]
     monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter(chosen))
     assert kernel_compilation.is_first()
@@ -154,7 +154,7 @@ def test_modules_are_compiled_in_other_processes_and_counted(
     assert not kernel_compilation.is_first()
 
     # Numba keeps the hash of the source: a checkout or a formatter writes files again as they were.
-    again = tmp_path / "median_filter.py"
+    again = tmp_path / "phase_unwrapping.py"
     monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter([again]))
     for added, expected in ((b"", False), (b"\n", True)):
         again.write_bytes(chosen[1].read_bytes() + added)

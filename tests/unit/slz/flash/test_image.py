@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage
 
 from slz.flash.frame_processing import map_points, process_frame, sensor_points
+from slz.flash.median_filter import median_of_neighbours
 from slz.flash.triage import Quality
-from slz.kernels.instruments.median_filter import median_of_neighbours
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 
 
