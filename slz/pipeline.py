@@ -108,6 +108,11 @@ class Pipeline:
         for resolution in self.method.maps or ():
             resolution.terrain.prepare()
 
+    @property
+    def selected(self) -> SelectedPoint | None:
+        """The selected landing point, as judged by the newest maps."""
+        return self._selected
+
     def select(self, enu_m: NDArray[np.float64] | None) -> None:
         """Select a landing point to monitor, or none; the next report says whether it is safe."""
         if enu_m is None:

@@ -31,7 +31,7 @@ class Station:
             *command, stdin=PIPE, stdout=PIPE, stderr=STDOUT, cwd=folder, env=UNBUFFERED
         )
         station = cls(process)
-        reader = asyncio.create_task(station._read())
+        reader = asyncio.create_task(station.read())
         try:
             yield station
         finally:
@@ -40,7 +40,7 @@ class Station:
             await process.wait()
             await reader
 
-    async def _read(self) -> None:
+    async def read(self) -> None:
         assert self._process.stdout is not None
         while data := await self._process.stdout.read(4096):
             self.printed += data.decode("utf-8", "replace")

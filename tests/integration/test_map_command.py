@@ -214,7 +214,7 @@ def test_a_signal_while_results_are_written_leaves_none_of_them(
         return []
 
     monkeypatch.setattr("companion.desk.figures.save_maps", terminated)
-    monkeypatch.setattr("companion.runtime.interrupt.Interrupts._leave", lambda _: None)
+    monkeypatch.setattr("threading.Timer", lambda *_: SimpleNamespace(start=lambda: None))
     monkeypatch.setattr(sys, "argv", ["slz", "map", str(path), "--out", str(out), "--json"])
     with pytest.raises(SystemExit) as ended:
         program.main()

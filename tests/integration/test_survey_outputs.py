@@ -191,10 +191,10 @@ def test_a_damaged_index_is_one_line(out: tuple[Path, dict[str, Any]], tmp_path:
 def test_a_disk_that_fills_up_while_a_map_is_packed_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: Any) -> None:
+    def full(*_: Any, **__: Any) -> None:
         raise CPLE_AppDefinedError(3, 1, "TIFFAppendToStrip:Write error at scanline 0")
 
-    monkeypatch.setattr("companion.desk.survey.files.geotiff._optimize", full)
+    monkeypatch.setattr("rasterio.shutil.copy", full)
     path = write(tmp_path / "a.laz", points(20_000))
     with pytest.raises(UsageError, match="cannot be written: TIFFAppendToStrip"):
         survey.run([path], tmp_path / "out", parameters(), lambda *_: None)

@@ -17,6 +17,7 @@ import companion
 import params
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Orders, Phase
+from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
 from companion.runtime.clock import now_ns
 
@@ -53,7 +54,8 @@ def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[An
 def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, orders: Orders) -> None:
     """Let the application carry out orders."""
     monkeypatch.setattr(made.executive, "step", lambda _situation: orders)
-    made.link._inbox.vehicle = replace(IN_FLIGHT, last_heartbeat_ns=now_ns())
+    vehicle = replace(IN_FLIGHT, last_heartbeat_ns=now_ns())
+    monkeypatch.setattr(Link, "vehicle", property(lambda _link: vehicle))
     made.decisions.run_once()
 
 

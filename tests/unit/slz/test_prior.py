@@ -250,6 +250,6 @@ def test_a_best_point_that_a_live_map_finds_unsafe_is_given_up_before_the_next_l
     )  # what a live map would say about the best point
     live = PriorTerrain(unsafe)
     hidden = np.zeros((CELLS, CELLS), bool)
-    prior.update(np.empty((0, 3)), np.array([0.0, 0.0, 30.0]), FRAME, prior._compared_s + 0.5, (live,))
+    prior.update(np.empty((0, 3)), np.array([0.0, 0.0, 30.0]), FRAME, 0.5, (live,))
     assert not np.array_equal(prior.terrain.hidden, hidden)
     assert not any(zone.holds(*prior.terrain.grid.index(*best[:2].tolist())) for zone in prior.zones)

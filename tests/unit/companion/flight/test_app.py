@@ -14,6 +14,7 @@ from companion.flight import situation_source
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Orders, Phase
 from companion.flight.link.command import CommandResult
+from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.runtime.clock import now_ns
@@ -31,10 +32,12 @@ class Cockpit:
         self.companion = Companion(
             "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False
         )
+        self.vehicle = FLYING
         self.sent: list[Any] = []
         self.asked: list[str] = []
         self.ended: list[str] = []
         self.orders = Orders()
+        monkeypatch.setattr(Link, "vehicle", property(lambda _link: self.vehicle))
         monkeypatch.setattr(self.companion.link, "send", self.sent.append)
         monkeypatch.setattr(self.companion.link, "set_mode", self._set_mode)
         monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.orders)
@@ -51,7 +54,7 @@ class Cockpit:
 
     async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
         heard_ns = now_ns() - round(heard_s_ago * 1e9)
-        self.companion.link._inbox.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
+        self.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
         self.companion.decisions.run_once()
         await asyncio.sleep(0.01)
 

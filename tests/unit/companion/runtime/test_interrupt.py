@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 import pytest
 
@@ -15,8 +16,8 @@ from companion.runtime.interrupt import Interrupted, Interrupts
 
 @pytest.fixture
 def interrupts(monkeypatch: pytest.MonkeyPatch) -> Iterator[Interrupts]:
-    """Signals taken over; the program is not left when the grace is over."""
-    monkeypatch.setattr(Interrupts, "_leave", lambda _: None)
+    """Signals taken over; the program is not left, for the grace is never over."""
+    monkeypatch.setattr(threading, "Timer", lambda *_: SimpleNamespace(start=lambda: None))
     made = Interrupts()
     before = signal.getsignal(signal.SIGTERM)
     with made.installed():
@@ -91,9 +92,17 @@ def test_what_does_not_end_in_time_is_left_with_nothing_behind(
         raise OSError
 
     monkeypatch.setattr(interrupt.os, "_exit", steps.append)
+    timers: list[Callable[[], None]] = []
+
+    def timer(_grace_s: float, leave: Callable[[], None]) -> SimpleNamespace:
+        return SimpleNamespace(start=lambda: timers.append(leave))
+
+    monkeypatch.setattr(threading, "Timer", timer)
     made = Interrupts()
-    made.number = signal.SIGTERM
     made.leftovers = [lambda: steps.append("made first"), fail, lambda: steps.append("made last")]
-    made._leave()
+    with made.installed(), pytest.raises(Interrupted):
+        come()
+    (leave,) = timers
+    leave()
     assert steps == ["made last", "made first", 143]
     assert capsys.readouterr().err == "slz: terminated\n"

@@ -304,7 +304,7 @@ def assert_judged_by_its_cells(east_m: float, north_m: float) -> None:
     A cell that is touched just so, to a thousandth of a millimetre, may count or not.
     """
     SCENE.select(np.array([east_m, north_m, 0.0]))
-    point = SCENE._selected
+    point = SCENE.selected
     assert point is not None
     if point.state is PointState.SAFE:
         safe, distance_m = cells_about(east_m, north_m, 0.5 - 1e-6)
@@ -370,7 +370,7 @@ def test_the_touchdown_error_counts_in_cells_wider_than_it() -> None:
     assert all(free[: free.index(False)])
     for gap_m, state in ((0.1, PointState.UNSAFE), (0.3, PointState.UNSAFE), (0.45, PointState.SAFE)):
         pipe.select(np.array([edge_m - gap_m, 32.5, 0.0]))
-        point = pipe._selected
+        point = pipe.selected
         assert point is not None
         assert point.state is state
 

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.browser_orders import Command, parse
 from companion.flight.dashboard.order_handler import FlightOrderHandler
 from companion.flight.landing.situation import Phase, Reply
+from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
 from companion.runtime.clock import now_ns
 from companion.runtime.state_directory import StateDir
@@ -29,7 +31,7 @@ FLYING = VehicleState(
 class Seat:
     """A companion in flight over two zones, without sockets."""
 
-    def __init__(self, state: StateDir | None) -> None:
+    def __init__(self, state: StateDir | None, patch: pytest.MonkeyPatch) -> None:
         self.companion = Companion(
             "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False, state=state
         )
@@ -38,7 +40,8 @@ class Seat:
         assert self.report is not None
         now = now_ns()
         self.companion.link.connected = True
-        self.companion.link._inbox.vehicle = replace(FLYING, last_heartbeat_ns=now)
+        self.vehicle = replace(FLYING, last_heartbeat_ns=now)
+        patch.setattr(Link, "vehicle", property(lambda _link: self.vehicle))
         self.companion.history.add_attitude(now, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self.companion.history.add_position(now, 47.0, 8.0, 400.0, (0.0, 0.0, 0.0))
         self.companion.situations.on_scan(now)
@@ -60,9 +63,10 @@ class Seat:
 
 @asynccontextmanager
 async def seat(folder: Path | None = None) -> AsyncIterator[Seat]:
-    made = Seat(None if folder is None else StateDir(folder))
-    yield made
-    made.companion.worker.close()
+    with pytest.MonkeyPatch.context() as patch:
+        made = Seat(None if folder is None else StateDir(folder), patch)
+        yield made
+        made.companion.worker.close()
 
 
 async def test_a_zone_is_selected_judged_and_confirmed() -> None:
@@ -92,7 +96,7 @@ async def test_only_the_point_that_the_sender_saw_is_confirmed() -> None:
 
 async def test_nothing_is_flown_before_the_hand_over() -> None:
     async with seat() as s:
-        s.companion.link._inbox.vehicle = replace(s.companion.link.vehicle, mode="LOITER")
+        s.vehicle = replace(s.vehicle, mode="LOITER")
         reply = await s.order(do="land_best")
         assert (reply.accepted, reply.reason) == (False, "set GUIDED first")
 
@@ -100,7 +104,7 @@ async def test_nothing_is_flown_before_the_hand_over() -> None:
 async def test_a_point_of_the_map_is_watched_where_it_was_tapped() -> None:
     async with seat() as s:
         assert (await s.order(do="select_point", east_m=-7.25, north_m=3.5)).accepted
-        asked = s.companion.executive.state.selection.enu_m
+        asked = s.companion.executive.step(s.companion.situations.situation()).select_enu_m
         assert asked is not None
         assert np.allclose(asked[:2], (-7.25, 3.5), atol=0.01)
         far = await s.order(do="select_point", east_m=90_000, north_m=0)

@@ -80,22 +80,6 @@ async def test_a_fault_in_what_is_shown_is_the_page_s_own(
     assert "planted" in caplog.text
 
 
-async def test_a_display_that_fails_in_the_pipeline_s_thread_is_dropped(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    made = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
-
-    def fail(_pipeline: Any) -> None:
-        raise RuntimeError("planted")
-
-    made.worker.display_hook = fail
-    await made.worker._show(asyncio.get_running_loop(), fail)
-    assert made.worker.display_hook is None
-    assert not made.worker.invalid
-    assert "planted" in caplog.text
-    made.worker.close()
-
-
 class Brief:
     """A server that ends by itself when its time has come."""
 

@@ -87,6 +87,8 @@ class Sender:
     def sends(self, *texts: str) -> None:
         """Send messages at once, and hear for four seconds."""
         site = SimpleNamespace(answer=self.answer, refused=0, facts=lambda _question: {})
+        site.board, site.serving, site.about = SimpleNamespace(run=0), True, {}
+        site.give_way = asyncio.Event().wait  # for ever: nothing is shown
 
         async def script() -> None:
             self.began_s = self.loop.time()
@@ -95,15 +97,17 @@ class Sender:
                 inbox.put_nowait({"type": "websocket.receive", "text": f"1 {text}"})
 
             async def send_text(text: str) -> None:
-                self.told.append(json.loads(text))
+                if (document := json.loads(text)).get("t") != "about":
+                    self.told.append(document)
 
-            socket = SimpleNamespace(receive=inbox.get, send_text=send_text, close=None)
-            viewer = Viewer(cast(Site, site), cast(WebSocket, socket), self.role)
-            tasks = [asyncio.create_task(work()) for work in (viewer._receive_all, viewer._carry_out_all)]
+            async def accept() -> None:
+                pass
+
+            socket = SimpleNamespace(accept=accept, receive=inbox.get, send_text=send_text, close=None)
+            viewer = asyncio.create_task(Viewer(cast(Site, site), cast(WebSocket, socket), self.role).run())
             await asyncio.sleep(4.0)
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            viewer.cancel()
+            await asyncio.gather(viewer, return_exceptions=True)
 
         try:
             self.loop.run_until_complete(script())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +26,7 @@ class Desk:
         self.done: list[OperatorCommand] = []
         self.server = CommandServer()
         self.server.handler = self._carry_out
-        self._sequence = 0
+        self.sequence = 0
 
         self.refuses = self.always = False
         self.stands = True
@@ -58,8 +59,8 @@ class Desk:
 
     def _take(self, message: Any, at_s: float, system: int, sequence: int | None = None) -> Answer | None:
         if sequence is None:
-            self._sequence += 1
-            sequence = self._sequence % 256
+            self.sequence += 1
+            sequence = self.sequence % 256
         return self.server.handle_command(received(message, system, 190, sequence), 1, 191, round(at_s * S))
 
 
@@ -132,7 +133,7 @@ def test_a_command_to_be_carried_out_always_is_so_at_each_frame_of_its_own() -> 
     desk = Desk()
     desk.always = True
     executed = [desk.long(0, 10), desk.long(0, 10.1), desk.long(0, 10.2, 1)]
-    desk._sequence -= 1  # the network repeats the last frame
+    desk.sequence -= 1  # the network repeats the last frame
     executed.append(desk.long(0, 10.3, 1))
     assert [a and a.executed for a in executed] == [True, True, True, False]
 
@@ -198,11 +199,17 @@ def test_places_are_degrees_in_global_frames_and_metres_in_local_ones(frame: int
 def test_memory_of_senders_is_bounded() -> None:
     desk = Desk()
     for system in range(1, 101):
-        desk.long(1, 10, system=system)
+        desk.long(1, 10, system=system, sequence=7)
     for number in range(100):
-        desk.long(number, 10, system=100)
-    assert len(desk.server._done) <= 16
-    assert len(desk.server._done[100, 190]) <= 8
+        desk.long(number, 10, system=100, sequence=number)
+
+    def remembered(asked: Iterable[Answer | None]) -> int:
+        return sum(answer is not None and not answer.executed for answer in asked)
+
+    # The newest first: what is forgotten is carried out again, and then takes the oldest one's place.
+    numbers, systems = range(99, -1, -1), range(99, 0, -1)
+    assert 1 <= remembered(desk.long(number, 10, system=100, sequence=number) for number in numbers) <= 8
+    assert 1 <= remembered(desk.long(1, 10, system=system, sequence=7) for system in systems) <= 15
 
 
 @given(st.lists(st.tuples(st.sampled_from([0, 1]), st.integers(0, 3), st.integers(0, 5000)), max_size=20))

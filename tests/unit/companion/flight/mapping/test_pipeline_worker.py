@@ -193,8 +193,30 @@ async def test_a_window_that_waits_when_the_estimate_jumps_is_never_computed() -
     worker.add_scan(scan(0))
     worker.add_scan(scan(1))
     worker.reset()
-    await drive(worker, lambda: not worker._wake.is_set())
+    task = asyncio.create_task(worker.run())
+    for _ in range(20):
+        await asyncio.sleep(0)
+        assert not worker.busy
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    worker.close()
     assert (reports, worker.reports) == ([], 0)
+
+
+async def test_a_display_that_fails_is_dropped_and_costs_no_report(caplog: pytest.LogCaptureFixture) -> None:
+    reports: list[Report] = []
+    worker = worker_to(reports)
+
+    def fail(_pipeline: Pipeline) -> None:
+        raise RuntimeError("planted")
+
+    worker.display_hook = fail
+    for second in (0, 1):
+        worker.add_scan(scan(second))
+    await drive(worker, lambda: worker.display_hook is None)
+    assert len(reports) == 1
+    assert not worker.invalid
+    assert "planted" in caplog.text
 
 
 async def test_it_hangs_once_a_window_takes_longer_than_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:

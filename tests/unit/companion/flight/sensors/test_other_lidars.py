@@ -8,7 +8,9 @@ import logging
 import os
 import socket
 import tty
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from companion.flight.sensors.driver import open_lidar
 from companion.flight.sensors.mavlink_lidar import MavlinkLidar
 from companion.flight.sensors.returns import Returns
 from companion.runtime.errors import UsageError
+from companion.runtime.event import Event, Unsubscribe
 from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
 from sitl.sensors.sf45 import Sf45, frame
@@ -138,9 +141,15 @@ def test_a_mid_360_that_answers_is_left_in_peace_until_it_has_been_silent_for_lo
     assert caplog.text.count("LiDAR at 127.0.0.1 answers") == 1
 
 
-def test_ranges_of_the_autopilot_stand_in_for_a_lidar() -> None:
+def test_ranges_of_the_autopilot_stand_in_for_a_lidar(monkeypatch: pytest.MonkeyPatch) -> None:
     batches: list[Returns] = []
     link = Link("udpin:127.0.0.1:14999", Parameters())
+    messages: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
+
+    def subscribe(name: str, handler: Callable[[Any, int], None], *, anyone: bool = False) -> Unsubscribe:
+        return messages[name, anyone].subscribe(handler)
+
+    monkeypatch.setattr(link, "subscribe", subscribe)
     lidar = open_lidar("mavlink:", Parameters(), batches.append, link)
     assert isinstance(lidar, MavlinkLidar)
 
@@ -148,8 +157,9 @@ def test_ranges_of_the_autopilot_stand_in_for_a_lidar() -> None:
         running = asyncio.ensure_future(lidar.run())
         await asyncio.sleep(0)
         link.clock.stamp_ns(1000, 5 * 10**9)  # of a pose
-        link._subscribers["*", True].emit(beam(800, 25), 5 * 10**9)
-        link._subscribers["*", False].emit(beam(800, 25), 5 * 10**9)
+        messages["*", True].emit(beam(800, 25), 5 * 10**9)
+        assert not batches  # what anyone sends is no range of the autopilot's
+        messages["*", False].emit(beam(800, 25), 5 * 10**9)
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
 

@@ -55,26 +55,26 @@ class Vehicle:
     def _answer(self, m: Any) -> None:
         kind = m.get_type()
         if kind == "MISSION_REQUEST_LIST":
-            self._say(mavlink.MAVLink_mission_count_message(*US, len(self.points), RALLY))
+            self.say(mavlink.MAVLink_mission_count_message(*US, len(self.points), RALLY))
         elif kind == "MISSION_REQUEST_INT":
-            self._say(_item(m.seq, self.points[m.seq]))
+            self.say(_item(m.seq, self.points[m.seq]))
         elif kind == "MISSION_COUNT":
             del self.points[m.count :]
             self._count = m.count
-            self._say(mavlink.MAVLink_mission_request_message(*US, 0, RALLY))
+            self.say(mavlink.MAVLink_mission_request_message(*US, 0, RALLY))
         elif kind == "MISSION_CLEAR_ALL":
             self.points = []
-            self._say(mavlink.MAVLink_mission_ack_message(*US, 0, RALLY))
+            self.say(mavlink.MAVLink_mission_ack_message(*US, 0, RALLY))
         elif kind == "MISSION_ITEM_INT":
             self.points[m.seq : m.seq + 1] = [RallyPoint(m.x, m.y, int(m.z), m.frame)]
             if self.forgets_after == m.seq + 1:
                 self.deaf = True
             elif m.seq + 1 < self._count:
-                self._say(mavlink.MAVLink_mission_request_message(*US, m.seq + 1, RALLY))
+                self.say(mavlink.MAVLink_mission_request_message(*US, m.seq + 1, RALLY))
             else:
-                self._say(mavlink.MAVLink_mission_ack_message(*US, 0, RALLY))
+                self.say(mavlink.MAVLink_mission_ack_message(*US, 0, RALLY))
 
-    def _say(self, message: Any) -> None:
+    def say(self, message: Any) -> None:
         self._hear(self.rally.on_message(received(message), round(self.now_s * S), 1, US))
 
     def other(self) -> None:
@@ -178,7 +178,7 @@ def test_somebody_who_begins_while_we_read_is_let_finish() -> None:
     vehicle = Vehicle(deaf=True).run(MINE, 0.05)
     vehicle.other()
     vehicle.deaf = False
-    vehicle._say(mavlink.MAVLink_mission_count_message(*US, 0, RALLY))  # so the reading ends well
+    vehicle.say(mavlink.MAVLink_mission_count_message(*US, 0, RALLY))  # so the reading ends well
     vehicle.run(MINE, 4)
     assert vehicle.writes() == 0
     vehicle.run(MINE, 12)

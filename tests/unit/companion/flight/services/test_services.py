@@ -55,13 +55,18 @@ def test_a_damaged_timestamp_is_told_and_signing_begins_with_the_date(
     assert "is no timestamp" in line
 
 
-def services(state: StateDir | None = None, **values: Any) -> tuple[Services, Settings, Any]:
+def services(
+    state: StateDir | None = None, signing: Signing | None = None, **values: Any
+) -> tuple[Services, Settings, Any]:
     link = SimpleNamespace(
-        vehicle=VehicleState(position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0, armed=True),
+        connected=True,
+        system_id=1,
+        component_id=191,
+        vehicle=VehicleState(sysid=1, position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0, armed=True),
         subscribe=lambda *_, **__: None,
     )
     settings = Settings(params.build(values))
-    return Services(cast(Link, link), settings, None, state), settings, link
+    return Services(cast(Link, link), settings, signing, state), settings, link
 
 
 def report() -> Any:
@@ -71,19 +76,32 @@ def report() -> Any:
     )
 
 
-def test_points_are_wanted_while_armed_and_switched_on_and_none_are_touched_without_a_report() -> None:
+async def wanted(served: Services) -> tuple[RallyPoint, ...] | None:
+    """Return the points that one tick asks for."""
+    asked: list[tuple[RallyPoint, ...] | None] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(served.rally, "poll", lambda _now_ns, points, *_: asked.append(points) or [])
+        task = asyncio.create_task(served.run())
+        await asyncio.sleep(0)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+    (points,) = asked
+    return points
+
+
+async def test_points_are_wanted_while_armed_and_switched_on_and_none_are_touched_without_a_report() -> None:
     served, settings, link = services()
     given = report()
     served.report = lambda: given
-    assert served._wanted_points() == ()
+    assert await wanted(served) == ()
     assert settings.change("rally", "on").accepted
-    wanted = served._wanted_points()
-    assert wanted is not None
-    assert [p.alt_m for p in wanted] == [20]
+    points = await wanted(served)
+    assert points is not None
+    assert [p.alt_m for p in points] == [20]
     served.report = lambda: None
-    assert served._wanted_points() is None
-    link.vehicle = VehicleState(position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0)
-    assert served._wanted_points() == ()
+    assert await wanted(served) is None
+    link.vehicle = VehicleState(sysid=1, position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0)
+    assert await wanted(served) == ()
 
 
 def test_points_of_an_earlier_run_are_read_and_a_broken_line_is_left_out(
@@ -115,11 +133,9 @@ async def test_what_is_remembered_survives_a_power_cut_and_the_event_loop_never_
         synced.append((name, threading.current_thread() is threading.main_thread()))
 
     monkeypatch.setattr(os, "fsync", fsync)
-    served, _, _ = services(StateDir(tmp_path))
-    served._signing = Signing(bytes(32), wall=lambda: 10**9)
+    served, _, _ = services(StateDir(tmp_path), Signing(bytes(32), wall=lambda: 10**9))
     monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
-    served._send_mission([])
-    assert synced == []
+    monkeypatch.setattr(served.rally, "poll", lambda *_: [])
     task = asyncio.create_task(served.run())
     async with asyncio.timeout(5):
         while len(synced) < 2:
@@ -135,16 +151,21 @@ async def test_points_and_timestamps_that_cannot_be_kept_are_warned_of_and_the_f
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     state = StateDir(tmp_path)
-    served, _, link = services(state)
+    served, _, link = services(state, cast(Signing, SimpleNamespace(tick=7, to_save=lambda: 7)))
     sent: list[str] = []
     link.send = sent.append
     monkeypatch.setattr(state, "write", lambda *_, **__: "No space left on device")
     monkeypatch.setattr(served.rally, "ours", (RallyPoint(470_000_000, 80_000_000, 20),))
-    served._signing = cast(Any, SimpleNamespace(tick=7, to_save=lambda: 7))
-    served._send_mission(["a message"])
-    await served._save_timestamp()
+    monkeypatch.setattr(served.rally, "poll", lambda *_: ["a message"])
+    task = asyncio.create_task(served.run())
+    async with asyncio.timeout(5):
+        while len(caplog.records) < 2:
+            await asyncio.sleep(0)
+    assert not task.done()
     assert sent == ["a message"]
     assert [record.getMessage() for record in caplog.records] == [
         "our rally points are not remembered: No space left on device",
         "the timestamp of signing is not kept: No space left on device",
     ]
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)

@@ -8,7 +8,7 @@ import itertools
 import os
 import socket
 import termios
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -167,10 +167,24 @@ async def test_a_server_that_never_listened_can_be_closed() -> None:
     assert await asyncio.wait_for(server.lost, 1) == "closed"
 
 
+async def accepting(server: ServerChannel) -> Callable[[], Any]:
+    """Let a server listen without a socket; return what makes the protocol of a client."""
+    made: list[Callable[[], Any]] = []
+
+    async def create_server(factory: Callable[[], Any], *_: Any) -> Any:
+        made.append(factory)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(asyncio.get_running_loop(), "create_server", create_server)
+        await server.listen("127.0.0.1", 0)
+    return made[0]
+
+
 async def test_streams_of_several_clients_do_not_mix_wherever_they_are_cut() -> None:
     codec, received = Codec(191), []
     server = ServerChannel(lambda data: received.extend(m.get_srcSystem() for m in codec.decode(data)))
-    clients = [(server._accept(), Codec(component)) for component in (1, 190)]
+    accept = await accepting(server)
+    clients = [(accept(), Codec(component)) for component in (1, 190)]
     for system, (_, sender) in enumerate(clients, 1):
         sender.system_id = system
     for cut in range(1, 21):
@@ -179,19 +193,32 @@ async def test_streams_of_several_clients_do_not_mix_wherever_they_are_cut() -> 
         for part in (slice(0, cut), slice(cut, None)):
             for (client, _), frame in zip(clients, frames, strict=True):
                 client.data_received(frame[part])
-    server._accept().data_received(b"no frame")
+    accept().data_received(b"no frame")
     assert received == [1, 2] * 20
     assert (codec.lost, codec.bad, codec.bad_bytes) == (0, 0, 8)
 
 
-async def test_the_kernel_gives_up_silent_streams_of_both_kinds() -> None:
+def is_listening(raw: socket.socket) -> bool:
+    return bool(raw.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN))
+
+
+async def test_the_kernel_gives_up_silent_streams_of_both_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed: dict[int, Any] = {}
+    set_option = socket.socket.setsockopt
+
+    def noted(self: socket.socket, *option: Any) -> None:
+        set_option(self, *option)
+        changed[self.fileno()] = self
+
+    monkeypatch.setattr(socket.socket, "setsockopt", noted)
     server, port = ServerChannel(lambda _: None), free_port(socket.SOCK_STREAM)
     await server.listen("127.0.0.1", port)
     channel: Any = await open_tcp(parse_url(f"tcp:127.0.0.1:{port}"), lambda _: None)
     while not server.write(b"x"):
         await asyncio.sleep(0)
-    for stream in (channel, *server._clients):
-        raw = stream._transport.get_extra_info("socket")
+    ends = [raw for raw in changed.values() if raw.fileno() >= 0 and not is_listening(raw)]
+    assert {raw.getsockname()[1] == port for raw in ends} == {True, False}
+    for raw in ends:
         assert raw.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == UNACKNOWLEDGED_MS
     server.close()
     assert await asyncio.wait_for(channel.lost, 1)

@@ -37,12 +37,11 @@ class Transport:
 def opened(*, bound: bool) -> tuple[DatagramChannel, Any, SimpleNamespace, list[bytes]]:
     """Return a channel, its transport, its clock and what came."""
     came: list[bytes] = []
-    channel, transport, clock = (
-        DatagramChannel(came.append, bound=bound),
-        Transport(),
-        SimpleNamespace(now=0.0),
-    )
-    channel._loop = SimpleNamespace(time=lambda: clock.now)  # type: ignore[assignment]
+    transport, clock, loop = Transport(), SimpleNamespace(now=0.0), asyncio.get_running_loop()
+    with pytest.MonkeyPatch.context() as patch:
+        timed = SimpleNamespace(time=lambda: clock.now, create_future=loop.create_future)
+        patch.setattr(asyncio, "get_running_loop", lambda: timed)
+        channel = DatagramChannel(came.append, bound=bound)
     channel.connection_made(transport)  # type: ignore[arg-type]
     return channel, transport, clock, came
 
