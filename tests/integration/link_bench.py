@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import itertools
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
@@ -31,6 +32,16 @@ def virtually(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
         loop.run_until_complete(loop.shutdown_asyncgens())
         loop.run_until_complete(loop.shutdown_default_executor())
         loop.close()
+
+
+def on_simulated_clock(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run a test as `virtually` does."""
+
+    @functools.wraps(test)
+    def run(*args: Any, **fixtures: Any) -> None:
+        virtually(lambda: test(*args, **fixtures))
+
+    return run
 
 
 async def until(condition: Callable[[], object], seconds: float = 20.0) -> None:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import companion
 import params
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Orders, Phase
+from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
 from companion.runtime.clock import now_ns
@@ -45,7 +47,12 @@ def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[An
     made = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
     sent: list[Any] = []
     monkeypatch.setattr(made.link, "send", sent.append)
-    monkeypatch.setattr(made.link._commander, "_send", lambda command, attempt: sent.append(command) or True)
+
+    async def command(command_id: int, *params: float, **_: Any) -> CommandResult:
+        sent.append(SimpleNamespace(command=command_id, params=params))
+        return CommandResult(command_id, "timeout")
+
+    monkeypatch.setattr(made.link, "command", command)
     made.executive.state.phase = Phase.FINAL
     yield made, sent
     made.worker.close()

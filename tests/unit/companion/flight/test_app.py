@@ -19,6 +19,7 @@ from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.runtime.clock import now_ns
 from slz import LocalFrame, Scan
+from tests.integration.link_bench import on_simulated_clock
 from tests.ports import free_port
 from tests.unit.companion.flight.landing.flight import Flight
 
@@ -72,6 +73,7 @@ async def cockpit(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Cockpit]:
 
 
 @pytest.mark.parametrize(("mode", "heard_s_ago"), [("GUIDED", 0.0), ("LAND", 3.0)])
+@on_simulated_clock
 async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
     monkeypatch: pytest.MonkeyPatch, mode: str, heard_s_ago: float
 ) -> None:
@@ -88,6 +90,7 @@ async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
 
 
 @pytest.mark.parametrize("phase", [Phase.CLIMB, Phase.HOLD, Phase.SURVEY, Phase.APPROACH])
+@on_simulated_clock
 async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_off(
     monkeypatch: pytest.MonkeyPatch, phase: Phase
 ) -> None:
@@ -104,6 +107,7 @@ async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_
         assert seat.ended == ["LAND"]
 
 
+@on_simulated_clock
 async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     """ArduPilot flies on for three seconds with the last velocity that it was given."""
     async with cockpit(monkeypatch) as seat:
@@ -120,6 +124,7 @@ async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) ->
         assert seat.velocities()[-1] == (0.0, 0.0, 0.0)
 
 
+@on_simulated_clock
 async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
 
@@ -141,6 +146,7 @@ async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch
 @pytest.mark.parametrize(
     ("window_s", "age_s", "fresh"), [(1.0, 2.9, True), (1.0, 3.1, False), (2.0, 3.9, True)]
 )
+@on_simulated_clock
 async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
     monkeypatch: pytest.MonkeyPatch, window_s: float, age_s: float, fresh: bool
 ) -> None:
@@ -158,6 +164,7 @@ async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
     ("lidar_s", "seen_s", "fresh"),
     [(0.1, 0.1, True), (1.9, 0.1, False), (None, 0.1, False), (0.1, 1.9, False)],
 )
+@on_simulated_clock
 async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
     lidar_s: float | None, seen_s: float, fresh: bool
 ) -> None:
@@ -181,6 +188,7 @@ VELOCITIES, PLACE = 0b000111000, 0b000000111  # what a mask of the message ignor
 ACCELERATIONS = 0b111000000
 
 
+@on_simulated_clock
 async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -197,6 +205,7 @@ async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
 
 
 @pytest.mark.parametrize("mode", ["POSCTL", "AUTO.MISSION", "AUTO.LOITER", "AUTO.RTL"])
+@on_simulated_clock
 async def test_px4_is_told_no_velocity_in_a_mode_of_the_pilot(
     monkeypatch: pytest.MonkeyPatch, mode: str
 ) -> None:
@@ -211,6 +220,7 @@ async def test_px4_is_told_no_velocity_in_a_mode_of_the_pilot(
         assert (signal.x, signal.y, signal.z) == (3.0, -4.0, -12.0)
 
 
+@on_simulated_clock
 async def test_px4_is_told_to_stop_in_offboard_until_an_order_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         monkeypatch.setattr(f"{__name__}.FLYING", PX4)
@@ -222,6 +232,7 @@ async def test_px4_is_told_to_stop_in_offboard_until_an_order_comes(monkeypatch:
 
 
 @pytest.mark.parametrize("stale", [{"local_ned_m": None}, {"local_boot_ms": 9_000}])
+@on_simulated_clock
 async def test_px4_is_told_no_place_that_is_not_its_own(
     monkeypatch: pytest.MonkeyPatch, stale: dict[str, Any]
 ) -> None:
@@ -232,6 +243,7 @@ async def test_px4_is_told_no_place_that_is_not_its_own(
 
 
 @pytest.mark.parametrize(("heard_s_ago", "known"), [(1.0, True), (2.1, True), (2.6, False)])
+@on_simulated_clock
 async def test_the_mode_is_known_at_one_heartbeat_a_second_of_which_one_is_lost(
     monkeypatch: pytest.MonkeyPatch, heard_s_ago: float, known: bool
 ) -> None:
@@ -247,6 +259,7 @@ def scan(stamp_ns: int) -> Scan:
     return Scan(points, np.full(2, stamp_ns), np.zeros(3), LocalFrame(47.0, 8.0, 400.0))
 
 
+@on_simulated_clock
 async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -267,6 +280,7 @@ async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
         assert "the position estimate jumped: mapping anew" in caplog.text
 
 
+@on_simulated_clock
 async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -286,6 +300,7 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
         assert (done, len(offered)) == (["map", "point"], 1)
 
 
+@on_simulated_clock
 async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         begun: list[str] = []
@@ -296,6 +311,7 @@ async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.Mo
         assert begun == ["map"]
 
 
+@on_simulated_clock
 async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         offered: list[Scan] = []
@@ -308,6 +324,7 @@ async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest
         assert len(offered) == 1
 
 
+@on_simulated_clock
 async def test_a_radar_and_a_view_run_and_end_with_the_companion(monkeypatch: pytest.MonkeyPatch) -> None:
     async def warm_up() -> None: ...
 
