@@ -340,7 +340,7 @@ class Autopilot:
             return
         self._settled_since_ns = None
         self.navigator.sticks = self.receiver.sticks(now_ns)
-        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self._range_down_m())
+        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self.range_down_m())
         velocity = self._avoid(velocity, estimate)
         level = self._without_position()
         if level:
@@ -392,7 +392,7 @@ class Autopilot:
         yaw_rad = to_euler(estimate.quat_wxyz)[2]
         return self.proximity.limited(velocity, yaw_rad, p["AVOID_MARGIN"], self._now_ns)
 
-    def _range_down_m(self) -> float | None:
+    def range_down_m(self) -> float | None:
         """Return the rangefinder's distance, None if it is off, late or out of range."""
         p = self.parameters
         if p["RNGFND1_TYPE"] == 10 and self.rangefinder is not None:

@@ -29,6 +29,11 @@ class ZoneMap:
         East and north of the grid's centre (SLZ paper, section 3.1.2).
     numbers
         IDs for new zones.
+
+    Attributes
+    ----------
+    candidates
+        Zones found by the last search, before they have IDs.
     """
 
     def __init__(
@@ -39,7 +44,7 @@ class ZoneMap:
         self.terrain = EvidenceTerrain(grid, parameters)
         self._tracker = ZoneTracker(numbers)
         self.zones: tuple[Zone, ...] = ()
-        self._candidates: tuple[Candidate, ...] = ()
+        self.candidates: tuple[Candidate, ...] = ()
         self._contents: dict[int, Content] = {}  # of the zones, by ID
         self.n_without_tile = self.n_evicted = 0
 
@@ -67,7 +72,7 @@ class ZoneMap:
         sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
         change = terrain.add(points_enu_m, sensor_there_m, stamp_s)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
-        self._candidates = self._search()
+        self.candidates = self._search()
 
     def _follow(self, sensor_enu_m: Points) -> None:
         """Move the grid if required (SLZ paper, section 3.2.5)."""
@@ -114,5 +119,5 @@ class ZoneMap:
             content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id))
             return describe(content, terrain, sensor_enu_m, p, zone_id)
 
-        self.zones = rank(self._tracker.update(self._candidates, described), p)
+        self.zones = rank(self._tracker.update(self.candidates, described), p)
         self._contents = contents

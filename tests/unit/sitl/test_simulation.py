@@ -303,8 +303,12 @@ def test_it_says_once_that_it_is_ready_and_ends_after_its_duration(
 @pytest.mark.parametrize(
     ("lidar", "port"), [("mid360", 56301), ("vlp16", 2368), ("ouster", 7502), ("opal", 56301)]
 )
-def test_each_lidar_sends_to_its_own_port(lidar: str, port: int) -> None:
-    assert program._parse(["--lidar", lidar]).lidar_to == f"127.0.0.1:{port}"
+def test_each_lidar_sends_to_its_own_port(
+    capsys: pytest.CaptureFixture[str], signals: None, lidar: str, port: int
+) -> None:
+    assert program.main([*RUN, "--lidar", lidar]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert json.loads(line)["lidar"] == f"127.0.0.1:{port}"
 
 
 def test_the_ouster_s_metadata_is_written(

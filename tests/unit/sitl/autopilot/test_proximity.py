@@ -181,7 +181,7 @@ def test_a_distance_sensor_is_healthy_at_three_hertz_and_not_at_one(hz: float, h
     def tell() -> None:
         if int(bench.now_ns * hz * 1e-9) != int((bench.now_ns - 50 * MS) * hz * 1e-9):
             bench.tell(mavlink.MAVLink_distance_sensor_message(0, 5, 12_000, 640, 0, 0, 25, 255))
-        read.append(bench.autopilot._range_down_m() is not None)
+        read.append(bench.autopilot.range_down_m() is not None)
 
     bench.run(5, tell)
     late = read[20:]
@@ -197,4 +197,4 @@ def test_only_a_distance_downwards_and_in_its_own_range_is_read(
 ) -> None:
     bench = Bench().run(1)
     bench.tell(mavlink.MAVLink_distance_sensor_message(0, low_cm, high_cm, 640, 0, 0, orientation, 255))
-    assert bench.autopilot._range_down_m() == found
+    assert bench.autopilot.range_down_m() == found

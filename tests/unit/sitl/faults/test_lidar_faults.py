@@ -12,6 +12,7 @@ import pytest
 from sitl import faults, scenes
 from sitl.sensors.livox_packets import CARTESIAN_32, HEADER, HEADER_BYTES
 from sitl.simulation import Simulation
+from sitl.vehicle.multirotor import Vehicle
 
 RATE_HZ = 12_500
 
@@ -45,7 +46,9 @@ class Listener:
 @pytest.fixture
 def listener() -> Iterator[Listener]:
     listener = Listener()
-    listener.sim.vehicle._x[2] += 10.0  # hung up in the air: it does not fly, so nothing else moves
+    east, north, up = listener.sim.vehicle.truth.pos_enu_m
+    hung = Vehicle(np.random.default_rng(1), (east, north, up + 10.0))  # it does not fly, so nothing moves
+    listener.sim.vehicle = hung
     yield listener
     listener.sim.close()
     listener.socket.close()

@@ -115,7 +115,7 @@ def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> N
     pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
     near = near_map(pipe)
     assert isinstance(near, ZoneMap)
-    whole = max(near._candidates, key=lambda candidate: len(candidate.boundary_cells))
+    whole = max(near.candidates, key=lambda candidate: len(candidate.boundary_cells))
     own, content = whole.own_bits.copy(), whole.content_bits.copy()
     own[:, -1] = content[:, -1] = 0
     rest = replace(whole, own_bits=own, content_bits=content)
@@ -194,7 +194,7 @@ def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
     pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
     near = near_map(pipe)
     assert isinstance(near, ZoneMap)
-    one = near._candidates[0]
+    one = near.candidates[0]
     aside = replace(one, box=replace(one.box, col0=one.box.col0 + 1, col1=one.box.col1 + 1))
     with pytest.raises(ValueError, match="rows of the terrain's tiles"):
         Content.of(aside, near.terrain)
