@@ -9,6 +9,7 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from companion.flight.command_execution import CommandExecution
 from companion.flight.decision_loop import DecisionLoop
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.flight_summary import flight_summary
@@ -28,7 +29,6 @@ from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.survey_prior import SurveyPrior
 from companion.flight.mode_requests import ModeRequests
-from companion.flight.order_execution import OrderExecution
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
@@ -149,7 +149,7 @@ class Companion:
         )  # fmt: skip
         self.feed.on_new_map.subscribe(self.streams.forget)
         self.modes = ModeRequests(self.link, self.executive)
-        self._execution = OrderExecution(
+        self._execution = CommandExecution(
             self.link, self.history, self.worker, self.streams, self.modes, parameters.lidar_min_m
         )
         self.operator = Operator(self.executive, self.situation, parameters.zone_m)

@@ -1,15 +1,15 @@
-"""The executive's loop: 20 times a second from what is known to orders, and their execution."""
+"""The executive's loop: 20 times a second from what is known to commands, and their execution."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
 
+from companion.flight.command_execution import CommandExecution
 from companion.flight.flight_view import FlightView
 from companion.flight.flown_path import FlownPath
 from companion.flight.landing.restart import Restart
 from companion.flight.map_frame import begin_frame_if_far
-from companion.flight.order_execution import OrderExecution
 from companion.flight.scan_feed import ScanFeed
 from companion.flight.situation_source import SituationSource
 
@@ -30,7 +30,7 @@ class DecisionLoop:
         flight: FlightView,
         feed: ScanFeed,
         situations: SituationSource,
-        execution: OrderExecution,
+        execution: CommandExecution,
         restart: Restart,
         path: FlownPath,
         on_new_frame: Callable[[], None],
@@ -49,7 +49,7 @@ class DecisionLoop:
             await asyncio.sleep(next_s - loop.time())
 
     def run_once(self) -> None:
-        """Step the executive once and carry out its orders."""
+        """Step the executive once and carry out its commands."""
         flight = self._flight
         self._feed.follow_jumps()  # before the executive selects the point again, in the new map
         if begin_frame_if_far(flight):
@@ -57,9 +57,9 @@ class DecisionLoop:
             self._on_new_frame()
         self._situations.blocked = self._execution.blocked
         situation, vehicle = self._situations.situation(), flight.link.vehicle
-        orders = flight.executive.step(situation)
+        commands = flight.executive.step(situation)
         self._restart.update(
             situation, flight.executive, flight.history.frame, vehicle.sysid, vehicle.boot_ms
         )
-        self._execution.execute(orders, situation)
+        self._execution.execute(commands, situation)
         self._path.follow(situation, heard_ever=vehicle.sysid is not None)

@@ -1,8 +1,8 @@
 """Landing executive: a state machine for survey, approach, descent, landing and abort.
 
-Without I/O: `step` maps the present situation to orders. It commands nothing before the operator's hand-over,
-and nothing after another party changed the mode. What each phase does stands in `phases`, what ends or
-interrupts one in `emergencies`, what they share in `landing_state.py`.
+Without I/O: `step` maps the present situation to commands for the vehicle. It commands nothing before the
+operator's hand-over, and nothing after another party changed the mode. Each phase has a file in `phases`,
+each cause that ends or interrupts one a file in `emergencies`; `landing_state.py` holds what they share.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from companion.flight.landing.phases.waiting import Waiting
 from companion.flight.landing.situation import (
     FLYING,
     LandingRequest,
-    Orders,
     Phase,
     Reply,
     Severity,
     Situation,
     Tally,
     Vector,
+    VehicleCommands,
 )
 from params import Parameters
 from slz import Zone
@@ -68,16 +68,16 @@ class Executive:
         self._jump = PositionJump(state)
         self._waiting, approach = Waiting(state), Approach(state)
         self._survey, self._descent, self._climb = Survey(state, approach), Descent(state), Climb(state)
-        self._orders_in: dict[Phase, Callable[[Situation], Orders]] = {
-            Phase.IDLE: self._waiting.orders,
-            Phase.LANDED: self._waiting.orders,
-            Phase.SURVEY: self._survey.orders,
-            Phase.APPROACH: approach.orders,
-            Phase.DESCEND: self._descent.orders,
-            Phase.FINAL: self._descent.final_orders,
-            Phase.CLIMB: self._climb.orders,
-            Phase.HOLD: self._climb.orders,
-            Phase.FAILSAFE: self._withdrawal.orders,
+        self._commands_in: dict[Phase, Callable[[Situation], VehicleCommands]] = {
+            Phase.IDLE: self._waiting.commands,
+            Phase.LANDED: self._waiting.commands,
+            Phase.SURVEY: self._survey.commands,
+            Phase.APPROACH: approach.commands,
+            Phase.DESCEND: self._descent.commands,
+            Phase.FINAL: self._descent.final_commands,
+            Phase.CLIMB: self._climb.commands,
+            Phase.HOLD: self._climb.commands,
+            Phase.FAILSAFE: self._withdrawal.commands,
         }
 
     @property
@@ -232,26 +232,26 @@ class Executive:
 
     # ---- every step -----------------------------------------------------------------------------
 
-    def step(self, s: Situation) -> Orders:
-        """Return the orders for the present situation (call it at 10 Hz or faster)."""
+    def step(self, s: Situation) -> VehicleCommands:
+        """Return the commands for the present situation (call it at 10 Hz or faster)."""
         state = self.state
         self._jump.follow(s)
         state.aim.measure(s.position_enu_m, s.selected)
         state.hand_over.follow(s)
         self._battery.heed(s)
-        orders = self._withdrawal.blame(s) or self._reaction(s) or self._orders_in[self.phase](s)
-        velocity = orders.velocity_enu_ms
+        commands = self._withdrawal.blame(s) or self._reaction(s) or self._commands_in[self.phase](s)
+        velocity = commands.velocity_enu_ms
         self._asked_up_ms = None if velocity is None else float(velocity[2])
         if not s.heard:  # the pilot may have chosen another mode meanwhile
-            orders = replace(orders, mode=None)
-        if orders.mode == "land":
+            commands = replace(commands, mode=None)
+        if commands.mode == "land":
             state.ownership.on_land_request(s)
-        elif orders.mode == "guided":
+        elif commands.mode == "guided":
             state.ownership.on_guided_request()
-        return replace(orders, select_enu_m=state.selection.collect(), texts=state.collect_texts())
+        return replace(commands, select_enu_m=state.selection.collect(), texts=state.collect_texts())
 
-    def _reaction(self, s: Situation) -> Orders | None:
-        """Return the orders of an emergency; None where the phase goes on."""
+    def _reaction(self, s: Situation) -> VehicleCommands | None:
+        """Return the commands that an interruption demands; None where the phase goes on."""
         state = self.state
         if self.phase not in FLYING:
             return None
@@ -278,7 +278,7 @@ class Executive:
         low = self.state.aim.height_left_m <= self._p.commit_height_m
         return Stage.COMMITTED if self.phase is Phase.FINAL and low else Stage(self.phase.value)
 
-    def _react(self, breach: Breach, s: Situation) -> Orders | None:
+    def _react(self, breach: Breach, s: Situation) -> VehicleCommands | None:
         """Execute the reaction to a breach; None where the phase goes on."""
         match breach.reaction:
             case Reaction.ENDS:

@@ -14,12 +14,12 @@ from companion.flight.landing.situation import (
     FLYING,
     STOPPED,
     LandingRequest,
-    Orders,
     Phase,
     Severity,
     Situation,
     Tally,
     Vector,
+    VehicleCommands,
 )
 from companion.flight.landing.zone_choice import soonest
 from params import Parameters
@@ -70,7 +70,7 @@ class LandingState:
     # ---- texts ----------------------------------------------------------------------------------
 
     def say(self, severity: Severity, text: str) -> None:
-        """Send the pilot a text with this step's orders."""
+        """Send the pilot a text with this step's commands."""
         self._texts.append((severity, f"SLZ: {text}"))
 
     def call(self, trouble: str, s: Situation) -> None:
@@ -124,7 +124,7 @@ class LandingState:
         """Let the present map count as the survey."""
         self.since_ns = s.now_ns - round(self.parameters.survey_s * 1e9)
 
-    def break_off(self, reason: str, s: Situation, hold: bool = False) -> Orders:
+    def break_off(self, reason: str, s: Situation, hold: bool = False) -> VehicleCommands:
         """Leave the point: stop, or climb at once where the autopilot is landing."""
         self.tally.aborts += 1
         self.tally.abort_reasons.append(reason)
@@ -134,8 +134,10 @@ class LandingState:
         landing = self.phase is Phase.FINAL
         self.go(Phase.HOLD if hold else Phase.CLIMB, s)
         if landing:
-            return Orders(mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self.parameters.climb_speed_ms]))
-        return Orders(velocity_enu_ms=STOPPED)
+            return VehicleCommands(
+                mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self.parameters.climb_speed_ms])
+            )
+        return VehicleCommands(velocity_enu_ms=STOPPED)
 
     def restart_limit(self, s: Situation) -> None:
         """Set the time limit of the phase to a minute and twice its travel time from now."""

@@ -88,8 +88,8 @@ class Situation:
 
 
 @dataclass(frozen=True, slots=True)
-class Orders:
-    """Outputs of one step.
+class VehicleCommands:
+    """Commands of one step, from the executive to the vehicle.
 
     velocity_enu_ms: setpoint, None for none. yaw_rad: heading to turn to, None to keep it. mode: kind of mode
     to request. target_enu_m: landing target to stream. select_enu_m: point to select.

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 import companion
 import params
 from companion.flight.app import Companion
-from companion.flight.landing.situation import Orders, Phase
+from companion.flight.landing.situation import Phase, VehicleCommands
 from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
@@ -58,9 +58,9 @@ def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[An
     made.worker.close()
 
 
-def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, orders: Orders) -> None:
-    """Let the application carry out orders."""
-    monkeypatch.setattr(made.executive, "step", lambda _situation: orders)
+def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, commands: VehicleCommands) -> None:
+    """Let the application carry out commands."""
+    monkeypatch.setattr(made.executive, "step", lambda _situation: commands)
     vehicle = replace(IN_FLIGHT, last_heartbeat_ns=now_ns())
     monkeypatch.setattr(Link, "vehicle", property(lambda _link: vehicle))
     made.decisions.run_once()
@@ -72,7 +72,7 @@ async def test_it_lands_by_the_mode_not_by_the_command(
 ) -> None:
     """NAV_LAND with a precision landing asked for is acknowledged and lands on the spot."""
     made, sent = on_px4
-    tick(made, monkeypatch, Orders(mode=kind, velocity_enu_ms=np.zeros(3)))
+    tick(made, monkeypatch, VehicleCommands(mode=kind, velocity_enu_ms=np.zeros(3)))
     await asyncio.sleep(0)
     made.modes.cancel()
     (command,) = [message for message in sent if not hasattr(message, "get_type")]
@@ -91,7 +91,7 @@ async def test_setpoints_are_velocities_of_the_local_frame(
     on_px4: tuple[Companion, list[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made, sent = on_px4
-    tick(made, monkeypatch, Orders(velocity_enu_ms=np.array([0.0, 0.0, -1.0])))
+    tick(made, monkeypatch, VehicleCommands(velocity_enu_ms=np.array([0.0, 0.0, -1.0])))
     (setpoint,) = sent
     assert setpoint.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
     assert setpoint.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from companion.flight.landing.landing_state import LandingState
-from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation
+from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
 
 
-def without_lidar(state: LandingState, s: Situation) -> Orders:
+def without_lidar(state: LandingState, s: Situation) -> VehicleCommands:
     """Stop; call the pilot after ten seconds."""
     _wait_for(state, s.blind, s)
-    return Orders(velocity_enu_ms=STOPPED)
+    return VehicleCommands(velocity_enu_ms=STOPPED)
 
 
-def without_pose(state: LandingState, s: Situation) -> Orders:
+def without_pose(state: LandingState, s: Situation) -> VehicleCommands:
     """Hold by the autopilot's own estimate; break off a landing that cannot be watched any more."""
     if state.phase is Phase.FINAL and state.committed:
-        return Orders()
+        return VehicleCommands()
     if state.phase in (Phase.DESCEND, Phase.FINAL):
         state.break_off("position lost", s)
     _wait_for(state, "position lost", s)
-    return Orders(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
+    return VehicleCommands(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
 
 def tell_return(state: LandingState, s: Situation) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from companion.flight.landing.emergencies.preconditions import Breach, Precondition, Reaction
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.situation import Orders, Phase, Severity, Situation
+from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
 
 OVER_NS = 3 * SECOND  # without a failsafe, until it is over
 BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
@@ -19,7 +19,7 @@ class Withdrawal:
         self._told_mode = ""  # last reported mode of the failsafe
         self._calm_since_ns: int | None = None  # since then without failsafe
 
-    def hands_off(self, breach: Breach, s: Situation) -> Orders:
+    def hands_off(self, breach: Breach, s: Situation) -> VehicleCommands:
         """Leave control to the pilot, who moved the sticks or set another mode."""
         if breach.precondition is Precondition.STICKS:
             text = f"pilot moves the sticks in {s.mode}: hands off"
@@ -29,9 +29,9 @@ class Withdrawal:
         self._state.tally.hands_off += 1
         self._state.rest(Phase.IDLE, s)
         self._taken = (s.mode, s.now_ns) if breach.precondition is Precondition.MODE else None
-        return Orders()
+        return VehicleCommands()
 
-    def blame(self, s: Situation) -> Orders | None:
+    def blame(self, s: Situation) -> VehicleCommands | None:
         """Stand back if a failsafe reported only now explains a mode taken away a moment ago."""
         if self._taken is None or self._state.phase is not Phase.IDLE:
             return None
@@ -43,7 +43,7 @@ class Withdrawal:
             return self.stand_back(Breach(Precondition.MODE, Reaction.STAND_BACK, mode), s)
         return None
 
-    def stand_back(self, breach: Breach, s: Situation) -> Orders:
+    def stand_back(self, breach: Breach, s: Situation) -> VehicleCommands:
         """Stop commanding: the autopilot flies by its own failsafe, or without an estimate."""
         self._taken = None
         cause = breach.what if breach.precondition is Precondition.ESTIMATE else s.cause
@@ -53,15 +53,15 @@ class Withdrawal:
         self._state.hand_over.withdraw()
         self._told_mode, self._calm_since_ns = s.mode, None
         self._state.rest(Phase.FAILSAFE, s)
-        return Orders()
+        return VehicleCommands()
 
-    def orders(self, s: Situation) -> Orders:
+    def commands(self, s: Situation) -> VehicleCommands:
         """Wait for the end of the failsafe and report its mode; a new hand-over is needed afterwards."""
         state = self._state
         if s.connected and (not s.armed or s.on_ground is True):
             state.say(Severity.WARNING, "on the ground by the autopilot's failsafe")
             state.rest(Phase.IDLE, s)
-            return Orders()
+            return VehicleCommands()
         if s.mode != self._told_mode:
             self._told_mode = s.mode
             state.say(Severity.CRITICAL, f"failsafe: {s.mode} flies, take over")
@@ -73,4 +73,4 @@ class Withdrawal:
             state.say(Severity.WARNING, f"failsafe over, {s.mode} flies: hand over again")
             state.told_to_hand_over_ns = s.now_ns
             state.rest(Phase.IDLE, s)
-        return Orders()
+        return VehicleCommands()

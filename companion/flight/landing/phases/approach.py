@@ -7,7 +7,15 @@ import numpy as np
 from companion.flight.landing.emergencies.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.route import Way
-from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation, Vector, known
+from companion.flight.landing.situation import (
+    STOPPED,
+    Phase,
+    Severity,
+    Situation,
+    Vector,
+    VehicleCommands,
+    known,
+)
 from slz import PointState
 
 STEADY_NS = 2 * SECOND  # point safe before the descent
@@ -22,7 +30,7 @@ class Approach:
         self._state = state
         self._over_since_ns: int | None = None  # over the point, in this approach
 
-    def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> Orders:
+    def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> VehicleCommands:
         """Choose a point and turn to it."""
         state = self._state
         state.aim.set_target(enu_m)
@@ -33,9 +41,9 @@ class Approach:
         where = f"zone {zone_id}" if zone_id is not None else "the point"
         state.say(Severity.INFO, f"approaching {where}")
         state.go(Phase.APPROACH, s)
-        return Orders(velocity_enu_ms=STOPPED)
+        return VehicleCommands(velocity_enu_ms=STOPPED)
 
-    def orders(self, s: Situation) -> Orders:
+    def commands(self, s: Situation) -> VehicleCommands:
         """Fly towards the point; descend, or break off with the reason."""
         state = self._state
         position, velocity = known(s.position_enu_m), known(s.velocity_enu_ms)
@@ -63,4 +71,4 @@ class Approach:
             return state.break_off("way blocked", s)
         if s.now_ns > state.late_ns:
             return state.break_off("point not reached", s)
-        return state.route.orders_towards(position, offset, state.parameters.approach_speed_ms)
+        return state.route.commands_towards(position, offset, state.parameters.approach_speed_ms)

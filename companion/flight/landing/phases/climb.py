@@ -9,10 +9,10 @@ from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import (
     STOPPED,
     LandingRequest,
-    Orders,
     Phase,
     Severity,
     Situation,
+    VehicleCommands,
     known,
 )
 
@@ -26,13 +26,13 @@ class Climb:
     def __init__(self, state: LandingState) -> None:
         self._state = state
 
-    def leave_landing(self, s: Situation) -> Orders:
+    def leave_landing(self, s: Situation) -> VehicleCommands:
         """Leave a landing mode entered after it was given up: nobody chose this ground."""
         self._state.say(Severity.WARNING, "LAND came late: climbing")
         self._state.go(Phase.CLIMB, s)
-        return Orders(mode="guided", velocity_enu_ms=STOPPED)
+        return VehicleCommands(mode="guided", velocity_enu_ms=STOPPED)
 
-    def orders(self, s: Situation) -> Orders:
+    def commands(self, s: Situation) -> VehicleCommands:
         """Climb; at survey height choose again, or hold until the next order."""
         state = self._state
         up = np.array([0.0, 0.0, state.parameters.climb_speed_ms])
@@ -44,16 +44,16 @@ class Climb:
         elif s.now_ns > state.late_ns:
             state.call("not climbing", s)
         if not s.guided:
-            return Orders(mode="guided", velocity_enu_ms=up)
+            return VehicleCommands(mode="guided", velocity_enu_ms=up)
         if left_m > AT_HEIGHT_M:
-            return Orders(velocity_enu_ms=up)
+            return VehicleCommands(velocity_enu_ms=up)
         if not s.lidar_ok:
             return without_lidar(state, s)
         if state.phase is Phase.HOLD or s.now_ns - state.since_ns < STEADY_NS:
-            return Orders(velocity_enu_ms=STOPPED)
+            return VehicleCommands(velocity_enu_ms=STOPPED)
         state.say(Severity.INFO, "choosing again")
         if state.wish is not None:
             state.wish = LandingRequest(urgent=state.wish.urgent or state.is_battery_low(s))
         state.go(Phase.SURVEY, s)
         state.end_survey(s)
-        return Orders(velocity_enu_ms=STOPPED)
+        return VehicleCommands(velocity_enu_ms=STOPPED)

@@ -6,7 +6,15 @@ import numpy as np
 
 from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation, Vector, known
+from companion.flight.landing.situation import (
+    STOPPED,
+    Phase,
+    Severity,
+    Situation,
+    Vector,
+    VehicleCommands,
+    known,
+)
 from slz import PointState
 
 TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
@@ -36,7 +44,7 @@ class Descent:
         state.go(Phase.FINAL, s)
         self._resumed_until_ns = s.now_ns + RESUMED_NS
 
-    def orders(self, s: Situation) -> Orders:
+    def commands(self, s: Situation) -> VehicleCommands:
         """Sink over the selected point, streaming the landing target, until LAND can take over."""
         state, p = self._state, self._state.parameters
         reason = state.why_not(s) or ("point not reached" if s.now_ns > state.late_ns else None)
@@ -47,13 +55,13 @@ class Descent:
         if left_m <= p.final_height_m and steady and away_m < LAND_WITHIN_M:
             state.say(Severity.INFO, "final: LAND")
             state.go(Phase.FINAL, s)
-            return Orders(mode="land", target_enu_m=target)
+            return VehicleCommands(mode="land", target_enu_m=target)
         floor = p.final_height_m - BELOW_FINAL_M - left_m
         sink = level(min(0.0, floor), p.descent_speed_ms) if away_m < SINK_WITHIN_M else 0.0
         horizontal = towards(target[:2] - known(s.position_enu_m)[:2], p.approach_speed_ms)
-        return Orders(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=target)
+        return VehicleCommands(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=target)
 
-    def final_orders(self, s: Situation) -> Orders:
+    def final_commands(self, s: Situation) -> VehicleCommands:
         """Watch the autopilot land; break off if the point turns unsafe while it can be seen."""
         state = self._state
         late = s.now_ns > state.late_ns
@@ -69,5 +77,5 @@ class Descent:
             state.call("not landing", s)
         target = state.aim.on_ground_enu_m
         if s.guided and s.now_ns - state.since_ns > REQUEST_AGAIN_NS:  # stop the vehicle's last setpoint too
-            return Orders(mode="land", velocity_enu_ms=STOPPED, target_enu_m=target)
-        return Orders(target_enu_m=target)
+            return VehicleCommands(mode="land", velocity_enu_ms=STOPPED, target_enu_m=target)
+        return VehicleCommands(target_enu_m=target)

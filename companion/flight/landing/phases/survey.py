@@ -5,7 +5,7 @@ from __future__ import annotations
 from companion.flight.landing.emergencies.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.phases.approach import Approach
-from companion.flight.landing.situation import STOPPED, Orders, Phase, Severity, Situation, known
+from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands, known
 from companion.flight.landing.zone_choice import choose, look_at
 from slz import Zone
 
@@ -19,14 +19,14 @@ class Survey:
     def __init__(self, state: LandingState, approach: Approach) -> None:
         self._state, self._approach = state, approach
 
-    def orders(self, s: Situation) -> Orders:
+    def commands(self, s: Situation) -> VehicleCommands:
         """Fly to the next corner of the search, or approach the zone that is chosen now."""
         state = self._state
         if not s.guided:
             return self.take_over(s)
         if not state.route.begun:
             state.start_survey(s)
-            return Orders(velocity_enu_ms=STOPPED)
+            return VehicleCommands(velocity_enu_ms=STOPPED)
         if not s.lidar_ok:
             return without_lidar(state, s)
         state.outage.on_present(s.now_ns)
@@ -38,18 +38,18 @@ class Survey:
         if s.now_ns - state.since_ns > round(state.parameters.survey_s * 1e9) + SEARCH_NS:
             state.say(Severity.CRITICAL, "no zone found: take over")
             state.go(Phase.HOLD, s)
-            return Orders(velocity_enu_ms=STOPPED)
+            return VehicleCommands(velocity_enu_ms=STOPPED)
         position = known(s.position_enu_m)
         offset = state.route.to_corner(position, state.way(s))
-        return state.route.orders_towards(position, offset, state.parameters.survey_speed_ms)
+        return state.route.commands_towards(position, offset, state.parameters.survey_speed_ms)
 
-    def take_over(self, s: Situation) -> Orders:
+    def take_over(self, s: Situation) -> VehicleCommands:
         """Request the guided mode after an emergency order; give up if the autopilot refuses."""
         if s.now_ns - self._state.started_ns > TAKE_OVER_NS:
             self._state.say(Severity.CRITICAL, f"{s.mode} stays: not landing")
             self._state.rest(Phase.IDLE, s)
-            return Orders()
-        return Orders(mode="guided", velocity_enu_ms=STOPPED)
+            return VehicleCommands()
+        return VehicleCommands(mode="guided", velocity_enu_ms=STOPPED)
 
     def _choice(self, s: Situation) -> Zone | None:
         """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.situation import LandingRequest, Orders, Phase, Severity, Situation
+from companion.flight.landing.situation import LandingRequest, Phase, Severity, Situation, VehicleCommands
 
 STEADY_NS = 2 * SECOND  # airborne and level before an automatic start
 TELL_AGAIN_NS = 30 * SECOND
@@ -20,13 +20,13 @@ class Waiting:
         self._state = state
         self._disarmed = False  # since the last landing
 
-    def finish(self, s: Situation) -> Orders:
+    def finish(self, s: Situation) -> VehicleCommands:
         """End the flight: report how far from the point the vehicle stands."""
         state = self._state
         if state.phase is not Phase.FINAL:
             state.say(Severity.NOTICE, "disarmed")
             state.rest(Phase.IDLE, s)
-            return Orders()
+            return VehicleCommands()
         off_m = state.aim.away_m
         state.tally.off_point_m = off_m if np.isfinite(off_m) else None
         if off_m > state.parameters.off_point_m:
@@ -35,9 +35,9 @@ class Waiting:
             state.say(Severity.NOTICE, f"landed, {off_m:.2f} m off the point")
         state.rest(Phase.LANDED, s)
         self._disarmed = False
-        return self.orders(s)
+        return self.commands(s)
 
-    def orders(self, s: Situation) -> Orders:
+    def commands(self, s: Situation) -> VehicleCommands:
         """In auto mode start when the vehicle has been airborne, guided and level for two seconds.
 
         After a landing the target is streamed until the vehicle is armed again: ArduPilot reports the end of
@@ -45,7 +45,7 @@ class Waiting:
         """
         state = self._state
         if state.phase is Phase.LANDED and self._stands(s):
-            return Orders(target_enu_m=state.aim.on_ground_enu_m)
+            return VehicleCommands(target_enu_m=state.aim.on_ground_enu_m)
         self._tell_to_hand_over(s)
         if not self._is_ready(s):
             state.level_since_ns = None
@@ -53,7 +53,7 @@ class Waiting:
             state.level_since_ns = s.now_ns
         elif s.now_ns - state.level_since_ns > STEADY_NS:
             state.start(LandingRequest(urgent=state.is_battery_low(s)), s)
-        return Orders()
+        return VehicleCommands()
 
     def _is_ready(self, s: Situation) -> bool:
         return (

@@ -1,4 +1,4 @@
-"""Execution of the executive's orders by the application, without sockets."""
+"""Execution of the executive's commands by the application, without sockets."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -12,7 +12,7 @@ import pytest
 import params
 from companion.flight import situation_source
 from companion.flight.app import Companion
-from companion.flight.landing.situation import Orders, Phase
+from companion.flight.landing.situation import Phase, VehicleCommands
 from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
@@ -27,7 +27,7 @@ FLYING = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True
 
 
 class Cockpit:
-    """A companion whose orders are given by the test, and what it sends."""
+    """A companion whose commands are given by the test, and what it sends."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.companion = Companion(
@@ -37,11 +37,11 @@ class Cockpit:
         self.sent: list[Any] = []
         self.asked: list[str] = []
         self.ended: list[str] = []
-        self.orders = Orders()
+        self.commands = VehicleCommands()
         monkeypatch.setattr(Link, "vehicle", property(lambda _link: self.vehicle))
         monkeypatch.setattr(self.companion.link, "send", self.sent.append)
         monkeypatch.setattr(self.companion.link, "set_mode", self._set_mode)
-        monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.orders)
+        monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.commands)
         self.companion.executive.state.phase = Phase.CLIMB
 
     async def _set_mode(self, name: str) -> CommandResult:
@@ -79,10 +79,10 @@ async def test_a_mode_is_asked_for_no_more_once_reached_or_nothing_is_heard(
 ) -> None:
     """A try after that would undo what the pilot chose in between."""
     async with cockpit(monkeypatch) as seat:
-        seat.orders = Orders(mode="guided", velocity_enu_ms=np.zeros(3))
+        seat.commands = VehicleCommands(mode="guided", velocity_enu_ms=np.zeros(3))
         await seat.tick("LAND")
         assert seat.asked == ["GUIDED"]
-        seat.orders = Orders(velocity_enu_ms=np.zeros(3))
+        seat.commands = VehicleCommands(velocity_enu_ms=np.zeros(3))
         await seat.tick("LAND")
         assert not seat.ended
         await seat.tick(mode, heard_s_ago)
@@ -97,9 +97,9 @@ async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_
     """A try after that would land the vehicle where it is."""
     async with cockpit(monkeypatch) as seat:
         seat.companion.executive.state.phase = Phase.FINAL
-        seat.orders = Orders(mode="land")
+        seat.commands = VehicleCommands(mode="land")
         await seat.tick("GUIDED")
-        seat.orders = Orders()
+        seat.commands = VehicleCommands()
         await seat.tick("GUIDED")
         assert not seat.ended
         seat.companion.executive.state.phase = phase
@@ -113,7 +113,7 @@ async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) ->
     async with cockpit(monkeypatch) as seat:
         companion = seat.companion
         await seat.tick("GUIDED")
-        seat.orders = Orders(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
+        seat.commands = VehicleCommands(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
         stop = asyncio.Event()
         deciding = asyncio.create_task(companion.decisions.run(stop))
         await asyncio.sleep(0.12)
@@ -134,7 +134,7 @@ async def test_a_mode_that_is_refused_is_asked_for_again_each_second(monkeypatch
 
         monkeypatch.setattr(seat.companion.link, "set_mode", refuse)
         monkeypatch.setattr("companion.flight.mode_requests.ASK_AGAIN_S", 0.2, raising=False)
-        seat.orders = Orders(mode="guided")
+        seat.commands = VehicleCommands(mode="guided")
         for _ in range(10):
             await seat.tick("LOITER")
         assert len(seat.asked) == 1
@@ -291,7 +291,7 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
         monkeypatch.setattr(companion.worker, "select", lambda _point: done.append("point"))
         monkeypatch.setattr(companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
         companion.link.ready = True
-        seat.orders = Orders(select_enu_m=point)
+        seat.commands = VehicleCommands(select_enu_m=point)
         companion.history.epoch += 1
         await seat.tick("GUIDED")
         companion.feed.add_lidar_scan(scan(1))  # it may still be of the frame before

@@ -87,11 +87,11 @@ def test_the_selection_and_the_path_follow(made: Companion) -> None:
     assert old is not None
     fly(made, 30.0, 2400.0)
     assert begin_frame_if_far(made)
-    orders = made.executive.step(replace(situation(), epoch=made.history.epoch))
-    assert [text for _, text in orders.texts] == []  # no jump, no selection lost
-    assert orders.select_enu_m is not None
+    commands = made.executive.step(replace(situation(), epoch=made.history.epoch))
+    assert [text for _, text in commands.texts] == []  # no jump, no selection lost
+    assert commands.select_enu_m is not None
     expected = HOME.enu_m(*old.lla(POINT).T)
-    np.testing.assert_allclose(in_home(made, orders.select_enu_m), expected, atol=1e-3)
+    np.testing.assert_allclose(in_home(made, commands.select_enu_m), expected, atol=1e-3)
     path = in_home(made, made.path_enu_m.array())
     np.testing.assert_allclose(path[:, 0], [0.0, 1000.0, 2398.0], atol=0.02)
 

@@ -1,4 +1,4 @@
-"""Point mass that obeys orders, to fly the executive without a simulator."""
+"""Point mass that obeys commands, to fly the executive without a simulator."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 import params
 from companion.flight.landing.executive import Executive
-from companion.flight.landing.situation import Orders, Phase, Severity, Situation
+from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
 from slz import (
     Box,
     Choice,
@@ -74,7 +74,7 @@ class Flight:
         self.texts: list[str] = []
         self.severities: list[Severity] = []
         self.phases: list[Phase] = [Phase.IDLE]
-        self.orders: list[tuple[float, Phase, str, Orders]] = []
+        self.commands: list[tuple[float, Phase, str, VehicleCommands]] = []
         self.blind = False
         self.battery_pct: float | None = 80.0
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
@@ -130,19 +130,19 @@ class Flight:
             switched=self.switched,
         )
 
-    def step(self) -> Orders:
-        orders = self.executive.step(self.situation())
-        self.orders.append((self.time_s, self.executive.phase, self.mode, orders))
-        self.texts += [text for _, text in orders.texts]
-        self.severities += [severity for severity, _ in orders.texts]
+    def step(self) -> VehicleCommands:
+        commands = self.executive.step(self.situation())
+        self.commands.append((self.time_s, self.executive.phase, self.mode, commands))
+        self.texts += [text for _, text in commands.texts]
+        self.severities += [severity for severity, _ in commands.texts]
         if self.executive.phase is not self.phases[-1]:
             self.phases.append(self.executive.phase)
-        if orders.select_enu_m is not None:
-            self.selected = orders.select_enu_m
-        if self.obeys and orders.mode:
-            self.mode = orders.mode.upper()
-        if self.mode == "GUIDED" and orders.velocity_enu_ms is not None:
-            self.velocity_wanted = self.velocity = orders.velocity_enu_ms.copy()
+        if commands.select_enu_m is not None:
+            self.selected = commands.select_enu_m
+        if self.obeys and commands.mode:
+            self.mode = commands.mode.upper()
+        if self.mode == "GUIDED" and commands.velocity_enu_ms is not None:
+            self.velocity_wanted = self.velocity = commands.velocity_enu_ms.copy()
             if self.blocked(self):
                 self.velocity = self.velocity * [0, 0, 1]
         elif self.mode == "LAND":
@@ -153,7 +153,7 @@ class Flight:
         self.position = self.position + self.velocity * STEP_S
         self.position[2] = max(0.0, self.position[2])
         self.time_s += STEP_S
-        return orders
+        return commands
 
     def jump(self, *by_m: float) -> None:
         """Let the position estimate jump; the vehicle stays, and the map begins anew."""

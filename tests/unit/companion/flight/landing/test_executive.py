@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from companion.flight.landing.situation import Orders, Phase
+from companion.flight.landing.situation import Phase, VehicleCommands
 from slz import PointState
 from tests.unit.companion.flight.landing.flight import Flight, replace, zone
 
 
-def commands(orders: Orders) -> bool:
-    return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
+def is_commanding(commands: VehicleCommands) -> bool:
+    return (
+        commands.velocity_enu_ms is not None or commands.mode is not None or commands.target_enu_m is not None
+    )
 
 
 def test_auto_surveys_chooses_and_lands_on_the_point() -> None:
@@ -29,7 +31,7 @@ def test_auto_surveys_chooses_and_lands_on_the_point() -> None:
 
 def test_landing_target_streams_for_longer_than_the_autopilot_needs_before_land() -> None:
     flight = Flight([zone(1, 3, 2)], final_height_m=29.0).fly_to(Phase.FINAL)
-    streamed = [time for time, _, mode, orders in flight.orders if orders.target_enu_m is not None]
+    streamed = [time for time, _, mode, commands in flight.commands if commands.target_enu_m is not None]
     assert streamed[-1] - streamed[0] >= 2.5
 
 
@@ -47,7 +49,7 @@ def test_nothing_is_commanded_before_the_operator_handed_over(change: dict[str, 
     for name, value in change.items():
         setattr(flight, name, value)
     flight.run(20)
-    assert not any(commands(orders) for *_, orders in flight.orders), why
+    assert not any(is_commanding(commands) for *_, commands in flight.commands), why
 
 
 def test_auto_waits_for_the_take_off_to_end() -> None:
@@ -65,9 +67,9 @@ def test_hands_off_from_the_step_the_pilot_changes_the_mode(phase: Phase) -> Non
     if phase is Phase.FINAL:
         flight.until(lambda f: f.mode == "LAND")
     flight.mode = "LOITER"
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(10)
-    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
     assert flight.executive.phase is Phase.IDLE
     assert any("hands off" in text for text in flight.texts)
 
@@ -149,7 +151,7 @@ def test_an_abort_insists_until_the_autopilot_obeys() -> None:
     flight.obeys = False
     flight.run(4)
     assert flight.mode == "LAND"
-    assert all(orders.mode == "guided" for *_, orders in flight.orders[-30:])
+    assert all(commands.mode == "guided" for *_, commands in flight.commands[-30:])
     flight.obeys = True
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] < -19
@@ -207,9 +209,9 @@ def test_the_nose_points_aside_of_the_course_for_the_lidar_to_see_ahead(east: fl
 def test_without_a_pose_the_vehicle_stops() -> None:
     flight = Flight([zone(1, 50, 0)]).fly_to(Phase.APPROACH).run(1)
     flight.blind = True
-    orders = flight.step()
-    assert orders.velocity_enu_ms is not None
-    assert np.allclose(orders.velocity_enu_ms, 0)
+    commands = flight.step()
+    assert commands.velocity_enu_ms is not None
+    assert np.allclose(commands.velocity_enu_ms, 0)
 
 
 class TestOperator:

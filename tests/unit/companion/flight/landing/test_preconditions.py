@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from companion.flight.landing.emergencies.preconditions import TABLE, Precondition, Reaction, Stage
-from companion.flight.landing.situation import Orders, Phase, Severity
+from companion.flight.landing.situation import Phase, Severity, VehicleCommands
 from slz import PointState
 from tests import REPOSITORY
 from tests.unit.companion.flight.landing.flight import Flight, zone
@@ -28,12 +28,14 @@ def flown_to(phase: Phase, **settings: object) -> Flight:
     return flight
 
 
-def commands(orders: Orders) -> bool:
-    return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
+def is_commanding(commands: VehicleCommands) -> bool:
+    return (
+        commands.velocity_enu_ms is not None or commands.mode is not None or commands.target_enu_m is not None
+    )
 
 
 def silent_since(flight: Flight, first: int) -> bool:
-    return not any(commands(orders) for *_, orders in flight.orders[first:])
+    return not any(is_commanding(commands) for *_, commands in flight.commands[first:])
 
 
 # ---- the table -------------------------------------------------------------------------------------
@@ -120,7 +122,7 @@ def test_a_stick_moved_in_the_landing_gives_the_vehicle_to_the_pilot(below_m: fl
     assert flight.executive.phase is Phase.IDLE
     assert flight.texts[-1] == "SLZ: pilot moves the sticks in LAND: hands off"
     assert flight.executive.tally.hands_off == 1
-    first = len(flight.orders)
+    first = len(flight.commands)
     flight.run(5)
     assert silent_since(flight, first)
 
@@ -181,7 +183,7 @@ def test_in_guided_phases_sticks_do_nothing(phase: Phase) -> None:
 def test_a_mode_taken_by_the_autopilot_s_failsafe_is_not_the_pilot_s(phase: Phase) -> None:
     flight = flown_to(phase)
     flight.mode, flight.failsafe, flight.cause = "RTL", True, "Battery 1 low voltage"
-    first = len(flight.orders)
+    first = len(flight.commands)
     flight.run(8)
     assert flight.executive.phase is Phase.FAILSAFE
     assert silent_since(flight, first)
@@ -209,7 +211,7 @@ def test_a_lost_estimate_ends_all_commands_and_tells_the_pilot(phase: Phase) -> 
     told = next(text for text in flight.texts if text.startswith("SLZ: failsafe"))
     assert told.startswith("SLZ: failsafe (position lost): ")
     assert told.endswith(" flies, take over")
-    first = len(flight.orders)
+    first = len(flight.commands)
     flight.run(10)
     assert silent_since(flight, first)
 
@@ -412,17 +414,17 @@ def test_the_target_is_streamed_until_the_vehicle_is_armed_again() -> None:
     flight.run(2)
     flight.armed = False
     flight.run(2)
-    assert flight.orders[-1][3].target_enu_m is not None
+    assert flight.commands[-1][3].target_enu_m is not None
     flight.armed = True
     flight.run(0.2)
-    assert flight.orders[-1][3].target_enu_m is None
+    assert flight.commands[-1][3].target_enu_m is None
 
 
 def test_lifted_off_again_it_has_no_target() -> None:
     flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
     flight.mode, flight.position[2] = "LOITER", 3.0
     flight.run(0.2)
-    assert flight.orders[-1][3].target_enu_m is None
+    assert flight.commands[-1][3].target_enu_m is None
 
 
 @pytest.mark.parametrize("blind", ["link lost", "LiDAR lost", "map late"])

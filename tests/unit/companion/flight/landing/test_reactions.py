@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from companion.flight.landing.situation import Orders, Phase
+from companion.flight.landing.situation import Phase, VehicleCommands
 from slz import PointState
 from tests.unit.companion.flight.landing.flight import Flight, replace, zone
 
 
-def commands(orders: Orders) -> bool:
-    return orders.velocity_enu_ms is not None or orders.mode is not None or orders.target_enu_m is not None
+def is_commanding(commands: VehicleCommands) -> bool:
+    return (
+        commands.velocity_enu_ms is not None or commands.mode is not None or commands.target_enu_m is not None
+    )
 
 
 # ---- a vehicle that does not obey ------------------------------------------------------------------
@@ -39,7 +41,7 @@ def test_a_vehicle_that_does_not_climb_calls_the_pilot_and_is_asked_on() -> None
     flight.run(150)
     assert flight.executive.phase is Phase.CLIMB
     assert 1 <= sum("not climbing: take over" in text for text in flight.texts) <= 3
-    assert flight.orders[-1][3].mode == "guided"
+    assert flight.commands[-1][3].mode == "guided"
 
 
 def test_a_vehicle_pressed_down_while_it_holds_is_given_its_time_to_climb() -> None:
@@ -198,9 +200,9 @@ def test_a_jump_below_commit_height_does_not_move_the_target_away_from_the_vehic
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 1.2)
     flight.jump(5.0, 0, 3.0)
-    orders = flight.step()
-    assert orders.target_enu_m is not None
-    assert orders.target_enu_m - flight.estimate_is_off_m == pytest.approx([10, 0, 0], abs=0.2)
+    commands = flight.step()
+    assert commands.target_enu_m is not None
+    assert commands.target_enu_m - flight.estimate_is_off_m == pytest.approx([10, 0, 0], abs=0.2)
     flight.fly_to(Phase.LANDED)
     assert flight.executive.tally.aborts == 0
 
@@ -262,9 +264,9 @@ def test_who_hears_nothing_asks_for_no_mode(connected: bool) -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 8)
     flight.heard, flight.connected, flight.blind, flight.obeys = False, connected, True, False
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(20)
-    assert not any(orders.mode for *_, orders in flight.orders[before:])
+    assert not any(commands.mode for *_, commands in flight.commands[before:])
     flight.heard = flight.connected = flight.obeys = True
     flight.run(1)
     assert flight.mode == "GUIDED"
@@ -353,7 +355,7 @@ def test_a_low_battery_before_the_hand_over_is_said_once_and_commands_nothing() 
     flight = Flight([zone(1, 0, 0)], auto=False)
     flight.battery_pct = 10.0
     flight.run(30)
-    assert not any(commands(orders) for *_, orders in flight.orders)
+    assert not any(is_commanding(commands) for *_, commands in flight.commands)
     assert sum("battery low" in text for text in flight.texts) == 1
 
 
@@ -394,8 +396,8 @@ def test_a_low_battery_on_the_ground_is_nobody_s_concern() -> None:
 def test_a_low_battery_without_a_map_goes_on_to_the_point_that_was_chosen() -> None:
     flight = Flight([zone(1, 60, 0)]).fly_to(Phase.APPROACH)
     flight.battery_pct = 5.0
-    orders = flight.executive.step(replace(flight.situation(), report=None))
-    assert [text for _, text in orders.texts] == ["SLZ: battery low: landing at the nearest zone"]
+    commands = flight.executive.step(replace(flight.situation(), report=None))
+    assert [text for _, text in commands.texts] == ["SLZ: battery low: landing at the nearest zone"]
     assert flight.executive.phase is Phase.APPROACH
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(60, abs=0.5)
@@ -516,9 +518,9 @@ def test_an_emergency_ends_when_the_pilot_chooses_another_mode() -> None:
     flight.executive.land_now(flight.situation())
     flight.run(1)
     flight.mode = "ALT_HOLD"
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(10)
-    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
 
 
 def test_an_emergency_is_given_up_when_the_autopilot_refuses_the_mode() -> None:
@@ -539,7 +541,7 @@ def test_an_emergency_without_a_position_is_given_up_too() -> None:
     flight.executive.land_now(flight.situation())
     flight.run(20)
     assert flight.executive.phase is Phase.IDLE
-    assert not commands(flight.orders[-1][-1])
+    assert not is_commanding(flight.commands[-1][-1])
 
 
 def test_an_emergency_aborted_before_the_mode_changed_leaves_the_mode_alone() -> None:
@@ -549,9 +551,9 @@ def test_an_emergency_aborted_before_the_mode_changed_leaves_the_mode_alone() ->
     flight.executive.land_now(flight.situation())
     flight.run(0.5)
     assert flight.executive.abort(flight.situation()).accepted
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(20)
-    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
 
 
 def test_an_order_without_a_position_begins_where_the_vehicle_is_then() -> None:
@@ -623,7 +625,7 @@ def test_a_guided_mode_that_was_asked_for_and_shows_after_a_silence_is_ours() ->
     flight = Flight([zone(1, 10, 0), zone(2, -20, 0)]).fly_to(Phase.FINAL).run(1.0)
     flight.blind, flight.obeys = True, False
     flight.run(2.0)
-    assert flight.orders[-1][3].mode == "guided"
+    assert flight.commands[-1][3].mode == "guided"
     flight.heard = False
     flight.run(1.0)
     flight.blind, flight.heard, flight.obeys = False, True, True
@@ -655,9 +657,9 @@ def test_a_landing_mode_that_the_pilot_chooses_later_is_the_pilot_s() -> None:
     flight.fly_to(Phase.APPROACH)
     flight.run(4)
     flight.mode, flight.obeys = "LAND", False
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(5)
-    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
 
 
 @pytest.mark.parametrize("height", [8.0, 1.0])
@@ -666,9 +668,9 @@ def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(he
     flight.executive.land_at_best(flight.situation())
     flight.fly_to(Phase.FINAL).until(lambda f: f.mode == "LAND" and f.position[2] < height)
     flight.mode = "GUIDED"
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(10)
-    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
     assert flight.executive.tally.hands_off == 1
 
 
@@ -678,9 +680,9 @@ def test_a_landing_mode_right_after_the_abort_of_a_landing_is_the_pilot_s() -> N
     flight.run(1)
     assert flight.mode == "GUIDED"
     flight.mode = "LAND"
-    before = len(flight.orders)
+    before = len(flight.commands)
     flight.run(5)
-    assert not any(commands(orders) for *_, orders in flight.orders[before:])
+    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
 
 
 def test_a_landing_mode_that_is_refused_leaves_the_vehicle_where_it_is() -> None:
@@ -700,7 +702,7 @@ def test_a_zone_is_selected_and_then_confirmed() -> None:
     assert not flight.executive.select_zone(flight.situation(), 9).accepted
     assert flight.executive.select_zone(flight.situation(), 2).accepted
     flight.run(5)
-    assert not any(commands(orders) for *_, orders in flight.orders)
+    assert not any(is_commanding(commands) for *_, commands in flight.commands)
     assert flight.executive.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)

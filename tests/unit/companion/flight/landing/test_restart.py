@@ -40,7 +40,7 @@ def test_a_landing_under_way_is_watched_again_at_once(tmp_path: Path) -> None:
     flight = restarted(tmp_path, left_at([20, 0, 0]), mode="LAND")
     assert flight.executive.phase is Phase.FINAL
     assert flight.texts == ["SLZ: restarted in LAND: watching the landing again"]
-    target = flight.orders[-1][3].target_enu_m
+    target = flight.commands[-1][3].target_enu_m
     assert target is not None
     assert target[:2] == pytest.approx([20, 0], abs=0.02)
     flight.fly_to(Phase.LANDED)

@@ -1,4 +1,4 @@
-"""Execution of the executive's orders: texts, modes, setpoints, selection and landing target."""
+"""Execution of the executive's commands: texts, modes, setpoints, selection and landing target."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import enu_from_level
 from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
-from companion.flight.landing.situation import Orders, Situation
+from companion.flight.landing.situation import Situation, VehicleCommands
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mode_requests import ModeRequests
@@ -22,8 +22,8 @@ log = logging.getLogger(__name__)
 OPEN_STEP_NS = 200_000_000
 
 
-class OrderExecution:
-    """Sends what the executive orders.
+class CommandExecution:
+    """Sends what the executive commands.
 
     Parameters
     ----------
@@ -51,24 +51,24 @@ class OrderExecution:
         self._last_open_ns = 0
         self.blocked = False
 
-    def execute(self, orders: Orders, situation: Situation) -> None:
-        """Carry out the orders of this moment."""
-        for severity, text in orders.texts:
+    def execute(self, commands: VehicleCommands, situation: Situation) -> None:
+        """Carry out the commands of this moment."""
+        for severity, text in commands.texts:
             log.info(text)
             self._link.statustext(text, severity.value)
-        if orders.select_enu_m is not None:
-            self._worker.select(orders.select_enu_m)
-        if orders.mode is not None:
-            self._modes.request(orders.mode)
+        if commands.select_enu_m is not None:
+            self._worker.select(commands.select_enu_m)
+        if commands.mode is not None:
+            self._modes.request(commands.mode)
         else:
             self._modes.review(situation)
         vehicle = self._link.vehicle
-        if orders.velocity_enu_ms is not None and (vehicle.guided or orders.mode == "guided"):
-            velocity = self._limit_velocity(orders.velocity_enu_ms, situation)
-            self._link.send(velocity_setpoint(vehicle, velocity, orders.yaw_rad))
+        if commands.velocity_enu_ms is not None and (vehicle.guided or commands.mode == "guided"):
+            velocity = self._limit_velocity(commands.velocity_enu_ms, situation)
+            self._link.send(velocity_setpoint(vehicle, velocity, commands.yaw_rad))
         elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
             self._link.send(signal)
-        self._streams.target_enu_m = orders.target_enu_m
+        self._streams.target_enu_m = commands.target_enu_m
 
     def stop_vehicle(self) -> None:
         """Send the last setpoint: ArduPilot flies on with the one before for three seconds."""
