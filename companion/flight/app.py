@@ -19,8 +19,8 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import LandingMemory
-from companion.flight.landing.operator_commands import OperatorCommands
-from companion.flight.landing.operator_order import Operator
+from companion.flight.landing.mavlink_orders import MavlinkOrders
+from companion.flight.landing.operator_order import OrderDesk
 from companion.flight.landing.restart import Restart
 from companion.flight.landing.situation import FLYING, Severity, Situation
 from companion.flight.link.link import Link
@@ -33,7 +33,7 @@ from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
 from companion.flight.scan_feed import ScanFeed
-from companion.flight.sensors.driver import Lidar, open_lidar
+from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.flight.services.order_parameters import OrderParameters
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
@@ -152,9 +152,9 @@ class Companion:
         self._execution = CommandExecution(
             self.link, self.history, self.worker, self.streams, self.modes, parameters.lidar_min_m
         )
-        self.operator = Operator(self.executive, self.situation, parameters.zone_m)
-        self.link.on_command(OperatorCommands(self.operator, lambda: self.history.frame).answer)
-        orders = (OrderParameters(self.operator),)
+        self.order_desk = OrderDesk(self.executive, self.situation, parameters.zone_m)
+        self.link.on_command(MavlinkOrders(self.order_desk, lambda: self.history.frame).answer)
+        orders = (OrderParameters(self.order_desk),)
         self.services = Services(
             self.link, self.settings, signing, state, self.situations.fresh_report, orders
         )

@@ -8,13 +8,13 @@ from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.landing.executive import Executive
-from companion.flight.landing.operator_order import Operator
+from companion.flight.landing.operator_order import OrderDesk
 from companion.flight.landing.situation import Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
-from companion.flight.sensors.driver import Lidar
+from companion.flight.sensors.lidar_url import Lidar
 from companion.flight.services.settings import Settings
 from companion.runtime.ring_buffer import RingBuffer
 from params import Parameters
@@ -39,7 +39,7 @@ class FlightView(Protocol):
     history: PoseHistory
     worker: PipelineWorker
     executive: Executive
-    operator: Operator
+    order_desk: OrderDesk
     fitness: Fitness
     streams: MessageSchedule
     recordings: Recordings

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from companion.flight.landing.executive import Executive
-from companion.flight.landing.landing_point_news import PointWatch
+from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Phase, Severity
 from companion.flight.link.link import Link
 from slz import Report
@@ -40,7 +40,7 @@ class ReportFeed:
         self, link: Link, executive: Executive, users: Callable[[], tuple[ReportUser | None, ...]]
     ) -> None:
         self._link, self._executive, self._users = link, executive, users
-        self._watch = PointWatch()
+        self._announcer = LandingPointAnnouncer()
         self.zones_seen: set[int] = set()
 
     def on_report(self, report: Report) -> None:
@@ -49,7 +49,7 @@ class ReportFeed:
             if user is not None:
                 user.use_report(report)
         self.zones_seen.update(zone.id for zone in report.zones)
-        news = self._watch.update(report)
+        news = self._announcer.update(report)
         if news is not None and self._executive.phase is not Phase.FAILSAFE:  # nobody lands there
             log.info(news[1])
             self._link.statustext(news[1], news[0].value)

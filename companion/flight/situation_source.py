@@ -7,7 +7,7 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.landing.situation import Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
-from companion.flight.sensors.driver import Lidar
+from companion.flight.sensors.lidar_url import Lidar
 from companion.runtime.clock import now_ns
 from params import Parameters
 from slz import Report

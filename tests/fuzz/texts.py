@@ -17,7 +17,7 @@ from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.viewer import _split
 from companion.flight.link.transport.mavlink_url import parse_url
 from companion.flight.link.wire.signing_key import read_key
-from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.lidar_url import open_lidar
 from companion.flight.services import settings as stored
 from companion.flight.services.services import _read_points
 from companion.flight.services.settings import Settings

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from companion.flight.sensors import sensor_registry
-from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.lidar_url import open_lidar
 from companion.flight.sensors.returns import Returns
 from params import Parameters
 from tests import REPOSITORY

@@ -17,7 +17,7 @@ from companion.flight.link.wire.codec import Codec
 from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import journal
 from companion.flight.recorder.journal import BadRecordError
-from companion.flight.sensors.driver import stream_for
+from companion.flight.sensors.lidar_url import stream_for
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import OnReturns
 from params import Parameters

@@ -39,15 +39,15 @@ class FlightOrderHandler:
 
     def __init__(self, flight: FlightView) -> None:
         self._flight = flight
-        self._operator = flight.operator
+        self._desk = flight.order_desk
 
     async def carry_out(self, order: Command) -> Reply:
         """Execute an order, or return the reason of its refusal."""
         match order:
             case Simple():
-                return self._operator.carry_out(Order(SIMPLE[order.do]))
+                return self._desk.carry_out(Order(SIMPLE[order.do]))
             case SelectZone():
-                return self._operator.carry_out(Order(OrderKind.SELECT_ZONE, order.zone))
+                return self._desk.carry_out(Order(OrderKind.SELECT_ZONE, order.zone))
             case SelectPoint():
                 return self._select_point(order.east_m, order.north_m)
             case Confirm():
@@ -64,14 +64,14 @@ class FlightOrderHandler:
         if self._flight.history.frame is None:
             return Reply(False, "no position yet")
         point = np.array([east_m, north_m, 0.0])
-        return self._operator.carry_out(Order(OrderKind.SELECT_POINT, point_enu_m=point))
+        return self._desk.carry_out(Order(OrderKind.SELECT_POINT, point_enu_m=point))
 
     def _confirm(self, order: Confirm) -> Reply:
         """Land at the selected point, if it is the one that the sender saw."""
         flight, seen = self._flight, np.array([order.east_m, order.north_m, 0.0])
         if not flight.executive.is_selected(flight.situation(), seen):
             return Reply(False, "the selection changed or is not judged yet: look and confirm again")
-        return self._operator.carry_out(Order(OrderKind.LAND_AT_SELECTED))
+        return self._desk.carry_out(Order(OrderKind.LAND_AT_SELECTED))
 
     def _set(self, order: SetParameter) -> Reply:
         settings = self._flight.settings

@@ -21,7 +21,7 @@ from companion.flight.link.message_rates import expected
 from companion.flight.link.parameter_reader import ParameterReader
 from companion.flight.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.flight.link.wire.signing import Signing
-from companion.flight.sensors.driver import Lidar, open_lidar
+from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.runtime.clock import now_ns
 from params import Parameters, required
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
-from companion.flight.sensors.driver import Lidar, open_lidar
+from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Scan

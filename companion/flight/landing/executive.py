@@ -2,7 +2,7 @@
 
 Without I/O: `step` maps the present situation to commands for the vehicle. It commands nothing before the
 operator's hand-over, and nothing after another party changed the mode. Each phase has a file in `phases`,
-each cause that ends or interrupts one a file in `emergencies`; `landing_state.py` holds what they share.
+each cause that ends or interrupts one a file in `interruptions`; `landing_state.py` holds what they share.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.flight.landing.aim import same_place
-from companion.flight.landing.emergencies.low_battery import LowBattery
-from companion.flight.landing.emergencies.missing_input import without_pose
-from companion.flight.landing.emergencies.position_jump import PositionJump
-from companion.flight.landing.emergencies.preconditions import (
+from companion.flight.landing.interruptions.low_battery import LowBattery
+from companion.flight.landing.interruptions.missing_input import without_pose
+from companion.flight.landing.interruptions.position_jump import PositionJump
+from companion.flight.landing.interruptions.preconditions import (
     Breach,
     Precondition,
     Preconditions,
     Reaction,
     Stage,
 )
-from companion.flight.landing.emergencies.withdrawal import Withdrawal
+from companion.flight.landing.interruptions.withdrawal import Withdrawal
 from companion.flight.landing.landing_state import LandingState
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.phases.climb import Climb

@@ -1,12 +1,12 @@
-"""State shared by the phases and the emergencies of a landing, and the transitions between phases."""
+"""State shared by the phases and the interruptions of a landing, and the transitions between phases."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from companion.flight.landing.aim import Aim
-from companion.flight.landing.emergencies.outage import Outage
 from companion.flight.landing.hand_over import HandOver
+from companion.flight.landing.interruptions.outage import Outage
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.point_selection import PointSelection
 from companion.flight.landing.route import Route, Way

@@ -42,7 +42,7 @@ class Order:
     point_enu_m: Vector | None = None
 
 
-class Operator:
+class OrderDesk:
     """Executes the operator's orders.
 
     Parameters

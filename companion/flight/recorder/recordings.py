@@ -14,7 +14,7 @@ from companion.flight.landing.situation import Reply
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.recorder.recorder import Recorder
-from companion.flight.sensors.driver import HasBatches
+from companion.flight.sensors.lidar_url import HasBatches
 from companion.flight.services.settings import Settings
 from companion.runtime.clock import WallOffset
 from companion.runtime.errors import UsageError

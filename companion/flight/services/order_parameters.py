@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.operator_order import Operator, Order, OrderKind
+from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
 from companion.flight.services.settings import Change
 from companion.runtime.clock import now_ns
 from params import Row
@@ -54,8 +54,8 @@ class OrderParameters:
         Always 0.
     """
 
-    def __init__(self, operator: Operator) -> None:
-        self._operator = operator
+    def __init__(self, desk: OrderDesk) -> None:
+        self._desk = desk
         self._last: tuple[str, int, int] | None = None  # last accepted order: name, value, order count
         self._last_ns = 0
         self.rows = (SELECT_ROW, DO_ROW)
@@ -69,7 +69,7 @@ class OrderParameters:
     @property
     def select(self) -> int:
         """Selected zone, 0 for none."""
-        return self._operator.selected_zone()
+        return self._desk.selected_zone()
 
     def change(self, name: str, value: int) -> Change:
         """Execute an order, or return the reason of its refusal."""
@@ -78,11 +78,11 @@ class OrderParameters:
         row = SELECT_ROW if name == "select" else DO_ROW
         if row.high is not None and not 0 < value <= row.high:
             return Change(False, f"{row.mavlink}: must be 0 to {row.high:g}")
-        if (name, value, self._operator.order_count) == self._last and now_ns() - self._last_ns < REPEAT_NS:
+        if (name, value, self._desk.order_count) == self._last and now_ns() - self._last_ns < REPEAT_NS:
             return Change(True, "")
         order = Order(OrderKind.SELECT_ZONE, value) if name == "select" else Order(ORDERS[value])
-        reply = self._operator.carry_out(order)
+        reply = self._desk.carry_out(order)
         repeatable = reply.accepted and order.kind is not OrderKind.ABORT  # an abort is executed each time
-        self._last = (name, value, self._operator.order_count) if repeatable else None
+        self._last = (name, value, self._desk.order_count) if repeatable else None
         self._last_ns = now_ns()
         return Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")

@@ -11,7 +11,7 @@ from typing import Any
 
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
-from companion.flight.sensors.driver import description
+from companion.flight.sensors.lidar_url import description
 from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.sensor_registry import decoder_for

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.landing.emergencies.missing_input import without_lidar
+from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.route import Way
 from companion.flight.landing.situation import (

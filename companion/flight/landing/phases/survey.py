@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.emergencies.missing_input import without_lidar
+from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands, known

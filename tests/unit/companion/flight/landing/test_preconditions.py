@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.flight.landing.emergencies.preconditions import TABLE, Precondition, Reaction, Stage
+from companion.flight.landing.interruptions.preconditions import TABLE, Precondition, Reaction, Stage
 from companion.flight.landing.situation import Phase, Severity, VehicleCommands
 from slz import PointState
 from tests import REPOSITORY

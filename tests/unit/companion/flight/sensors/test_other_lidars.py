@@ -17,7 +17,7 @@ import pytest
 
 from companion.flight.link.link import Link
 from companion.flight.sensors.decoders.livox_session import LivoxSession
-from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.lidar_url import open_lidar
 from companion.flight.sensors.mavlink_lidar import MavlinkLidar
 from companion.flight.sensors.returns import Returns
 from companion.runtime.errors import UsageError

@@ -8,8 +8,8 @@ from typing import Any, cast
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_commands import KINDS
-from companion.flight.landing.operator_order import Operator, Order, OrderKind
+from companion.flight.landing.mavlink_orders import KINDS
+from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
 from companion.flight.landing.situation import Reply
 from companion.flight.services import order_parameters
 from companion.flight.services.order_parameters import REPEAT_NS, OrderParameters
@@ -47,7 +47,7 @@ class Desk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_ns, self.listener = 10**9, Listener()
         monkeypatch.setattr(order_parameters, "now_ns", lambda: self.now_ns)
-        self.server = ParameterServer(OrderParameters(cast(Operator, self.listener)))
+        self.server = ParameterServer(OrderParameters(cast(OrderDesk, self.listener)))
         self.texts: list[tuple[str, bool]] = []
         self.server.on_change_result.subscribe(lambda *text: self.texts.append(text))
 

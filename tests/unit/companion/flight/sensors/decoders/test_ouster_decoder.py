@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from companion.flight.sensors.decoders import ouster_decoder
 from companion.flight.sensors.decoders.ouster_decoder import OusterDecoder
-from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.lidar_url import open_lidar
 from companion.runtime.errors import UsageError
 from params import Parameters
 from tests.unit.companion.flight.sensors.ouster_packets import (

@@ -1,4 +1,4 @@
-"""The driver on real sockets and simulated time."""
+"""UDP drivers on real sockets and simulated time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from companion.flight.sensors.decoders.livox_session import LivoxSession
-from companion.flight.sensors.driver import open_lidar
+from companion.flight.sensors.lidar_url import open_lidar
 from companion.flight.sensors.returns import Returns
 from companion.flight.sensors.udp_lidar import UdpLidar
 from companion.runtime.errors import CompanionError, UsageError

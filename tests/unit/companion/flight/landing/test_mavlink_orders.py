@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_commands import OperatorCommands
-from companion.flight.landing.operator_order import Operator
+from companion.flight.landing.mavlink_orders import MavlinkOrders
+from companion.flight.landing.operator_order import OrderDesk
 from companion.flight.landing.situation import Reply
 from companion.flight.link.command_server import OperatorCommand
 from slz import LocalFrame
@@ -35,10 +35,10 @@ class Executive:
         return order
 
 
-def desk(frame: LocalFrame | None = FRAME) -> tuple[OperatorCommands, Executive]:
+def desk(frame: LocalFrame | None = FRAME) -> tuple[MavlinkOrders, Executive]:
     executive = Executive()
-    operator = Operator(cast(Any, executive), lambda: cast(Any, SITUATION), 500.0)
-    return OperatorCommands(operator, lambda: frame), executive
+    order_desk = OrderDesk(cast(Any, executive), lambda: cast(Any, SITUATION), 500.0)
+    return MavlinkOrders(order_desk, lambda: frame), executive
 
 
 def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: Any) -> OperatorCommand:
@@ -60,8 +60,8 @@ def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: 
     ],
 )
 def test_each_number_is_its_order_and_no_other(params: tuple[float, ...], asked: tuple[Any, ...]) -> None:
-    operator, executive = desk()
-    assert operator.answer(command(*params)).result == mavlink.MAV_RESULT_ACCEPTED
+    orders, executive = desk()
+    assert orders.answer(command(*params)).result == mavlink.MAV_RESULT_ACCEPTED
     assert executive.asked == [asked]
 
 
@@ -69,18 +69,17 @@ def test_each_number_is_its_order_and_no_other(params: tuple[float, ...], asked:
     "params", [(7.0,), (-1.0,), (1.5,), (math.nan,), (2.0, 1.5), (2.0, math.nan), (5.0, 0.1), (3.0, 2.0)]
 )
 def test_what_is_no_order_is_denied_and_nothing_is_done(params: tuple[float, ...]) -> None:
-    operator, executive = desk()
-    reply = operator.answer(command(*params))
+    orders, executive = desk()
+    reply = orders.answer(command(*params))
     assert reply.result == mavlink.MAV_RESULT_DENIED
     assert reply.reason.startswith("SLZ: USER_1 knows no ")
     assert executive.asked == []
 
 
 def test_another_command_is_not_ours() -> None:
-    operator, executive = desk()
+    orders, executive = desk()
     assert (
-        operator.answer(command(1.0, command=mavlink.MAV_CMD_NAV_LAND)).result
-        == mavlink.MAV_RESULT_UNSUPPORTED
+        orders.answer(command(1.0, command=mavlink.MAV_CMD_NAV_LAND)).result == mavlink.MAV_RESULT_UNSUPPORTED
     )
     assert executive.asked == []
 
@@ -88,10 +87,10 @@ def test_another_command_is_not_ours() -> None:
 @pytest.mark.parametrize(("land", "order"), [(0.0, "select_point"), (1.0, "land_at_point")])
 @pytest.mark.parametrize("frame", [None, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT])
 def test_a_point_is_where_its_latitude_and_longitude_say(land: float, order: str, frame: int | None) -> None:
-    operator, executive = desk()
+    orders, executive = desk()
     lat, lon, alt = (float(v) for v in FRAME.lla(np.array([30.0, -40.0, 5.0])))
     assert (
-        operator.answer(command(3.0, land, at=(lat, lon, alt), frame=frame)).result
+        orders.answer(command(3.0, land, at=(lat, lon, alt), frame=frame)).result
         == mavlink.MAV_RESULT_ACCEPTED
     )
     ((name, enu),) = executive.asked
@@ -100,8 +99,8 @@ def test_a_point_is_where_its_latitude_and_longitude_say(land: float, order: str
 
 
 def test_a_point_without_an_altitude_is_level_with_home() -> None:
-    operator, executive = desk()
-    operator.answer(command(3.0, 0.0, at=(47.0, 8.0, math.nan)))
+    orders, executive = desk()
+    orders.answer(command(3.0, 0.0, at=(47.0, 8.0, math.nan)))
     assert executive.asked[0][1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
 
 
@@ -117,22 +116,22 @@ def test_a_point_without_an_altitude_is_level_with_home() -> None:
     ],
 )
 def test_what_is_no_point_is_denied(at: tuple[float, float, float], frame: int | None, reason: str) -> None:
-    operator, executive = desk()
-    reply = operator.answer(command(3.0, 1.0, at=at, frame=frame))
+    orders, executive = desk()
+    reply = orders.answer(command(3.0, 1.0, at=at, frame=frame))
     assert reply.result == mavlink.MAV_RESULT_DENIED
     assert reason in reply.reason
     assert executive.asked == []
 
 
 def test_before_any_position_there_is_no_point() -> None:
-    operator, executive = desk(frame=None)
-    assert "no position yet" in operator.answer(command(3.0, 1.0, at=(47.0, 8.0, 0.0))).reason
+    orders, executive = desk(frame=None)
+    assert "no position yet" in orders.answer(command(3.0, 1.0, at=(47.0, 8.0, 0.0))).reason
     assert executive.asked == []
 
 
 def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried_out() -> None:
-    operator, executive = desk()
-    landing, abort = operator.answer(command(1.0)), operator.answer(command(0.0))
+    orders, executive = desk()
+    landing, abort = orders.answer(command(1.0)), orders.answer(command(0.0))
     assert (landing.always, landing.is_in_effect()) == (False, True)
     assert abort.always
     executive.order_count += 1
@@ -145,4 +144,4 @@ def test_an_order_stands_until_another_or_its_end_and_an_abort_is_always_carried
 )
 def test_the_zone_under_watch(selected: Any, zone: int) -> None:
     situation: Any = SimpleNamespace(selected=selected)
-    assert Operator(cast(Any, Executive()), lambda: situation, 500.0).selected_zone() == zone
+    assert OrderDesk(cast(Any, Executive()), lambda: situation, 500.0).selected_zone() == zone

@@ -9,7 +9,7 @@ from companion.flight.landing.situation import Severity
 from slz import PointState, Report
 
 
-class PointWatch:
+class LandingPointAnnouncer:
     """Compares the selected point with the last announcement."""
 
     def __init__(self) -> None:

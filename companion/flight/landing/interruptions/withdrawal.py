@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.emergencies.preconditions import Breach, Precondition, Reaction
+from companion.flight.landing.interruptions.preconditions import Breach, Precondition, Reaction
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_order import Operator, Order, OrderKind
+from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
 from companion.flight.landing.situation import Reply
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from slz import LocalFrame
@@ -25,7 +25,7 @@ KINDS = {
 OF_ZONES = frozenset({OrderKind.LAND_IN_ZONE, OrderKind.SELECT_ZONE})
 
 
-class OperatorCommands:
+class MavlinkOrders:
     """Converts MAV_CMD_USER_1 to orders.
 
     param1: 0 abort, 1 land at the best zone, 2 land at zone param2, 3 select (param2 = 0) or land at
@@ -35,14 +35,14 @@ class OperatorCommands:
 
     Parameters
     ----------
-    operator
+    desk
         Executes the orders.
     frame
         Returns the map frame, None before the first position.
     """
 
-    def __init__(self, operator: Operator, frame: Callable[[], LocalFrame | None]) -> None:
-        self._operator = operator
+    def __init__(self, desk: OrderDesk, frame: Callable[[], LocalFrame | None]) -> None:
+        self._desk = desk
         self._frame = frame
 
     def answer(self, command: OperatorCommand) -> CommandReply:
@@ -50,13 +50,13 @@ class OperatorCommands:
         if command.command != mavlink.MAV_CMD_USER_1:
             return CommandReply.unsupported()
         order = self._order(command)
-        reply = order if isinstance(order, Reply) else self._operator.carry_out(order)
+        reply = order if isinstance(order, Reply) else self._desk.carry_out(order)
         answer = CommandReply.accepted() if reply.accepted else CommandReply.denied(f"SLZ: {reply.reason}")
-        count = self._operator.order_count
+        count = self._desk.order_count
         return replace(
             answer,
             always=command.params[0] == 0,
-            is_in_effect=lambda: self._operator.order_count == count,
+            is_in_effect=lambda: self._desk.order_count == count,
         )
 
     def _order(self, command: OperatorCommand) -> Order | Reply:

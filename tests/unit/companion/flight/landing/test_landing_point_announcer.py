@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.flight.landing.landing_point_news import PointWatch
+from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Severity
 from slz import PointState, Report
 from slz.landing_point.judgement import unknown
@@ -23,30 +23,33 @@ def report(state: PointState | None, east: float = 0.0, judged_by: str = "near")
 
 
 def test_a_point_that_turns_unsafe_is_told_at_once_and_once() -> None:
-    watch = PointWatch()
-    assert watch.update(report(PointState.SAFE)) == (Severity.NOTICE, "SLZ: landing point is safe in zone 7")
-    assert watch.update(report(PointState.SAFE)) is None
-    assert watch.update(report(PointState.UNSAFE)) == (Severity.CRITICAL, "SLZ: landing point is UNSAFE")
-    assert watch.update(report(PointState.UNSAFE)) is None
-    assert watch.update(report(PointState.UNKNOWN)) == (Severity.WARNING, "SLZ: landing point is unknown")
+    announcer = LandingPointAnnouncer()
+    assert announcer.update(report(PointState.SAFE)) == (
+        Severity.NOTICE,
+        "SLZ: landing point is safe in zone 7",
+    )
+    assert announcer.update(report(PointState.SAFE)) is None
+    assert announcer.update(report(PointState.UNSAFE)) == (Severity.CRITICAL, "SLZ: landing point is UNSAFE")
+    assert announcer.update(report(PointState.UNSAFE)) is None
+    assert announcer.update(report(PointState.UNKNOWN)) == (Severity.WARNING, "SLZ: landing point is unknown")
 
 
 def test_another_point_is_told_of_anew() -> None:
-    watch = PointWatch()
-    assert watch.update(report(PointState.SAFE)) is not None
-    assert watch.update(report(PointState.SAFE, east=5.0)) is not None
-    assert watch.update(report(None)) is None
-    assert watch.update(report(PointState.SAFE, east=5.0)) is not None
+    announcer = LandingPointAnnouncer()
+    assert announcer.update(report(PointState.SAFE)) is not None
+    assert announcer.update(report(PointState.SAFE, east=5.0)) is not None
+    assert announcer.update(report(None)) is None
+    assert announcer.update(report(PointState.SAFE, east=5.0)) is not None
 
 
 def test_what_only_the_far_map_knows_is_told_as_such() -> None:
-    news = PointWatch().update(report(PointState.SAFE, judged_by="far"))
+    news = LandingPointAnnouncer().update(report(PointState.SAFE, judged_by="far"))
     assert news == (Severity.NOTICE, "SLZ: landing point is safe in zone 7, far map")
 
 
 def test_the_texts_fit_a_statustext() -> None:
     for state in PointState:
         for judged_by in ("near", "far", "none"):
-            news = PointWatch().update(report(state, judged_by=judged_by))
+            news = LandingPointAnnouncer().update(report(state, judged_by=judged_by))
             assert news is not None
             assert len(news[1]) <= 50
