@@ -36,7 +36,7 @@ class ToyDecoder:
     """Checks packets one by one and decodes them together; it raises nothing, whatever comes."""
 
     kind = "toy"
-    setup = ""
+    metadata = ""
 
     def __init__(self) -> None:
         self.counters = ToyCounters()

@@ -173,8 +173,8 @@ _HEARD_NUMBERS = [kind.id for kind in mavlink.mavlink_map.values() if kind.msgna
 class FuzzedSensor:
     """A stream of packets of one sensor, decoded after every few."""
 
-    def __init__(self, kind: str, setup: str = "") -> None:
-        self.stream = PacketStream(decoder_for(kind, setup), Parameters(), sound, lambda: 0)
+    def __init__(self, kind: str, metadata: str = "") -> None:
+        self.stream = PacketStream(decoder_for(kind, metadata), Parameters(), sound, lambda: 0)
         self.now_ns = 10**12
 
     def __call__(self, data: bytes) -> None:
@@ -189,8 +189,8 @@ class FuzzedSensor:
             self.stream.flush(self.now_ns)
 
 
-def sensor(kind: str, setup: Callable[[], str] = str) -> Callable[[Path], Target]:
-    return lambda _folder: FuzzedSensor(kind, setup())
+def sensor(kind: str, metadata: Callable[[], str] = str) -> Callable[[Path], Target]:
+    return lambda _folder: FuzzedSensor(kind, metadata())
 
 
 def livox() -> Sequence[bytes]:
@@ -297,7 +297,7 @@ def control() -> Sequence[bytes]:
 
 
 def _real(name: str) -> str:
-    """Return a sensor's description from the recordings, or ours where there is none."""
+    """Return a sensor's metadata from the recordings, or ours where there is none."""
     path = DATA / name
     return path.read_text() if path.is_file() else json.dumps(json.loads(ouster_packets.metadata()))
 
@@ -329,7 +329,7 @@ HARNESSES = (
 
 
 def metadata_target(data: bytes) -> None:
-    """Try a sensor's description."""
+    """Try a sensor's metadata."""
     from companion.runtime.errors import UsageError
 
     try:

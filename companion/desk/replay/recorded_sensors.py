@@ -53,7 +53,7 @@ class RecordedSensors:
         if header.lidar == "mavlink":
             self._ranges = MavlinkRanges(parameters, self._inbox.clock, on_returns)
         else:
-            sensor, wall_ns = (header.lidar, header.lidar_setup), header.clock_offset_ns
+            sensor, wall_ns = (header.lidar, header.lidar_metadata), header.clock_offset_ns
             self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.certain.subscribe(self.history.limit_to_certain)

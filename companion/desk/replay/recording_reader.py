@@ -22,7 +22,7 @@ from params import ParameterError, Parameters
 class Header:
     """Metadata of a recording: kind of sensor, parameters, time of day less the companion's clock.
 
-    lidar_setup: the sensor's description, where its packets do not suffice. scans: number of scans before
+    lidar_metadata: the sensor's metadata, where its packets do not suffice. scans: number of scans before
     the recording began. system, remembered: the vehicle's, as far as it was known by then, and that of the
     previous run (`VehicleIdentity`). gated: positions were held back until one came with a fix
     (`PositionGate`).
@@ -31,7 +31,7 @@ class Header:
     lidar: str
     values: dict[str, Any]
     clock_offset_ns: int
-    lidar_setup: str = ""
+    lidar_metadata: str = ""
     scans: int = 0
     system: int | None = None
     remembered: int | None = None
@@ -121,14 +121,14 @@ class RecordingReader:
         try:
             version = int(metadata["version"])
             values = json.loads(metadata["parameters"])
-            setup = metadata.get("lidar_setup", "")
+            lidar_metadata = metadata.get("lidar_setup", "")
             scans = int(metadata.get("scans", "0"))
             system, remembered = (int(metadata.get(name) or 0) or None for name in ("system", "remembered"))
             header = Header(
                 metadata["lidar"],
                 values,
                 int(metadata["clock_offset_ns"]),
-                setup,
+                lidar_metadata,
                 scans,
                 system,
                 remembered,

@@ -40,8 +40,8 @@ class Recorder:
         Parameters in force; `record_mb` bounds the file.
     wall_offset_ns
         Offset of the time of day from the companion's clock; constant, so that the file's stamps do not jump.
-    setup
-        Sensor configuration that decoding needs beside the packets.
+    lidar_metadata
+        Metadata of the sensor that decoding needs beside the packets.
     identity
         Identity of the vehicle, as far as it is known.
     gated
@@ -59,7 +59,7 @@ class Recorder:
         lidar: str,
         parameters: Parameters,
         wall_offset_ns: int,
-        setup: str = "",
+        lidar_metadata: str = "",
         scans: int = 0,
         identity: VehicleIdentity | None = None,
         gated: bool = False,
@@ -71,7 +71,7 @@ class Recorder:
         metadata = {
             "version": str(journal.VERSION),
             "lidar": lidar,
-            "lidar_setup": setup,
+            "lidar_setup": lidar_metadata,
             "parameters": json.dumps(values),
             "clock_offset_ns": str(wall_offset_ns),
             "scans": str(scans),

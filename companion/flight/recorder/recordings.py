@@ -68,7 +68,7 @@ class Recordings:
         """
         stream, settings = self._stream, self._settings
         link = self._link.identity, not self._link.believes_position
-        begun = self._wall_offset_ns(), stream.setup, self._scans()
+        begun = self._wall_offset_ns(), stream.metadata, self._scans()
         recorder = Recorder(path, stream.kind, settings.running, *begun, *link)
         self._unsubscribe = (
             self._link.on_frame.subscribe(recorder.frame_in),

@@ -22,7 +22,7 @@ from params import Parameters
 
 LINE = "lightware:/dev/ttyUSB0,921600"
 CONTROLLED = "livox:0.0.0.0:56301?sensor=192.168.1.100, the address on the sensor's label"
-METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
+NAMES_METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
 
 
 class Lidar(Protocol):
@@ -44,7 +44,7 @@ class Lidar(Protocol):
 
 
 class HasBatches(Protocol):
-    """Source of undecoded batches, with the kind and description of its sensor."""
+    """Source of undecoded batches, with the kind and metadata of its sensor."""
 
     batches: Event[[Batch]]
 
@@ -53,7 +53,7 @@ class HasBatches(Protocol):
         """Name in the sensor URL."""
 
     @property
-    def setup(self) -> str:
+    def metadata(self) -> str:
         """The sensor's metadata, empty if its data need none."""
 
 
@@ -78,7 +78,7 @@ def open_lidar(
     Raises
     ------
     UsageError
-        The URL is malformed, the sensor is not supported, or the sensor's description is missing.
+        The URL is malformed, the sensor is not supported, or the sensor's metadata is missing.
     """
     kind, _, rest = url.partition(":")
     if kind == "mavlink" and link is not None:
@@ -96,12 +96,12 @@ def open_lidar(
     if not (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
     try:
-        setup = "" if kind == "livox" else description(kind, query)
+        metadata = "" if kind == "livox" else read_metadata(kind, query)
     except UsageError as error:
         raise UsageError(f"LiDAR {url!r}: {error}") from None
     sensor = _sensor(url, query) if kind == "livox" and query else None
     named = None if sensor is None else sensor.partition(":")[0]
-    stream = PacketStream(decoder_for(kind, setup), parameters, on_returns, wall_offset_ns, named)
+    stream = PacketStream(decoder_for(kind, metadata), parameters, on_returns, wall_offset_ns, named)
     lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
     if sensor is not None:
         lidar.session = LivoxSession(sensor, int(port), lambda: lidar.last_arrival_ns)
@@ -109,7 +109,7 @@ def open_lidar(
 
 
 def stream_for(
-    kind: str, setup: str, parameters: Parameters, on_returns: OnReturns, wall_offset_ns: int
+    kind: str, metadata: str, parameters: Parameters, on_returns: OnReturns, wall_offset_ns: int
 ) -> PacketStream | LightwareStream:
     """Return the decoding stream for recorded data of a kind of sensor.
 
@@ -122,7 +122,7 @@ def stream_for(
     """
     if kind == "lightware":
         return LightwareStream(parameters, on_returns)
-    return PacketStream(decoder_for(kind, setup), parameters, on_returns, lambda: wall_offset_ns)
+    return PacketStream(decoder_for(kind, metadata), parameters, on_returns, lambda: wall_offset_ns)
 
 
 def _line(url: str, device: str) -> Url:
@@ -150,7 +150,7 @@ def _sensor(url: str, query: str) -> str:
     return address
 
 
-def description(kind: str, query: str) -> str:
+def read_metadata(kind: str, query: str) -> str:
     """Return the sensor's metadata from `meta=FILE`; empty for a sensor that needs none.
 
     Raises
@@ -165,7 +165,7 @@ def description(kind: str, query: str) -> str:
             raise UsageError(f"{'?' + query!r} is not understood: write {EXAMPLE}")
         return ""
     if name != "meta" or not path:
-        raise UsageError(f"no metadata is named: write {METADATA}")
+        raise UsageError(f"no metadata is named: write {NAMES_METADATA}")
     try:
         return Path(path).read_text()
     except OSError as error:

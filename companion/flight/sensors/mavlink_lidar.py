@@ -31,7 +31,7 @@ class MavlinkLidar:
         return "mavlink"
 
     @property
-    def setup(self) -> str:
+    def metadata(self) -> str:
         """Empty: decoding needs no metadata."""
         return ""
 

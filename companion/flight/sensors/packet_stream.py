@@ -36,7 +36,7 @@ class Decoder(Protocol):
         """Kind of sensor, as in its URL."""
 
     @property
-    def setup(self) -> str:
+    def metadata(self) -> str:
         """Metadata that decoding needs besides the packets, or empty."""
 
     def check(self, packet: bytes) -> int | None:
@@ -113,9 +113,9 @@ class PacketStream:
         return self._decoder.kind
 
     @property
-    def setup(self) -> str:
+    def metadata(self) -> str:
         """Metadata that decoding needs besides the packets."""
-        return self._decoder.setup
+        return self._decoder.metadata
 
     def __len__(self) -> int:
         """Return the number of packets waiting to be decoded."""

@@ -27,7 +27,7 @@ class Sensor:
     default_port
         The maker's UDP port, None without one.
     has_metadata
-        Its packets can be decoded only with a description of the sensor.
+        Its packets can be decoded only with the sensor's metadata.
     """
 
     make: Callable[[str], Decoder]

@@ -11,7 +11,7 @@ from typing import Any
 
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
-from companion.flight.sensors.lidar_url import description
+from companion.flight.sensors.lidar_url import read_metadata
 from companion.flight.sensors.packet_identification import identify_packet
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.sensor_registry import decoder_for
@@ -28,7 +28,7 @@ class CapturedPackets:
     Parameters
     ----------
     lidar
-        Kind of the sensor as in its URL, `ouster?meta=FILE` with its description; None: identified from its
+        Kind of the sensor as in its URL, `ouster?meta=FILE` with its metadata; None: identified from its
         packets.
 
     Raises
@@ -42,10 +42,10 @@ class CapturedPackets:
         kind, _, query = (lidar or self._kind(path)).partition("?")
         self._kind_told = kind
         try:
-            self._setup = description(kind, query)
+            self._metadata = read_metadata(kind, query)
         except UsageError as error:
             raise UsageError(f"--lidar {lidar}: {error}") from None
-        decoder_for(kind, self._setup)
+        decoder_for(kind, self._metadata)
         self._stream: PacketStream | None = None
 
     @property
@@ -61,7 +61,7 @@ class CapturedPackets:
         return {"lidar": self._kind_told, "packets": packets, "no_udp": self._capture.other}
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        decoder = decoder_for(self._kind_told, self._setup)
+        decoder = decoder_for(self._kind_told, self._metadata)
         stream = self._stream = PacketStream(decoder, rerun.parameters, rerun.add_returns, lambda: 0)
         see = _BatchDecoder(stream)
         at_ns = 0

@@ -40,7 +40,7 @@ class FlashDecoder:
     """Decoder that assembles rows to frames, and converts a frame when it is complete or the next begins."""
 
     kind: ClassVar[str] = "flash"
-    setup: ClassVar[str] = ""
+    metadata: ClassVar[str] = ""
 
     def __init__(self) -> None:
         self.counters = FlashCounters()

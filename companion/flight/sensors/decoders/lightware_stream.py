@@ -52,7 +52,7 @@ class LightwareStream:
         return "lightware"
 
     @property
-    def setup(self) -> str:
+    def metadata(self) -> str:
         """Empty: decoding needs no metadata."""
         return ""
 

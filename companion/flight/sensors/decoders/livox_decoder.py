@@ -57,7 +57,7 @@ class LivoxDecoder:
     """Decoder that stores packets and decodes them together; malformed ones are counted, never raised."""
 
     kind: ClassVar[str] = "livox"
-    setup: ClassVar[str] = ""
+    metadata: ClassVar[str] = ""
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
     _packets: list[bytes] = field(default_factory=list)

@@ -158,7 +158,7 @@ class OusterDecoder:
 
     Parameters
     ----------
-    setup
+    metadata
         The sensor's metadata, JSON.
 
     Raises
@@ -169,14 +169,14 @@ class OusterDecoder:
 
     kind: ClassVar[str] = "ouster"
 
-    setup: str
+    metadata: str
     counters: OusterCounters = field(default_factory=OusterCounters)
     _packets: list[bytes] = field(default_factory=list)
     _format: _Format = field(init=False)
     _newest: int | None = None
 
     def __post_init__(self) -> None:
-        self._format = _format_of(self.setup)
+        self._format = _format_of(self.metadata)
 
     def __len__(self) -> int:
         """Return the number of packets stored and not decoded yet."""

@@ -72,7 +72,7 @@ class RadarDecoder:
     """Decoder that gathers lines into blocks and converts blocks to points."""
 
     kind: ClassVar[str] = "radar"
-    setup: ClassVar[str] = ""
+    metadata: ClassVar[str] = ""
 
     def __init__(self) -> None:
         self.counters = RadarCounters()

@@ -66,7 +66,7 @@ class VelodyneDecoder:
     """Decoder that stores packets and decodes them together; malformed ones are counted, never raised."""
 
     kind: ClassVar[str] = "velodyne"
-    setup: ClassVar[str] = ""
+    metadata: ClassVar[str] = ""
 
     counters: VelodyneCounters = field(default_factory=VelodyneCounters)
     _packets: list[bytes] = field(default_factory=list)

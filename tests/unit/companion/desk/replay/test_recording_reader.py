@@ -90,11 +90,11 @@ def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp
     described = METADATA | {"lidar": "ouster", "lidar_setup": '{"rows": 128}'}
     McapWriter(new, foxglove_scene.channels, MIB, described).close()
     McapWriter(old, foxglove_scene.channels, MIB, METADATA).close()
-    assert (RecordingReader(new).header.lidar, RecordingReader(new).header.lidar_setup) == (
+    assert (RecordingReader(new).header.lidar, RecordingReader(new).header.lidar_metadata) == (
         "ouster",
         '{"rows": 128}',
     )
-    assert RecordingReader(old).header.lidar_setup == ""
+    assert RecordingReader(old).header.lidar_metadata == ""
 
 
 def test_a_recording_of_which_only_the_last_bytes_are_spoiled_is_read_as_a_whole(

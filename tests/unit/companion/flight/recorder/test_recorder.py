@@ -60,7 +60,7 @@ def recordings() -> Recordings:
     link = SimpleNamespace(
         on_frame=heard, on_sent=heard, on_time_asked=heard, identity=None, believes_position=True
     )
-    stream = SimpleNamespace(kind="livox", setup="", batches=heard)
+    stream = SimpleNamespace(kind="livox", metadata="", batches=heard)
     worker = SimpleNamespace(on_window=heard)
     settings = SimpleNamespace(running=Parameters(), on_change=heard)
     given: Any = (link, stream, worker, settings, lambda: 0, None)

@@ -45,7 +45,7 @@ def ouster(number: int, at_ns: int) -> bytes:
 Packet = Callable[[int, int], bytes]
 """Number and time on the sensor's clock -> a packet of one return, taken at that time."""
 SENSORS: dict[str, Packet] = {"livox": livox, "velodyne": velodyne}
-SETUPS = {"ouster": ouster_packets.metadata()}
+METADATA = {"ouster": ouster_packets.metadata()}
 if not ouster_packets.MISSING:
     SENSORS["ouster"] = ouster
 SLOW = settings(derandomize=True, max_examples=12, deadline=None)
@@ -58,7 +58,9 @@ class Rig:
     def __init__(self, kind: str) -> None:
         self.packet = SENSORS[kind]
         self.batches: list[Returns] = []
-        self.stream = PacketStream(decoder_for(kind, SETUPS.get(kind, "")), Parameters(), self.batches.append)
+        self.stream = PacketStream(
+            decoder_for(kind, METADATA.get(kind, "")), Parameters(), self.batches.append
+        )
 
     def send(self, number: int, at_ns: int, arrival_ns: int) -> None:
         self.stream.add_packet(self.packet(number, at_ns), "sensor", arrival_ns)
@@ -186,7 +188,7 @@ class Raising:
     def __init__(self, method: str, at: Callable[[bytes], bool]) -> None:
         self._own, self._at, self._kept = decoder_for("livox"), at, list[bytes]()
         self._method = method
-        self.counters, self.kind, self.setup = self._own.counters, "livox", ""
+        self.counters, self.kind, self.metadata = self._own.counters, "livox", ""
 
     def check(self, packet: bytes) -> int | None:
         self._try("check", [packet])

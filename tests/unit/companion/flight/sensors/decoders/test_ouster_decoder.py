@@ -169,10 +169,10 @@ def test_lost_packets_are_counted(numbers: list[int], lost: int) -> None:
     assert d.counters.lost_packets == lost
 
 
-@pytest.mark.parametrize("setup", ["", "nonsense", "{}", "[1]"])
-def test_metadata_that_cannot_be_read_is_one_clear_line(setup: str) -> None:
+@pytest.mark.parametrize("metadata", ["", "nonsense", "{}", "[1]"])
+def test_metadata_that_cannot_be_read_is_one_clear_line(metadata: str) -> None:
     with pytest.raises(UsageError, match="metadata cannot be read") as error:
-        OusterDecoder(setup)
+        OusterDecoder(metadata)
     assert "\n" not in str(error.value)
 
 
@@ -182,7 +182,7 @@ def test_a_url_names_the_metadata(tmp_path: Path) -> None:
     driver = open_lidar(f"ouster:192.0.2.1?meta={file}", Parameters(), print)
     with pytest.raises(UsageError, match=r"^LiDAR ouster:192\.0\.2\.1:7502: "):  # no address of this machine
         asyncio.run(asyncio.wait_for(driver.run(), 5))
-    assert (driver.stream.kind, driver.stream.setup) == ("ouster", metadata())
+    assert (driver.stream.kind, driver.stream.metadata) == ("ouster", metadata())
 
 
 @pytest.mark.parametrize(
