@@ -22,7 +22,7 @@ from companion.flight.landing.landing_memory import LandingMemory
 from companion.flight.landing.mavlink_orders import MavlinkOrders
 from companion.flight.landing.operator_order import OrderDesk
 from companion.flight.landing.restart import Restart
-from companion.flight.landing.situation import FLYING, Severity, Situation
+from companion.flight.landing.situation import COMMANDING, Severity, Situation
 from companion.flight.link.link import Link
 from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
@@ -205,7 +205,7 @@ class Companion:
             "link": self.link.run(),
             "lidar": self.lidar.run(),
             "services": self.services.run(),
-            "fitness": self.fitness.run(self.link, lambda: self.executive.phase in FLYING),
+            "fitness": self.fitness.run(self.link, lambda: self.executive.phase in COMMANDING),
             "ready": self._get_ready(),
             "stopper": self._wait_for_stop(),
         }
@@ -253,7 +253,7 @@ class Companion:
 
     async def leave(self) -> None:
         """Tell whoever listens that the companion stops, stop the vehicle, and close the link."""
-        flying = self.executive.phase in FLYING
+        flying = self.executive.phase in COMMANDING
         text = "SLZ: companion stops, take over" if flying else "SLZ: companion stops"
         self.link.statustext(text, Severity.CRITICAL.value if flying else Severity.NOTICE.value)
         self.modes.cancel()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from companion.flight.flight_view import FlightView
-from companion.flight.landing.situation import FLYING, Severity, Vector
+from companion.flight.landing.situation import COMMANDING, Severity, Vector
 
 log = logging.getLogger(__name__)
 
@@ -18,7 +18,7 @@ def begin_frame_if_far(flight: FlightView) -> bool:
     reach.
     """
     history, old = flight.history, flight.history.frame
-    if old is None or flight.executive.phase in FLYING or not history.is_far:
+    if old is None or flight.executive.phase in COMMANDING or not history.is_far:
         return False
     new = history.begin_frame()
 

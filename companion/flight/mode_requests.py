@@ -6,7 +6,7 @@ import asyncio
 import logging
 
 from companion.flight.landing.executive import Executive
-from companion.flight.landing.situation import FLYING, Phase, Severity, Situation
+from companion.flight.landing.situation import COMMANDING, Phase, Severity, Situation
 from companion.flight.link.link import Link
 from companion.runtime.clock import now_ns
 
@@ -49,7 +49,7 @@ class ModeRequests:
     def _is_wanted(self) -> bool:
         """Tell whether the mode is still wanted: a landing broken off must not come late."""
         phase = self._executive.phase
-        return phase is Phase.FINAL if self._wanted == "land" else phase in FLYING
+        return phase is Phase.FINAL if self._wanted == "land" else phase in COMMANDING
 
     def _is_reached(self) -> bool:
         vehicle = self._link.vehicle

@@ -92,7 +92,7 @@ class SituationSource:
             blocked=self.blocked,
             heard=self._mode_is_known(now),
             epoch=self._history.epoch if pose is None else pose.epoch,
-            blind=self._blind(now),
+            no_map_reason=self._no_map_reason(now),
             failsafe=vehicle.failsafe,
             breached=health.breached,
             estimate_lost=health.estimate_lost,
@@ -127,8 +127,8 @@ class SituationSource:
 
     # ---- parts ----------------------------------------------------------------------------------
 
-    def _blind(self, now: int) -> str:
-        """Return what is wrong while the ground is not seen: the link, the LiDAR or the computer."""
+    def _no_map_reason(self, now: int) -> str:
+        """Return why scans or map are missing: the link, the LiDAR or the computer."""
         if not self._mode_is_known(now) or self._history.latest(now) is None:
             return "link lost"  # scans wait for poses
         if not _is_recent(self._lidar.last_arrival_ns, now, round(self._p.lidar_timeout_s * 1e9)):

@@ -11,7 +11,7 @@ from companion.flight.flight_view import FlightView
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
 from companion.flight.geometry.pose import Pose
-from companion.flight.landing.situation import FLYING
+from companion.flight.landing.situation import COMMANDING
 from companion.flight.link.vehicle_state import VehicleState
 
 LATENCIES = 300
@@ -27,7 +27,7 @@ def state(flight: FlightView) -> dict[str, Any]:
     return {
         "at_ns": s.now_ns,
         "phase": executive.phase.value,
-        "flying": executive.phase in FLYING,
+        "flying": executive.phase in COMMANDING,
         "mode": s.mode,
         "guided": s.guided,
         "armed": s.armed,
@@ -35,7 +35,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "connected": s.connected,
         "heard": s.heard,
         "lidar_ok": s.lidar_ok,
-        "blind": s.blind,
+        "blind": s.no_map_reason,
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,
         "blocked": s.blocked,

@@ -29,7 +29,7 @@ from companion.flight.landing.phases.descent import Descent
 from companion.flight.landing.phases.survey import Survey
 from companion.flight.landing.phases.waiting import Waiting
 from companion.flight.landing.situation import (
-    FLYING,
+    COMMANDING,
     LandingRequest,
     Phase,
     Reply,
@@ -161,7 +161,7 @@ class Executive:
 
     def select_point(self, enu_m: Vector) -> Reply:
         """Select a point without flying to it."""
-        if self.phase in FLYING - {Phase.HOLD}:
+        if self.phase in COMMANDING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
         self.state.selection.select(enu_m)
         self.state.order_count += 1
@@ -174,11 +174,11 @@ class Executive:
 
     def abort(self, situation: Situation) -> Reply:
         """Break off and hover at survey height."""
-        if self.phase not in FLYING:
+        if self.phase not in COMMANDING:
             return Reply(False, "nothing to abort")
         if self.phase is Phase.FINAL and self.state.aim.height_left_m < self._p.commit_height_m:
             return Reply(False, "below commit height: landing")
-        self.state.wish = None
+        self.state.request = None
         if self.phase is Phase.SURVEY and not situation.guided:  # an emergency that does not command yet
             self.state.say(Severity.NOTICE, f"emergency cancelled: {situation.mode} stays")
             self.state.rest(Phase.IDLE, situation)
@@ -186,7 +186,7 @@ class Executive:
         self.state.break_off("operator", situation, hold=True)
         return Reply(True, "aborting")
 
-    def _hand_over(self, s: Situation, wish: LandingRequest) -> Reply:
+    def _hand_over(self, s: Situation, request: LandingRequest) -> Reply:
         refusal = _not_flying(s)
         if refusal is not None:
             return refusal
@@ -196,10 +196,10 @@ class Executive:
             return Reply(False, "set GUIDED first")
         if s.estimate_lost:
             return Reply(False, f"{s.estimate_lost} lost: fly by hand")
-        return self._start(s, wish)
+        return self._start(s, request)
 
-    def _start(self, s: Situation, wish: LandingRequest) -> Reply:
-        self.state.start(wish, s)
+    def _start(self, s: Situation, request: LandingRequest) -> Reply:
+        self.state.start(request, s)
         self.state.end_survey(s)
         return Reply(True, "landing")
 
@@ -238,8 +238,10 @@ class Executive:
         self._jump.follow(s)
         state.aim.measure(s.position_enu_m, s.selected)
         state.hand_over.follow(s)
-        self._battery.heed(s)
-        commands = self._withdrawal.blame(s) or self._reaction(s) or self._commands_in[self.phase](s)
+        self._battery.update(s)
+        commands = self._withdrawal.reclassify_as_failsafe(s) or self._reaction(s)
+        if commands is None:
+            commands = self._commands_in[self.phase](s)
         velocity = commands.velocity_enu_ms
         self._asked_up_ms = None if velocity is None else float(velocity[2])
         if not s.heard:  # the pilot may have chosen another mode meanwhile
@@ -253,7 +255,7 @@ class Executive:
     def _reaction(self, s: Situation) -> VehicleCommands | None:
         """Return the commands that an interruption demands; None where the phase goes on."""
         state = self.state
-        if self.phase not in FLYING:
+        if self.phase not in COMMANDING:
             return None
         breach = self._preconditions.breach(
             self._stage,

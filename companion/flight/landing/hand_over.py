@@ -9,8 +9,8 @@ class HandOver:
     """Tracks the flight mode from step to step.
 
     The guided mode is a hand-over if it was set at the start of the companion, was set on the ground, or is
-    chosen in the air. It is none if the autopilot returns to it after a failsafe of its own, as PX4 does when
-    setpoints arrive again; the pilot then has to choose it once more.
+    chosen in the air. It does not count if the autopilot returns to it after a failsafe of its own, as PX4
+    does when setpoints arrive again; the pilot then has to choose it once more.
     """
 
     def __init__(self) -> None:
@@ -31,6 +31,6 @@ class HandOver:
             self.given = True
         self._guided, self._failsafe = s.guided, failsafe
 
-    def withdraw(self) -> None:
-        """End this hand-over; the next one is needed."""
+    def end(self) -> None:
+        """End the hand-over: the next one is needed."""
         self.given = False

@@ -55,13 +55,13 @@ class LandingMemory:
 
     Attributes
     ----------
-    left
-        Record of the previous companion; None if it ended its last flight or left nothing readable.
+    previous
+        Record of the previous companion; None if that ended its last flight or its record is not readable.
     """
 
     def __init__(self, state: StateDir | None) -> None:
         self._state = state
-        self.left = None if state is None else _read(state)
+        self.previous = None if state is None else _read(state)
         self._kept: str | None = None
 
     def keep(self, landing: Landing | None) -> None:
@@ -69,9 +69,9 @@ class LandingMemory:
         if self._state is None:
             return
         key = None if landing is None else landing.key
-        if key == self._kept and not (landing is None and self.left is not None):
+        if key == self._kept and not (landing is None and self.previous is not None):
             return
-        self._kept, self.left = key, None
+        self._kept, self.previous = key, None
         text = "" if landing is None else json.dumps(asdict(landing))
         why_not = self._state.write_behind(FILE, text)
         if why_not:

@@ -11,7 +11,7 @@ from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.point_selection import PointSelection
 from companion.flight.landing.route import Route, Way
 from companion.flight.landing.situation import (
-    FLYING,
+    COMMANDING,
     STOPPED,
     LandingRequest,
     Phase,
@@ -31,7 +31,7 @@ LANDING_MS = 0.5  # lowest sink rate of autopilots at the end of a landing
 
 
 class LandingState:
-    """What a landing has come to.
+    """State of the landing in progress.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class LandingState:
         Land without an order, once the vehicle is armed, airborne and in its guided mode.
     phase, since_ns, late_ns
         Present phase, its beginning, and its time limit.
-    wish, started_ns, refused
+    request, started_ns, refused
         The accepted request, its time, and the points that its landing broke off from.
     safe_since_ns
         In the approach: since then the vehicle has been over the point, which is safe.
@@ -60,7 +60,7 @@ class LandingState:
         self.ownership, self.hand_over = ModeOwnership(), HandOver()
         self.aim, self.route = Aim(), Route(parameters)
         self.selection, self.outage = PointSelection(), Outage()
-        self.wish: LandingRequest | None = None
+        self.request: LandingRequest | None = None
         self.refused: list[Vector] = []
         self.safe_since_ns: int | None = None
         self.level_since_ns: int | None = None
@@ -96,14 +96,14 @@ class LandingState:
 
     def rest(self, phase: Phase, s: Situation) -> None:
         """End the request: nothing more is commanded."""
-        self.wish = None
+        self.request = None
         self.ownership.clear()
         self.outage.reset()
         self.go(phase, s)
 
-    def start(self, wish: LandingRequest, s: Situation) -> None:
+    def start(self, request: LandingRequest, s: Situation) -> None:
         """Begin a requested landing."""
-        self.wish, self.started_ns = wish, s.now_ns
+        self.request, self.started_ns = request, s.now_ns
         self.refused.clear()
         self.start_survey(s)
 
@@ -114,7 +114,7 @@ class LandingState:
             self.route.forget()
         else:
             # After an abort close to the ground, an order does not end the climb.
-            least_m = self.route.height_m if self.phase in FLYING else -np.inf
+            least_m = self.route.height_m if self.phase in COMMANDING else -np.inf
             self.route.start_search(s.position_enu_m, s.height_above_home_m, least_m)
         self.say(Severity.INFO, "surveying")
         self.outage.reset()
@@ -157,7 +157,7 @@ class LandingState:
     # ---- questions ------------------------------------------------------------------------------
 
     @property
-    def committed(self) -> bool:
+    def too_low_to_see(self) -> bool:
         """Whether the last verified state of the point holds, because only dust would be seen this low."""
         return self.aim.height_left_m <= max(self.parameters.commit_height_m, self.parameters.dust_height_m)
 
@@ -171,7 +171,7 @@ class LandingState:
     def why_not(self, s: Situation) -> str | None:
         """Return the reason against going on with the descent, or None."""
         if not s.lidar_ok:
-            return s.blind
+            return s.no_map_reason
         judged = self.aim.judgement(s.selected)
         return None if judged is PointState.SAFE else f"point {judged.value}"
 

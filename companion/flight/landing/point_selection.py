@@ -18,8 +18,8 @@ class PointSelection:
         """Select a point: the pipeline judges it from its next report on."""
         self._newest, self._pending = enu_m, enu_m is not None
 
-    def withdraw(self) -> bool:
-        """Forget the selection, which is lost with its map; return whether there was one."""
+    def clear(self) -> bool:
+        """Clear the selection; return whether there was one."""
         had_one = self._newest is not None
         self.select(None)
         return had_one

@@ -6,11 +6,11 @@ import numpy as np
 
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import Landing, LandingMemory
-from companion.flight.landing.situation import FLYING, Phase, Situation, Vector
+from companion.flight.landing.situation import COMMANDING, Phase, Situation, Vector
 from slz import LocalFrame
 
 PATIENCE_NS = 3_000_000_000  # for the position, before the landing is called unwatched
-OVER_M = 3.0  # farther from the point the landing is not the one that was left
+OVER_M = 3.0  # farther from the recorded point it is another landing
 
 
 class Restart:
@@ -20,7 +20,7 @@ class Restart:
     """
 
     def __init__(self, memory: LandingMemory) -> None:
-        self._memory, self._left = memory, memory.left
+        self._memory, self._previous = memory, memory.previous
         self._first_ns: int | None = None
         self.decided = False
 
@@ -47,7 +47,7 @@ class Restart:
     def _keep(
         self, executive: Executive, frame: LocalFrame | None, sysid: int | None, boot_ms: int | None
     ) -> None:
-        if executive.phase not in FLYING:
+        if executive.phase not in COMMANDING:
             self._memory.keep(None)
         elif sysid is not None and boot_ms is not None:
             aim, nowhere = executive.aim_enu_m, (float("nan"),) * 3
@@ -72,21 +72,23 @@ class Restart:
         self.decided = True
         if not s.armed or s.on_ground is True:
             return
-        left = self._left if self._left is not None and self._left.is_of(sysid, boot_ms) else None
-        point = _point(left, frame)
+        previous = self._previous
+        if previous is not None and not previous.is_of(sysid, boot_ms):
+            previous = None
+        point = _point(previous, frame)
         if s.landing and point is not None and _over(s, point):
             executive.resume_landing(s, point)
-        elif left is not None:
+        elif previous is not None:
             executive.report_restart(s, "restarted")
         elif s.landing:
             executive.report_restart(s, "started")
 
 
-def _point(left: Landing | None, frame: LocalFrame | None) -> Vector | None:
-    """Return the point of an autopilot's landing that was left, None if none was under way."""
-    if left is None or frame is None or not left.has_point or left.phase != Phase.FINAL.value:
+def _point(previous: Landing | None, frame: LocalFrame | None) -> Vector | None:
+    """Return the point of the autopilot's landing on record, None without one."""
+    if previous is None or frame is None or not previous.has_point or previous.phase != Phase.FINAL.value:
         return None
-    return frame.enu_m(left.lat_deg, left.lon_deg, left.alt_m)
+    return frame.enu_m(previous.lat_deg, previous.lon_deg, previous.alt_m)
 
 
 def _over(s: Situation, point_enu_m: Vector) -> bool:

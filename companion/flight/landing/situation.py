@@ -29,7 +29,8 @@ class Phase(Enum):
     FAILSAFE = "failsafe"  # the autopilot flies by itself, or its estimate is lost: no commands
 
 
-FLYING = frozenset({Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL, Phase.CLIMB, Phase.HOLD})
+# Phases in which slz commands the vehicle.
+COMMANDING = frozenset({Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL, Phase.CLIMB, Phase.HOLD})
 
 
 class Severity(Enum):
@@ -46,10 +47,10 @@ class Situation:
     """Present inputs. Positions and velocities are east, north, up in the map frame.
 
     guided, landing: the autopilot is in the mode that obeys setpoints, or in its landing mode. on_ground:
-    None if not reported. lidar_ok: scans arrive and are georeferenced; blind: the fault otherwise. report:
-    the newest one, or None. battery_pct: charge left, None if not reported. blocked: an obstacle in the
-    direction of the last velocity. heard: a heartbeat a moment ago confirms the mode. epoch: changes with
-    each jump of the position estimate.
+    None if not reported. lidar_ok: scans arrive and are georeferenced. no_map_reason: why scans or map
+    are missing; valid while lidar_ok is False. report: the newest one, or None. battery_pct: charge left,
+    None if not reported. blocked: an obstacle in the direction of the last velocity. heard: a heartbeat a
+    moment ago confirms the mode. epoch: changes with each jump of the position estimate.
 
     failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
     that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: reason of
@@ -75,7 +76,7 @@ class Situation:
     blocked: bool = False
     heard: bool = True
     epoch: int = 0
-    blind: str = "LiDAR lost"
+    no_map_reason: str = "LiDAR lost"
     failsafe: bool = False
     breached: bool = False
     estimate_lost: str = ""

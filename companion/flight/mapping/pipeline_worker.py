@@ -168,7 +168,7 @@ class PipelineWorker:
                 log.warning("a report came too late: %s", error)
                 continue
             except Exception as error:
-                self._withdraw(error)
+                self._invalidate(error)
                 continue
             finally:
                 self._busy_since_s = None
@@ -199,7 +199,7 @@ class PipelineWorker:
         except Exception:
             log.exception("no memory could be made ready for the next window")
 
-    def _withdraw(self, error: Exception) -> None:
+    def _invalidate(self, error: Exception) -> None:
         """Mark the last report as invalid: this window has none."""
         was_invalid, self.invalid = self.invalid, True
         self.failed += 1

@@ -99,7 +99,7 @@ def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
 def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
     """Yield what functions return, or put together, to be said by others."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not", "_blind"):
+        if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not", "_no_map_reason"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from _returned(part.value)

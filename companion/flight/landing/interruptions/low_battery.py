@@ -18,7 +18,7 @@ class LowBattery:
         self._state = state
         self._said_ns: int | None = None
 
-    def heed(self, s: Situation) -> None:
+    def update(self, s: Situation) -> None:
         """Make the landing under way urgent, and warn; before a hand-over only warn."""
         state, said_ns = self._state, self._said_ns
         if s.battery_pct is not None and s.battery_pct > state.parameters.battery_land_pct + RECHARGED_PCT:
@@ -27,7 +27,7 @@ class LowBattery:
             return
         if said_ns is not None and (s.now_ns - said_ns <= CALL_AGAIN_NS or not self._lacks_zone(s)):
             return
-        on_its_way = state.wish is not None and state.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB)
+        on_its_way = state.request is not None and state.phase in (Phase.SURVEY, Phase.APPROACH, Phase.CLIMB)
         if self._lacks_zone(s):
             state.say(Severity.CRITICAL, "battery low, no zone: take over")
         elif on_its_way:
@@ -38,14 +38,14 @@ class LowBattery:
             return
         self._said_ns = s.now_ns
         if said_ns is None and on_its_way:
-            state.wish = LandingRequest(urgent=True)
+            state.request = LandingRequest(urgent=True)
             if state.phase is Phase.APPROACH and self._is_nearer_elsewhere(s):
                 state.go(Phase.SURVEY, s)
 
     def _lacks_zone(self, s: Situation) -> bool:
         """Return whether a landing is ordered, no point is flown to, and no zone is known."""
         state = self._state
-        looks = state.phase in (Phase.SURVEY, Phase.CLIMB, Phase.HOLD) and state.wish is not None
+        looks = state.phase in (Phase.SURVEY, Phase.CLIMB, Phase.HOLD) and state.request is not None
         return looks and state.soonest_zone(s) is None
 
     def _is_nearer_elsewhere(self, s: Situation) -> bool:

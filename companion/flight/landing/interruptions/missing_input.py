@@ -8,13 +8,13 @@ from companion.flight.landing.situation import STOPPED, Phase, Severity, Situati
 
 def without_lidar(state: LandingState, s: Situation) -> VehicleCommands:
     """Stop; call the pilot after ten seconds."""
-    _wait_for(state, s.blind, s)
+    _wait_for(state, s.no_map_reason, s)
     return VehicleCommands(velocity_enu_ms=STOPPED)
 
 
 def without_pose(state: LandingState, s: Situation) -> VehicleCommands:
     """Hold by the autopilot's own estimate; break off a landing that cannot be watched any more."""
-    if state.phase is Phase.FINAL and state.committed:
+    if state.phase is Phase.FINAL and state.too_low_to_see:
         return VehicleCommands()
     if state.phase in (Phase.DESCEND, Phase.FINAL):
         state.break_off("position lost", s)
@@ -22,7 +22,7 @@ def without_pose(state: LandingState, s: Situation) -> VehicleCommands:
     return VehicleCommands(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
 
-def tell_return(state: LandingState, s: Situation) -> None:
+def report_input_back(state: LandingState, s: Situation) -> None:
     """Report once that the input of a call is back: the vehicle hovers until the next order."""
     if thing := state.outage.on_present(s.now_ns):
         state.say(Severity.WARNING, f"{thing} back: hovering, order again")

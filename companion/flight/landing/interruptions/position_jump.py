@@ -6,7 +6,7 @@ import numpy as np
 
 from companion.flight.fusion.pose_history import motion_m
 from companion.flight.landing.landing_state import LandingState
-from companion.flight.landing.situation import FLYING, Phase, Severity, Situation, Vector, known
+from companion.flight.landing.situation import COMMANDING, Phase, Severity, Situation, Vector, known
 
 
 class PositionJump:
@@ -28,12 +28,12 @@ class PositionJump:
         self._last = s
         if last is None or last.epoch == s.epoch:
             return
-        if state.phase in FLYING:
+        if state.phase in COMMANDING:
             self._shift(last, s)
         if state.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
             state.tally.chosen_enu_m = state.aim.enu_m
             state.selection.select(state.aim.enu_m)
-        elif state.selection.withdraw() and state.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
+        elif state.selection.clear() and state.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
             state.say(Severity.WARNING, "selection lost: select again")
 
     def _shift(self, last: Situation, s: Situation) -> None:

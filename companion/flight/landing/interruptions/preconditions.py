@@ -41,15 +41,15 @@ class Precondition(Enum):
     TARGET = "landing target used"
     OVER = "over the point"
     SINKS = "sinks"
-    LEVEL = "does not sink unasked"
+    NO_UNASKED_SINK = "does not sink unasked"
 
 
 class Reaction(Enum):
     """Reactions of the executive."""
 
     ENDS = "ends"  # the flight is over
-    HANDS_OFF = "hands off"  # the pilot flies: nothing more is commanded
-    STAND_BACK = "stand back"  # the autopilot flies by its own failsafe, or blind: nothing more is commanded
+    HANDS_OFF = "hands off"  # the pilot flies: no more commands
+    STAND_BACK = "stand back"  # the autopilot flies in its failsafe or without an estimate: no more commands
     BREAK_OFF = "break off"  # guided mode, climb, next zone
     HOLD = "hold"  # stand still until the precondition holds again
     RETURN = "return"  # stop sinking and fly back over the point
@@ -77,7 +77,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
     Precondition.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
     Precondition.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
-    Precondition.LEVEL: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
+    Precondition.NO_UNASKED_SINK: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
 }
 
 SECOND = 1_000_000_000
@@ -88,13 +88,13 @@ PATIENCE_NS = {
     Precondition.STICKS: SECOND // 4,
     Precondition.OVER: SECOND // 2,
     Precondition.SINKS: 3 * SECOND // 2,
-    Precondition.LEVEL: 3 * SECOND,
+    Precondition.NO_UNASKED_SINK: 3 * SECOND,
 }
 CALL_AGAIN_NS = 30 * SECOND
 STICK_US = 80  # beyond the dead zones of both autopilots
 HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
 MIDDLE_US = 1500
-CLIMBING_MS = 0.5  # upwards in a landing, which the change to LAND does not reach
+CLIMBING_MS = 0.5  # climb rate that the change to LAND does not reach
 SINKING_MS = 0.5  # excess over the commanded sink rate
 
 
@@ -164,7 +164,7 @@ class Preconditions:
         if not landing or self._rest_us is None:
             self._rest_us = s.sticks_us
         if stage is not self._stage and not (landing and self._stage in LANDING):
-            self._since_ns.clear()  # kept at the commit height, about which a landing may waver
+            self._since_ns.clear()  # kept at the commit height, which a landing may cross several times
         self._stage = stage
 
     def _state(self, stage: Stage, s: Situation, ownership: ModeOwnership) -> dict[Precondition, str]:
@@ -224,5 +224,5 @@ def _motion(
     if s.landing and up_ms > CLIMBING_MS:
         broken[Precondition.SINKS] = "climbs in landing"
     if s.guided and s.heard and asked_up_ms is not None and up_ms < min(0.0, asked_up_ms) - SINKING_MS:
-        broken[Precondition.LEVEL] = "sinking"
+        broken[Precondition.NO_UNASKED_SINK] = "sinking"
     return broken

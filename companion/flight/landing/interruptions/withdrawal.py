@@ -6,12 +6,12 @@ from companion.flight.landing.interruptions.preconditions import Breach, Precond
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
 
-OVER_NS = 3 * SECOND  # without a failsafe, until it is over
-BLAMED_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
+CALM_NS = 3 * SECOND  # without a sign of it, until a failsafe is over
+RECLASSIFY_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
 
 
 class Withdrawal:
-    """Ends a landing for another party, and reports its mode to the pilot until the next hand-over."""
+    """Stops commanding for the pilot or a failsafe; during a failsafe reports each further mode."""
 
     def __init__(self, state: LandingState) -> None:
         self._state = state
@@ -31,12 +31,15 @@ class Withdrawal:
         self._taken = (s.mode, s.now_ns) if breach.precondition is Precondition.MODE else None
         return VehicleCommands()
 
-    def blame(self, s: Situation) -> VehicleCommands | None:
-        """Stand back if a failsafe reported only now explains a mode taken away a moment ago."""
+    def reclassify_as_failsafe(self, s: Situation) -> VehicleCommands | None:
+        """Stand back if a failsafe explains a mode change attributed to the pilot; otherwise return None.
+
+        The autopilot may report its failsafe up to two seconds after the mode.
+        """
         if self._taken is None or self._state.phase is not Phase.IDLE:
             return None
         mode, taken_ns = self._taken
-        if s.mode != mode or s.now_ns - taken_ns > BLAMED_NS:
+        if s.mode != mode or s.now_ns - taken_ns > RECLASSIFY_NS:
             self._taken = None
         elif s.failsafe or s.breached or s.estimate_lost:
             self._state.tally.hands_off -= 1
@@ -50,7 +53,7 @@ class Withdrawal:
         because = f" ({cause})" if cause else ""
         self._state.say(Severity.CRITICAL, f"failsafe{because}: {s.mode} flies, take over")
         self._state.tally.failsafes.append(cause or "failsafe")
-        self._state.hand_over.withdraw()
+        self._state.hand_over.end()
         self._told_mode, self._calm_since_ns = s.mode, None
         self._state.rest(Phase.FAILSAFE, s)
         return VehicleCommands()
@@ -69,7 +72,7 @@ class Withdrawal:
             self._calm_since_ns = None
         elif self._calm_since_ns is None:
             self._calm_since_ns = s.now_ns
-        elif s.now_ns - self._calm_since_ns > OVER_NS:
+        elif s.now_ns - self._calm_since_ns > CALM_NS:
             state.say(Severity.WARNING, f"failsafe over, {s.mode} flies: hand over again")
             state.told_to_hand_over_ns = s.now_ns
             state.rest(Phase.IDLE, s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.landing.interruptions.missing_input import tell_return, without_lidar
+from companion.flight.landing.interruptions.missing_input import report_input_back, without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import (
     STOPPED,
@@ -38,7 +38,7 @@ class Climb:
         up = np.array([0.0, 0.0, state.parameters.climb_speed_ms])
         left_m = state.route.height_m - float(known(s.position_enu_m)[2])
         if s.lidar_ok or left_m > AT_HEIGHT_M:  # climbing needs no map
-            tell_return(state, s)
+            report_input_back(state, s)
         if left_m <= AT_HEIGHT_M:
             state.restart_limit(s)
         elif s.now_ns > state.late_ns:
@@ -52,8 +52,8 @@ class Climb:
         if state.phase is Phase.HOLD or s.now_ns - state.since_ns < STEADY_NS:
             return VehicleCommands(velocity_enu_ms=STOPPED)
         state.say(Severity.INFO, "choosing again")
-        if state.wish is not None:
-            state.wish = LandingRequest(urgent=state.wish.urgent or state.is_battery_low(s))
+        if state.request is not None:
+            state.request = LandingRequest(urgent=state.request.urgent or state.is_battery_low(s))
         state.go(Phase.SURVEY, s)
         state.end_survey(s)
         return VehicleCommands(velocity_enu_ms=STOPPED)

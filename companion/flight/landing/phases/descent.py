@@ -65,7 +65,7 @@ class Descent:
         """Watch the autopilot land; break off if the point turns unsafe while it can be seen."""
         state = self._state
         late = s.now_ns > state.late_ns
-        if not state.committed:
+        if not state.too_low_to_see:
             unseen = (
                 s.now_ns < self._resumed_until_ns and state.aim.judgement(s.selected) is PointState.UNKNOWN
             )

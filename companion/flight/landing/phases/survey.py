@@ -30,8 +30,8 @@ class Survey:
         if not s.lidar_ok:
             return without_lidar(state, s)
         state.outage.on_present(s.now_ns)
-        if state.wish is not None and state.wish.enu_m is not None:
-            return self._approach.start(s, state.wish.enu_m, state.wish.zone_id)
+        if state.request is not None and state.request.enu_m is not None:
+            return self._approach.start(s, state.request.enu_m, state.request.zone_id)
         zone = self._choice(s)
         if zone is not None:
             return self._approach.start(s, zone.best.enu_m, zone.id)
@@ -57,7 +57,7 @@ class Survey:
         The latter is a zone of the far map, or of the survey prior.
         """
         state, p = self._state, self._state.parameters
-        urgent = state.wish is not None and state.wish.urgent
+        urgent = state.request is not None and state.request.urgent
         if s.report is None or (not urgent and s.now_ns - state.since_ns < p.survey_s * 1e9):
             return None
         if urgent:

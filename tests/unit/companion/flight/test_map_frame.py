@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import params
 from companion.flight.app import Companion
-from companion.flight.landing.situation import FLYING, Phase
+from companion.flight.landing.situation import COMMANDING, Phase
 from companion.flight.map_frame import begin_frame_if_far
 from slz import LocalFrame
 from tests.unit.companion.flight.landing.flight import Flight, zone
@@ -68,7 +68,7 @@ def test_far_from_its_origin_another_begins_and_the_pilot_is_told(made: Companio
     assert not begin_frame_if_far(made)
 
 
-@pytest.mark.parametrize("phase", sorted(FLYING, key=lambda phase: phase.value))
+@pytest.mark.parametrize("phase", sorted(COMMANDING, key=lambda phase: phase.value))
 def test_from_the_hand_over_to_the_landing_the_frame_stays(made: Companion, phase: Phase) -> None:
     fly(made, 30.0, 2400.0)
     frame, made.executive.state.phase = made.history.frame, phase

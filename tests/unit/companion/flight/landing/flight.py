@@ -119,7 +119,7 @@ class Flight:
             blocked=self.blocked(self),
             heard=self.heard,
             epoch=self.epoch,
-            blind=self.lost,
+            no_map_reason=self.lost,
             failsafe=self.failsafe,
             breached=self.breached,
             estimate_lost=self.estimate_lost,

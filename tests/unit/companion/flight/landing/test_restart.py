@@ -116,10 +116,10 @@ def test_what_is_over_is_forgotten_and_what_is_damaged_is_nothing(tmp_path: Path
     state = StateDir(tmp_path)
     memory = LandingMemory(state)
     memory.keep(left_at([20, 0, 0]))
-    again = LandingMemory(state).left
+    again = LandingMemory(state).previous
     assert again is not None
     assert again.lat_deg == pytest.approx(FRAME.lat_deg, abs=1e-3)
     memory.keep(None)
-    assert LandingMemory(state).left is None
+    assert LandingMemory(state).previous is None
     (tmp_path / FILE).write_text('{"phase": ')
-    assert LandingMemory(state).left is None
+    assert LandingMemory(state).previous is None
