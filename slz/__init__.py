@@ -5,7 +5,8 @@ from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point.judgement import PointState, SelectedPoint
 from slz.landing_point.local_heights import Nearby
-from slz.landing_point.obstacles import Obstacle, Surroundings
+from slz.landing_point.obstacles import Obstacle
+from slz.landing_point.surroundings import Surroundings
 from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
 from slz.terrain.changes import Drawn, DrawnTile

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.landing_point.obstacles import Surroundings
-from slz.landing_point.surroundings import cell_of, ground_m, surroundings
+from slz.landing_point.surroundings import Surroundings, cell_of, ground_m, surroundings
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import TerrainView
 

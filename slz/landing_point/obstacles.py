@@ -115,34 +115,6 @@ def grouped(
     return Groups(grid, cells, groups[:, 4:], places, top, over)
 
 
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """Obstacles within `radius_m` of a point, the nearest first, and its horizon.
-
-    horizon_deg : (36,) elevation angles by bearing, clockwise from north; NaN where nothing was seen.
-    """
-
-    radius_m: float
-    obstacles: tuple[Obstacle, ...]
-    horizon_deg: NDArray[np.float64]
-
-    def way_in(self, bearing_rad: float = 0.0) -> tuple[float, float] | None:
-        """Return the approach bearing (rad) with the lowest horizon, and that horizon (deg).
-
-        Horizons are the maximum over three neighbouring sectors, compared in steps of 2 degrees. Of equal
-        ones the bearing nearest to `bearing_rad` wins. None where no sector was seen.
-        """
-        h = self.horizon_deg
-        wide = np.max([np.roll(h, -1), h, np.roll(h, 1)], axis=0)  # NaN where one of the three is NaN
-        bearings = np.arange(SECTORS) * 2 * np.pi / SECTORS
-        turn = np.abs((bearings - bearing_rad + np.pi) % (2 * np.pi) - np.pi)
-        seen = np.flatnonzero(np.isfinite(wide))
-        if not len(seen):
-            return None
-        best = min(seen.tolist(), key=lambda i: (np.floor(max(wide[i], 0.0) / 2), turn[i]))
-        return float(bearings[best]), float(wide[best])
-
-
 def horizon_at(
     enu_m: NDArray[np.float64],
     top_m: NDArray[np.float32],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,40 @@ from params import Parameters
 from slz.frame import is_known
 from slz.grid import Box
 from slz.kernels.raster.bitmap import packed
-from slz.landing_point.obstacles import Surroundings, grouped, horizon_at
+from slz.landing_point.obstacles import SECTORS, Obstacle, grouped, horizon_at
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import TerrainView
 
 MOST_OBSTACLES = 64
 BULGE = 0.02  # allowed rise of the ground over its plane, per metre of distance
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Obstacles within `radius_m` of a point, the nearest first, and its horizon.
+
+    horizon_deg : (36,) elevation angles by bearing, clockwise from north; NaN where nothing was seen.
+    """
+
+    radius_m: float
+    obstacles: tuple[Obstacle, ...]
+    horizon_deg: NDArray[np.float64]
+
+    def way_in(self, bearing_rad: float = 0.0) -> tuple[float, float] | None:
+        """Return the approach bearing (rad) with the lowest horizon, and that horizon (deg).
+
+        Horizons are the maximum over three neighbouring sectors, compared in steps of 2 degrees. Of equal
+        ones the bearing nearest to `bearing_rad` wins. None where no sector was seen.
+        """
+        h = self.horizon_deg
+        wide = np.max([np.roll(h, -1), h, np.roll(h, 1)], axis=0)  # NaN where one of the three is NaN
+        bearings = np.arange(SECTORS) * 2 * np.pi / SECTORS
+        turn = np.abs((bearings - bearing_rad + np.pi) % (2 * np.pi) - np.pi)
+        seen = np.flatnonzero(np.isfinite(wide))
+        if not len(seen):
+            return None
+        best = min(seen.tolist(), key=lambda i: (np.floor(max(wide[i], 0.0) / 2), turn[i]))
+        return float(bearings[best]), float(wide[best])
 
 
 def cell_of(enu_m: NDArray[np.float64], terrain: TerrainView) -> Box:
