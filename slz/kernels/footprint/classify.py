@@ -6,12 +6,11 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Float32
 from slz.kernels.footprint.certainty import certainty, undoubted
-from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SLOPE
+from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SIGMAS, SLOPE
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, broadcast, flags, flags_of, load, logical_and, store, store_bytes, where
 
-SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
 LOW16 = np.uint64(0xFFFF)
 
 # Layers of the derived maps, described in `slz.terrain.layers`.

@@ -41,6 +41,7 @@ from slz.kernels.simd import (
     widened,
 )
 
+SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
 LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
 THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
 
@@ -118,7 +119,7 @@ def _fit(
     store(plane, to + WEST * LANES, nothing - a)
     store(plane, to + NORTH * LANES, b)
     store(plane, to + LEVEL * LANES, narrowed(mz) - a * mx - b * my)
-    return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(F3) * sigma))
+    return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(SIGMAS) * sigma))
 
 
 @kernel
