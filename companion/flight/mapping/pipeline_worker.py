@@ -34,8 +34,8 @@ log = logging.getLogger(__name__)
 class PipelineWorker:
     """Collects scans into windows and runs the pipeline on them in one thread.
 
-    A window that arrives while another is computed waits; a third replaces the waiting one, whose points are
-    counted as dropped. An exception in the pipeline, or a report that breaks an invariant, sets `invalid`
+    A window that arrives while another is computed waits; a third replaces the waiting one, which is counted
+    in `dropped_windows`. An exception in the pipeline, or a report that breaks an invariant, sets `invalid`
     until a window succeeds. Windows and reports too old to land by, because scans stopped in mid-window or
     the computer is slow, are dropped and counted, and the last report stays in use until it is too old.
 
