@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -16,8 +17,24 @@ Points = NDArray[np.float64]
 M = TypeVar("M")
 
 
+@dataclass(frozen=True, slots=True)
+class MapFrame(LocalFrame):
+    """Frame of one map.
+
+    number: differs between successive maps with the same origin, as after a jump of the position estimate.
+    """
+
+    number: int
+
+    @classmethod
+    def of(cls, frame: LocalFrame, number: int) -> MapFrame:
+        return cls(frame.lat_deg, frame.lon_deg, frame.alt_m, number)
+
+
 class MapPair(Generic[M]):
     """Near and far map of the present frame (SLZ paper, section 3.1.2).
+
+    Both maps, and all later ones, take the IDs of their zones from one counter.
 
     Parameters
     ----------

@@ -14,6 +14,7 @@ from slz.frame import LocalFrame, is_known
 from slz.grid import Box
 from slz.landing_point.judgement import SelectedPoint, judge_point, unknown
 from slz.landing_point.local_heights import nearby
+from slz.map_pair import MapFrame
 from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report
@@ -63,6 +64,8 @@ class Pipeline:
         self._parameters = parameters
         self.method = _method(parameters, centre_enu_m, follow, threads, prior)
         self._frame: LocalFrame | None = None
+        self._map_number = 0
+        self._map_begins = False  # the method's maps are given up
         self._far_is_active = False
         self._selected: SelectedPoint | None = None
         self._sensor = np.zeros(3)
@@ -76,7 +79,9 @@ class Pipeline:
         clock = StageClock()
         self._sensor = sensor = _sensor_of(window)
         self._follow_frame(window.frame)
-        result = self.method.process(window, sensor, self._selected, clock)
+        on_map = replace(window, frame=MapFrame.of(window.frame, self._map_number))
+        result = self.method.process(on_map, sensor, self._selected, clock)
+        self._map_begins = False
         self._far_is_active = self.method.far_is_active(result.choice)
         self._selected = self._judge_selected(result)
         clock.lap("landing_point")
@@ -99,13 +104,23 @@ class Pipeline:
             prior=self.method.prior_report(),
         )
 
+    def begin_new_map(self) -> None:
+        """Give up all maps and the selected point: the position estimate moved, and both are misplaced.
+
+        The next window begins new maps, as in a new pipeline, but the IDs of zones go on, so that an old ID
+        names no other ground.
+        """
+        self._map_number += 1
+        self._map_begins, self._far_is_active = True, False
+        self._frame = self._selected = None
+
     def prepare(self) -> None:
         """Prefault memory for the next window; optional, for idle time.
 
         The system allocates a page on the first write to it, which may take longer than the computation. The
         next report does not depend on it.
         """
-        for resolution in self.method.maps or ():
+        for resolution in self._maps or ():
             resolution.terrain.prepare()
 
     @property
@@ -124,7 +139,7 @@ class Pipeline:
                 f"a landing point is three numbers, east and north within {FARTHEST_M:g} m, not {enu_m!r}"
             )
         self._selected = unknown(point)
-        if (maps := self.method.maps) is not None:
+        if (maps := self._maps) is not None:
             self._selected = self._judge(point, *maps, before=None)
 
     @property
@@ -186,8 +201,12 @@ class Pipeline:
 
     # ---- parts ----------------------------------------------------------------------------------
 
+    @property
+    def _maps(self) -> tuple[ResolutionMap, ResolutionMap] | None:
+        return None if self._map_begins else self.method.maps
+
     def _map(self, *, far: bool) -> ResolutionMap | None:
-        maps = self.method.maps
+        maps = self._maps
         return None if maps is None else maps[far]
 
     def _follow_frame(self, frame: LocalFrame) -> None:

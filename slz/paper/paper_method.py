@@ -61,7 +61,7 @@ class PaperMethod:
     ) -> MethodResult:
         """Run outlier removal, the choice of the map, terrain and zones on a window."""
         if self._pair.is_new(window):
-            self._adapter = Adapter(self._p)
+            self._adapter, self._far_was_active = Adapter(self._p), False
             self._pair.create_maps(window, lambda: self._read(window, sensor_enu_m, ANYWHERE).kept()[:1])
         near, far = self._pair.maps_now
         guess = far if self._far_was_active else near

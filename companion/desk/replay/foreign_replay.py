@@ -136,7 +136,8 @@ class Rerun:
         if self.history.epoch != self._epoch:
             self._epoch = self.history.epoch
             log.warning("%s: mapping anew", why)
-            self._pipeline, self._windower = Pipeline(self.parameters), Windower(self._windower.window_s)
+            self._pipeline.begin_new_map()
+            self._windower = Windower(self._windower.window_s)
             self.report = None
             return
         self.standing_scans += self.standing

@@ -125,7 +125,7 @@ class Replay:
 
     def _window(self, event: WindowEvent, mapping: bool) -> Report | None:
         if event.anew:
-            self._pipeline = Pipeline(self.parameters)
+            self._pipeline.begin_new_map()
         for point in event.selects:
             self._pipeline.select(None if point is None else np.array(point))
         self._document = b""

@@ -67,11 +67,11 @@ class PipelineWorker:
         oldest_ns: int = OLDEST_NS,
     ) -> None:
         self._parameters = parameters
-        self._prior = prior
         self._on_report = on_report
         self._numbers: list[int] = []
         self._windower = Windower(parameters.window_s)
-        self._pipeline = new_pipeline(parameters, prior)
+        # A second thread if there is a second core.
+        self._pipeline = Pipeline(parameters, threads=min(2, os.cpu_count() or 1), prior=prior)
         self._oldest_ns = oldest_ns
         self._invariants = Invariants(oldest_ns)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
@@ -217,7 +217,7 @@ class PipelineWorker:
         time_s: Callable[[], float],
     ) -> Report:
         if anew:
-            self._pipeline = new_pipeline(self._parameters, self._prior)
+            self._pipeline.begin_new_map()
         for point in selects:
             self._pipeline.select(point)
         report = self._pipeline.process(window)
@@ -228,8 +228,3 @@ class PipelineWorker:
         """End the thread after the current window; return the last maps."""
         self._thread.shutdown(wait=True, cancel_futures=True)
         return self._pipeline.maps()
-
-
-def new_pipeline(parameters: Parameters, prior: PriorSource | None = None) -> Pipeline:
-    """Return a pipeline with a second thread if there is a second core."""
-    return Pipeline(parameters, threads=min(2, os.cpu_count() or 1), prior=prior)

@@ -368,3 +368,38 @@ def test_a_point_selected_before_the_first_window_is_judged_with_it() -> None:
     report = run(pipe, ground())
     assert report.selected is not None
     assert report.selected.state is PointState.SAFE
+
+
+def values(report: Report, first: int) -> list[tuple[object, ...]]:
+    """Return the values of all zones, with their IDs counted from the first one."""
+    return [
+        (zone.id - first, zone.area_m2, zone.certainty, *zone.best.enu_m.tolist(), zone.cells.tobytes())
+        for zone in (*report.near.zones, *report.far.zones)
+    ]
+
+
+@pytest.mark.parametrize("mode", ["default", "source"])
+def test_new_maps_are_those_of_a_new_pipeline_but_for_the_numbers_of_their_zones(mode: str) -> None:
+    flat = [ground(seed, density=200, noise_m=0.0) for seed in (0, 1)]
+    parted = flat[0][np.abs(flat[0][:, 0] - 2.0) > 1.5]
+    own = f"mode={mode}", "cell_m=0.5", "min_square_m=3"
+    known, fresh = pipeline(*own), pipeline(*own)
+    known.select(np.array([1.0, 2.0, 0.0]))
+    before = [known.process(window(cloud, second)) for second, cloud in enumerate((parted, flat[1]))]
+    known.begin_new_map()
+    assert known.selected is None
+    assert known.maps() is None
+    assert (known.state("near", before[0].zones[0].box) == UNKNOWN).all()
+    for one in (known, fresh):
+        one.select(np.array([-3.0, 0.0, 0.0]))
+    last = max(zone.id for report in before for zone in (*report.near.zones, *report.far.zones))
+    for second, cloud in enumerate((flat[1], parted), start=7):
+        mine, other = (one.process(window(cloud, second)) for one in (known, fresh))
+        assert values(other, 0)
+        assert values(mine, last) == values(other, 0)
+        assert mine.selected is not None
+        assert other.selected is not None
+        assert mine.selected.state is other.selected.state
+        assert mine.selected.height_m == other.selected.height_m
+    for layer, found in maps(known).layers.items():
+        np.testing.assert_array_equal(found, maps(fresh).layers[layer])

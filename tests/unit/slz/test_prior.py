@@ -253,3 +253,23 @@ def test_a_best_point_that_a_live_map_finds_unsafe_is_given_up_before_the_next_l
     prior.update(np.empty((0, 3)), np.array([0.0, 0.0, 30.0]), FRAME, 0.5, (live,))
     assert not np.array_equal(prior.terrain.hidden, hidden)
     assert not any(zone.holds(*prior.terrain.grid.index(*best[:2].tolist())) for zone in prior.zones)
+
+
+def test_a_new_map_asks_for_the_survey_again_and_its_zones_get_new_numbers() -> None:
+    asked: list[LocalFrame] = []
+
+    def source(frame: LocalFrame, _place: Points) -> Surveyed:
+        asked.append(frame)
+        return surveyed()
+
+    pipeline = Pipeline(PARAMETERS, prior=source)
+    before = pipeline.process(window(ground(), 0))
+    pipeline.begin_new_map()
+    after = pipeline.process(window(ground(), 1))
+    assert len(asked) == 2
+    assert before.frame == after.frame == FRAME
+    assert before.prior is not None
+    assert after.prior is not None
+    numbers = {zone.id for zone in before.prior.zones}
+    assert len(after.prior.zones) == len(numbers) == 4
+    assert min(zone.id for zone in after.prior.zones) > max(numbers)

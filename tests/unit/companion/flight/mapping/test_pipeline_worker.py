@@ -187,6 +187,26 @@ async def test_a_report_of_the_map_before_a_jump_is_dropped(monkeypatch: pytest.
     assert reports[0].stamp_ns > 4e9
 
 
+async def test_zone_numbers_go_on_after_a_jump_so_that_an_old_one_names_no_other_ground() -> None:
+    reports: list[Report] = []
+
+    def jump_once(report: Report) -> None:
+        reports.append(report)
+        if len(reports) == 1:
+            worker.reset()
+            for second in (5, 6):
+                worker.add_scan(scan(second))
+
+    worker = PipelineWorker(SMALL, jump_once, oldest_ns=3600_000_000_000)
+    for second in (0, 1):
+        worker.add_scan(scan(second))
+    await drive(worker, lambda: len(reports) == 2)
+    before, after = ({zone.id for zone in (*report.zones, *report.far.zones)} for report in reports)
+    assert before
+    assert after
+    assert max(before) < min(after)
+
+
 async def test_a_window_that_waits_when_the_estimate_jumps_is_never_computed() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
