@@ -20,9 +20,9 @@ from slz.points.mapping_reach import reach_m, within
 from slz.points.outliers import (
     CLOUD_GROUP,
     FLIGHT_GROUP,
-    IsolatedReturns,
     gap_interval,
     in_cluster,
+    is_dense_at,
     not_isolated,
 )
 from slz.points.registration import Offset, offset
@@ -34,6 +34,7 @@ from slz.window import Window
 from slz.zones.zone_map import ZoneMap
 
 Points = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 
 
@@ -69,7 +70,6 @@ class DefaultMethod:
         )
         self._adapter = Adapter(parameters)
         self.prior = None if prior is None else Prior(prior, parameters)
-        self._lone = IsolatedReturns()
 
     @property
     def maps(self) -> tuple[ZoneMap, ZoneMap] | None:
@@ -82,22 +82,23 @@ class DefaultMethod:
         """Run outlier removal, registration, terrain and zones on a window."""
         new_frame = self._pair.is_new(window)
         if new_frame:
-            self._lone, self._adapter = IsolatedReturns(), Adapter(self._p)
-        points = self._without_outliers(window, sensor_enu_m)
+            self._adapter = Adapter(self._p)
+        points, alone, isolated = self._without_outliers(window, sensor_enu_m)
         clock.lap("outliers")
         near, far = self._pair.create_maps(window, lambda: points[:1]) if new_frame else self._pair.maps_now
-        used = within(points, sensor_enu_m, reach_m(self._p))
-        with run_concurrently(self._other, self._chosen, window, _picked(points, used), far) as chosen:
-            points = self._registered(points, used, sensor_enu_m, near)
-            self._contradictions(points, used, sensor_enu_m, near)
+        near_ones = within(points, sensor_enu_m, reach_m(self._p))
+        used = near_ones & ~alone
+        with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
+            points, isolated = self._registered(points, isolated, used, sensor_enu_m, near)
+            self._contradictions(points, used, alone, sensor_enu_m, near)
         choice = chosen.result()
         clock.lap("registration")
         pinned = None if selected is None else selected.enu_m
         for zone_map in (near, far):
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
-        with run_concurrently(self._other, far.add_points, points, sensor_enu_m, stamp_s, near.tiles):
-            near.add_points(_picked(points, used), sensor_enu_m, stamp_s)
+        with run_concurrently(self._other, far.add_points, points, sensor_enu_m, stamp_s, None, near.tiles):
+            near.add_points(_picked(points, used), sensor_enu_m, stamp_s, isolated)
         clock.lap("terrain")
         near.identify(sensor_enu_m)
         far.identify(sensor_enu_m)
@@ -123,8 +124,12 @@ class DefaultMethod:
 
     # ---- stages ---------------------------------------------------------------------------------
 
-    def _without_outliers(self, window: Window, sensor_enu_m: Points) -> Points:
-        """Return the finite points within `max_range_m` that no outlier rule drops."""
+    def _without_outliers(self, window: Window, sensor_enu_m: Points) -> tuple[Points, Flags, Points]:
+        """Return the finite points within `max_range_m` that no outlier rule drops, and the isolated ones.
+
+        The near map judges the isolated ones together with those of other windows. Where most points are
+        isolated, the far map takes them all; the second result marks those that are not for the near map.
+        """
         p = self._p
         points = np.ascontiguousarray(window.points_enu_m)
         height_m, usable_as_they_are = are_usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
@@ -138,9 +143,12 @@ class DefaultMethod:
         keep[strays] = in_cluster(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
         kept = picked(points, keep)
         if not in_flight:
-            return kept
-        again = self._lone.recurring(picked(points, ~keep), sensor_enu_m, len(points))
-        return np.vstack([kept, again]) if len(again) else kept
+            return kept, np.zeros(len(kept), bool), np.empty((0, 3))
+        isolated = picked(points, ~keep)
+        mostly = len(isolated) > len(kept)
+        dense = is_dense_at(isolated, sensor_enu_m, len(points))
+        isolated = picked(isolated, within(isolated, sensor_enu_m, reach_m(p)) & ~dense)
+        return (points.copy(), ~keep, isolated) if mostly else (kept, np.zeros(len(kept), bool), isolated)
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
         """Choose the next window and the far map's level, and set that level."""
@@ -148,21 +156,26 @@ class DefaultMethod:
         far.at_level(choice.level)
         return choice
 
-    def _registered(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> Points:
-        """Return the points in the near map's stored heights; the drift of the used ones moves its datum."""
+    def _registered(
+        self, points: Points, isolated: Points, used: Flags, sensor: Points, near: ZoneMap
+    ) -> tuple[Points, Points]:
+        """Return both in the near map's stored heights; the drift of the used points moves its datum."""
         tiles, found = near.tiles, Offset()
         most_m = self._p.register_m
         if most_m > 0 and is_known(sensor):
             found = offset(points, np.flatnonzero(used), sensor, tiles, most_m)
         points = found.removed_from(points, sensor, tiles.datum_m)
+        isolated = found.removed_from(isolated, sensor, tiles.datum_m)
         tiles.datum_m += found.up_m
-        return points
+        return points, isolated
 
-    def _contradictions(self, points: Points, used: NDArray[np.bool_], sensor: Points, near: ZoneMap) -> None:
+    def _contradictions(
+        self, points: Points, used: Flags, alone: Flags, sensor: Points, near: ZoneMap
+    ) -> None:
         """Also use points above known ground of the near map, at any range: they count at once."""
         terrain, least_m = near.terrain, self._p.relief_m
         if is_known(sensor):
-            others = np.flatnonzero(~used)
+            others = np.flatnonzero(~(used | alone))
             used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
 
 

@@ -6,8 +6,6 @@ SLZ thesis, section 3.3.1.1): see `slz.kernels.paper.height_gate`.
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -19,7 +17,6 @@ LEAST_SUPPORT = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
 CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
 FLIGHT_GROUP = (0.6, 5)  # the smallest object to detect, 0.5 x 0.3 m with 5 pulses; echoes are farther apart
-RECENT, OFTEN, PLACE_M = 12, 5, 0.4
 
 
 def gap_interval(
@@ -63,12 +60,11 @@ def not_isolated(
 
     Rain, dust and multipath returns are isolated; ground and objects are hit repeatedly, more often at short
     range. A return is isolated when fewer others are around it than an object of `OBJECT_M2` would send back
-    at that range, if the sensor spread its pulses over the whole sphere. The neighbourhood is a slab of 3 x 3
-    voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that ground does not support an echo 0.15 m
-    below it. Where fewer than `LEAST_SUPPORT` are expected, that many returns must be in a block 3.75 voxels
-    high. A return that is isolated on its level and close below a surface of many returns is dropped. Very
-    sparsely sampled ground is dropped too, and stays unknown. Where most returns are isolated, isolation is
-    no criterion, and all are kept.
+    at that range, if the sensor spread its pulses over the whole sphere; `LEAST_SUPPORT` at the least, itself
+    included, and one in ten of the returns within 1.5 voxels and 5 voxels of height, up to five. The
+    neighbourhood is a slab of 3 x 3 voxels of 1.5 cells (0.3 m at least), 0.75 voxels high, so that ground
+    does not support an echo 0.15 m from it. Sparsely sampled ground and thin objects are isolated too; the
+    near map judges them by all windows, see `slz.terrain.thin_objects`.
 
     Parameters
     ----------
@@ -80,37 +76,17 @@ def not_isolated(
     if not len(points_enu_m):
         return np.ones(0, bool)
     points = np.ascontiguousarray(points_enu_m)
-    keep = is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), LEAST_SUPPORT, OBJECT_M2)
-    return keep if keep.mean() > 0.5 else np.ones(len(keep), bool)
+    return is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), LEAST_SUPPORT, OBJECT_M2)
 
 
-class IsolatedReturns:
-    """Memory of isolated returns: a thin object may send back one in every window.
+def is_dense_at(
+    points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
+) -> NDArray[np.bool_]:
+    """Return which points are so near to the sensor that an object there would not be isolated.
 
-    An isolated return counts when `OFTEN` of the last `RECENT` windows, the present one included, had one
-    within `PLACE_M` of it; then the earlier ones count too. Dust is elsewhere in the next window. Near the
-    sensor, where an object would send back several returns and dust is dense, none counts.
+    A window of `n_returns` would hold more than `LEAST_SUPPORT` returns of an object of `OBJECT_M2`; what is
+    isolated so near is dust, which is dense around the rotors.
     """
-
-    def __init__(self) -> None:
-        self._windows: deque[cKDTree] = deque(maxlen=RECENT - 1)
-
-    def recurring(
-        self, lone_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], n_returns: int
-    ) -> NDArray[np.float64]:
-        """Add the isolated returns of a window of `n_returns`; return (m, 3) those that count now."""
-        way = lone_enu_m - sensor_enu_m
-        expected = OBJECT_M2 * n_returns / (4 * np.pi) / np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
-        lone = lone_enu_m[expected <= LEAST_SUPPORT]
-        before = [tree for tree in self._windows if tree.n]
-        self._windows.append(cKDTree(lone))
-        if not len(lone) or len(before) < OFTEN - 1:
-            return np.empty((0, 3))
-        near = [tree.query(lone, distance_upper_bound=PLACE_M) for tree in before]
-        seen = np.array([np.isfinite(distance) for distance, _ in near])
-        often = seen.sum(axis=0) >= OFTEN - 1
-        again = [
-            tree.data[np.unique(np.asarray(index)[often & np.isfinite(distance)])]
-            for tree, (distance, index) in zip(before, near, strict=True)
-        ]
-        return np.vstack([lone[often], *again])
+    way = points_enu_m - sensor_enu_m
+    distance2 = np.maximum(np.einsum("ij,ij->i", way, way), 1e-2)
+    return np.asarray(OBJECT_M2 * n_returns / (4 * np.pi) / distance2 > LEAST_SUPPORT)

@@ -28,11 +28,13 @@ from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
+from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
 from slz.terrain.derive import CoveredCells, reach_of
 from slz.terrain.layers import LAYERS, NAMED
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain
+from slz.terrain.thin_objects import ThinObjects
 from slz.terrain.tiled_raster import Block, TiledLayers
 from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
 
@@ -79,6 +81,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
         self._n_derived, self._new = 0, [0]
+        self._thin = ThinObjects()
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -110,14 +113,44 @@ class EvidenceTerrain(UnboundedTerrain):
     # ---- evidence in ----------------------------------------------------------------------------
 
     def add(
-        self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], stamp_s: float
+        self,
+        points_enu_m: NDArray[np.float64],
+        sensor_enu_m: NDArray[np.float64],
+        stamp_s: float,
+        isolated_enu_m: NDArray[np.float64] | None = None,
     ) -> Change:
         """Add one window of points, in stored heights (over `tiles.datum_m`), and derive the changed maps.
 
         Points outside the window's grid are skipped. When the budget of tiles is used, the ground not
-        seen for longest is evicted; where none can be, points are dropped and counted.
+        seen for longest is evicted; where none can be, points are dropped and counted. Isolated returns are
+        judged together with those of earlier windows, see `slz.terrain.thin_objects`.
         """
-        p, now_s = self._parameters, self.tiles.now_s(stamp_s)
+        now_s = self.tiles.now_s(stamp_s)
+        change = self._accumulate(points_enu_m, sensor_enu_m)
+        altered: tuple[Box, ...] = ()
+        if isolated_enu_m is not None:
+            before = self._thin.found_enu_m
+            ground = self._thin.update(
+                isolated_enu_m,
+                sensor_enu_m,
+                len(points_enu_m) + len(isolated_enu_m),
+                self.tiles,
+                self._parameters.max_age_s,
+            )
+            if len(ground):
+                change = change.together_with(self._accumulate(ground, sensor_enu_m))
+            altered = self._cells_that_differ(before, self._thin.found_enu_m)
+        self._derive_all([*change.boxes, *altered, *map(box_of_tile, change.evicted)])
+        for key in self._aged(now_s):
+            self._derive_all([box_of_tile(key)])
+        if change.evicted:
+            self.changed_tiles.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
+            if len(self.changed_tiles) > 2 * self.tiles.capacity:  # no reader
+                self.serial, self.changed_tiles = next(SERIALS), set(self._maps.keys())
+        return change
+
+    def _accumulate(self, points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64]) -> Change:
+        p, now_s = self._parameters, self.tiles.latest_s
         change = self.tiles.add(
             points_enu_m,
             sensor_enu_m,
@@ -134,14 +167,16 @@ class EvidenceTerrain(UnboundedTerrain):
         for box in change.boxes:
             key = box.row0 // TILE, box.col0 // TILE
             self._oldest_s[key] = min(now_s, self._oldest_s.get(key, math.inf))
-        self._derive_all([*change.boxes, *map(box_of_tile, change.evicted)])
-        for key in self._aged(now_s):
-            self._derive_all([box_of_tile(key)])
-        if change.evicted:
-            self.changed_tiles.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
-            if len(self.changed_tiles) > 2 * self.tiles.capacity:  # no reader
-                self.serial, self.changed_tiles = next(SERIALS), set(self._maps.keys())
         return change
+
+    def _cells_that_differ(self, before: NDArray[np.float64], now: NDArray[np.float64]) -> tuple[Box, ...]:
+        """Return the cells of the returns that count as objects either before or now, but not both."""
+        both = np.concatenate([before, now])
+        if not len(both):
+            return ()
+        own, count = np.unique(both, axis=0, return_counts=True)
+        place = (own[count == 1, :2] - (self.tiles.west_m, self.tiles.south_m)) // self.tiles.cell_m
+        return tuple(Box(r, r + 1, c, c + 1) for c, r in np.unique(place.astype(np.int64), axis=0).tolist())
 
     def _aged(self, now_s: float) -> list[Key]:
         """Return the tiles to derive again as a whole because some of their cells became too old.
@@ -197,11 +232,17 @@ class EvidenceTerrain(UnboundedTerrain):
     def _cells(self, box: Box) -> NDArray[np.float32]:
         max_age_s = (1 - AGEING) * self._parameters.max_age_s  # so that no cell is shown beyond `max_age_s`
         if self.level == 0:
-            return self.tiles.summary(box, max_age_s)
-        evidence = self.tiles.read(_scaled(box, self.level))
-        for _ in range(self.level):
-            evidence = downsample(evidence, self.tiles.latest_s, max_age_s)
-        return summary(evidence, self.tiles.latest_s, max_age_s)
+            cells = self.tiles.summary(box, max_age_s)
+        else:
+            evidence = self.tiles.read(_scaled(box, self.level))
+            for _ in range(self.level):
+                evidence = downsample(evidence, self.tiles.latest_s, max_age_s)
+            cells = summary(evidence, self.tiles.latest_s, max_age_s)
+        if len(self._thin.found_enu_m):
+            cell_m = self.grid.cell_m
+            west_m, south_m = self.tiles.west_m + box.col0 * cell_m, self.tiles.south_m + box.row0 * cell_m
+            put_onto(self._thin.found_enu_m, west_m, south_m, cell_m, cells)
+        return cells
 
     def _derive(self, box: Box) -> None:
         """Derive the maps of a box from the evidence of the box and its surroundings."""
@@ -225,7 +266,7 @@ class EvidenceTerrain(UnboundedTerrain):
         col0 = (((whole.col0 + whole.col1) >> 1) - (side << level >> 1)) >> level
         west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
-        new.pinned, new._aged_s = self.pinned, self._aged_s
+        new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._derive_all(self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)

@@ -22,6 +22,7 @@ from slz.kernels.cells.accumulate import (
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import summarise
+from slz.kernels.points.clutter import ground_and_rays
 from slz.terrain.demand_zero import prefault_range
 
 Key = tuple[int, int]
@@ -48,6 +49,12 @@ class Change:
     boxes: tuple[Box, ...]
     evicted: tuple[Key, ...]
     n_dropped: int
+
+    def together_with(self, other: Change) -> Change:
+        """Return the effect of both."""
+        return Change(
+            self.boxes + other.boxes, self.evicted + other.evicted, self.n_dropped + other.n_dropped
+        )
 
 
 class Tiles:
@@ -238,6 +245,15 @@ class Tiles:
         corner, table = self._table_under(points_enu_m)
         place = (self.west_m, self.south_m, self.cell_m, *corner)
         return contradicts(points_enu_m, sensor_enu_m, least_m, noise.angle_rad, *place, self._pool, table)
+
+    def ground_and_rays(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (n, 2) of `slz.kernels.points.clutter.ground_and_rays`."""
+        if not self._slot or not len(points_enu_m):
+            return np.full((len(points_enu_m), 2), (np.nan, 0.0))
+        points_enu_m = np.ascontiguousarray(points_enu_m)
+        corner, table = self._table_under(points_enu_m)
+        place = (self.west_m, self.south_m, self.cell_m, *corner)
+        return ground_and_rays(points_enu_m, *place, self._pool, table)
 
     def _table_under(self, points_enu_m: NDArray[np.float64]) -> tuple[Key, NDArray[np.int32]]:
         """Return the first tile and the slots of a rectangle that holds all tiles under some points.

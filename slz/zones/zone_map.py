@@ -54,7 +54,12 @@ class ZoneMap:
         return self.terrain.tiles
 
     def add_points(
-        self, points_enu_m: Points, sensor_enu_m: Points, stamp_s: float, like: Tiles | None = None
+        self,
+        points_enu_m: Points,
+        sensor_enu_m: Points,
+        stamp_s: float,
+        isolated_enu_m: Points | None = None,
+        like: Tiles | None = None,
     ) -> None:
         """Add a window's points and search the terrain.
 
@@ -62,6 +67,8 @@ class ZoneMap:
         ----------
         points_enu_m
             (n, 3), in stored heights (over `tiles.datum_m`); the sensor position is in the frame's heights.
+        isolated_enu_m
+            (n, 3) isolated returns, likewise; None for a map that does not judge them.
         like
             Evidence whose datum the points refer to, by default its own.
         """
@@ -70,7 +77,7 @@ class ZoneMap:
         if like is not None:
             terrain.tiles.datum_m = like.datum_m
         sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
-        change = terrain.add(points_enu_m, sensor_there_m, stamp_s)
+        change = terrain.add(points_enu_m, sensor_there_m, stamp_s, isolated_enu_m)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
         self.candidates = self._search()
 

@@ -20,7 +20,7 @@ from slz.kernels.raster.connected_components import largest_groups, median_heigh
 from slz.kernels.raster.distance_transform import greatest_clearance, square_and_clearance
 from slz.kernels.raster.region_fill import component
 from slz.paper.window_cells import Returns
-from slz.points.outliers import IsolatedReturns, gap_interval, in_cluster, not_isolated
+from slz.points.outliers import gap_interval, in_cluster, not_isolated
 from slz.radar.accuracy import coherence, height_error_m, phase_error_rad, whole_height_error_m
 from slz.radar.interferometer import Interferometer
 from slz.zones.boundary_points import without_collinear
@@ -77,7 +77,6 @@ def zones() -> Iterator[Any]:
 def clouds() -> Iterator[Any]:
     """Yield which returns are kept of clouds, dense and sparse, wide and narrow, with strays."""
     rng = np.random.default_rng(23)
-    lone = IsolatedReturns()
     for k in range(20):
         n, half = 300 + 20 * k, (4.0, 9.0, 30.0, 900.0)[k % 4]
         points = np.column_stack([rng.uniform(-half, half, (n, 2)), rng.normal(0, 0.05, n)])
@@ -88,8 +87,6 @@ def clouds() -> Iterator[Any]:
         yield keep
         yield gap_interval(points[:, 2], 0.5 + 0.4 * (k % 4), 0.004 * (k % 6))
         yield in_cluster(points[-40:], 2.0 + k, 3)
-        alone = rng.normal((3.0, 3.0, 1.0), 0.15, (3, 3))
-        yield lone.recurring(np.vstack([points[~keep], alone]), np.array([0.0, 0.0, 30.0 + k]), 20_000)
         returns, grid = Returns(), Grid(-5.0, -6.0, 0.25 + 0.05 * k, 30, 90)
         returns.read(points, sensor, 25.0 + 3 * k, grid)
         yield returns.low_m, returns.high_m, returns.n, returns.n_outside, returns.box

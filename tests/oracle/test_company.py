@@ -25,11 +25,9 @@ def plainly(points: Floats, sensor: Floats, object_m2: float) -> list[bool]:
         beside = (np.abs(at[:, :2] - here[:2]) <= 1).all(axis=1)
         up = at[beside, 2] - here[2]
         own = int((at == here).all(axis=1).sum())
-        level, wide = int((np.abs(up) <= 1).sum()), int((np.abs(up) <= 7).sum())
-        surface = int(((up > 1) & (up <= 7)).sum())
-        company = level if near or level >= need else wide
-        alone_below = level < LEAST and surface >= 100
-        keep.append(own >= need or (company >= need and not alone_below))
+        if need < 5:
+            need = max(need, min(5, int((np.abs(up) <= 20).sum()) // 10))
+        keep.append(own >= max(need, 5) or int((np.abs(up) <= 1).sum()) >= need)
     return keep
 
 

@@ -7,9 +7,11 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D, Strided1D
 from slz.kernels.jit import kernel
 
-FINE, COARSE = 1, 7  # layers of voxels above and below that are searched
-SURFACE = 100  # returns that make a surface
+FINE = 1  # layers of voxels above and below that are searched
+EDGE = 2  # empty voxels around all points
 OBJECT_RETURNS, CLEAR_M = 5, 2.0  # returns that are an object; range up to which dense dust demands more
+SHARE = 10  # one return in so many of its column, up to `OBJECT_RETURNS`, is a surface
+TALL = 20  # layers of a column above and below
 DENSE_PER_POINT = 16  # voxel columns, or their layers, per point, above which a dense table is too large
 NO_LAYER = np.int32(2**31 - 1)
 
@@ -47,14 +49,14 @@ def _count_around(
 @kernel
 def _support_needed(
     point: ReadOnly1D[np.float64], sensor: Strided1D[np.float64], share: float, least: int
-) -> tuple[int, int]:
-    """Return how many points a return needs around it, and how many layers up and down are searched."""
+) -> int:
+    """Return how many points a return needs around it for the pulses that an object there would return."""
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
     near = share / max(dx * dx + dy * dy + dz * dz, 1e-2)
     if near > least:  # False where the sensor is unknown, NaN
         most = OBJECT_RETURNS if dx * dx + dy * dy + dz * dz > CLEAR_M * CLEAR_M else 10_000
-        return min(int(near), most), FINE
-    return least, COARSE
+        return min(int(near), most)
+    return least
 
 
 @kernel
@@ -82,15 +84,13 @@ def _by_table(
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
         x, y, z = int(at[i, 0]), int(at[i, 1]), int(at[i, 2])
-        need, reach = _support_needed(points[i], sensor, share, least)
-        support = int(count[own[i]])
-        if support < need:
-            support = level = _count_around(keys, count, x, y, z - FINE, z + FINE)
-            if support < need and reach > FINE:
-                support = _count_around(keys, count, x, y, z - reach, z + reach)
-            if level < least and _count_around(keys, count, x, y, z + FINE + 1, z + COARSE) >= SURFACE:
-                support = 0  # alone on its level, close below a surface
-        keep[i] = support >= need
+        need = _support_needed(points[i], sensor, share, least)
+        if count[own[i]] >= max(need, OBJECT_RETURNS):
+            continue
+        if need < OBJECT_RETURNS:
+            column = _count_around(keys, count, x, y, z - TALL, z + TALL)
+            need = max(need, min(OBJECT_RETURNS, column // SHARE))
+        keep[i] = _count_around(keys, count, x, y, z - FINE, z + FINE) >= need
     return keep
 
 
@@ -161,24 +161,21 @@ def _by_columns(
         below[v + 1] = below[v] + counts[v]
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
-        need, reach = _support_needed(points[i], sensor, share, least)
-        if counts[own[i]] >= need:
+        need = _support_needed(points[i], sensor, share, least)
+        if counts[own[i]] >= max(need, OBJECT_RETURNS):
             continue
         column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
-        support = level = _count_in_columns(starts, ends, below, column, deep, z - FINE, z + FINE, need)
-        if support < need and reach > FINE:
-            support = _count_in_columns(starts, ends, below, column, deep, z - COARSE, z + COARSE, need)
-        if level < least:
-            over = _count_in_columns(starts, ends, below, column, deep, z + FINE + 1, z + COARSE, SURFACE)
-            if over >= SURFACE:
-                support = 0  # alone on its level, close below a surface
-        keep[i] = support >= need
+        if need < OBJECT_RETURNS:
+            enough = SHARE * OBJECT_RETURNS
+            whole = _count_in_columns(starts, ends, below, column, deep, z - TALL, z + TALL, enough)
+            need = max(need, min(OBJECT_RETURNS, whole // SHARE))
+        keep[i] = _count_in_columns(starts, ends, below, column, deep, z - FINE, z + FINE, need) >= need
     return keep
 
 
 @kernel
 def _voxels_of(points: ReadOnly2D[np.float64], voxel: float) -> tuple[Array2D[np.int32], int, int]:
-    """Return (n, 3) the voxel of each point, indices from `COARSE` on, and the greatest x and y index.
+    """Return (n, 3) the voxel of each point, indices from `EDGE` on, and the greatest x and y index.
 
     The voxel lattice is fixed to the map, not to the points.
     """
@@ -192,9 +189,9 @@ def _voxels_of(points: ReadOnly2D[np.float64], voxel: float) -> tuple[Array2D[np
     at = np.empty((len(points), 3), np.int32)
     most_x, most_y = 0, 0
     for i in range(len(points)):
-        x = int((points[i, 0] - west) / voxel) + COARSE
-        y = int((points[i, 1] - south) / voxel) + COARSE
-        at[i, 0], at[i, 1], at[i, 2] = x, y, int((points[i, 2] - bottom) / high) + COARSE
+        x = int((points[i, 0] - west) / voxel) + EDGE
+        y = int((points[i, 1] - south) / voxel) + EDGE
+        at[i, 0], at[i, 1], at[i, 2] = x, y, int((points[i, 2] - bottom) / high) + EDGE
         most_x, most_y = max(most_x, x), max(most_y, y)
     return at, most_x, most_y
 

@@ -157,12 +157,13 @@ def test_two_echoes_in_neighbouring_cells_of_many_returns_are_chance() -> None:
     assert state_at(pipe, 1.0, 0.5) == SAFE
 
 
-def test_two_echoes_in_one_cell_close_below_the_ground_at_different_times_are_chance() -> None:
-    pipe = pipeline("angle_noise_deg=0.15")
-    for second, depth in enumerate((0.34, 0.46, 0.5)):
-        cloud = np.vstack([hover(8.0, seed=second), [[1.0, 0.5, -depth]]])
-        pipe.process(window(cloud, second, 8.0))
-    assert state_at(pipe, 1.0, 0.5) == SAFE
+def test_echoes_close_below_the_ground_that_are_apart_are_chance_and_those_at_one_place_a_hole() -> None:
+    for apart_m, state in ((0.3, SAFE), (0.03, UNSAFE)):
+        pipe = pipeline("angle_noise_deg=0.15")
+        for second, depth in enumerate((0.34, 0.46, 0.5)):
+            cloud = np.vstack([hover(8.0, seed=second), [[1.0 + apart_m * (second - 1), 0.5, -depth]]])
+            pipe.process(window(cloud, second, 8.0))
+        assert state_at(pipe, 1.0, 0.5) == state
 
 
 def test_a_hole_of_0_3_by_0_3_m_is_unsafe() -> None:
