@@ -7,9 +7,19 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.clutter import MOST_OTHERS, NO_BAND, add_others, bands_of
+from slz.kernels.points.clutter import (
+    HIGH,
+    LONELY_LEVEL_M,
+    MOST_OTHERS,
+    NO_BAND,
+    OPAQUE,
+    REACH_M,
+    add_others,
+    bands_of,
+)
 
 MOST = 8192  # returns kept; the oldest go first
+EXPLAINED = 2.0  # returns of clutter expected, among which `MOST_OTHERS` are no object
 
 Points = NDArray[np.float64]
 
@@ -31,6 +41,19 @@ class IsolatedReturns:
     upright_m: Points
     level_m: Points
     lonely: NDArray[np.bool_]
+    found: NDArray[np.bool_]  # counts as an object since the last window
+
+    def __len__(self) -> int:
+        return len(self.born_s)
+
+    @property
+    def found_enu_m(self) -> Points:
+        """Those that count as objects (m, 3)."""
+        return self.points_enu_m[self.found]
+
+    def first(self, n: int) -> IsolatedReturns:
+        """Return the first n returns."""
+        return self.some(np.arange(len(self)) < n)
 
     @classmethod
     def none(cls) -> IsolatedReturns:
@@ -39,7 +62,7 @@ class IsolatedReturns:
 
     @classmethod
     def new(cls, points_enu_m: Points, now_s: float, sensor_up_m: float) -> IsolatedReturns:
-        """Return the returns of a window, of which nothing is known yet."""
+        """Return the returns of a window, before anything is known of them."""
         n = len(points_enu_m)
         upright_m, level_m = np.full((2, n, MOST_OTHERS), np.inf)
         return cls(
@@ -52,6 +75,7 @@ class IsolatedReturns:
             upright_m=upright_m,
             level_m=level_m,
             lonely=np.ones(n, bool),
+            found=np.zeros(n, bool),
         )
 
     def with_new(self, points_enu_m: Points, now_s: float, sensor_up_m: float) -> IsolatedReturns:
@@ -73,14 +97,20 @@ class IsolatedReturns:
         self.rays_m2 = self.rays_m2 + np.maximum(held_m2 - self.held_m2, 0)
         self.held_m2 = held_m2
 
-    def place(self, over_m: Points) -> None:
-        """Give a band to the returns whose ground is known now, and make them others of all."""
+    def place(self, over_m: Points, high_share: float) -> None:
+        """Give a band to the returns whose ground is known now, and make them others of all.
+
+        high_share: clutter of a ray at the heights of an upright object in the highest band, as last known.
+        """
         new = (self.bands == NO_BAND) & ~np.isnan(over_m)
-        if new.any():
-            self.bands = np.where(new, bands_of(over_m), self.bands)
-            add_others(
-                self.points_enu_m, self.bands, new, self.rays_m2, self.upright_m, self.level_m, self.lonely
-            )
+        if not new.any():
+            return
+        self.bands = np.where(new, bands_of(over_m), self.bands)
+        # Farther others make no object: an opaque one has more returns, and clutter explains so many.
+        rays_m2 = np.maximum(self.rays_at_height_m2(over_m), 1e-3)
+        most = np.where(self.bands == HIGH, EXPLAINED / max(high_share, 1e-6), (MOST_OTHERS + 1) / OPAQUE)
+        reach_m = np.clip(np.sqrt(most / (np.pi * rays_m2)), LONELY_LEVEL_M, REACH_M)
+        add_others(self.points_enu_m, self.bands, new, reach_m, self.upright_m, self.level_m, self.lonely)
 
     def rays_at_height_m2(self, over_m: Points) -> Points:
         """Return the rays per m² that passed at the height of each return; rays diverge downwards."""

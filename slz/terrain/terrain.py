@@ -43,6 +43,7 @@ PATIENCE = 0.7  # share of that time before which no tile is derived again for i
 MORE = 4  # tiles prefaulted beyond those expected
 DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
+BLOCK = 16  # cells along the side of what is derived again for a thin object
 State = NDArray[np.uint8]
 
 
@@ -127,9 +128,8 @@ class EvidenceTerrain(UnboundedTerrain):
         """
         now_s = self.tiles.now_s(stamp_s)
         change = self._accumulate(points_enu_m, sensor_enu_m)
-        altered: tuple[Box, ...] = ()
+        altered: list[Box] = []
         if isolated_enu_m is not None:
-            before = self._thin.found_enu_m
             ground = self._thin.update(
                 isolated_enu_m,
                 sensor_enu_m,
@@ -139,7 +139,7 @@ class EvidenceTerrain(UnboundedTerrain):
             )
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))
-            altered = self._cells_that_differ(before, self._thin.found_enu_m)
+            altered = self._boxes_around(self._thin.altered_enu_m)
         self._derive_all([*change.boxes, *altered, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
             self._derive_all([box_of_tile(key)])
@@ -169,14 +169,12 @@ class EvidenceTerrain(UnboundedTerrain):
             self._oldest_s[key] = min(now_s, self._oldest_s.get(key, math.inf))
         return change
 
-    def _cells_that_differ(self, before: NDArray[np.float64], now: NDArray[np.float64]) -> tuple[Box, ...]:
-        """Return the cells of the returns that count as objects either before or now, but not both."""
-        both = np.concatenate([before, now])
-        if not len(both):
-            return ()
-        own, count = np.unique(both, axis=0, return_counts=True)
-        place = (own[count == 1, :2] - (self.tiles.west_m, self.tiles.south_m)) // self.tiles.cell_m
-        return tuple(Box(r, r + 1, c, c + 1) for c, r in np.unique(place.astype(np.int64), axis=0).tolist())
+    def _boxes_around(self, points_enu_m: NDArray[np.float64]) -> list[Box]:
+        """Return squares of `BLOCK` finest cells that hold the points."""
+        place = (points_enu_m[:, :2] - (self.tiles.west_m, self.tiles.south_m)) // (BLOCK * self.tiles.cell_m)
+        col, row = place.astype(np.int64).T
+        corners = {(int(r) * BLOCK, int(c) * BLOCK) for r, c in zip(row, col, strict=True)}
+        return [Box(r, r + BLOCK, c, c + BLOCK) for r, c in sorted(corners)]
 
     def _aged(self, now_s: float) -> list[Key]:
         """Return the tiles to derive again as a whole because some of their cells became too old.

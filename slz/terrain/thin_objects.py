@@ -4,7 +4,7 @@ Dust, rain and multipath return single pulses anywhere; a pole, a wire or the wa
 the same place again. Isolated returns are therefore kept, and judged anew with every window. One counts as an
 object
 
-- if clutter alone would put so many others so near with a probability below `FALSE_ALARM`: a detector of
+- if clutter alone would put that number of others so near with a probability below `FALSE_ALARM`: a detector of
   constant false-alarm rate. The share of rays that clutter returns at that height is measured on the lonely
   ones among the isolated returns, and the expected number of others within a distance is that share of the
   rays that passed there; or
@@ -48,12 +48,15 @@ class ThinObjects:
 
     Attributes
     ----------
-    found_enu_m
-        (n, 3) returns that count as objects now, in the heights of the evidence.
+    found_enu_m, altered_enu_m
+        (n, 3) returns that count as objects now, and those that do so since the last window or no more; in
+        the heights of the evidence.
     """
 
     def __init__(self) -> None:
         self.found_enu_m: Points = np.empty((0, 3))
+        self.altered_enu_m: Points = np.empty((0, 3))
+        self._high_share = 0.0  # of the rays, at the heights of an upright object in the highest band
         self._kept = IsolatedReturns.none()
         # Stamp, number of returns, and heights over ground of lonely ones that were contradicted.
         self._windows: deque[tuple[float, int, Points]] = deque()
@@ -80,13 +83,17 @@ class ThinObjects:
         while self._windows and self._windows[0][0] < now_s - max_age_s:
             self._windows.popleft()
         kept = self._kept.with_new(isolated_enu_m, now_s, float(sensor_enu_m[2]))
-        kept = kept.some(now_s - kept.born_s <= max_age_s)
+        young = now_s - kept.born_s <= max_age_s
+        lost = self._kept.first(len(self._kept) + len(isolated_enu_m) - len(kept))
+        self.altered_enu_m = np.concatenate([lost.found_enu_m, kept.some(~young).found_enu_m])
+        kept = kept.some(young)
         over_m, held_m2 = tiles.ground_and_rays(kept.points_enu_m).T
         kept.count_rays(held_m2)
         on_ground = np.abs(over_m) <= AGREES_M
         ground: Points = kept.points_enu_m[on_ground]
+        self.altered_enu_m = np.concatenate([self.altered_enu_m, kept.some(on_ground).found_enu_m])
         kept, over_m = kept.some(~on_ground), over_m[~on_ground]
-        kept.place(over_m)
+        kept.place(over_m, self._high_share)
         placed = kept.bands != NO_BAND
         others, over_m = kept.some(~placed), over_m[placed]
         kept = kept.some(placed)
@@ -101,7 +108,10 @@ class ThinObjects:
         solid = certain & (near_m <= LONELY_M)
         contradicted = ~(certain | small) & (kept.rays_at_height_m2(over_m) * SMALLEST_M2 >= SURE)
         self._windows[-1] = now_s, n_returns, over_m[contradicted & kept.lonely]
-        self.found_enu_m = kept.points_enu_m[(certain | small) & ~solid]
+        found = (certain | small) & ~solid
+        self.found_enu_m = kept.points_enu_m[found]
+        self.altered_enu_m = np.concatenate([self.altered_enu_m, kept.points_enu_m[found != kept.found]])
+        kept.found = found
         surface: Points = np.concatenate([ground, kept.points_enu_m[solid]])
         self._kept = others.joined_with(kept.some(~(contradicted | solid)))
         return surface
@@ -112,8 +122,10 @@ class ThinObjects:
             np.concatenate([over_m[kept.lonely], *(gone_m for _, _, gone_m in self._windows)])
         )
         upright, level = self._shares(kept.bands, over_m, clutter_m)
+        high = kept.bands == HIGH
+        self._high_share = float(upright[high].mean()) if high.any() else 0.0
         rays_m2 = kept.rays_at_height_m2(over_m)
-        return chances(kept.upright_m, kept.level_m, kept.bands != HIGH, rays_m2, upright, level)
+        return chances(kept.upright_m, kept.level_m, ~high, rays_m2, upright, level)
 
     def _shares(self, bands: NDArray[np.int64], over_m: Points, clutter_m: Points) -> tuple[Points, Points]:
         """Return the share of rays that clutter returns at the heights of an upright and of a level object.

@@ -22,8 +22,6 @@ from slz.kernels.points.clutter import (
     chances,
 )
 
-SPARSE = 1e-3  # rays per m²: others at any distance count
-
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_nearest_others_are_those_that_counting_finds(seed: int) -> None:
@@ -31,14 +29,16 @@ def test_the_nearest_others_are_those_that_counting_finds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n = 300
     points = np.column_stack([rng.uniform(-4, 4, (n, 2)), rng.uniform(-2, 6, n)])
-    bands, rays = bands_of(points[:, 2].copy()), np.full(n, SPARSE)
+    bands, reach = bands_of(points[:, 2].copy()), np.full(n, REACH_M)
     bands[rng.random(n) < 0.1] = -1
     upright, level = np.full((2, n, MOST_OTHERS), np.inf)
     lonely = np.ones(n, bool)
     for k in range(3):
         held = (k + 1) * n // 3
         new = np.arange(held) >= k * n // 3
-        add_others(points[:held], bands[:held], new, rays[:held], upright[:held], level[:held], lonely[:held])
+        add_others(
+            points[:held], bands[:held], new, reach[:held], upright[:held], level[:held], lonely[:held]
+        )
     for i in range(n):
         away = np.maximum(np.hypot(*(points[:, :2] - points[i, :2]).T), NEAREST_M)
         rise = np.abs(points[:, 2] - points[i, 2])

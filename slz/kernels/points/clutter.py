@@ -20,7 +20,7 @@ BANDS, NO_BAND = 3, -1
 HIGH_M = 2.5
 
 NEAREST_M = 0.04  # no two returns count as nearer than this: the noise of their places
-SQUARE_M, RINGS = 0.5, 4  # squares in which others are looked for, and how many to each side
+SQUARE_M, RINGS = 0.5, 8  # squares in which others are looked for, and how many to each side
 REACH_M = SQUARE_M * RINGS  # farthest other return that supports one
 LEVEL_M = 0.25  # greatest height difference of two returns of a level object, such as a wire
 UPRIGHT_M = 1.0  # greatest height difference of two returns of an upright object in the highest band
@@ -168,20 +168,21 @@ def add_others(
     points: Array2D[np.float64],
     bands: Array1D[np.int64],
     new: Array1D[np.bool_],
-    rays_m2: Array1D[np.float64],
+    reaches_m: Array1D[np.float64],
     upright: Array2D[np.float64],
     level: Array2D[np.float64],
     lonely: Array1D[np.bool_],
 ) -> None:
     """Add new returns to the nearest others of all, and the nearest others of the new ones.
 
-    Others are of the same band and within `REACH_M`; of an upright object those at any height of the band, in
-    the highest band those within `UPRIGHT_M`; of a level object those within `LEVEL_M` of height.
+    Others are of the same band and within the reach of the new one; of an upright object those at any height
+    of the band, in the highest band those within `UPRIGHT_M`; of a level object those within `LEVEL_M` of
+    height.
 
     Parameters
     ----------
-    points, bands, new, rays_m2
-        (n, 3) returns, the band of each or `NO_BAND`, which are new, and the rays per m² around each.
+    points, bands, new, reaches_m
+        (n, 3) returns, the band of each or `NO_BAND`, flags of the new ones, and the reach of each (m).
     upright, level
         (n, MOST_OTHERS) horizontal distances of the others, ascending, infinite where there is none.
     lonely
@@ -192,11 +193,7 @@ def add_others(
     for i in range(len(points)):
         if not new[i] or at[i] < 0:
             continue
-        reach_m = REACH_M
-        if bands[i] != HIGH:  # others farther away do not make it opaque
-            reach_m = min(
-                reach_m, max(LONELY_M, math.sqrt((MOST_OTHERS + 1) / (OPAQUE * math.pi * rays_m2[i])))
-            )
+        reach_m = reaches_m[i]
         rings = math.ceil(reach_m / SQUARE_M)
         for row in range(-rings, rings + 1):
             first = at[i] + row * cols
@@ -231,7 +228,7 @@ def chances(
     upright_share: Array1D[np.float64],
     level_share: Array1D[np.float64],
 ) -> Array1D[np.float64]:
-    """Return for each return the least probability that clutter alone puts so many others so near.
+    """Return for each return the least probability that clutter alone puts this number of others so near.
 
     Parameters
     ----------

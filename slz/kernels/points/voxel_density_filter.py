@@ -87,10 +87,11 @@ def _by_table(
         need = _support_needed(points[i], sensor, share, least)
         if count[own[i]] >= max(need, OBJECT_RETURNS):
             continue
-        if need < OBJECT_RETURNS:
+        level = _count_around(keys, count, x, y, z - FINE, z + FINE)
+        if need <= level < OBJECT_RETURNS:
             column = _count_around(keys, count, x, y, z - TALL, z + TALL)
             need = max(need, min(OBJECT_RETURNS, column // SHARE))
-        keep[i] = _count_around(keys, count, x, y, z - FINE, z + FINE) >= need
+        keep[i] = level >= need
     return keep
 
 
@@ -165,11 +166,13 @@ def _by_columns(
         if counts[own[i]] >= max(need, OBJECT_RETURNS):
             continue
         column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
-        if need < OBJECT_RETURNS:
+        most = max(need, OBJECT_RETURNS)
+        level = _count_in_columns(starts, ends, below, column, deep, z - FINE, z + FINE, most)
+        if need <= level < OBJECT_RETURNS:
             enough = SHARE * OBJECT_RETURNS
             whole = _count_in_columns(starts, ends, below, column, deep, z - TALL, z + TALL, enough)
             need = max(need, min(OBJECT_RETURNS, whole // SHARE))
-        keep[i] = _count_in_columns(starts, ends, below, column, deep, z - FINE, z + FINE, need) >= need
+        keep[i] = level >= need
     return keep
 
 
