@@ -4,8 +4,8 @@ Dust, rain and multipath return single pulses anywhere; a pole, a wire or the wa
 the same place again. Isolated returns are therefore kept, and judged anew with every window. One counts as an
 object
 
-- if clutter alone would put that number of others so near with a probability below `FALSE_ALARM`: a detector of
-  constant false-alarm rate. The share of rays that clutter returns at that height is measured on the lonely
+- if clutter alone would put that number of others so near with a probability below `FALSE_ALARM`, as in a
+  detector of constant false-alarm rate. The share of rays that clutter returns is measured on the lonely
   ones among the isolated returns, and the expected number of others within a distance is that share of the
   rays that passed there; or
 - if it is within `SMALL_M` of the ground, where real objects are, and an object of `HAZARD_M` would have
