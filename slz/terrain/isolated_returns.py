@@ -18,7 +18,7 @@ from slz.kernels.points.clutter import (
     bands_of,
 )
 
-MOST = 8192  # returns kept; the oldest go first
+MOST = 8192  # returns kept
 EXPLAINED = 2.0  # returns of clutter expected, among which `MOST_OTHERS` are no object
 
 Points = NDArray[np.float64]
@@ -51,9 +51,12 @@ class IsolatedReturns:
         """Those that count as objects (m, 3)."""
         return self.points_enu_m[self.found]
 
-    def first(self, n: int) -> IsolatedReturns:
-        """Return the first n returns."""
-        return self.some(np.arange(len(self)) < n)
+    def within_limit(self) -> NDArray[np.bool_]:
+        """Return which returns to keep: `MOST`; the oldest that do not count as objects go first."""
+        stays = np.ones(len(self), bool)
+        stays[np.flatnonzero(~self.found)[: max(0, len(self) - MOST)]] = False
+        stays[np.flatnonzero(stays)[: max(0, int(stays.sum()) - MOST)]] = False
+        return stays
 
     @classmethod
     def none(cls) -> IsolatedReturns:
@@ -78,14 +81,10 @@ class IsolatedReturns:
             found=np.zeros(n, bool),
         )
 
-    def with_new(self, points_enu_m: Points, now_s: float, sensor_up_m: float) -> IsolatedReturns:
-        """Return these and those of a new window, `MOST` at the most."""
-        return self.joined_with(IsolatedReturns.new(points_enu_m, now_s, sensor_up_m))
-
     def joined_with(self, other: IsolatedReturns) -> IsolatedReturns:
-        """Return these and others, the last `MOST`."""
+        """Return these and others."""
         return IsolatedReturns(
-            *(np.concatenate([getattr(self, f.name), getattr(other, f.name)])[-MOST:] for f in fields(self))
+            *(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self))
         )
 
     def some(self, which: NDArray[np.bool_]) -> IsolatedReturns:

@@ -82,11 +82,11 @@ class ThinObjects:
         now_s = tiles.latest_s
         while self._windows and self._windows[0][0] < now_s - max_age_s:
             self._windows.popleft()
-        kept = self._kept.with_new(isolated_enu_m, now_s, float(sensor_enu_m[2]))
-        young = now_s - kept.born_s <= max_age_s
-        lost = self._kept.first(len(self._kept) + len(isolated_enu_m) - len(kept))
-        self.altered_enu_m = np.concatenate([lost.found_enu_m, kept.some(~young).found_enu_m])
-        kept = kept.some(young)
+        new = IsolatedReturns.new(isolated_enu_m, now_s, float(sensor_enu_m[2]))
+        kept = self._kept.joined_with(new)
+        stays = (now_s - kept.born_s <= max_age_s) & kept.within_limit()
+        self.altered_enu_m = kept.some(~stays).found_enu_m
+        kept = kept.some(stays)
         over_m, held_m2 = tiles.ground_and_rays(kept.points_enu_m).T
         kept.count_rays(held_m2)
         on_ground = np.abs(over_m) <= AGREES_M

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import params
 from slz import Pipeline, Window
 from slz.frame import LocalFrame
+from slz.terrain.isolated_returns import MOST, IsolatedReturns
 from slz.terrain.terrain_maps import SAFE, UNSAFE
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -125,3 +126,12 @@ def test_an_object_of_many_hits_outlives_the_limit_on_isolated_returns() -> None
     pipe = fly(cut(np.vstack([ground(20.0), bush]), 20))
     fly([np.vstack([ground(10.0, seed=k), dust(2000, seed=k)]) for k in range(6, 12)], pipe=pipe)
     assert state_at(pipe, 2.05, 1.05) == UNSAFE
+
+
+@pytest.mark.parametrize(("found", "stays"), [(3, 3), (MOST + 5, MOST)])
+def test_beyond_the_limit_clutter_goes_first_and_then_the_oldest_object(found: int, stays: int) -> None:
+    old = IsolatedReturns.new(np.zeros((found, 3)), 1.0, 25.0)
+    old.found[:] = True
+    kept = old.joined_with(IsolatedReturns.new(np.zeros((MOST, 3)), 2.0, 25.0))
+    kept = kept.some(kept.within_limit())
+    assert (len(kept), int(kept.found.sum())) == (MOST, stays)
