@@ -123,7 +123,7 @@ def formulas() -> Iterator[Any]:
     for _ in range(60):
         slope, sigma, noise = rng.uniform(0, 12), rng.uniform(0, 2), rng.uniform(0, 0.06)
         relief, seen = rng.uniform(0, 0.35), rng.uniform(0, 1)
-        yield certainty(slope, sigma, relief, rng.uniform(0.5, 1) * relief, noise, seen, 8.0, 0.2)
+        yield certainty(slope, sigma, relief, rng.uniform(0.5, 1) * relief, noise, seen, 8.0, 0.2, 9)
     look = np.radians(np.linspace(5.0, 75.0, 12))
     for radar in (
         Interferometer(),

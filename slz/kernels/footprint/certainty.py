@@ -1,7 +1,7 @@
 """Certainty: the probability that the whole footprint at a cell is safe.
 
-The constants are calibrated on simulated surveys (`slz reproduce` draws the reliability diagram): of cells
-with certainty 0.9, nine of ten or more are safe.
+The constants are calibrated on simulated surveys (`slz reproduce` draws the reliability diagram) and on
+closed-form worlds: of cells with certainty 0.9, nine of ten or more are safe.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from slz.kernels.jit import kernel, kernel_for_any_types
-from slz.kernels.simd import Floats, broadcast, logical_and, where
+from slz.kernels.simd import Floats, broadcast, logical_and, sqrt, where
 
 SLOPE_MARGIN_DEG = 0.06  # bias of a fitted plane's slope against the ground, and its standard deviation
 RELIEF_NOISE = 1.3  # bias of a relief by noise beyond its excess, in standard deviations of one return
 RELIEF_SPREAD = 0.6  # standard deviation of that bias, in the same unit
-HIDDEN = 0.01  # probability that gaps hide a hazard, times the share of gaps to the fourth power
-RIM = 0.15  # share of hazards seen only in a footprint's outermost cells that do reach into it
+HIDDEN = 0.09  # share of footprints with a hazard of `HAZARD_M`, where nothing was struck
+HAZARD_M = 0.3  # side of the smallest hazard, seen from above
+RIM = 0.5  # share of hazards seen only in a footprint's outermost cells that do reach into it
 LEAST_NOISE_M = 1e-3
 CERTAIN_SIGMAS = 6.0  # standard deviations, beyond which a probability is 1 in single precision
 F0, F1, F_LEAST_NOISE = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
@@ -41,6 +42,16 @@ def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> floa
 
 
 @kernel
+def hazard_quarters(cell_m: float) -> int:
+    """Return how many quarters of a cell's area a hazard covers: the power of the share of gaps.
+
+    Where returns fall at random, the share of empty cells is exp(-returns per cell). So the probability that
+    none struck a hazard is that share to the power of the hazard's area in cells.
+    """
+    return int(min(64.0, max(1.0, np.rint(4 * (HAZARD_M / cell_m) ** 2))))
+
+
+@kernel
 def certainty(
     slope_deg: float,
     slope_sigma_deg: float,
@@ -50,6 +61,7 @@ def certainty(
     share_seen: float,
     slope_limit_deg: float,
     relief_limit_m: float,
+    quarters: int,
 ) -> float:
     """Return the probability that slope and relief of a footprint are within their limits; 0 where unknown.
 
@@ -63,11 +75,13 @@ def certainty(
         Standard deviation of the height of one return.
     share_seen
         Share of the footprint's cells that hold a return; gaps may hide a hazard.
+    quarters
+        Area of the smallest hazard, see `hazard_quarters`.
     """
     if math.isnan(slope_deg + slope_sigma_deg + relief_m + inner_relief_m + noise_m + share_seen):
         return 0.0
-    hidden = (1 - share_seen) * (1 - share_seen)
-    seen, left_deg = 1 - HIDDEN * hidden * hidden, slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
+    seen = 1 - HIDDEN * float(max(0.0, 1 - share_seen) ** (0.25 * quarters))
+    left_deg = slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
     gentle = _normal_cdf(left_deg / math.sqrt(spread2))
     outer = _relief_probability(relief_m, noise_m, relief_limit_m)
@@ -84,13 +98,20 @@ def undoubted(
     share_seen: Floats,
     slope_limit_deg: float,
     relief_limit_m: float,
+    quarters: int,
 ) -> Any:
     """Return the `certainty` of 16 footprints as if gaps were the only doubt, and flags where this holds.
 
-    It holds on most ground, and takes no root, division or error function.
+    It holds on most ground, and takes no division or error function.
     """
-    gap = broadcast(F1) - share_seen
-    hidden = gap * gap
+    gap = where(share_seen < broadcast(F1), broadcast(F1) - share_seen, broadcast(F0))
+    half, hidden = sqrt(gap), broadcast(F1)
+    for _ in range(quarters // 4):
+        hidden = hidden * gap
+    if quarters & 2:
+        hidden = hidden * half
+    if quarters & 1:
+        hidden = hidden * sqrt(half)
     margin = broadcast(np.float32(SLOPE_MARGIN_DEG))
     left = broadcast(slope_limit_deg) - margin - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
@@ -104,4 +125,4 @@ def undoubted(
     gentle = logical_and(
         broadcast(F0) < left, broadcast(np.float32(CERTAIN_SIGMAS * CERTAIN_SIGMAS)) * spread2 < left * left
     )
-    return broadcast(F1) - broadcast(np.float32(HIDDEN)) * hidden * hidden, logical_and(gentle, level)
+    return broadcast(F1) - broadcast(np.float32(HIDDEN)) * hidden, logical_and(gentle, level)

@@ -27,6 +27,7 @@ def classify(
     hidden: np.uint64,
     slope_limit: Float32,
     relief_limit: Float32,
+    quarters: int,
     maps: Row,
     to: int,
     layer: int,
@@ -43,6 +44,8 @@ def classify(
         Plane statistics and the index of the first, see `slz.kernels.footprint.plane_fit.fit_planes`.
     hidden
         Bit mask of the footprints that hold unseen ground: never safe, and unknown unless otherwise unsafe.
+    quarters
+        Area of the smallest hazard, see `slz.kernels.footprint.certainty.hazard_quarters`.
     maps, to, layer
         Maps, index of the first cell in the first map, and distance from one map to the next.
     states, place
@@ -64,7 +67,7 @@ def classify(
     store(maps, A_RELIEF * layer + to, where(held, relief, unknown))
     store(maps, A_ROUGHNESS * layer + to, where(held, load(statistics, at + RMS * LANES), unknown))
     noise2, share = load(statistics, at + NOISE2 * LANES), load(statistics, at + SHARE * LANES)
-    sure, clear = undoubted(slope, sigma, relief, noise2, share, slope_limit, relief_limit)
+    sure, clear = undoubted(slope, sigma, relief, noise2, share, slope_limit, relief_limit, quarters)
     seen, clear_ones = known & open_, flags_of(clear)
     store(maps, A_CERTAINTY * layer + to, where(flags(seen & clear_ones), sure, broadcast(F0)))
     return seen & (clear_ones ^ LOW16) & flags_of(relief == relief)
@@ -77,6 +80,7 @@ def certainty_of_doubtful(
     doubtful: np.uint64,
     slope_limit: Float32,
     relief_limit: Float32,
+    quarters: int,
     certainties: Row,
     to: int,
 ) -> None:
@@ -88,7 +92,7 @@ def certainty_of_doubtful(
             statistics[at + SLOPE * LANES + i], statistics[at + SIGMA * LANES + i],
             statistics[at + RELIEF * LANES + i], statistics[at + INNER * LANES + i],
             np.sqrt(statistics[at + NOISE2 * LANES + i]), statistics[at + SHARE * LANES + i],
-            slope_limit, relief_limit,
+            slope_limit, relief_limit, quarters,
         )  # fmt: skip
 
 

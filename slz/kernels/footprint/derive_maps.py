@@ -6,6 +6,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32
 from slz.kernels.cells.cell_record import HEIGHT, TILE, TILE_BITS, TOP
+from slz.kernels.footprint.certainty import hazard_quarters
 from slz.kernels.footprint.classify import (
     A_CERTAINTY,
     A_HEIGHT,
@@ -72,6 +73,7 @@ def derive_box(
     """
     row0, row1, col0, col1 = box
     cell_m, noise_m, slope_limit, relief_limit = limits
+    quarters = hazard_quarters(cell_m)
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
     held, sums, away = (
@@ -117,7 +119,7 @@ def derive_box(
                         hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
                         doubtful = classify(
                             statistics, j * PLANE_STATISTICS * LANES, hidden, slope_limit, relief_limit,
-                            maps, to + here, layer, states, place + here,
+                            quarters, maps, to + here, layer, states, place + here,
                         )  # fmt: skip
                         if doubtful != NONE:
                             add_inner_relief(lower, upper, j, g, wide, away, plane, statistics)
@@ -128,6 +130,7 @@ def derive_box(
                                 doubtful,
                                 slope_limit,
                                 relief_limit,
+                                quarters,
                                 maps,
                                 first,
                             )

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN
-from slz.kernels.footprint.certainty import certainty
+from slz.kernels.footprint.certainty import HIDDEN, certainty, hazard_quarters
 from tests.unit.slz.test_pipeline import block, ground, maps, pipeline, run
 
 PARAMETERS = params.load("quadcopter")
+QUARTERS = hazard_quarters(PARAMETERS.cell_m)
 
 
 def of(
@@ -24,7 +25,7 @@ def of(
 ) -> float:
     inner_m = relief_m if inner_m is None else inner_m
     values = slope_deg, sigma_deg, relief_m, inner_m, noise_m, share
-    return certainty(*values, PARAMETERS.safe_slope_deg, PARAMETERS.relief_m)
+    return certainty(*values, PARAMETERS.safe_slope_deg, PARAMETERS.relief_m, QUARTERS)
 
 
 def falling(values: list[float]) -> bool:
@@ -49,7 +50,7 @@ def test_at_the_slope_s_limit_it_is_about_even_and_less_sure_with_a_larger_error
 
 
 def test_a_hazard_at_the_rim_alone_is_doubtful_and_one_inside_is_not() -> None:
-    assert 0.7 < of(relief_m=1.0, inner_m=0.1) < 0.95
+    assert 0.4 < of(relief_m=1.0, inner_m=0.1) < 0.6
     assert of(relief_m=1.0, inner_m=1.0) < 0.001
 
 
@@ -57,11 +58,20 @@ def test_gaps_cost_certainty() -> None:
     assert falling([of(share=share) for share in (1.0, 0.7, 0.4, 0.1)])
 
 
+@pytest.mark.parametrize("per_m2", [5.0, 20.0, 50.0])
+@pytest.mark.parametrize("cell_m", [0.1, 0.15, 0.2])
+def test_gaps_hide_a_hazard_of_0_3_m_as_often_as_it_gets_no_return(per_m2: float, cell_m: float) -> None:
+    """Returns at random: the share of empty cells is exp(-density x cell area)."""
+    share = 1 - np.exp(-per_m2 * cell_m**2)
+    told = certainty(2.0, 0.2, 0.1, 0.1, 0.03, share, 10.0, 0.3, hazard_quarters(cell_m))
+    assert 1 - told == pytest.approx(HIDDEN * np.exp(-per_m2 * 0.09), rel=0.2)
+
+
 @pytest.mark.parametrize("missing", range(6))
 def test_nothing_is_certain_of_what_is_not_known(missing: int) -> None:
     values = [2.0, 0.2, 0.1, 0.1, 0.03, 1.0]
     values[missing] = np.nan
-    assert certainty(*values, PARAMETERS.safe_slope_deg, PARAMETERS.relief_m) == 0
+    assert certainty(*values, PARAMETERS.safe_slope_deg, PARAMETERS.relief_m, QUARTERS) == 0
 
 
 def at(array: NDArray[np.float32], pipe: object, east: float, north: float) -> float:
