@@ -89,7 +89,7 @@ class DefaultMethod:
         near_ones = within(points, sensor_enu_m, reach_m(self._p))
         used = near_ones & ~alone
         with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
-            points, isolated = self._registered(points, isolated, used, sensor_enu_m, near)
+            points, isolated = self._registered(points, isolated, near_ones, sensor_enu_m, near)
             self._contradictions(points, used, alone, sensor_enu_m, near)
         choice = chosen.result()
         clock.lap("registration")

@@ -26,12 +26,13 @@ Points = NDArray[np.float64]
 
 @dataclass(slots=True)
 class IsolatedReturns:
-    """Isolated returns, in the order of their windows.
+    """Isolated returns of several windows.
 
     held_m2: rays per m² that the cells around hold; rays_m2: the same, with those that the cells forgot.
     upright_m, level_m, lonely: see `slz.kernels.points.clutter.add_others`.
     """
 
+    number: NDArray[np.int64]  # of each return, in the order of the windows
     points_enu_m: Points
     born_s: Points
     sensor_up_m: Points
@@ -46,29 +47,29 @@ class IsolatedReturns:
     def __len__(self) -> int:
         return len(self.born_s)
 
-    @property
-    def found_enu_m(self) -> Points:
-        """Those that count as objects (m, 3)."""
-        return self.points_enu_m[self.found]
+    def not_in(self, other: IsolatedReturns) -> Points:
+        """Return the points (m, 3) of the returns that are not among others."""
+        return self.points_enu_m[~np.isin(self.number, other.number)]
 
     def within_limit(self) -> NDArray[np.bool_]:
         """Return which returns to keep: `MOST`; the oldest that do not count as objects go first."""
+        order = np.lexsort((self.number, self.found))
         stays = np.ones(len(self), bool)
-        stays[np.flatnonzero(~self.found)[: max(0, len(self) - MOST)]] = False
-        stays[np.flatnonzero(stays)[: max(0, int(stays.sum()) - MOST)]] = False
+        stays[order[: max(0, len(self) - MOST)]] = False
         return stays
 
     @classmethod
     def none(cls) -> IsolatedReturns:
         """Return no returns."""
-        return cls.new(np.empty((0, 3)), 0.0, 0.0)
+        return cls.new(np.empty((0, 3)), 0.0, 0.0, 0)
 
     @classmethod
-    def new(cls, points_enu_m: Points, now_s: float, sensor_up_m: float) -> IsolatedReturns:
-        """Return the returns of a window, before anything is known of them."""
+    def new(cls, points_enu_m: Points, now_s: float, sensor_up_m: float, first: int) -> IsolatedReturns:
+        """Return the returns of a window, numbered from `first` on, before anything is known of them."""
         n = len(points_enu_m)
         upright_m, level_m = np.full((2, n, MOST_OTHERS), np.inf)
         return cls(
+            number=np.arange(first, first + n),
             points_enu_m=points_enu_m,
             born_s=np.full(n, now_s),
             sensor_up_m=np.full(n, sensor_up_m),

@@ -7,7 +7,18 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D, Strided5D
-from slz.kernels.cells.cell_record import BOTTOM, COUNT, HEIGHT, MEAN, TILE, TILE_BITS, TOP, WEIGHT
+from slz.kernels.cells.cell_record import (
+    BOTTOM,
+    COUNT,
+    EXCESS,
+    HEIGHT,
+    MEAN,
+    SPREAD,
+    TILE,
+    TILE_BITS,
+    TOP,
+    WEIGHT,
+)
 from slz.kernels.jit import kernel
 
 AROUND = 2  # cells to each side in which rays are counted and ground is looked for
@@ -271,9 +282,7 @@ def put_onto(
         if cells[WEIGHT, r, c] == 0:
             cells[WEIGHT, r, c] = 1
             cells[HEIGHT, r, c] = cells[TOP, r, c] = cells[BOTTOM, r, c] = z
-            for layer in range(TOP + 1, len(cells)):
-                if layer != WEIGHT:
-                    cells[layer, r, c] = 0
+            cells[EXCESS, r, c] = cells[SPREAD, r, c] = 0
         else:
             cells[TOP, r, c] = max(cells[TOP, r, c], z)
             cells[BOTTOM, r, c] = min(cells[BOTTOM, r, c], z)

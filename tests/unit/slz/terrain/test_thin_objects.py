@@ -130,8 +130,8 @@ def test_an_object_of_many_hits_outlives_the_limit_on_isolated_returns() -> None
 
 @pytest.mark.parametrize(("found", "stays"), [(3, 3), (MOST + 5, MOST)])
 def test_beyond_the_limit_clutter_goes_first_and_then_the_oldest_object(found: int, stays: int) -> None:
-    old = IsolatedReturns.new(np.zeros((found, 3)), 1.0, 25.0)
+    old = IsolatedReturns.new(np.zeros((found, 3)), 1.0, 25.0, 0)
     old.found[:] = True
-    kept = old.joined_with(IsolatedReturns.new(np.zeros((MOST, 3)), 2.0, 25.0))
+    kept = old.joined_with(IsolatedReturns.new(np.zeros((MOST, 3)), 2.0, 25.0, found))
     kept = kept.some(kept.within_limit())
     assert (len(kept), int(kept.found.sum())) == (MOST, stays)
