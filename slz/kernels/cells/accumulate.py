@@ -351,6 +351,21 @@ def copy_evidence(
 
 
 @kernel
+def slot_at(row: int, col: int, tile_row: int, tile_col: int, table: Strided2D[np.int32]) -> int:
+    """Return the slot of a cell's tile, -1 where there is none; `table` begins at (tile_row, tile_col)."""
+    r, c = (row >> TILE_BITS) - tile_row, (col >> TILE_BITS) - tile_col
+    if r < 0 or c < 0 or r >= table.shape[0] or c >= table.shape[1]:
+        return -1
+    return int(table[r, c])
+
+
+@kernel
+def mean_height(now: Strided1D[np.float32], before: Strided1D[np.float32]) -> np.float32:
+    """Return the mean height of both epochs of a cell that was hit."""
+    return np.float32((now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT]))
+
+
+@kernel
 def contradicts(
     points: Strided2D[np.float64],
     sensor: Strided1D[np.float64],
@@ -368,15 +383,14 @@ def contradicts(
 
     The bound is `least_m` plus four standard deviations of a height at the point's horizontal distance.
     """
-    rows, cols = table.shape
     out = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
-        if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
+        slot = slot_at(r, c, tile_row, tile_col, table)
+        if slot < 0:
             continue
-        held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
         if held[0, COUNT] == 0:
             continue
         known = max(held[0, HIGH], held[1, HIGH]) if held[1, COUNT] > 0 else held[0, HIGH]
@@ -397,20 +411,18 @@ def differences(
     table: Strided2D[np.int32],
 ) -> Strided2D[np.float64]:
     """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""
-    rows, cols = table.shape
     out = np.empty((len(points), 3))
     m = 0
     for i in range(len(points)):
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
-        if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
+        slot = slot_at(r, c, tile_row, tile_col, table)
+        if slot < 0:
             continue
-        held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
         now, before = held[0], held[1]
         if now[COUNT] == 0:
             continue
-        mean = (now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT])
-        out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean
+        out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean_height(now, before)
         m += 1
     return out[:m].copy()

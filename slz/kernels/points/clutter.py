@@ -7,15 +7,14 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D, Strided5D
+from slz.kernels.cells.accumulate import mean_height, slot_at
 from slz.kernels.cells.cell_record import (
     BOTTOM,
     COUNT,
     EXCESS,
     HEIGHT,
-    MEAN,
     SPREAD,
     TILE,
-    TILE_BITS,
     TOP,
     WEIGHT,
 )
@@ -63,7 +62,6 @@ def ground_and_rays(
     tile_row, tile_col, pool, table
         Evidence, see `slz.terrain.tiles.Tiles`.
     """
-    rows, cols = table.shape
     out = np.empty((len(points), 2))
     for i in range(len(points)):
         c0 = int(np.floor((points[i, 0] - west) / cell))
@@ -72,16 +70,15 @@ def ground_and_rays(
         for dr in range(-AROUND, AROUND + 1):
             for dc in range(-AROUND, AROUND + 1):
                 r, c = r0 + dr, c0 + dc
-                tr, tc = (r >> TILE_BITS) - tile_row, (c >> TILE_BITS) - tile_col
-                if tr < 0 or tc < 0 or tr >= rows or tc >= cols or table[tr, tc] < 0:
+                slot = slot_at(r, c, tile_row, tile_col, table)
+                if slot < 0:
                     continue
-                held = pool[table[tr, tc], r & (TILE - 1), c & (TILE - 1)]
+                held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
                 now, before = held[0], held[1]
-                n = now[COUNT] + before[COUNT]
                 if now[COUNT] == 0:
                     continue
-                count += n
-                away = points[i, 2] - (now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / n
+                count += now[COUNT] + before[COUNT]
+                away = points[i, 2] - mean_height(now, before)
                 if not abs(away) >= abs(over):
                     over = away
                 if max(abs(dr), abs(dc)) <= BESIDE and not abs(away) >= abs(near):
