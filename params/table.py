@@ -7,6 +7,7 @@ documentation all read this table. A value outside its range is refused, never c
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
@@ -124,6 +125,34 @@ class Parameters(BaseModel):
         _in(0.02, 5),
         Spec("SLZ_RELIEF_M", "m", OURS, "Height above or below the footprint's plane that is a hazard."),
     ] = 0.3
+    gear: Annotated[
+        Literal["pads", "skids", "tripod", "none"],
+        Spec(
+            "SLZ_GEAR",
+            "",
+            OURS,
+            "Landing gear: four pads, two skids, one pad before two; 'none' leaves slope and relief alone.",
+        ),
+    ] = "pads"
+    gear_length_m: Annotated[
+        float,
+        _in(0.05, 30),
+        Spec("SLZ_GEAR_L_M", "m", OURS, "Front to rear pads of the gear, or length of its skids."),
+    ] = 0.57
+    gear_width_m: Annotated[
+        float, _in(0.05, 30), Spec("SLZ_GEAR_W_M", "m", OURS, "Left to right pads of the gear, or skids.")
+    ] = 0.57
+    pad_radius_m: Annotated[
+        float, _in(0.005, 2), Spec("SLZ_PAD_R_M", "m", OURS, "Radius of a pad, or half the width of a skid.")
+    ] = 0.03
+    clearance_m: Annotated[
+        float,
+        _in(0.02, 10),
+        Spec("SLZ_CLEAR_M", "m", OURS, "Height of the belly over the plane on which the gear rests."),
+    ] = 0.3
+    tip_limit_deg: Annotated[
+        float, _in(1, 60), Spec("SLZ_TIP_LIM", "deg", OURS, "The landed vehicle must tilt less than this.")
+    ] = 15.0
     coverage_m: Annotated[
         float,
         _in(0.1, 50),
@@ -429,12 +458,27 @@ class Parameters(BaseModel):
                 raise ValueError(
                     f"{size} ({getattr(self, size)}) must not exceed {most} cells of cell_m ({self.cell_m})"
                 )
+        if self.mode == "default" and self.gear != "none":
+            self._check_gear()
         if self.mode == "default" and self.angle_noise_deg > 0 and self.range_noise_m >= self.height_noise_m:
             raise ValueError(
                 f"range_noise_m ({self.range_noise_m}) must be less than height_noise_m"
                 f" ({self.height_noise_m}), or no return is certain enough to be mapped"
             )
         return self
+
+    def _check_gear(self) -> None:
+        if self.safe_slope_deg > self.tip_limit_deg:
+            raise ValueError(
+                f"safe_slope_deg ({self.safe_slope_deg}) must not exceed tip_limit_deg ({self.tip_limit_deg}),"
+                " unless gear is none"
+            )
+        across_m = math.hypot(self.gear_length_m, self.gear_width_m) + 2 * self.pad_radius_m
+        if across_m > self.footprint_m:
+            raise ValueError(
+                f"footprint_m ({self.footprint_m}) must hold the gear, {across_m:.2f} m across at gear_length_m"
+                f" {self.gear_length_m}, gear_width_m {self.gear_width_m}, pad_radius_m {self.pad_radius_m}"
+            )
 
 
 @dataclass(frozen=True, slots=True)

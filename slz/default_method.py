@@ -188,7 +188,7 @@ def far_parameters(parameters: Parameters) -> Parameters:
 
     The evidence has cells a quarter of `far_cell_m` wide, from which coarser levels are derived; a footprint
     spans three cells at least, gaps of a cell count as seen and the limit on a zone's boundary follows the
-    cell, so that the far map finds where it is worth looking closer. What it calls safe is no place to land
+    cell, and there is no gear, so that the far map finds where it is worth looking closer. What it calls safe is no place to land
     before the near map says so too.
     """
     p = parameters
@@ -200,6 +200,7 @@ def far_parameters(parameters: Parameters) -> Parameters:
             "min_square_m": max(p.min_square_m, p.far_cell_m),
             "min_boundary_points": max(1, int(p.min_boundary_points * p.cell_m / cell_m)),
             "height_noise_m": 2 * p.height_noise_m,
+            "gear": "none",
             "memory_mb": p.memory_mb / 8,
         }
     )

@@ -15,6 +15,7 @@ from slz.kernels.footprint.patch import inverses
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
 from slz.kernels.simd import LANES
+from slz.terrain.gear import Gear, gear_of
 from slz.terrain.layers import LAYERS
 
 
@@ -55,6 +56,7 @@ class CoveredCells:
     radius: int
     cell_m: float
     parameters: Parameters
+    gear: Gear
 
     @classmethod
     def of(
@@ -64,7 +66,16 @@ class CoveredCells:
         known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
         covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
-        return cls(cells, covered, unseen, reach.margin, reach.radius, cell_m, parameters)
+        return cls(
+            cells,
+            covered,
+            unseen,
+            reach.margin,
+            reach.radius,
+            cell_m,
+            parameters,
+            gear_of(parameters, cell_m),
+        )
 
     @property
     def limits(self) -> tuple[float, float, float, float]:
@@ -92,8 +103,8 @@ def derive(
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
     derive_box(
-        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits, (0, rows, 0, wide),
-        maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
+        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits,
+        seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip
     return maps[:, :, :cols], states[:, :, :cols]
 

@@ -70,7 +70,7 @@ class TiledLayers:
         for first, held, states in self._blocks:
             derive_tiles(
                 seen.cells, seen.covered, seen.unseen, seen.edge, seen.radius, seen.limits,
-                held, states, first, table, box.row0, box.col0,
+                seen.gear.contacts_m, seen.gear.limits, held, states, first, table, box.row0, box.col0,
             )  # fmt: skip
 
     def _opened(self, box: Box) -> Table:

@@ -29,7 +29,7 @@ RELIEF_MARGIN = np.float32(
 
 
 @kernel
-def _normal_cdf(deviations: float) -> float:
+def normal_cdf(deviations: float) -> float:
     """Return the standard normal distribution function; NaN of NaN."""
     if deviations > CERTAIN_SIGMAS:
         return 1.0
@@ -38,7 +38,7 @@ def _normal_cdf(deviations: float) -> float:
 
 @kernel
 def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> float:
-    return _normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
+    return normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
 
 
 @kernel
@@ -83,7 +83,7 @@ def certainty(
     seen = 1 - HIDDEN * float(max(0.0, 1 - share_seen) ** (0.25 * quarters))
     left_deg = slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
-    gentle = _normal_cdf(left_deg / math.sqrt(spread2))
+    gentle = normal_cdf(left_deg / math.sqrt(spread2))
     outer = _relief_probability(relief_m, noise_m, relief_limit_m)
     inner = _relief_probability(inner_relief_m, noise_m, relief_limit_m)
     return gentle * (RIM * outer + (1 - RIM) * inner) * seen

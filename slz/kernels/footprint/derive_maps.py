@@ -15,7 +15,8 @@ from slz.kernels.footprint.classify import (
     classify,
     leave_unknown,
 )
-from slz.kernels.footprint.moments import LOWER, PATCH_LAYERS, RISES, SUMS, UPPER, over_rows
+from slz.kernels.footprint.gear import Contacts, GearLimits, refuse_without_heading, scratch_for
+from slz.kernels.footprint.moments import INVERSE, LOWER, PATCH_LAYERS, RISE, RISES, SUMS, UPPER, over_rows
 from slz.kernels.footprint.patch import (
     COLS,
     MOST_SAMPLED,
@@ -44,6 +45,8 @@ def derive_box(
     edge: int,
     radius: int,
     limits: Limits,
+    contacts: Contacts,
+    gear: GearLimits,
     box: tuple[int, int, int, int],
     maps: Row,
     to: int,
@@ -64,6 +67,8 @@ def derive_box(
         Margin of cells that are not derived, and radius of a footprint, at most the margin.
     limits
         Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m).
+    contacts, gear
+        Contacts of the gear by heading, none for no gear, and its limits, see `slz.kernels.footprint.gear`.
     box
         row0, row1, col0, col1 (half open), relative to the margin; columns in whole lanes.
     maps, to, layer, stride
@@ -83,6 +88,7 @@ def derive_box(
     )
     rises = aligned_empty(2 * RISES * high * wide).view(np.float64)
     lower, upper = held[LOWER * tall * wide : UPPER * tall * wide], held[UPPER * tall * wide :]
+    rise, scratch = held[RISE * tall * wide : INVERSE * tall * wide], scratch_for(contacts)
     statistics, plane = aligned_empty(high * PLANE_STATISTICS * LANES), aligned_empty(high * PLANE * LANES)
     some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), aligned_empty(MOST_SAMPLED)
     for i in range(2 * k + 1):
@@ -134,6 +140,12 @@ def derive_box(
                                 maps,
                                 first,
                             )
+                        if contacts.shape[0] > 0:
+                            refuse_without_heading(
+                                statistics, j * PLANE_STATISTICS * LANES, plane, j * PLANE * LANES,
+                                (lower, rise, upper, wide, j + k, g + k), cell_m, contacts, gear, scratch,
+                                maps, A_CERTAINTY * layer + to + here, states, place + here,
+                            )  # fmt: skip
                     else:
                         leave_unknown(maps, to + here, layer, states, place + here)
 
@@ -146,6 +158,8 @@ def derive_tiles(
     edge: int,
     radius: int,
     limits: Limits,
+    contacts: Contacts,
+    gear: GearLimits,
     block: Array4D[np.float32],
     states: Array4D[np.uint8],
     first: int,
@@ -174,6 +188,6 @@ def derive_tiles(
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
             derive_box(
-                cells, inverse, covered, unseen, edge, radius, limits, box,
+                cells, inverse, covered, unseen, edge, radius, limits, contacts, gear, box,
                 maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at,
             )  # fmt: skip

@@ -1,0 +1,297 @@
+"""Rest pose of the landing gear on the cells of a footprint.
+
+The gear touches the ground at contacts: pads, or points along skids. A pad rests on the mean height of
+the cells under it. Where these hold an edge, it may as well stand at the upper or the lower side of that edge. The vehicle rests on three contacts around its centre of gravity, with no
+other contact below the ground. Where two such triples exist, or a pad is at an edge, the steepest one counts.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slz.kernels.argument_types import Array1D, Array3D, Float32
+from slz.kernels.footprint.certainty import CERTAIN_SIGMAS, normal_cdf
+from slz.kernels.footprint.plane_fit import LEVEL, NOISE2, NORTH, RELIEF, SLOPE, WEST
+from slz.kernels.jit import kernel
+from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
+from slz.kernels.simd import LANES, broadcast, flags_of, load, sqrt
+
+AROUND = -1e-4  # least barycentric coordinate of a centre of gravity within a triple of contacts
+TOUCHES_M = 1e-4
+FARTHEST_RING = 4  # cells around a contact without a return, in which its ground is sought
+CLEAR_SIGMAS = (
+    2.0  # standard deviations of the gradient within its limit, from which a heading is not in doubt
+)
+NOISES_OF_RELIEF = np.float32(2)  # by which noise may exaggerate a relief, in deviations of one return
+LEAST_CERTAINTY = np.float32(0.05)  # below, the certainty is not refined
+IS_SAFE, IS_UNSAFE = np.uint8(1), np.uint8(0)
+NOWHERE = np.float32(np.inf)  # gradient of a gear that cannot rest
+
+# Contacts of one line (a skid; 1 for pads); greatest gradient of the plane through the contacts; height of
+# the belly over that plane (m); radius of the belly and of a pad (m); step within a pad's ground that is an
+# edge (m); greatest gradient that a relief of 1 m can add; gradient of a slope of 1 degree, at most.
+GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32, Float32]
+A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, AN_EDGE, A_LEVERAGE, A_DEGREE = range(8)
+Row = Array1D[np.float32]
+Contacts = Array3D[np.float32]
+Rest = tuple[float, float, float, float]  # gradient, its east and north parts, height below the centre (m)
+Plane = tuple[
+    float, float, float
+]  # height at the middle of the footprint (m), rise to the east and north per cell
+# Lowest, mean and highest ground of the cells (m), flat; cells in a row; row and column of the footprint.
+# Unknown cells are +inf, anything and -inf.
+Ground = tuple[Row, Row, Row, int, int, int]
+Scratch = tuple[Row, Row, Row, Array1D[np.int64]]
+
+
+@kernel
+def _ground_of_box(
+    ground: Ground, plane: Plane, row0: int, row1: int, col0: int, col1: int
+) -> tuple[float, float, float]:
+    """Return lowest, mean and highest ground over a plane in a box of cells; the mean is NaN without any."""
+    lower, middle, upper, wide, row, col = ground
+    low, high, total, count = np.inf, -np.inf, 0.0, 0
+    for r in range(max(0, row0), min(len(lower) // wide, row1 + 1)):
+        for c in range(max(0, col0), min(wide, col1 + 1)):
+            at = r * wide + c
+            if lower[at] < NOWHERE:
+                level = plane[0] + plane[1] * (c - col) + plane[2] * (r - row)
+                low, high = min(low, lower[at] - level), max(high, upper[at] - level)
+                total += middle[at] - level
+                count += 1
+    return low, total / count if count else np.nan, high
+
+
+@kernel
+def _ground_under(
+    ground: Ground, plane: Plane, north: float, east: float, pad: float
+) -> tuple[float, float, float]:
+    """Return lowest, mean and highest ground under a pad, of the nearest cells where it has no return.
+
+    north, east, pad: place from the middle of the footprint, and radius, in cells. The heights are over the
+    plane.
+    """
+    row, col = ground[4] + north, ground[5] + east
+    row0, row1 = math.floor(row - pad + 0.5), math.floor(row + pad + 0.5)
+    col0, col1 = math.floor(col - pad + 0.5), math.floor(col + pad + 0.5)
+    found, ring = _ground_of_box(ground, plane, row0, row1, col0, col1), 1
+    while np.isnan(found[1]) and ring <= FARTHEST_RING:
+        found = _ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
+        ring += 1
+    return found
+
+
+@kernel
+def _upper_hull(heights: Row, first: int, stop: int, kept: Array1D[np.int64], n: int) -> int:
+    """Append those contacts of an evenly divided line that can touch the ground; return how many are kept."""
+    begin = n
+    for i in range(first, stop):
+        while n - begin >= 2:
+            p, q = kept[n - 2], kept[n - 1]
+            if (heights[q] - heights[p]) * (i - p) > (heights[i] - heights[p]) * (q - p):
+                break
+            n -= 1
+        kept[n] = i
+        n += 1
+    return n
+
+
+@kernel
+def steepest_rest(contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], n: int) -> Rest:
+    """Return the steepest plane on which a gear can rest: gradient, its east and north parts, and height.
+
+    The gradient is negative where the centre of gravity is within no triple of contacts.
+
+    Parameters
+    ----------
+    contacts, heading
+        (headings, contacts, 2) east and north of the contacts from the centre of gravity, m.
+    heights
+        Ground under the contacts, m.
+    kept, n
+        The first n are the contacts that can touch.
+    """
+    steepest, east, north, up = -1.0, 0.0, 0.0, 0.0
+    for i in range(n):
+        p = kept[i]
+        x0, y0 = float(contacts[heading, p, 0]), float(contacts[heading, p, 1])
+        for j in range(i + 1, n):
+            q = kept[j]
+            x1, y1 = contacts[heading, q, 0] - x0, contacts[heading, q, 1] - y0
+            rise1 = float(heights[q] - heights[p])
+            for k in range(j + 1, n):
+                s = kept[k]
+                x2, y2 = contacts[heading, s, 0] - x0, contacts[heading, s, 1] - y0
+                area = x1 * y2 - x2 * y1
+                if abs(area) < 1e-9:
+                    continue
+                second, third = (x2 * y0 - x0 * y2) / area, (x0 * y1 - x1 * y0) / area
+                if min(second, third, 1 - second - third) < AROUND:
+                    continue
+                rise2 = float(heights[s] - heights[p])
+                a, b = (rise1 * y2 - rise2 * y1) / area, (x1 * rise2 - x2 * rise1) / area
+                c = heights[p] - a * x0 - b * y0
+                rests = True
+                for m in range(n):
+                    t = kept[m]
+                    plane = a * contacts[heading, t, 0] + b * contacts[heading, t, 1] + c
+                    rests = rests and heights[t] - plane <= TOUCHES_M
+                gradient = math.sqrt(a * a + b * b)
+                if rests and gradient > steepest:
+                    steepest, east, north, up = gradient, a, b, c
+    return steepest, east, north, up
+
+
+@kernel
+def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> bool:
+    """Return whether no ground under the belly reaches up to it."""
+    _, _, upper, wide, row, col = ground
+    belly, tall = limits[A_BELLY] / cell_m, len(upper) // wide
+    reach = math.floor(belly)
+    for dr in range(-reach, reach + 1):
+        for dc in range(-reach, reach + 1):
+            r, c = row + dr, col + dc
+            if dr * dr + dc * dc <= belly * belly and 0 <= r < tall and 0 <= c < wide:
+                level = rest[1] * dc * cell_m + rest[2] * dr * cell_m + rest[3]
+                if upper[r * wide + c] - level > limits[A_CLEARANCE]:
+                    return False
+    return True
+
+
+@kernel
+def gradient_at(
+    ground: Ground,
+    plane: Plane,
+    cell_m: float,
+    contacts: Contacts,
+    heading: int,
+    limits: GearLimits,
+    scratch: Scratch,
+) -> float:
+    """Return the gradient at which a gear rests at a heading; infinite where it cannot rest.
+
+    Parameters
+    ----------
+    contacts, heading
+        (headings, contacts, 2) east and north of the contacts from the centre of gravity, m.
+    """
+    count, line = contacts.shape[1], int(limits[A_LINE])
+    (height, low, high, kept), n, has_edge = scratch, 0, False
+    for i in range(count):
+        east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
+        least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m)
+        if np.isnan(mean):
+            return np.inf
+        level = plane[0] + plane[1] * east + plane[2] * north
+        height[i], low[i], high[i] = level + mean, level + mean, level + mean
+        if most - least > limits[AN_EDGE]:
+            low[i], high[i], has_edge = level + least, level + most, True
+    for first in range(0, count, line):
+        n = _upper_hull(height, first, first + line, kept, n)
+    rest = steepest_rest(contacts, heading, height, kept, n)
+    if rest[0] < 0 or not _is_clear(ground, cell_m, limits, rest):
+        return np.inf
+    gradient = rest[0]
+    if has_edge and line == 1:
+        for i in range(count):
+            if low[i] < high[i]:
+                mean = height[i]
+                for step in (low[i], high[i]):
+                    height[i] = step
+                    gradient = max(gradient, steepest_rest(contacts, heading, height, kept, n)[0])
+                height[i] = mean
+    return gradient
+
+
+@kernel
+def _least_gradient(
+    ground: Ground,
+    plane: Plane,
+    cell_m: float,
+    contacts: Contacts,
+    limits: GearLimits,
+    enough: float,
+    scratch: Scratch,
+) -> float:
+    """Return the least gradient at which a gear rests, of all headings, or the first one below `enough`."""
+    least = np.inf
+    for heading in range(contacts.shape[0]):
+        least = min(least, gradient_at(ground, plane, cell_m, contacts, heading, limits, scratch))
+        if least <= enough:
+            break
+    return least
+
+
+@kernel
+def scratch_for(contacts: Contacts) -> Scratch:
+    """Return the arrays that `gradient_at` works in."""
+    count = contacts.shape[1]
+    height, low, high = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    return height, low, high, np.empty(count, np.int64)
+
+
+@kernel
+def refuse_without_heading(
+    statistics: Row,
+    at: int,
+    planes: Row,
+    to_plane: int,
+    ground: Ground,
+    cell_m: float,
+    contacts: Contacts,
+    limits: GearLimits,
+    scratch: Scratch,
+    certainties: Row,
+    to: int,
+    states: Array1D[np.uint8],
+    place: int,
+) -> None:
+    """Make those of 16 safe cells unsafe where the gear can stand at no heading, and adjust certainties.
+
+    Footprints that are so even that no gear can tilt beyond its limit are not looked at.
+
+    Parameters
+    ----------
+    statistics, at, planes, to_plane
+        Plane statistics and planes, and index of the first, see `slz.kernels.footprint.plane_fit.fit_planes`.
+    ground
+        Ground under the first of the 16 cells.
+    certainties, to, states, place
+        Certainties and states of the cells, and index of the first.
+    """
+    slope, relief = load(statistics, at + SLOPE * LANES), load(statistics, at + RELIEF * LANES)
+    leverage, noise2 = limits[A_LEVERAGE], load(statistics, at + NOISE2 * LANES)
+    relief = relief - broadcast(NOISES_OF_RELIEF) * sqrt(noise2)
+    gradient = slope * broadcast(limits[A_DEGREE]) + relief * broadcast(leverage)
+    rise = relief * broadcast(np.float32(1) + limits[A_BELLY] * leverage)
+    tilts = flags_of(broadcast(limits[A_GRADIENT]) < gradient)  # False for NaN
+    uneven = tilts | flags_of(broadcast(limits[A_CLEARANCE]) < rise)
+    lower, middle, upper, wide, row, col = ground
+    while uneven != NONE:
+        i = signed(lowest(uneven))
+        uneven &= uneven - ONE
+        if states[place + i] != IS_SAFE and certainties[to + i] < LEAST_CERTAINTY:
+            continue
+        plane = (
+            float(planes[to_plane + LEVEL * LANES + i]),
+            -float(planes[to_plane + WEST * LANES + i]),
+            float(planes[to_plane + NORTH * LANES + i]),
+        )
+        limit, noise_m = float(limits[A_GRADIENT]), math.sqrt(statistics[at + NOISE2 * LANES + i])
+        sigma = max(1e-3, noise_m * leverage)
+        least = _least_gradient(
+            (lower, middle, upper, wide, row, col + i),
+            plane,
+            cell_m,
+            contacts,
+            limits,
+            limit - CLEAR_SIGMAS * sigma,
+            scratch,
+        )
+        left = (limit - least) / sigma
+        if left < 0 and states[place + i] == IS_SAFE:
+            states[place + i] = IS_UNSAFE
+        if left < CERTAIN_SIGMAS:
+            certainties[to + i] *= np.float32(normal_cdf(left))

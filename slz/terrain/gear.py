@@ -1,0 +1,79 @@
+"""Landing gear: where it touches the ground at each heading, and its limits."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.kernels.footprint.gear import GearLimits
+
+HEADING_STEP_DEG = 15
+MOST_OF_A_SKID = 16  # contacts
+NOISES = 3.0  # standard deviations of a return: a smaller step under a pad is no edge
+STEEP_CELLS = 1.5  # cells on the steepest safe slope: nor is their rise
+Place = tuple[float, float]  # forward and right of the centre of gravity, m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gear:
+    """Landing gear on a terrain map.
+
+    contacts_m: (headings, contacts, 2) east and north of the contacts from the centre of gravity; no headings
+    for no gear. period_deg: turned by it, the gear is the same, so headings beyond it are left out. limits:
+    see `slz.kernels.footprint.gear`.
+    """
+
+    contacts_m: NDArray[np.float32]
+    period_deg: int
+    limits: GearLimits
+
+
+@functools.lru_cache(maxsize=8)
+def gear_of(parameters: Parameters, cell_m: float) -> Gear:
+    """Return the gear for cells of a size."""
+    p = parameters
+    line, places, period_deg = _contacts(p, cell_m)
+    headings = np.radians(np.arange(0, period_deg, HEADING_STEP_DEG))
+    forward, right = np.array(places).T
+    sine, cosine = np.sin(headings)[:, None], np.cos(headings)[:, None]
+    contacts = np.stack([forward * sine + right * cosine, forward * cosine - right * sine], axis=2)
+    tip, slope = math.radians(p.tip_limit_deg), math.radians(p.safe_slope_deg)
+    edge_m = max(NOISES * p.range_noise_m, STEEP_CELLS * cell_m * math.tan(slope))
+    limits = (
+        float(line), math.tan(tip), p.clearance_m, math.hypot(p.gear_length_m, p.gear_width_m) / 2,
+        p.pad_radius_m, edge_m, _leverage_per_m(p), math.tan(slope) / p.safe_slope_deg,
+    )  # fmt: skip
+    return Gear(contacts.astype(np.float32)[: 0 if p.gear == "none" else None], period_deg, limits)
+
+
+def _contacts(p: Parameters, cell_m: float) -> tuple[int, list[Place], int]:
+    """Return how many contacts a line has, the contacts at heading 0 line by line, and the period."""
+    ahead, aside = p.gear_length_m / 2, p.gear_width_m / 2
+    if p.gear == "skids":
+        count = min(MOST_OF_A_SKID, max(3, math.ceil(p.gear_length_m / cell_m) + 1))
+        along = np.linspace(-ahead, ahead, count).tolist()
+        return count, [(x, y) for y in (-aside, aside) for x in along], 180
+    if p.gear == "tripod":
+        return 1, [(ahead, 0.0), (-ahead, -aside), (-ahead, aside)], 360
+    square = p.gear_length_m == p.gear_width_m
+    return 1, [(x, y) for x in (ahead, -ahead) for y in (-aside, aside)], 90 if square else 180
+
+
+def _leverage_per_m(p: Parameters) -> float:
+    """Return the greatest gradient by which the gear can tilt on ground within a relief of 1 m.
+
+    Pads: four pads rest on three corners of a rectangle, which rise by 1 m along both sides at most; a tripod
+    rests on its three. Skids: the plane is at most 1 m above the lowest ground below the centre, and not
+    below it at the skid towards which it falls, half the length or width away.
+    """
+    ahead, aside = p.gear_length_m / 2, p.gear_width_m / 2
+    if p.gear == "skids":
+        return 1 / min(ahead, aside)
+    if p.gear == "tripod":
+        return max(1 / (2 * ahead), math.hypot(1 / (4 * ahead), 1 / (2 * aside)))
+    return math.hypot(1 / (2 * ahead), 1 / (2 * aside))
