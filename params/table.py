@@ -125,6 +125,11 @@ class Parameters(BaseModel):
         _in(0.02, 5),
         Spec("SLZ_RELIEF_M", "m", OURS, "Height above or below the footprint's plane that is a hazard."),
     ] = 0.3
+    hazard_size_m: Annotated[
+        float,
+        _in(0.05, 5),
+        Spec("SLZ_HAZARD_M", "m", OURS, "Side of the smallest hazard that a survey must not miss."),
+    ] = 0.3
     gear: Annotated[
         Literal["pads", "skids", "tripod", "none"],
         Spec(
@@ -470,14 +475,15 @@ class Parameters(BaseModel):
     def _check_gear(self) -> None:
         if self.safe_slope_deg > self.tip_limit_deg:
             raise ValueError(
-                f"safe_slope_deg ({self.safe_slope_deg}) must not exceed tip_limit_deg ({self.tip_limit_deg}),"
-                " unless gear is none"
+                f"safe_slope_deg ({self.safe_slope_deg}) must not exceed tip_limit_deg"
+                f" ({self.tip_limit_deg}), unless gear is none"
             )
         across_m = math.hypot(self.gear_length_m, self.gear_width_m) + 2 * self.pad_radius_m
         if across_m > self.footprint_m:
             raise ValueError(
-                f"footprint_m ({self.footprint_m}) must hold the gear, {across_m:.2f} m across at gear_length_m"
-                f" {self.gear_length_m}, gear_width_m {self.gear_width_m}, pad_radius_m {self.pad_radius_m}"
+                f"footprint_m ({self.footprint_m}) must hold the gear: {across_m:.2f} m across with"
+                f" gear_length_m {self.gear_length_m}, gear_width_m {self.gear_width_m} and"
+                f" pad_radius_m {self.pad_radius_m}"
             )
 
 

@@ -187,9 +187,9 @@ def far_parameters(parameters: Parameters) -> Parameters:
     """Return the parameters of the far map.
 
     The evidence has cells a quarter of `far_cell_m` wide, from which coarser levels are derived; a footprint
-    spans three cells at least, gaps of a cell count as seen and the limit on a zone's boundary follows the
-    cell, and there is no gear, so that the far map finds where it is worth looking closer. What it calls safe is no place to land
-    before the near map says so too.
+    spans three cells at least, gaps of a cell count as seen, the limit on a zone's boundary follows the cell,
+    and no gear is asked for, so that the far map finds where it is worth looking closer. What it calls safe
+    is no place to land before the near map says so too.
     """
     p = parameters
     cell_m = max(p.far_cell_m / 2**COARSEST, p.cell_m)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.landing_point.surroundings import Surroundings, cell_of, ground_m, surroundings
+from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import TerrainView
 
@@ -40,7 +41,8 @@ class SelectedPoint:
     judged_by: the map that decided; "none" when neither covers the point: the state is then the last one
     known (SLZ thesis, section 4.3.2.2), or unknown if there was none. height_m: height of the ground at the
     point. slope_deg, relief_m, certainty: of the footprint at the point, NaN where unknown. surroundings:
-    None where nothing is known.
+    None where nothing is known. footing: headings at which the gear stands there, and how likely a hazard
+    went unseen.
     """
 
     enu_m: NDArray[np.float64]
@@ -52,6 +54,7 @@ class SelectedPoint:
     certainty: float
     zone_id: int | None
     surroundings: Surroundings | None
+    footing: Footing = ANY_FOOTING
 
 
 def judge_point(
@@ -60,13 +63,16 @@ def judge_point(
     """Judge a selected point anew; None where neither map has it.
 
     Where the near map has it, that one decides, else the far map (SLZ thesis, section 4.3.2.3). In default
-    mode the point is safe only when every cell within the touchdown error is safe.
+    mode the point is safe only when every cell within the touchdown error is safe, and the gear stands on all
+    of them at some heading.
     """
     maps: tuple[tuple[Judge, TerrainView], ...] = (("near", near), ("far", far))
     for name, terrain in maps:
         state = terrain.state_at(enu_m, parameters.touchdown_error_m)
         if state is not None:
-            cell = cell_of(enu_m, terrain)
+            cell, footing = cell_of(enu_m, terrain), terrain.footing_at(enu_m, parameters.touchdown_error_m)
+            if state == SAFE and not footing.headings_deg:
+                state = int(UNSAFE)
             return SelectedPoint(
                 enu_m=enu_m,
                 state=STATES[state],
@@ -77,6 +83,7 @@ def judge_point(
                 certainty=float(terrain.layer("certainty", cell)[0, 0]),
                 zone_id=None,
                 surroundings=surroundings(enu_m, terrain, parameters),
+                footing=footing,
             )
     return None
 

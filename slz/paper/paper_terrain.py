@@ -20,6 +20,7 @@ from slz.kernels.raster.bitmap import unpacked
 from slz.paper.snapshots import BlockCopies
 from slz.paper.window_cells import Returns
 from slz.terrain.demand_zero import demand_zeros, prefault_range
+from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.tiles import SERIALS, Key, box_of_tile, keys_over
 
@@ -177,6 +178,10 @@ class PaperTerrain:
         if self.seen.empty or not self.grid.holds(row, col):
             return None
         return int(SAFE if self.safe(Box(row, row + 1, col, col + 1))[0, 0] == 1 else UNSAFE)
+
+    def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
+        """Return a footing at any heading: the sources know no gear."""
+        return ANY_FOOTING
 
     def ground_and_top(self, box: Box) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the heights of a box twice, NaN outside the grid: the sources know no tops."""

@@ -78,10 +78,10 @@ class CoveredCells:
         )
 
     @property
-    def limits(self) -> tuple[float, float, float, float]:
-        """Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m)."""
+    def limits(self) -> tuple[float, float, float, float, float]:
+        """Size of a cell, noise of a return, limits of slope (deg) and relief, smallest hazard (m)."""
         p = self.parameters
-        return self.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m
+        return self.cell_m, p.range_noise_m, p.safe_slope_deg, p.relief_m, p.hazard_size_m
 
 
 def derive(
@@ -104,7 +104,8 @@ def derive(
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
     derive_box(
         cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits,
-        seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
+        seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide),
+        maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip
     return maps[:, :, :cols], states[:, :, :cols]
 

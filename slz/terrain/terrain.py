@@ -7,7 +7,8 @@ least `hold_s` of newer observations. Ground not seen for `max_age_s` and ground
 unknown is not safe.
 
 A cell is *safe* when the footprint centred on it is on seen ground, its plane slopes less than the limit with
-three standard errors added, and nothing in it rises or falls by the relief limit.
+three standard errors added, nothing in it rises or falls by the relief limit, and the landing gear stands
+there at some heading.
 
 Evidence is kept at the finest cells. The maps may be derived at any level of a pyramid: cells of level k are
 2^k times as wide, and their evidence is that of all their returns.
@@ -31,9 +32,10 @@ from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
 from slz.terrain.derive import CoveredCells, reach_of
+from slz.terrain.footing import Footing, footing
 from slz.terrain.layers import LAYERS, NAMED
 from slz.terrain.terrain_maps import SAFE
-from slz.terrain.terrain_view import UnboundedTerrain
+from slz.terrain.terrain_view import UnboundedTerrain, cells_within
 from slz.terrain.thin_objects import ThinObjects
 from slz.terrain.tiled_raster import Block, TiledLayers
 from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
@@ -293,6 +295,13 @@ class EvidenceTerrain(UnboundedTerrain):
     def state(self, box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box; no footprint with unseen ground is safe."""
         return self._maps.states(self._everywhere(box))
+
+    def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
+        """Return the footing of the gear at a point (3,) that may be missed by an error."""
+        box = cells_within(self.grid, enu_m, error_m)
+        there, k = self._everywhere(box), self.radius
+        cells = self._cells(Box(there.row0 - k, there.row1 + k, there.col0 - k, there.col1 + k))
+        return footing(cells, *box.shape, k, self.grid.cell_m, self._parameters)
 
     def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Iterator[Block]]:
         """Return a box in the tiling's rows and columns, and `TiledLayers.within` of it."""

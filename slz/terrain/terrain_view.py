@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
+from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.tiles import Key
 
@@ -31,6 +32,9 @@ class TerrainView(Protocol):
 
     def state_at(self, enu_m: NDArray[np.float64], error_m: float) -> int | None:
         """Return the state of a point (3,) that may be missed by an error; None where the map lacks it."""
+
+    def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
+        """Return the footing of the gear at a point (3,) that may be missed by an error."""
 
     def ground_and_top(self, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights and tops of the cells of a box (m), NaN where unknown."""
@@ -75,6 +79,14 @@ class DisplayedTerrain(TerrainView, Protocol):
         """Have memory ready for the next window."""
 
 
+def cells_within(grid: Grid, enu_m: NDArray[np.float64], error_m: float) -> Box:
+    """Return the cells where a point (3,) may be that is missed by an error."""
+    east, north = enu_m[:2].tolist()
+    row0, col0 = grid.index(east - error_m, north - error_m)
+    row1, col1 = grid.index(east + error_m, north + error_m)
+    return Box(row0, row1 + 1, col0, col1 + 1)
+
+
 class UnboundedTerrain:
     """What terrain maps share that extend beyond their grid, and know unknown cells."""
 
@@ -93,15 +105,16 @@ class UnboundedTerrain:
 
     def state_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> int | None:
         """Return the state of a point: safe only where every cell within the error is safe."""
-        east, north = enu_m[:2].tolist()
-        row0, col0 = self.grid.index(east - error_m, north - error_m)
-        row1, col1 = self.grid.index(east + error_m, north + error_m)
-        state = self.state(Box(row0, row1 + 1, col0, col1 + 1))
+        state = self.state(cells_within(self.grid, enu_m, error_m))
         if (state == SAFE).all():
             return int(SAFE)
         if (state == UNSAFE).any():
             return int(UNSAFE)
         return int(UNKNOWN) if (state == SAFE).any() else None
+
+    def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
+        """Return a footing at any heading: maps without evidence of cells know no other."""
+        return ANY_FOOTING
 
     def ground_and_top(self: TerrainView, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights, and tops where the ground is not safe."""

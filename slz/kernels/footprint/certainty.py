@@ -17,8 +17,7 @@ from slz.kernels.simd import Floats, broadcast, logical_and, sqrt, where
 SLOPE_MARGIN_DEG = 0.06  # bias of a fitted plane's slope against the ground, and its standard deviation
 RELIEF_NOISE = 1.3  # bias of a relief by noise beyond its excess, in standard deviations of one return
 RELIEF_SPREAD = 0.6  # standard deviation of that bias, in the same unit
-HIDDEN = 0.09  # share of footprints with a hazard of `HAZARD_M`, where nothing was struck
-HAZARD_M = 0.3  # side of the smallest hazard, seen from above
+HIDDEN = 0.09  # share of footprints with a smallest hazard, where nothing was struck
 RIM = 0.5  # share of hazards seen only in a footprint's outermost cells that do reach into it
 LEAST_NOISE_M = 1e-3
 CERTAIN_SIGMAS = 6.0  # standard deviations, beyond which a probability is 1 in single precision
@@ -42,13 +41,13 @@ def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> floa
 
 
 @kernel
-def hazard_quarters(cell_m: float) -> int:
-    """Return how many quarters of a cell's area a hazard covers: the power of the share of gaps.
+def hazard_quarters(cell_m: float, hazard_m: float) -> int:
+    """Return how many quarters of a cell's area the smallest hazard covers: the power of the share of gaps.
 
     Where returns fall at random, the share of empty cells is exp(-returns per cell). So the probability that
     none struck a hazard is that share to the power of the hazard's area in cells.
     """
-    return int(min(64.0, max(1.0, np.rint(4 * (HAZARD_M / cell_m) ** 2))))
+    return int(min(64.0, max(1.0, np.rint(4 * (hazard_m / cell_m) ** 2))))
 
 
 @kernel

@@ -33,7 +33,7 @@ from slz.kernels.simd import LANES, aligned_empty, load, store
 LOW16 = np.uint64(0xFFFF)
 Row = Array1D[np.float32]
 Table = Array2D[np.int32]
-Limits = tuple[Float32, Float32, Float32, Float32]
+Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 
 
 @kernel
@@ -66,7 +66,8 @@ def derive_box(
     edge, radius
         Margin of cells that are not derived, and radius of a footprint, at most the margin.
     limits
-        Size of a cell (m), noise of a return (m), and the limits of slope (deg) and relief (m).
+        Size of a cell (m), noise of a return (m), limits of slope (deg) and relief (m), side of the smallest
+        hazard (m).
     contacts, gear
         Contacts of the gear by heading, none for no gear, and its limits, see `slz.kernels.footprint.gear`.
     box
@@ -77,8 +78,8 @@ def derive_box(
         States, and index of the first cell's state.
     """
     row0, row1, col0, col1 = box
-    cell_m, noise_m, slope_limit, relief_limit = limits
-    quarters = hazard_quarters(cell_m)
+    cell_m, noise_m, slope_limit, relief_limit, hazard_m = limits
+    quarters = hazard_quarters(cell_m, hazard_m)
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
     held, sums, away = (

@@ -1,8 +1,9 @@
 """Rest pose of the landing gear on the cells of a footprint.
 
-The gear touches the ground at contacts: pads, or points along skids. A pad rests on the mean height of
-the cells under it. Where these hold an edge, it may as well stand at the upper or the lower side of that edge. The vehicle rests on three contacts around its centre of gravity, with no
-other contact below the ground. Where two such triples exist, or a pad is at an edge, the steepest one counts.
+The gear touches the ground at contacts: pads, or points along skids. A pad rests on the mean height of the
+cells under it. Where these hold an edge, it may as well stand at the upper or the lower side of the edge. The
+vehicle rests on three contacts around its centre of gravity, with no other contact below the ground. Where
+two such triples exist, or a pad is at an edge, the steepest pose counts.
 """
 
 from __future__ import annotations
@@ -225,6 +226,24 @@ def _least_gradient(
 
 
 @kernel
+def _plane_of(ground: Ground, radius: int) -> Plane:
+    """Return the least-squares plane of the mean heights of a footprint; NaN without one."""
+    lower, middle, _, wide, row, col = ground
+    n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
+    for r in range(row - radius, row + radius + 1):
+        for c in range(col - radius, col + radius + 1):
+            at = r * wide + c
+            if lower[at] < NOWHERE:
+                x, y, z = float(c - col), float(r - row), float(middle[at])
+                n, sx, sy, sz = n + 1, sx + x, sy + y, sz + z
+                sxx, sxy, syy, sxz, syz = sxx + x * x, sxy + x * y, syy + y * y, sxz + x * z, syz + y * z
+    sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+    sxz, syz, det = sxz - sx * sz / n, syz - sy * sz / n, sxx * syy - sxy * sxy
+    a, b = (sxz * syy - syz * sxy) / det, (syz * sxx - sxz * sxy) / det
+    return (sz - a * sx - b * sy) / n, a, b
+
+
+@kernel
 def scratch_for(contacts: Contacts) -> Scratch:
     """Return the arrays that `gradient_at` works in."""
     count = contacts.shape[1]
@@ -295,3 +314,37 @@ def refuse_without_heading(
             states[place + i] = IS_UNSAFE
         if left < CERTAIN_SIGMAS:
             certainties[to + i] *= np.float32(normal_cdf(left))
+
+
+@kernel
+def keep_common_headings(
+    ground: Ground,
+    radius: int,
+    rows: int,
+    cols: int,
+    cell_m: float,
+    contacts: Contacts,
+    limits: GearLimits,
+    fits: Array1D[np.bool_],
+) -> None:
+    """Clear the headings at which the gear cannot stand on some cell of a box.
+
+    Parameters
+    ----------
+    ground
+        Ground of the box and a margin; its row and column are those of the south-west cell of the box.
+    radius
+        Radius of a footprint, in cells.
+    fits
+        One flag for each heading of the contacts.
+    """
+    lower, middle, upper, wide, row, col = ground
+    scratch = scratch_for(contacts)
+    for r in range(row, row + rows):
+        for c in range(col, col + cols):
+            here = lower, middle, upper, wide, r, c
+            plane = _plane_of(here, radius)
+            for heading in range(contacts.shape[0]):
+                if fits[heading]:
+                    gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, scratch)
+                    fits[heading] = gradient <= limits[A_GRADIENT]

@@ -12,7 +12,7 @@ from slz.kernels.footprint.certainty import HIDDEN, certainty, hazard_quarters
 from tests.unit.slz.test_pipeline import block, ground, maps, pipeline, run
 
 PARAMETERS = params.load("quadcopter")
-QUARTERS = hazard_quarters(PARAMETERS.cell_m)
+QUARTERS = hazard_quarters(PARAMETERS.cell_m, PARAMETERS.hazard_size_m)
 
 
 def of(
@@ -63,7 +63,7 @@ def test_gaps_cost_certainty() -> None:
 def test_gaps_hide_a_hazard_of_0_3_m_as_often_as_it_gets_no_return(per_m2: float, cell_m: float) -> None:
     """Returns at random: the share of empty cells is exp(-density x cell area)."""
     share = 1 - np.exp(-per_m2 * cell_m**2)
-    told = certainty(2.0, 0.2, 0.1, 0.1, 0.03, share, 10.0, 0.3, hazard_quarters(cell_m))
+    told = certainty(2.0, 0.2, 0.1, 0.1, 0.03, share, 10.0, 0.3, hazard_quarters(cell_m, 0.3))
     assert 1 - told == pytest.approx(HIDDEN * np.exp(-per_m2 * 0.09), rel=0.2)
 
 
