@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.axes import heading_rad
 from companion.flight.landing.situation import Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
@@ -102,6 +103,7 @@ class SituationSource:
             sticks_us=health.sticks_us,
             switched=_is_recent(health.switched_ns, now, SWITCHED_NS),
             fit=self._fitness.fit,
+            heading_rad=None if pose is None else heading_rad(pose.rotation_enu_from_frd),
         )
 
     def fresh_report(self) -> Report | None:

@@ -57,6 +57,7 @@ class Situation:
     the failsafe. target_lost_ns: last time at which the autopilot reported the landing target lost.
     sticks_us: the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's
     transmitter moved within the last seconds. fit: the autopilot is known to be set up for a landing.
+    heading_rad: of the nose, clockwise from north.
     """
 
     now_ns: int
@@ -86,6 +87,7 @@ class Situation:
     sticks_us: tuple[int, int] | None = None
     switched: bool = False
     fit: bool = True
+    heading_rad: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

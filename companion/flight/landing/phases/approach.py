@@ -1,12 +1,15 @@
-"""Phase approach: fly over the point, and stay there until it has been safe for two seconds."""
+"""Phase approach: fly over the point, look closer and turn; stay until it has been safe for two seconds."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from companion.flight.landing.closer_look import LOOK_MS, CloserLook
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.route import Way
+from companion.flight.landing.route import TURN_M, Way
 from companion.flight.landing.situation import (
     STOPPED,
     Phase,
@@ -16,6 +19,7 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
+from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
 from slz import PointState
 
 STEADY_NS = 2 * SECOND  # point safe before the descent
@@ -28,6 +32,7 @@ class Approach:
 
     def __init__(self, state: LandingState) -> None:
         self._state = state
+        self._look = CloserLook(state)
         self._over_since_ns: int | None = None  # over the point, in this approach
 
     def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> VehicleCommands:
@@ -38,6 +43,7 @@ class Approach:
         state.tally.zone_id, state.tally.chosen_enu_m = zone_id, state.aim.enu_m
         state.selection.select(state.aim.enu_m)
         self._over_since_ns = state.safe_since_ns = None
+        self._look.begin()
         where = f"zone {zone_id}" if zone_id is not None else "the point"
         state.say(Severity.INFO, f"approaching {where}")
         state.go(Phase.APPROACH, s)
@@ -57,7 +63,10 @@ class Approach:
             self._over_since_ns = s.now_ns
         if judged is PointState.UNSAFE:
             return state.break_off("point unsafe", s)
-        if not (over and judged is PointState.SAFE):
+        look = self._look.offset(s) if self._over_since_ns and judged is PointState.SAFE else None
+        if look is not None or not (
+            over and judged is PointState.SAFE and stands_at(s.selected, s.heading_rad)
+        ):
             state.safe_since_ns = None
         elif state.safe_since_ns is None:
             state.safe_since_ns = s.now_ns
@@ -71,4 +80,10 @@ class Approach:
             return state.break_off("way blocked", s)
         if s.now_ns > state.late_ns:
             return state.break_off("point not reached", s)
-        return state.route.commands_towards(position, offset, state.parameters.approach_speed_ms)
+        speed_ms = state.parameters.approach_speed_ms
+        if look is not None:
+            return state.route.commands_towards(position, look, min(LOOK_MS, speed_ms))
+        commands = state.route.commands_towards(position, offset, speed_ms)
+        if state.aim.away_m < TURN_M and judged is PointState.SAFE:
+            return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad))
+        return commands

@@ -15,6 +15,7 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
+from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
 from slz import PointState
 
 TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
@@ -51,15 +52,19 @@ class Descent:
         if reason:
             return state.break_off(reason, s)
         left_m, away_m, target = state.aim.height_left_m, state.aim.away_m, state.aim.on_ground_enu_m
-        steady = s.now_ns - state.since_ns > TARGET_NS
+        stands = stands_at(s.selected, s.heading_rad)
+        steady = stands and s.now_ns - state.since_ns > TARGET_NS
         if left_m <= p.final_height_m and steady and away_m < LAND_WITHIN_M:
             state.say(Severity.INFO, "final: LAND")
             state.go(Phase.FINAL, s)
             return VehicleCommands(mode="land", target_enu_m=target)
         floor = p.final_height_m - BELOW_FINAL_M - left_m
-        sink = level(min(0.0, floor), p.descent_speed_ms) if away_m < SINK_WITHIN_M else 0.0
+        sink = level(min(0.0, floor), p.descent_speed_ms) if stands and away_m < SINK_WITHIN_M else 0.0
         horizontal = towards(target[:2] - known(s.position_enu_m)[:2], p.approach_speed_ms)
-        return VehicleCommands(velocity_enu_ms=np.array([*horizontal, sink]), target_enu_m=target)
+        heading = touchdown_heading_rad(s.selected, s.heading_rad)
+        return VehicleCommands(
+            velocity_enu_ms=np.array([*horizontal, sink]), yaw_rad=heading, target_enu_m=target
+        )
 
     def final_commands(self, s: Situation) -> VehicleCommands:
         """Watch the autopilot land; break off if the point turns unsafe while it can be seen."""
@@ -70,7 +75,8 @@ class Descent:
                 s.now_ns < self._resumed_until_ns and state.aim.judgement(s.selected) is PointState.UNKNOWN
             )
             reason = None if unseen else state.why_not(s)
-            reason = reason or ("does not land" if late else None)
+            turned = reason is None and not unseen and not stands_at(s.selected, s.heading_rad)
+            reason = reason or ("turned away" if turned else "does not land" if late else None)
             if reason:
                 return state.break_off(reason, s)
         elif late:

@@ -1,0 +1,53 @@
+"""Closer look: a small square flown around the point while a hazard there may have gone unseen."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.situation import Severity, Situation, Vector, known
+
+MOST_UNSEEN = 0.01  # probability that a hazard got no return, from which on no more looking is needed
+LOOK_NS = 20 * SECOND
+AWAY_M, AT_CORNER_M = 2.0, 0.7  # corners from the point, and distance at which one is reached
+LOOK_MS = 1.0
+CORNERS = ((AWAY_M, 0.0), (0.0, AWAY_M), (-AWAY_M, 0.0), (0.0, -AWAY_M))
+
+
+class CloserLook:
+    """Shifts the vehicle so that scan lines fall between those of before."""
+
+    def __init__(self, state: LandingState) -> None:
+        self._state = state
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin with a new point."""
+        self._since_ns: int | None = None
+        self._is_over = False
+        self._corners = itertools.cycle(map(np.array, CORNERS))
+        self._corner: Vector = next(self._corners)
+
+    def offset(self, s: Situation) -> Vector | None:
+        """Return the offset (2,) to fly for a closer look at the point; None when it needs none."""
+        state, selected = self._state, s.selected
+        urgent = state.request is not None and state.request.urgent
+        if self._is_over or urgent or selected is None or not state.aim.is_at(selected):
+            return None
+        unseen, hazard_m = selected.footing.unseen, state.parameters.hazard_size_m
+        if not unseen > MOST_UNSEEN:  # NaN: no evidence of cells
+            return None
+        if self._since_ns is None:
+            self._since_ns = s.now_ns
+            state.say(Severity.INFO, f"{unseen:.0%} of {hazard_m:g} m hazards unseen: looking closer")
+        elif s.now_ns - self._since_ns > LOOK_NS:
+            self._is_over = True
+            state.say(Severity.WARNING, f"{unseen:.0%} of {hazard_m:g} m hazards stay unseen")
+            return None
+        offset = known(state.aim.enu_m)[:2] + self._corner - known(s.position_enu_m)[:2]
+        if math.hypot(*offset) < AT_CORNER_M:
+            self._corner = next(self._corners)
+        return np.asarray(offset)

@@ -1,0 +1,31 @@
+"""Touchdown heading: one at which the landing gear stands on the ground at the point."""
+
+from __future__ import annotations
+
+import math
+
+from slz import SelectedPoint
+from slz.terrain.footing import ALL_HEADINGS
+
+WITHIN_DEG = 10.0  # of a heading at which the gear stands
+
+
+def touchdown_heading_rad(selected: SelectedPoint | None, heading_rad: float | None) -> float | None:
+    """Return the safe heading nearest to the present one, None where any heading will do."""
+    if selected is None or not 0 < len(selected.footing.headings_deg) < len(ALL_HEADINGS):
+        return None
+    present_rad = heading_rad or 0.0
+    headings = map(math.radians, selected.footing.headings_deg)
+    return min(headings, key=lambda heading: abs(_turn_rad(heading, present_rad)))
+
+
+def stands_at(selected: SelectedPoint | None, heading_rad: float | None) -> bool:
+    """Return whether the gear stands at the present heading; an unknown heading is not safe."""
+    wanted_rad = touchdown_heading_rad(selected, heading_rad)
+    if wanted_rad is None:
+        return True
+    return heading_rad is not None and abs(_turn_rad(wanted_rad, heading_rad)) <= math.radians(WITHIN_DEG)
+
+
+def _turn_rad(to_rad: float, from_rad: float) -> float:
+    return math.remainder(to_rad - from_rad, 2 * math.pi)
