@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, TOP, WEIGHT
+from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 from slz.kernels.footprint.certainty import hazard_quarters
 from slz.kernels.footprint.gear import keep_common_headings
 from slz.terrain.gear import HEADING_STEP_DEG, gear_of
@@ -54,8 +54,9 @@ def footing(
     lower = np.where(known, cells[BOTTOM] - level + cells[EXCESS], np.inf).astype(np.float32)
     upper = np.where(known, cells[TOP] - level - cells[EXCESS], -np.inf).astype(np.float32)
     middle = np.where(known, cells[HEIGHT] - level, 0).astype(np.float32)
+    noise_m = math.sqrt(float(cells[SPREAD][known].mean()))
     fits = np.ones(len(gear.contacts_m), np.bool_)
     ground = lower.ravel(), middle.ravel(), upper.ravel(), known.shape[1], radius, radius
-    keep_common_headings(ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, fits)
+    keep_common_headings(ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, noise_m, fits)
     around = np.tile(fits, 360 // gear.period_deg)
     return Footing(tuple((np.flatnonzero(around) * HEADING_STEP_DEG).tolist()), unseen)

@@ -14,8 +14,7 @@ from slz.kernels.footprint.gear import GearLimits
 
 HEADING_STEP_DEG = 15
 MOST_OF_A_SKID = 16  # contacts
-NOISES = 3.0  # standard deviations of a return: a smaller step under a pad is no edge
-STEEP_CELLS = 1.5  # cells on the steepest safe slope: nor is their rise
+STEEP_CELLS = 1.5  # cells on the steepest safe slope: their rise under a pad is no edge
 Place = tuple[float, float]  # forward and right of the centre of gravity, m
 
 
@@ -43,7 +42,7 @@ def gear_of(parameters: Parameters, cell_m: float) -> Gear:
     sine, cosine = np.sin(headings)[:, None], np.cos(headings)[:, None]
     contacts = np.stack([forward * sine + right * cosine, forward * cosine - right * sine], axis=2)
     tip, slope = math.radians(p.tip_limit_deg), math.radians(p.safe_slope_deg)
-    edge_m = max(NOISES * p.range_noise_m, STEEP_CELLS * cell_m * math.tan(slope))
+    edge_m = STEEP_CELLS * cell_m * math.tan(slope)
     limits = (
         float(line), math.tan(tip), p.clearance_m, math.hypot(p.gear_length_m, p.gear_width_m) / 2,
         p.pad_radius_m, edge_m, _leverage_per_m(p), math.tan(slope) / p.safe_slope_deg,

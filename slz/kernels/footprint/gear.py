@@ -21,6 +21,7 @@ from slz.kernels.simd import LANES, broadcast, flags_of, load, sqrt
 
 AROUND = -1e-4  # least barycentric coordinate of a centre of gravity within a triple of contacts
 TOUCHES_M = 1e-4
+EDGE_SIGMAS = 4.0  # standard deviations of a return: what differs less under a pad is no edge
 FARTHEST_RING = 4  # cells around a contact without a return, in which its ground is sought
 CLEAR_SIGMAS = (
     2.0  # standard deviations of the gradient within its limit, from which a heading is not in doubt
@@ -31,8 +32,8 @@ IS_SAFE, IS_UNSAFE = np.uint8(1), np.uint8(0)
 NOWHERE = np.float32(np.inf)  # gradient of a gear that cannot rest
 
 # Contacts of one line (a skid; 1 for pads); greatest gradient of the plane through the contacts; height of
-# the belly over that plane (m); radius of the belly and of a pad (m); step within a pad's ground that is an
-# edge (m); greatest gradient that a relief of 1 m can add; gradient of a slope of 1 degree, at most.
+# the belly over that plane (m); radius of the belly and of a pad (m); step within a pad's ground that is no
+# edge without noise (m); greatest gradient that a relief of 1 m can add; gradient of a slope of 1 degree.
 GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32, Float32]
 A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, AN_EDGE, A_LEVERAGE, A_DEGREE = range(8)
 Row = Array1D[np.float32]
@@ -169,6 +170,7 @@ def gradient_at(
     contacts: Contacts,
     heading: int,
     limits: GearLimits,
+    edge_m: float,
     scratch: Scratch,
 ) -> float:
     """Return the gradient at which a gear rests at a heading; infinite where it cannot rest.
@@ -177,6 +179,8 @@ def gradient_at(
     ----------
     contacts, heading
         (headings, contacts, 2) east and north of the contacts from the centre of gravity, m.
+    edge_m
+        A greater step within the ground of a pad is an edge.
     """
     count, line = contacts.shape[1], int(limits[A_LINE])
     (height, low, high, kept), n, has_edge = scratch, 0, False
@@ -187,7 +191,7 @@ def gradient_at(
             return np.inf
         level = plane[0] + plane[1] * east + plane[2] * north
         height[i], low[i], high[i] = level + mean, level + mean, level + mean
-        if most - least > limits[AN_EDGE]:
+        if most - least > edge_m:
             low[i], high[i], has_edge = level + least, level + most, True
     for first in range(0, count, line):
         n = _upper_hull(height, first, first + line, kept, n)
@@ -213,13 +217,14 @@ def _least_gradient(
     cell_m: float,
     contacts: Contacts,
     limits: GearLimits,
+    edge_m: float,
     enough: float,
     scratch: Scratch,
 ) -> float:
     """Return the least gradient at which a gear rests, of all headings, or the first one below `enough`."""
     least = np.inf
     for heading in range(contacts.shape[0]):
-        least = min(least, gradient_at(ground, plane, cell_m, contacts, heading, limits, scratch))
+        least = min(least, gradient_at(ground, plane, cell_m, contacts, heading, limits, edge_m, scratch))
         if least <= enough:
             break
     return least
@@ -306,6 +311,7 @@ def refuse_without_heading(
             cell_m,
             contacts,
             limits,
+            math.hypot(limits[AN_EDGE], EDGE_SIGMAS * noise_m),
             limit - CLEAR_SIGMAS * sigma,
             scratch,
         )
@@ -325,6 +331,7 @@ def keep_common_headings(
     cell_m: float,
     contacts: Contacts,
     limits: GearLimits,
+    noise_m: float,
     fits: Array1D[np.bool_],
 ) -> None:
     """Clear the headings at which the gear cannot stand on some cell of a box.
@@ -335,16 +342,18 @@ def keep_common_headings(
         Ground of the box and a margin; its row and column are those of the south-west cell of the box.
     radius
         Radius of a footprint, in cells.
+    noise_m
+        Standard deviation of the height of one return.
     fits
         One flag for each heading of the contacts.
     """
     lower, middle, upper, wide, row, col = ground
-    scratch = scratch_for(contacts)
+    scratch, edge_m = scratch_for(contacts), math.hypot(limits[AN_EDGE], EDGE_SIGMAS * noise_m)
     for r in range(row, row + rows):
         for c in range(col, col + cols):
             here = lower, middle, upper, wide, r, c
             plane = _plane_of(here, radius)
             for heading in range(contacts.shape[0]):
                 if fits[heading]:
-                    gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, scratch)
+                    gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, edge_m, scratch)
                     fits[heading] = gradient <= limits[A_GRADIENT]

@@ -164,7 +164,7 @@ def test_three_standard_errors_of_the_slope_are_kept_from_its_limit_by_default()
     """The same ground just below the limit is safe where many returns fix its slope, and else not."""
     shares = []
     for density in (4.0, 200.0):
-        pipe = pipeline("default", "safe_slope_deg=4")
+        pipe = pipeline("default", "safe_slope_deg=4", "gear=none")
         fly(pipe, field(4, density, slope_deg=3.5, noise_m=0.05))
         inner = maps(pipe).state[5:-5, 5:-5]
         shares.append(float((inner == SAFE).mean()))

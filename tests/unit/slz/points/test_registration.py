@@ -29,7 +29,14 @@ def tilted(
 
 
 def pipeline(*settings: str) -> Pipeline:
-    own = ["zone_m=60", "angle_noise_deg=0", "min_boundary_points=10", "safe_slope_deg=20", *settings]
+    own = [
+        "zone_m=60",
+        "angle_noise_deg=0",
+        "min_boundary_points=10",
+        "safe_slope_deg=20",
+        "gear=none",
+        *settings,
+    ]
     return Pipeline(params.load("quadcopter", own), (0.0, 0.0))
 
 
