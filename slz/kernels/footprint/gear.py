@@ -183,30 +183,31 @@ def gradient_at(
         A greater step within the ground of a pad is an edge.
     """
     count, line = contacts.shape[1], int(limits[A_LINE])
-    (height, low, high, kept), n, has_edge = scratch, 0, False
+    (height, low, high, kept), n, edges = scratch, 0, 0
     for i in range(count):
         east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
         least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m)
         if np.isnan(mean):
             return np.inf
         level = plane[0] + plane[1] * east + plane[2] * north
-        height[i], low[i], high[i] = level + mean, level + mean, level + mean
+        height[i], low[i], high[i] = level + mean, level + least, level + most
         if most - least > edge_m:
-            low[i], high[i], has_edge = level + least, level + most, True
+            edges |= 1 << i
     for first in range(0, count, line):
         n = _upper_hull(height, first, first + line, kept, n)
     rest = steepest_rest(contacts, heading, height, kept, n)
     if rest[0] < 0 or not _is_clear(ground, cell_m, limits, rest):
         return np.inf
     gradient = rest[0]
-    if has_edge and line == 1:
-        for i in range(count):
-            if low[i] < high[i]:
-                mean = height[i]
-                for step in (low[i], high[i]):
-                    height[i] = step
-                    gradient = max(gradient, steepest_rest(contacts, heading, height, kept, n)[0])
-                height[i] = mean
+    if edges != 0 and line == 1:
+        for sides in range(1 << count):  # a bit for each pad: at the upper side of its edge
+            if sides & ~edges == 0:
+                for i in range(count):
+                    if edges >> i & 1:
+                        height[i] = high[i] if sides >> i & 1 else low[i]
+                gradient = max(gradient, steepest_rest(contacts, heading, height, kept, n)[0])
+                if gradient > limits[A_GRADIENT]:
+                    break
     return gradient
 
 

@@ -120,3 +120,26 @@ def test_combinations_that_map_nothing_or_everything_are_refused(
     with pytest.raises(params.ParameterError) as refused:
         params.load("quadcopter", settings)
     assert all(word in str(refused.value) for word in words)
+
+
+# ---- gear ---------------------------------------------------------------------------------------
+
+
+def test_a_slope_beyond_the_tip_limit_is_refused_with_both_names() -> None:
+    with pytest.raises(ParameterError, match=r"\(20\.0\) must not exceed tip_limit_deg \(15\.0\)"):
+        params.load("quadcopter", ["safe_slope_deg=20"])
+    assert params.load("quadcopter", ["safe_slope_deg=20", "gear=none"]).gear == "none"
+    assert params.load("quadcopter", ["safe_slope_deg=20", "mode=source"]).safe_slope_deg == 20
+
+
+def test_a_footprint_that_does_not_hold_the_gear_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"footprint_m \(1\.5\) must hold the gear: 1\.76 m across"):
+        params.load("quadcopter", ["footprint_m=1.5", "gear_length_m=1.2", "gear_width_m=1.2"])
+
+
+@pytest.mark.parametrize("profile", params.PROFILES)
+def test_every_profiles_limits_agree_with_its_gear(profile: str) -> None:
+    """On ground at its limit of slope or relief, the gear is within its own."""
+    p = params.load(profile)
+    assert p.gear == "none" or p.safe_slope_deg <= p.tip_limit_deg
+    assert p.gear == "none" or p.relief_m <= p.clearance_m

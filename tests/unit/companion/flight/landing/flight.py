@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -22,8 +23,9 @@ from slz import (
     SelectedPoint,
     Zone,
 )
+from slz.terrain.footing import ANY_FOOTING
 
-STEP_S = 0.1
+STEP_S, TURN_DEGS = 0.1, 30.0
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 GRID = Grid(-200, -200, 0.2, 2000, 2000)
 
@@ -87,6 +89,9 @@ class Flight:
         self.lost = "LiDAR lost"
         self.far_zones: list[Zone] = []
         self.prior_zones: list[Zone] = []
+        self.heading_deg: float | None = 0.0
+        self.footing = ANY_FOOTING
+        self.turns = True
 
     @property
     def now_ns(self) -> int:
@@ -96,7 +101,9 @@ class Flight:
         selected = None
         if self.selected is not None:
             state = self.state(float(self.position[2]), self.selected)
-            selected = SelectedPoint(self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None)
+            selected = SelectedPoint(
+                self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None, self.footing
+            )
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})
@@ -128,6 +135,7 @@ class Flight:
             target_lost_ns=self.target_lost_ns,
             sticks_us=self.sticks_us,
             switched=self.switched,
+            heading_rad=None if self.heading_deg is None else math.radians(self.heading_deg),
         )
 
     def step(self) -> VehicleCommands:
@@ -145,6 +153,9 @@ class Flight:
             self.velocity_wanted = self.velocity = commands.velocity_enu_ms.copy()
             if self.blocked(self):
                 self.velocity = self.velocity * [0, 0, 1]
+            if self.turns and commands.yaw_rad is not None and self.heading_deg is not None:
+                left_deg = math.remainder(math.degrees(commands.yaw_rad) - self.heading_deg, 360)
+                self.heading_deg += max(-TURN_DEGS * STEP_S, min(TURN_DEGS * STEP_S, left_deg))
         elif self.mode == "LAND":
             self.velocity = np.array([0.0, 0.0, -1.0 if self.sinks else 0.0])
         elif self.mode not in ("GUIDED", "LAND"):

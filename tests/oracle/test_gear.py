@@ -1,0 +1,157 @@
+"""Rest pose of the gear against linear programming and against brute force on exact surfaces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+import params
+from slz import Pipeline, Window
+from slz.frame import LocalFrame
+from slz.grid import Box
+from slz.kernels.footprint.gear import A_LEVERAGE, steepest_rest
+from slz.terrain.gear import gear_of
+
+Floats = NDArray[np.float64]
+Surface = Callable[[Floats, Floats], Floats]  # height at east, north
+
+GEARS = {
+    "pads 0.8 m across": ["gear_length_m=0.57", "gear_width_m=0.57"],
+    "pads 2 m across": ["gear_length_m=1.37", "gear_width_m=1.37"],
+    "narrow pads": ["gear_length_m=0.9", "gear_width_m=0.4"],
+    "skids": ["gear=skids", "gear_length_m=1.2", "gear_width_m=0.8"],
+    "tripod": ["gear=tripod", "gear_length_m=0.6", "gear_width_m=0.6"],
+}
+
+
+def load(name: str, *own: str) -> params.Parameters:
+    return params.load("quadcopter", [*GEARS[name], *own])
+
+
+def lowest_plane(contacts: Floats, heights: Floats, centre: Floats) -> Floats:
+    """East and north rise, and height, of the plane on or above all contacts that is lowest at a centre."""
+    above = -np.column_stack([contacts, np.ones(len(contacts))])
+    found = linprog([*centre, 1.0], A_ub=above, b_ub=-heights, bounds=[(None, None)] * 3, method="highs")
+    return np.asarray(found.x)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from(sorted(GEARS)), st.integers(0, 10_000), st.sampled_from([0.02, 0.2, 1.0]))
+def test_the_gear_rests_on_the_lowest_plane_above_its_contacts(name: str, seed: int, bumpy_m: float) -> None:
+    """A vehicle that sinks stops on the plane that is lowest at its centre of gravity."""
+    gear, rng = gear_of(load(name), 0.05), np.random.default_rng(seed)
+    heading = int(rng.integers(len(gear.contacts_m)))
+    count = gear.contacts_m.shape[1]
+    heights = rng.normal(0, bumpy_m, count).astype(np.float32)
+    gradient, east, north, up = steepest_rest(gear.contacts_m, heading, heights, np.arange(count), count)
+    # With the centre a hair off, a gear that can rock rests on one of its two planes for certain.
+    contacts, exact = gear.contacts_m[heading].astype(float), heights.astype(float)
+    hair = 1e-3 * np.array([[1.0, 0.2], [-1.0, -0.2], [-0.2, 1.0], [0.2, -1.0]])
+    planes = [lowest_plane(contacts, exact, centre) for centre in hair]
+    steepest = max(planes, key=lambda plane: math.hypot(plane[0], plane[1]))
+    assert gradient == pytest.approx(math.hypot(steepest[0], steepest[1]), rel=1e-3, abs=1e-4)
+    assert (east * contacts[:, 0] + north * contacts[:, 1] + up >= exact - 1e-3).all()
+    assert gradient <= float(np.ptp(exact)) * gear.limits[A_LEVERAGE] * 1.001 + 1e-6
+
+
+# ---- whole maps on exact surfaces ---------------------------------------------------------------
+
+HALF_M, PER_M2, NOISE_M, ABOVE_M = 8.0, 400, 0.02, 25.0
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+
+
+def kerb(high_m: float, turned_deg: float) -> Surface:
+    turn = math.radians(turned_deg)
+    return lambda x, y: high_m * ((x * math.cos(turn) + y * math.sin(turn)) > 0.03)
+
+
+def flagstones(x: Floats, y: Floats) -> Floats:
+    """Stones of 0.5 m, every other one of them 0.22 m up."""
+    return 0.22 * (((np.floor(x / 0.5) + np.floor(y / 0.5)) % 2) == 0)
+
+
+def ridges(x: Floats, y: Floats) -> Floats:
+    """Furrows of 0.24 m, 0.8 m apart."""
+    return 0.12 * np.sin(2 * np.pi * (x + 0.3 * y) / 0.8)
+
+
+def safe_map(surface: Surface, parameters: params.Parameters) -> tuple[Floats, NDArray[np.bool_]]:
+    """Centres of the cells along an axis, and which cells are called safe."""
+    rng, pipe = np.random.default_rng(5), Pipeline(parameters, (0.0, 0.0), follow=False)
+    for i in range(4):
+        x, y = rng.uniform(-HALF_M, HALF_M, (2, round(PER_M2 * 4 * HALF_M**2 / 4)))
+        points = np.column_stack([x, y, surface(x, y) + rng.normal(0, NOISE_M, len(x))])
+        stamps = np.int64(i * 10**9) + np.linspace(0, 9e8, len(x)).astype(np.int64)
+        window = Window(points, stamps, np.array([0.0, 0.0, ABOVE_M]), FRAME, int(stamps[0]), int(stamps[-1]))
+        report = pipe.process(window)
+    grid, cells = report.near.grid, round(2 * (HALF_M - 2) / parameters.cell_m)
+    row, col = grid.index(-HALF_M + 2 + 1e-6, -HALF_M + 2 + 1e-6)
+    maps = pipe.maps(Box(row, row + cells, col, col + cells), "near", 0)
+    assert maps is not None
+    return np.array([grid.centre(row + i, col + i)[0] for i in range(cells)]), maps.state == 1
+
+
+def least_tilt_deg(surface: Surface, east: float, north: float, p: params.Parameters) -> float:
+    """Least tilt of the gear on the exact surface, of headings 10 degrees apart."""
+    ahead, aside = p.gear_length_m / 2, p.gear_width_m / 2
+    if p.gear == "skids":
+        along = np.linspace(-ahead, ahead, 41)
+        places = [(x, y) for y in (-aside, aside) for x in along]
+    elif p.gear == "tripod":
+        places = [(ahead, 0.0), (-ahead, aside), (-ahead, -aside)]
+    else:
+        places = [(x, y) for x in (ahead, -ahead) for y in (aside, -aside)]
+    disc = [(0.0, 0.0), *((p.pad_radius_m * c, p.pad_radius_m * s) for c, s in np.eye(2).tolist())]
+    disc += [(-x, -y) for x, y in disc[1:]]
+    best = 90.0
+    for heading in np.radians(np.arange(0, 360, 10)):
+        turn = np.array([[math.sin(heading), math.cos(heading)], [math.cos(heading), -math.sin(heading)]])
+        contacts = np.array(places) @ turn.T
+        under = contacts[:, None, :] + np.array(disc)[None] + (east, north)
+        heights = surface(under[..., 0], under[..., 1]).max(axis=1)
+        tilts = []
+        for centre in 1e-3 * np.array([[1.0, 0.2], [-1.0, -0.2], [-0.2, 1.0], [0.2, -1.0]]):
+            a, b, _ = lowest_plane(contacts, heights, centre)
+            tilts.append(math.degrees(math.atan(math.hypot(a, b))))
+        best = min(best, max(tilts))
+        if best < 5:
+            break
+    return best
+
+
+@pytest.mark.parametrize("name", ["pads 0.8 m across", "pads 2 m across", "skids"])
+@pytest.mark.parametrize(
+    "surface",
+    [kerb(0.2, 25), kerb(0.25, 70), flagstones, ridges],
+    ids=["kerb 0.2", "kerb 0.25", "flagstones", "ridges"],
+)
+def test_no_cell_is_safe_where_the_gear_tips_over_at_every_heading(name: str, surface: Surface) -> None:
+    parameters = load(name)
+    at, safe = safe_map(surface, parameters)
+    rows, cols = np.nonzero(safe)
+    some = np.random.default_rng(1).permutation(len(rows))[:60]
+    beyond = parameters.tip_limit_deg + 2.0  # for the noise
+    for i in some:
+        assert least_tilt_deg(surface, at[cols[i]], at[rows[i]], parameters) < beyond
+
+
+def test_a_kerb_is_refused_where_small_feet_straddle_it_and_accepted_beside_it() -> None:
+    surface = kerb(0.2, 0.0)
+    at, safe = safe_map(surface, load("pads 0.8 m across"))
+    straddling, beside = np.abs(at) < 0.1, np.abs(at) > 0.8
+    assert not safe[:, straddling].any()
+    assert safe[:, beside].mean() > 0.97
+    _, without = safe_map(surface, load("pads 0.8 m across", "gear=none"))
+    assert without[:, straddling].mean() > 0.9  # the relief of 2 m alone does not see it
+
+
+def test_wide_feet_stand_on_a_kerb_that_small_ones_do_not() -> None:
+    at, wide = safe_map(kerb(0.2, 0.0), load("pads 2 m across"))
+    assert wide[:, np.abs(at) < 0.1].mean() > 0.9
