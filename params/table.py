@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 PAPER = "SLZ paper Table 4"
 THESIS = "SLZ thesis Table 3"
 OURS = "this project"
+TILT_OVER_SLOPE_DEG = 5.0  # by which a landed vehicle may tilt more than the ground slopes
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,8 +157,15 @@ class Parameters(BaseModel):
         Spec("SLZ_CLEAR_M", "m", OURS, "Height of the belly over the plane on which the gear rests."),
     ] = 0.3
     tip_limit_deg: Annotated[
-        float, _in(1, 60), Spec("SLZ_TIP_LIM", "deg", OURS, "The landed vehicle must tilt less than this.")
-    ] = 15.0
+        float,
+        _in(0, 80),
+        Spec(
+            "SLZ_TIP_LIM",
+            "deg",
+            OURS,
+            "The landed vehicle must tilt less than this; 0 is 5 degrees more than safe_slope_deg.",
+        ),
+    ] = 0.0
     coverage_m: Annotated[
         float,
         _in(0.1, 50),
@@ -435,6 +443,11 @@ class Parameters(BaseModel):
         Spec("SLZ_UNCERTAIN", "", OURS, "Certainty below which a zone is drawn as uncertain."),
     ] = 0.5
 
+    @property
+    def greatest_tilt_deg(self) -> float:
+        """Tilt of the landed vehicle below which it stands safely."""
+        return self.tip_limit_deg or self.safe_slope_deg + TILT_OVER_SLOPE_DEG
+
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_value(cls, value: Any) -> Any:
@@ -473,10 +486,10 @@ class Parameters(BaseModel):
         return self
 
     def _check_gear(self) -> None:
-        if self.safe_slope_deg > self.tip_limit_deg:
+        if self.safe_slope_deg > self.greatest_tilt_deg:
             raise ValueError(
                 f"safe_slope_deg ({self.safe_slope_deg}) must not exceed tip_limit_deg"
-                f" ({self.tip_limit_deg}), unless gear is none"
+                f" ({self.tip_limit_deg}), unless that is 0 or gear is none"
             )
         across_m = math.hypot(self.gear_length_m, self.gear_width_m) + 2 * self.pad_radius_m
         if across_m > self.footprint_m:

@@ -41,7 +41,7 @@ def gear_of(parameters: Parameters, cell_m: float) -> Gear:
     forward, right = np.array(places).T
     sine, cosine = np.sin(headings)[:, None], np.cos(headings)[:, None]
     contacts = np.stack([forward * sine + right * cosine, forward * cosine - right * sine], axis=2)
-    tip, slope = math.radians(p.tip_limit_deg), math.radians(p.safe_slope_deg)
+    tip, slope = math.radians(p.greatest_tilt_deg), math.radians(p.safe_slope_deg)
     edge_m = STEEP_CELLS * cell_m * math.tan(slope)
     limits = (
         float(line), math.tan(tip), p.clearance_m, math.hypot(p.gear_length_m, p.gear_width_m) / 2,

@@ -69,7 +69,7 @@ def plane_at(level: int, slope_deg: float, seed: int = 0) -> TerrainMaps:
     rng = np.random.default_rng(seed)
     xy = rng.uniform(-30, 30, (72_000, 2))
     z = np.tan(np.radians(slope_deg)) * xy[:, 0] + rng.normal(0, 0.02, len(xy))
-    own = ["zone_m=100", "safe_slope_deg=30", "relief_m=5", "gear=none"]
+    own = ["zone_m=100", "safe_slope_deg=30", "relief_m=5"]
     pipe = Pipeline(params.load("quadcopter", own), (0.0, 0.0))
     stamps = np.zeros(len(xy), np.int64)
     pipe.process(Window(np.column_stack([xy, z]), stamps, np.full(3, np.nan), FRAME, 0, 0))
@@ -168,7 +168,7 @@ def test_planes_follow_closed_forms_at_footprint_scale(kind: str, level: int) ->
     rng = np.random.default_rng(2)
     xy = rng.uniform(-20, 20, (48_000, 2))
     cloud = np.column_stack([xy, surface(kind, xy)])
-    own = ["zone_m=80", "safe_slope_deg=40", "relief_m=5", "gear=none"]
+    own = ["zone_m=80", "safe_slope_deg=40", "relief_m=5"]
     pipe = Pipeline(params.load("quadcopter", own), (0.0, 0.0))
     stamps = np.zeros(len(cloud), np.int64)
     pipe.process(Window(cloud, stamps, np.full(3, np.nan), FRAME, 0, 0))

@@ -36,9 +36,7 @@ def slope_errors(
         gradient = _slopes(
             cloud, [f"cell_m={cell_m}", "mode=source", "max_slope_deg=89", "safe_slope_deg=45"]
         )
-        plane = _slopes(
-            cloud, [f"cell_m={cell_m}", "max_slope_deg=89", "safe_slope_deg=45", "relief_m=5", "gear=none"]
-        )
+        plane = _slopes(cloud, [f"cell_m={cell_m}", "max_slope_deg=89", "safe_slope_deg=45", "relief_m=5"])
         found.append(SlopeError(slope, *_rms(gradient, slope), *_rms(plane, slope)))
     return found
 

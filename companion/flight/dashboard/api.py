@@ -32,6 +32,8 @@ class Point(BaseModel):
     slope_deg: float | None
     relief_m: float | None
     certainty: float | None
+    headings_deg: list[int] = Field(description="Headings at which the gear stands there.")
+    unseen: float | None = Field(description="Probability that a hazard there got no return.")
     zone: int | None
 
 

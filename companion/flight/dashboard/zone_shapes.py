@@ -114,6 +114,8 @@ def point(selected: SelectedPoint) -> dict[str, Any]:
         "slope_deg": _number(selected.slope_deg, 1),
         "relief_m": _number(selected.relief_m, 2),
         "certainty": _number(selected.certainty, 4),
+        "headings_deg": list(selected.footing.headings_deg),
+        "unseen": _number(selected.footing.unseen, 4),
         "zone": selected.zone_id,
         "way_in_deg": None if way_in is None else round(math.degrees(way_in[0])),
         "horizon_deg": [] if around is None else [_number(v, 0) for v in around.horizon_deg],

@@ -28,6 +28,7 @@ STRIP = 64  # rows resampled at a time
 KNOT = 32  # cells between nodes with exact coordinates; linear interpolation between them
 AROUND = ((0.0, 0.0), (-0.4, -0.4), (-0.4, 0.4), (0.4, -0.4), (0.4, 0.4))  # in a cell: all must be safe
 FILES = ("safe", "dsm", "slope")
+GEAR = ("gear", "gear_length_m", "gear_width_m", "pad_radius_m", "clearance_m", "tip_limit_deg")
 NOWHERE = -1e9  # row or column outside the survey
 Floats = NDArray[np.float64]
 
@@ -196,4 +197,12 @@ def _check(folder: Path, document: dict[str, Any], parameters: Parameters) -> No
             raise UsageError(
                 f"--prior {folder}: it was surveyed with {name}={surveyed:g}, this vehicle needs {least}"
                 f" {own:g}: survey again with --set {name}={own:g}"
+            )
+    for name in GEAR if parameters.gear != "none" else ():
+        own_gear, surveyed_gear = getattr(parameters, name), theirs.get(name)
+        made = f"without {name}" if surveyed_gear is None else f"with {name}={surveyed_gear}"
+        if surveyed_gear != own_gear:
+            raise UsageError(
+                f"--prior {folder}: it was surveyed {made}, this vehicle has {name}={own_gear}:"
+                f" survey again with --set {name}={own_gear}"
             )

@@ -127,9 +127,15 @@ def test_combinations_that_map_nothing_or_everything_are_refused(
 
 def test_a_slope_beyond_the_tip_limit_is_refused_with_both_names() -> None:
     with pytest.raises(ParameterError, match=r"\(20\.0\) must not exceed tip_limit_deg \(15\.0\)"):
-        params.load("quadcopter", ["safe_slope_deg=20"])
-    assert params.load("quadcopter", ["safe_slope_deg=20", "gear=none"]).gear == "none"
-    assert params.load("quadcopter", ["safe_slope_deg=20", "mode=source"]).safe_slope_deg == 20
+        params.load("quadcopter", ["safe_slope_deg=20", "tip_limit_deg=15"])
+    for other in ("gear=none", "mode=source"):
+        params.load("quadcopter", ["safe_slope_deg=20", "tip_limit_deg=15", other])
+
+
+def test_without_a_tip_limit_the_vehicle_may_tilt_five_degrees_more_than_the_ground() -> None:
+    assert params.load("quadcopter").greatest_tilt_deg == 15
+    assert params.load("quadcopter", ["safe_slope_deg=20"]).greatest_tilt_deg == 25
+    assert params.load("helicopter").greatest_tilt_deg == 10
 
 
 def test_a_footprint_that_does_not_hold_the_gear_is_refused() -> None:
@@ -141,5 +147,5 @@ def test_a_footprint_that_does_not_hold_the_gear_is_refused() -> None:
 def test_every_profiles_limits_agree_with_its_gear(profile: str) -> None:
     """On ground at its limit of slope or relief, the gear is within its own."""
     p = params.load(profile)
-    assert p.gear == "none" or p.safe_slope_deg <= p.tip_limit_deg
+    assert p.gear == "none" or p.safe_slope_deg <= p.greatest_tilt_deg
     assert p.gear == "none" or p.relief_m <= p.clearance_m

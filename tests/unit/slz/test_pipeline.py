@@ -244,7 +244,7 @@ def test_of_a_slope_at_the_limit_one_cell_in_a_hundred_is_called_safe_at_most(se
 def test_the_standard_error_of_the_slope_is_honest(slope: float) -> None:
     errors, squares = [], []
     for seed in range(3):
-        pipe = pipeline("safe_slope_deg=30", "gear=none")
+        pipe = pipeline("safe_slope_deg=30")
         run(pipe, ground(seed, slope_deg=slope, density=20))
         m = maps(pipe)
         sigma = m.slope_sigma_deg

@@ -1,6 +1,6 @@
 // What is picked, what is under watch, and the orders.
 
-import { byId, el, percent, setClass, shown, valueOf } from "./dom.js";
+import { byId, el, headings, percent, setClass, shown, valueOf } from "./dom.js";
 import { STATE_STYLE, SURE_WORDS } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
@@ -165,6 +165,8 @@ export class Choice {
         ["Relief", shown(point.relief_m, 2, "m")],
         ["Square", shown(zone?.square_m, 1, "m")],
         ["Way in", point.way_in_deg === null ? "–" : `${String(point.way_in_deg).padStart(3, "0")}°`],
+        ["Headings", headings(point.headings_deg ?? [])],
+        ["Unseen", percent(point.unseen ?? null, 1)],
         ["Map", point.judged_by === "none" ? "–" : point.judged_by],
         ["Obstacles", `${point.obstacles.length}${point.obstacles.length === 40 ? "+" : ""}`],
         ["Nearest", nearest ? `${nearest.height_m.toFixed(1)} / ${nearest.distance_m.toFixed(0)} m` : "–"],

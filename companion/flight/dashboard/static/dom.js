@@ -36,6 +36,21 @@ export function shown(value, digits = 0, unit = "") {
 export const percent = (value, digits = 0) =>
   value === null || value === undefined ? "–" : `${(100 * value).toFixed(digits)} %`;
 
+/** Safe headings as ranges, clockwise: "any", "none" or "345°–015°, 165°–195°"; `step` apart. */
+export function headings(safe, step = 15) {
+  if (safe.length === 0 || safe.length >= 360 / step) return safe.length ? "any" : "none";
+  const name = (deg) => `${String(deg).padStart(3, "0")}°`;
+  const is = new Set(safe);
+  const firsts = safe.filter((deg) => !is.has((deg - step + 360) % 360));
+  return firsts
+    .map((first) => {
+      let last = first;
+      while (is.has((last + step) % 360)) last = (last + step) % 360;
+      return first === last ? name(first) : `${name(first)}–${name(last)}`;
+    })
+    .join(", ");
+}
+
 /** A round value of a layer with the sign of its unit. */
 export const amount = (value, unit) => (unit === "probability" ? `${100 * value} %` : unit === "degree" ? `${value}°` : `${value} ${unit}`);
 

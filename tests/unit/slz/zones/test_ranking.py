@@ -291,9 +291,7 @@ def test_of_points_as_clear_the_most_certain_is_taken() -> None:
     height = land(130)
     height[20:41, 5:125] = np.minimum(np.arange(5, 125), 65) * CELL_M * np.tan(np.radians(4.0))
     height[20:41:2, 62:125:2] += 0.24
-    one = seen(
-        height, "zone_m=140", "range_noise_m=0.12", "safe_slope_deg=30", "min_certainty=0.5", "gear=none"
-    ).zones[0]
+    one = seen(height, "zone_m=140", "range_noise_m=0.12", "safe_slope_deg=30", "min_certainty=0.5").zones[0]
     assert one.box.col1 - one.box.col0 > 100
     assert one.best.enu_m[0] < 32.5
     assert one.best.slope_deg == pytest.approx(4.0, abs=0.3)
@@ -304,7 +302,7 @@ def test_of_points_as_certain_the_least_steep_is_taken(level_end: str) -> None:
     tilt = np.interp(np.arange(130), [0, 129], [0.0, 4.0])
     tilt = tilt if level_end == "west" else tilt[::-1]
     over_the_steep_end = (62.0 if level_end == "west" else 3.0, 15.25, 20.0)
-    own = ("zone_m=140", "relief_m=2", "safe_slope_deg=20", "register_m=0", "gear=none")
+    own = ("zone_m=140", "relief_m=2", "safe_slope_deg=20", "register_m=0")
     one = seen(strip(tilt), *own, sensor=over_the_steep_end).zones[0]
     ends = sorted(one.corners_enu_m[:, 0])
     middle = (ends[0] + ends[-1]) / 2
