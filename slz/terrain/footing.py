@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 from slz.kernels.footprint.certainty import hazard_quarters
-from slz.kernels.footprint.gear import keep_common_headings
+from slz.kernels.footprint.rest_pose import keep_common_headings
 from slz.terrain.gear import HEADING_STEP_DEG, gear_of
 
 ALL_HEADINGS = tuple(range(0, 360, HEADING_STEP_DEG))

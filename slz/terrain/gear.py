@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.footprint.gear import GearLimits
+from slz.kernels.footprint.rest_pose import GearLimits
 
 HEADING_STEP_DEG = 15
 MOST_OF_A_SKID = 16  # contacts
@@ -24,7 +24,7 @@ class Gear:
 
     contacts_m: (headings, contacts, 2) east and north of the contacts from the centre of gravity; no headings
     for no gear. period_deg: turned by it, the gear is the same, so headings beyond it are left out. limits:
-    see `slz.kernels.footprint.gear`.
+    see `slz.kernels.footprint.rest_pose`.
     """
 
     contacts_m: NDArray[np.float32]

@@ -16,7 +16,7 @@ import params
 from slz import Pipeline, Window
 from slz.frame import LocalFrame
 from slz.grid import Box
-from slz.kernels.footprint.gear import A_LEVERAGE, steepest_rest
+from slz.kernels.footprint.rest_pose import A_LEVERAGE, steepest_rest
 from slz.terrain.gear import gear_of
 
 Floats = NDArray[np.float64]

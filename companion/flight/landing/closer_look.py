@@ -22,10 +22,10 @@ class CloserLook:
 
     def __init__(self, state: LandingState) -> None:
         self._state = state
-        self.begin()
+        self.reset()
 
-    def begin(self) -> None:
-        """Begin with a new point."""
+    def reset(self) -> None:
+        """Forget the look at an earlier point."""
         self._since_ns: int | None = None
         self._is_over = False
         self._corners = itertools.cycle(map(np.array, CORNERS))

@@ -15,7 +15,6 @@ from slz.kernels.footprint.classify import (
     classify,
     leave_unknown,
 )
-from slz.kernels.footprint.gear import Contacts, GearLimits, refuse_without_heading, scratch_for
 from slz.kernels.footprint.moments import INVERSE, LOWER, PATCH_LAYERS, RISE, RISES, SUMS, UPPER, over_rows
 from slz.kernels.footprint.patch import (
     COLS,
@@ -26,6 +25,7 @@ from slz.kernels.footprint.patch import (
     rows_of_patch,
 )
 from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, add_inner_relief, fit_planes
+from slz.kernels.footprint.rest_pose import Contacts, GearLimits, refuse_without_heading, scratch_for
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, Bits, word_at
 from slz.kernels.simd import LANES, aligned_empty, load, store
@@ -69,7 +69,7 @@ def derive_box(
         Size of a cell (m), noise of a return (m), limits of slope (deg) and relief (m), side of the smallest
         hazard (m).
     contacts, gear
-        Contacts of the gear by heading, none for no gear, and its limits, see `slz.kernels.footprint.gear`.
+        Contacts of the gear by heading, none for no gear, and limits: `slz.kernels.footprint.rest_pose`.
     box
         row0, row1, col0, col1 (half open), relative to the margin; columns in whole lanes.
     maps, to, layer, stride

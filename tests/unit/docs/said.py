@@ -25,6 +25,7 @@ SOURCES = (
     "companion/flight/dashboard/site.py",
     "companion/flight/dashboard/viewer.py",
     "companion/desk/replay/replay_page.py",
+    "companion/flight/landing/closer_look.py",
     "companion/flight/landing/executive.py",
     "companion/flight/landing/landing_state.py",
     "companion/flight/landing/interruptions/withdrawal.py",

@@ -43,7 +43,7 @@ class Approach:
         state.tally.zone_id, state.tally.chosen_enu_m = zone_id, state.aim.enu_m
         state.selection.select(state.aim.enu_m)
         self._over_since_ns = state.safe_since_ns = None
-        self._look.begin()
+        self._look.reset()
         where = f"zone {zone_id}" if zone_id is not None else "the point"
         state.say(Severity.INFO, f"approaching {where}")
         state.go(Phase.APPROACH, s)
