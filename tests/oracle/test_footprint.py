@@ -140,7 +140,7 @@ def test_planes_are_those_of_least_squares(seed: int, k: int, bumpy_m: float) ->
 
 def check_relief(got: float, expected: Plane) -> None:
     """None where it is surely too steep, else the exact one."""
-    surely_steep = expected.slope_deg - 3 * expected.sigma_deg - SLOPE_LIMIT
+    surely_steep = expected.slope_deg - 2.5 * expected.sigma_deg - SLOPE_LIMIT
     if abs(surely_steep) < 1e-2:
         return
     if surely_steep > 0:

@@ -41,7 +41,7 @@ from slz.kernels.simd import (
     widened,
 )
 
-SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
+SIGMAS = np.float32(2.5)  # standard errors between a safe slope and its limit
 LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
 THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
 
@@ -192,7 +192,7 @@ def fit_planes(
     statistics
         (rows, PLANE_STATISTICS, 16), flat: receives the statistics. NaN where a footprint is not covered, has
         fewer than six cells with a height or only collinear ones; the relief also where the slope exceeds its
-        limit by three standard errors. INNER is left to `add_inner_relief`.
+        limit by `SIGMAS` standard errors. INNER is left to `add_inner_relief`.
     plane
         (rows, PLANE, 16), flat: receives the planes, undefined where there is none.
     """
