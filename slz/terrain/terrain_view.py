@@ -32,6 +32,9 @@ class TerrainView(Protocol):
     def state_at(self, enu_m: NDArray[np.float64], error_m: float) -> int | None:
         """Return the state of a point (3,) that may be missed by an error; None where the map lacks it."""
 
+    def certainty_at(self, enu_m: NDArray[np.float64], error_m: float) -> float:
+        """Return the certainty of a point (3,) that may be missed by an error."""
+
     def ground_and_top(self, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights and tops of the cells of a box (m), NaN where unknown."""
 
@@ -93,17 +96,26 @@ class UnboundedTerrain:
 
     def state_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> int | None:
         """Return the state of a point: safe only where every cell within the error is safe."""
-        east, north = enu_m[:2].tolist()
-        row0, col0 = self.grid.index(east - error_m, north - error_m)
-        row1, col1 = self.grid.index(east + error_m, north + error_m)
-        state = self.state(Box(row0, row1 + 1, col0, col1 + 1))
+        state = self.state(_within(self.grid, enu_m, error_m))
         if (state == SAFE).all():
             return int(SAFE)
         if (state == UNSAFE).any():
             return int(UNSAFE)
         return int(UNKNOWN) if (state == SAFE).any() else None
 
+    def certainty_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> float:
+        """Return the certainty of a point: the least of the cells within the error."""
+        return float(self.layer("certainty", _within(self.grid, enu_m, error_m)).min())
+
     def ground_and_top(self: TerrainView, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights, and tops where the ground is not safe."""
         height, top = self.layer("height_m", box), self.layer("top_m", box)
         return height, np.where(self.state(box) == SAFE, height, np.fmax(height, top))
+
+
+def _within(grid: Grid, enu_m: NDArray[np.float64], error_m: float) -> Box:
+    """Return the cells within an error of a point."""
+    east, north = enu_m[:2].tolist()
+    row0, col0 = grid.index(east - error_m, north - error_m)
+    row1, col1 = grid.index(east + error_m, north + error_m)
+    return Box(row0, row1 + 1, col0, col1 + 1)
