@@ -15,7 +15,9 @@ from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.simd import Floats, broadcast, logical_and, sqrt, where
 
 SLOPE_MARGIN_DEG = 0.07  # standard deviation of a fitted plane's slope about the ground's, beside its error
-RELIEF_NOISE = 1.05  # bias of a relief by noise beyond its excess, in standard deviations of one return
+RELIEF_NOISE = (
+    1.05  # bias of a relief beyond its excess, in deviations of a return, where every cell was struck
+)
 RELIEF_SPREAD = 1.0  # standard deviation of that bias, in the same unit
 STRUCK = 0.9985  # share of footprints without a hazard that returns struck and the map lost
 HIDDEN = 0.05  # share of footprints with a hazard of `HAZARD_M`, where nothing was struck, on even ground
@@ -26,9 +28,7 @@ HAZARD_M = 0.3  # side of the smallest hazard, seen from above
 LEAST_NOISE_M = 1e-3
 CERTAIN_SIGMAS = 4.0  # standard deviations, beyond which a probability counts as 1: it is within 3e-5
 F0, F1, F_LEAST_NOISE = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
-RELIEF_MARGIN = np.float32(
-    CERTAIN_SIGMAS * RELIEF_SPREAD - RELIEF_NOISE
-)  # margin of the relief, in deviations of a return
+F_NOISE, F_MOST = np.float32(RELIEF_NOISE), np.float32(CERTAIN_SIGMAS * RELIEF_SPREAD)
 
 
 @kernel
@@ -40,8 +40,8 @@ def _normal_cdf(deviations: float) -> float:
 
 
 @kernel
-def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> float:
-    return _normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
+def _relief_probability(relief_m: float, bias: float, noise_m: float, limit_m: float) -> float:
+    return _normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + bias) / RELIEF_SPREAD)
 
 
 @kernel
@@ -92,10 +92,11 @@ def certainty(
     left_deg = slope_limit_deg - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
     gentle = _normal_cdf(left_deg / math.sqrt(spread2))
-    even = _relief_probability(relief_m, noise_m, relief_limit_m)
+    bias = RELIEF_NOISE * share_seen  # where few cells were struck, what was not makes up for it
+    even = _relief_probability(relief_m, bias, noise_m, relief_limit_m)
     clutter = 0.0
     if inner_relief_m < relief_m:
-        alone = _relief_probability(inner_relief_m, noise_m, relief_limit_m)
+        alone = _relief_probability(inner_relief_m, bias, noise_m, relief_limit_m)
         one = min(ALONE_MOST, ALONE + ALONE_SEEN * share_seen)
         clutter = alone * one + (1 - alone) * FEW * share_seen
     return float(gentle * (even * max(0.0, STRUCK - hidden) + (1 - even) * clutter))
@@ -131,13 +132,13 @@ def undoubted(
     margin = broadcast(np.float32(SLOPE_MARGIN_DEG))
     left = broadcast(slope_limit_deg) - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
-    most2, left_m = broadcast(RELIEF_MARGIN * RELIEF_MARGIN), broadcast(relief_limit_m) - relief_m
+    most, left_m = broadcast(F_MOST) - broadcast(F_NOISE) * share_seen, broadcast(relief_limit_m) - relief_m
     noise2 = where(
         noise2_m2 < broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
         broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
         noise2_m2,
     )
-    level = logical_and(broadcast(F0) < left_m, most2 * noise2 < left_m * left_m)
+    level = logical_and(broadcast(F0) < left_m, most * most * noise2 < left_m * left_m)
     gentle = logical_and(
         broadcast(F0) < left, broadcast(np.float32(CERTAIN_SIGMAS * CERTAIN_SIGMAS)) * spread2 < left * left
     )
