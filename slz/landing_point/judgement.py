@@ -40,9 +40,10 @@ class SelectedPoint:
 
     judged_by: the map that decided; "none" when neither covers the point: the state is then the last one
     known (SLZ thesis, section 4.3.2.2), or unknown if there was none. height_m: height of the ground at the
-    point. slope_deg, relief_m, certainty: of the footprint at the point, NaN where unknown. surroundings:
-    None where nothing is known. footing: headings at which the gear stands there, and how likely a hazard
-    went unseen.
+    point. slope_deg, relief_m: of the footprint at the point, NaN where unknown. certainty: the least of the
+    cells within the touchdown error, in source mode that of the point's cell. surroundings: None where
+    nothing is known. footing: headings at which the gear stands there, and how likely a
+    hazard went unseen.
     """
 
     enu_m: NDArray[np.float64]
@@ -80,7 +81,7 @@ def judge_point(
                 height_m=ground_m(terrain, cell),
                 slope_deg=float(terrain.layer("slope_deg", cell)[0, 0]),
                 relief_m=float(terrain.layer("relief_m", cell)[0, 0]),
-                certainty=float(terrain.layer("certainty", cell)[0, 0]),
+                certainty=terrain.certainty_at(enu_m, parameters.touchdown_error_m),
                 zone_id=None,
                 surroundings=surroundings(enu_m, terrain, parameters),
                 footing=footing,

@@ -183,6 +183,11 @@ class PaperTerrain:
         """Return a footing at any heading: the sources know no gear."""
         return ANY_FOOTING
 
+    def certainty_at(self, enu_m: NDArray[np.float64], error_m: float) -> float:
+        """Return the certainty of the cell of a point."""
+        row, col = self.grid.index(float(enu_m[0]), float(enu_m[1]))
+        return float(self.layer("certainty", Box(row, row + 1, col, col + 1))[0, 0])
+
     def ground_and_top(self, box: Box) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the heights of a box twice, NaN outside the grid: the sources know no tops."""
         rows, cols = self.grid.rows, self.grid.cols

@@ -7,7 +7,7 @@ least `hold_s` of newer observations. Ground not seen for `max_age_s` and ground
 unknown is not safe.
 
 A cell is *safe* when the footprint centred on it is on seen ground, its plane slopes less than the limit with
-three standard errors added, nothing in it rises or falls by the relief limit, and the landing gear stands
+2.5 standard errors added, nothing in it rises or falls by the relief limit, and the landing gear stands
 there at some heading.
 
 Evidence is kept at the finest cells. The maps may be derived at any level of a pyramid: cells of level k are

@@ -36,6 +36,9 @@ class TerrainView(Protocol):
     def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
         """Return the footing of the gear at a point (3,) that may be missed by an error."""
 
+    def certainty_at(self, enu_m: NDArray[np.float64], error_m: float) -> float:
+        """Return the certainty of a point (3,) that may be missed by an error."""
+
     def ground_and_top(self, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights and tops of the cells of a box (m), NaN where unknown."""
 
@@ -115,6 +118,10 @@ class UnboundedTerrain:
     def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
         """Return a footing at any heading: maps without evidence of cells know no other."""
         return ANY_FOOTING
+
+    def certainty_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> float:
+        """Return the certainty of a point: the least of the cells within the error."""
+        return float(self.layer("certainty", cells_within(self.grid, enu_m, error_m)).min())
 
     def ground_and_top(self: TerrainView, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights, and tops where the ground is not safe."""

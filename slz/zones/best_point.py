@@ -54,7 +54,8 @@ def best_point(
     """Return the point of a zone with the greatest clearance.
 
     Among points whose clearance differs by less than half a cell, the most certain wins, then the least
-    steep, then the nearest to the vehicle.
+    steep, then the nearest to the vehicle. Its certainty is that of a point that may be missed by the
+    touchdown error, as of a selected point.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def best_point(
         clearance_m=(math.sqrt(among.distance2[best]) - 0.5) * grid.cell_m,
         square_side_m=square_side * grid.cell_m,
         slope_deg=float(among.slope_deg[best]),
-        certainty=float(among.certainty[best]),
+        certainty=terrain.certainty_at(enu_m, parameters.touchdown_error_m),
         horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=math.hypot(centre[0] - east_m, centre[1] - north_m),
     )

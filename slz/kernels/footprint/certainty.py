@@ -1,7 +1,7 @@
 """Certainty: the probability that the whole footprint at a cell is safe.
 
-The constants are calibrated on simulated surveys (`slz reproduce` draws the reliability diagram) and on
-closed-form worlds: of cells with certainty 0.9, nine of ten or more are safe.
+The constants are fitted to closed-form worlds and judged on others (docs/benchmark/accuracy.md); `slz
+reproduce` draws the reliability diagram of simulated surveys.
 """
 
 from __future__ import annotations
@@ -14,17 +14,20 @@ import numpy as np
 from slz.kernels.jit import kernel, kernel_for_any_types
 from slz.kernels.simd import Floats, broadcast, logical_and, sqrt, where
 
-SLOPE_MARGIN_DEG = 0.06  # bias of a fitted plane's slope against the ground, and its standard deviation
-RELIEF_NOISE = 1.3  # bias of a relief by noise beyond its excess, in standard deviations of one return
-RELIEF_SPREAD = 0.6  # standard deviation of that bias, in the same unit
-HIDDEN = 0.09  # share of footprints with a smallest hazard, where nothing was struck
-RIM = 0.5  # share of hazards seen only in a footprint's outermost cells that do reach into it
+SLOPE_MARGIN_DEG = 0.07  # standard deviation of a fitted plane's slope about the ground's, beside its error
+RELIEF_NOISE = (
+    1.05  # bias of a relief beyond its excess, in deviations of a return, where every cell was struck
+)
+RELIEF_SPREAD = 1.0  # standard deviation of that bias, in the same unit
+STRUCK = 0.9985  # share of footprints without a hazard that returns struck and the map lost
+HIDDEN = 0.05  # share of footprints with a smallest hazard, where nothing was struck, on even ground
+UNEVEN = 18.0  # and times one more than this, where what was struck reaches the limit of the relief
+ALONE, ALONE_SEEN, ALONE_MOST = 0.29, 0.82, 0.77  # share of clutter in what stands out in one cell alone
+FEW = 0.21  # share of clutter in what stands out in a few cells, where every cell was struck
 LEAST_NOISE_M = 1e-3
-CERTAIN_SIGMAS = 6.0  # standard deviations, beyond which a probability is 1 in single precision
+CERTAIN_SIGMAS = 4.0  # standard deviations, beyond which a probability counts as 1: it is within 3e-5
 F0, F1, F_LEAST_NOISE = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
-RELIEF_MARGIN = np.float32(
-    CERTAIN_SIGMAS * RELIEF_SPREAD - RELIEF_NOISE
-)  # margin of the relief, in deviations of a return
+F_NOISE, F_MOST = np.float32(RELIEF_NOISE), np.float32(CERTAIN_SIGMAS * RELIEF_SPREAD)
 
 
 @kernel
@@ -36,8 +39,8 @@ def normal_cdf(deviations: float) -> float:
 
 
 @kernel
-def _relief_probability(relief_m: float, noise_m: float, limit_m: float) -> float:
-    return normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + RELIEF_NOISE) / RELIEF_SPREAD)
+def _relief_probability(relief_m: float, bias: float, noise_m: float, limit_m: float) -> float:
+    return normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + bias) / RELIEF_SPREAD)
 
 
 @kernel
@@ -64,12 +67,16 @@ def certainty(
 ) -> float:
     """Return the probability that slope and relief of a footprint are within their limits; 0 where unknown.
 
+    A relief beyond its limit is clutter in a share of the footprints: in many where a single cell stands out,
+    in few where several do, and in none where most of the footprint's unevenness is due to many cells.
+
     Parameters
     ----------
     slope_deg, slope_sigma_deg
         Slope of the footprint's plane and its standard error.
     relief_m, inner_relief_m
-        Relief of the whole footprint, and without its outermost cells; NaN where the slope is too steep.
+        Relief of the whole footprint, and without the cell that stands out most, or the same where many cells
+        stand out (`slz.kernels.footprint.plane_fit.add_inner_relief`); NaN where the slope is too steep.
     noise_m
         Standard deviation of the height of one return.
     share_seen
@@ -79,13 +86,19 @@ def certainty(
     """
     if math.isnan(slope_deg + slope_sigma_deg + relief_m + inner_relief_m + noise_m + share_seen):
         return 0.0
-    seen = 1 - HIDDEN * float(max(0.0, 1 - share_seen) ** (0.25 * quarters))
-    left_deg = slope_limit_deg - SLOPE_MARGIN_DEG - slope_deg
+    part = min(1.0, relief_m / relief_limit_m)
+    hidden = HIDDEN * max(0.0, 1 - share_seen) ** (0.25 * quarters) * (1 + UNEVEN * part**6)
+    left_deg = slope_limit_deg - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + SLOPE_MARGIN_DEG * SLOPE_MARGIN_DEG
     gentle = normal_cdf(left_deg / math.sqrt(spread2))
-    outer = _relief_probability(relief_m, noise_m, relief_limit_m)
-    inner = _relief_probability(inner_relief_m, noise_m, relief_limit_m)
-    return gentle * (RIM * outer + (1 - RIM) * inner) * seen
+    bias = RELIEF_NOISE * share_seen  # where few cells were struck, what was not makes up for it
+    even = _relief_probability(relief_m, bias, noise_m, relief_limit_m)
+    clutter = 0.0
+    if inner_relief_m < relief_m:
+        alone = _relief_probability(inner_relief_m, bias, noise_m, relief_limit_m)
+        one = min(ALONE_MOST, ALONE + ALONE_SEEN * share_seen)
+        clutter = alone * one + (1 - alone) * FEW * share_seen
+    return float(gentle * (even * max(0.0, STRUCK - hidden) + (1 - even) * clutter))
 
 
 @kernel_for_any_types
@@ -99,7 +112,7 @@ def undoubted(
     relief_limit_m: float,
     quarters: int,
 ) -> Any:
-    """Return the `certainty` of 16 footprints as if gaps were the only doubt, and flags where this holds.
+    """Return the `certainty` of 16 footprints as if hidden hazards were the only doubt, and flags where so.
 
     It holds on most ground, and takes no division or error function.
     """
@@ -111,17 +124,21 @@ def undoubted(
         hidden = hidden * half
     if quarters & 1:
         hidden = hidden * sqrt(half)
+    part = relief_m * broadcast(F1 / np.float32(relief_limit_m))
+    part = where(part < broadcast(F1), part, broadcast(F1))
+    cube = part * part * part
+    hidden = hidden + hidden * broadcast(np.float32(UNEVEN)) * (cube * cube)
     margin = broadcast(np.float32(SLOPE_MARGIN_DEG))
-    left = broadcast(slope_limit_deg) - margin - slope_deg
+    left = broadcast(slope_limit_deg) - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
-    most2, left_m = broadcast(RELIEF_MARGIN * RELIEF_MARGIN), broadcast(relief_limit_m) - relief_m
+    most, left_m = broadcast(F_MOST) - broadcast(F_NOISE) * share_seen, broadcast(relief_limit_m) - relief_m
     noise2 = where(
         noise2_m2 < broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
         broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
         noise2_m2,
     )
-    level = logical_and(broadcast(F0) < left_m, most2 * noise2 < left_m * left_m)
+    level = logical_and(broadcast(F0) < left_m, most * most * noise2 < left_m * left_m)
     gentle = logical_and(
         broadcast(F0) < left, broadcast(np.float32(CERTAIN_SIGMAS * CERTAIN_SIGMAS)) * spread2 < left * left
     )
-    return broadcast(F1) - broadcast(np.float32(HIDDEN)) * hidden, logical_and(gentle, level)
+    return broadcast(np.float32(STRUCK)) - broadcast(np.float32(HIDDEN)) * hidden, logical_and(gentle, level)

@@ -23,7 +23,7 @@ from slz.kernels.footprint.moments import (
     over_columns,
     rises_over_columns,
 )
-from slz.kernels.footprint.relief import relief, reliefs
+from slz.kernels.footprint.relief import relief_without_one, reliefs
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
@@ -34,6 +34,7 @@ from slz.kernels.simd import (
     flags_of,
     load,
     logical_and,
+    minimum,
     narrowed,
     sqrt,
     store,
@@ -41,13 +42,14 @@ from slz.kernels.simd import (
     widened,
 )
 
-SIGMAS = np.float32(3)  # standard errors between a safe slope and its limit
+SIGMAS = np.float32(2.5)  # standard errors between a safe slope and its limit
 LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
+MANY = np.float32(1.5)  # sum of the squared residuals over the squared relief: more than one cell stands out
 THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
 
 # Statistics of a footprint's plane, 16 lanes each: slope and its standard error (deg); relief (m), the
 # peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
-# variance of one return (m²); share of the cells with a return; relief without the outermost cells (m).
+# variance of one return (m²); share of the cells with a return; relief without a lone extreme (m).
 SLOPE, SIGMA, RELIEF, RMS, NOISE2, SHARE, INNER = range(7)
 PLANE_STATISTICS = 7
 WEST, NORTH, LEVEL = range(3)  # rise of a plane per cell to the west, to the north; middle height (m)
@@ -149,14 +151,22 @@ def _add_relief(
 def add_inner_relief(
     lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, statistics: Row
 ) -> None:
-    """Write the relief of 16 footprints of a row without their outermost cells, see `fit_planes`."""
-    p, at = row * PLANE * LANES, row * PLANE_STATISTICS * LANES + INNER * LANES
+    """Write the relief of 16 footprints of a row without the cell that stands out most, see `fit_planes`.
+
+    Where the heights deviate from the plane as if `MANY` cells or more stood out, it is the relief itself: an
+    object struck all over is no clutter.
+    """
+    p, at = row * PLANE * LANES, row * PLANE_STATISTICS * LANES
     west, north, level = (
         load(plane, p + WEST * LANES),
         load(plane, p + NORTH * LANES),
         load(plane, p + LEVEL * LANES),
     )
-    store(statistics, at, relief(lower, upper, row * wide + col, wide, away, 1, west, north, level))
+    without = relief_without_one(lower, upper, row * wide + col, wide, away, west, north, level)
+    whole, rms = load(statistics, at + RELIEF * LANES), load(statistics, at + RMS * LANES)
+    known = load(statistics, at + SHARE * LANES) * broadcast(np.float32(len(away) * len(away)))
+    few = known * rms * rms < broadcast(MANY) * whole * whole
+    store(statistics, at + INNER * LANES, where(few, minimum(without, whole), whole))
 
 
 @kernel
@@ -192,7 +202,7 @@ def fit_planes(
     statistics
         (rows, PLANE_STATISTICS, 16), flat: receives the statistics. NaN where a footprint is not covered, has
         fewer than six cells with a height or only collinear ones; the relief also where the slope exceeds its
-        limit by three standard errors. INNER is left to `add_inner_relief`.
+        limit by `SIGMAS` standard errors. INNER is left to `add_inner_relief`.
     plane
         (rows, PLANE, 16), flat: receives the planes, undefined where there is none.
     """

@@ -27,24 +27,24 @@ def _of_row(lower: Row, upper: Row, at: int, away: Row, first: int, stop: int, w
 
 
 @kernel_for_any_types
-def relief(
-    lower: Row,
-    upper: Row,
-    at: int,
-    wide: int,
-    away: Row,
-    rim: int,
-    west: Floats,
-    north: Floats,
-    level: Floats,
+def relief_without_one(
+    lower: Row, upper: Row, at: int, wide: int, away: Row, west: Floats, north: Floats, level: Floats
 ) -> Floats:
-    """Return the relief of 16 footprints about their planes, without a rim of cells; see `reliefs`."""
+    """Return the relief of 16 footprints about their planes, less a lone extreme; see `reliefs`."""
     side, lowest, highest = len(away), broadcast(HIGHEST), broadcast(LOWEST)
-    for i in range(rim, side - rim):
-        low, high = _of_row(lower, upper, at + i * wide, away, rim, side - rim, west)
-        up = level + north * broadcast(away[i])
-        lowest, highest = minimum(low - up, lowest), maximum(high - up, highest)
-    return maximum(highest - lowest, broadcast(F0))
+    lowest2, highest2 = lowest, highest
+    for i in range(side):
+        row, up = at + i * wide, level + north * broadcast(away[i])
+        for d in range(side):
+            far = broadcast(away[d])
+            low = fused_multiply_add(west, far, load(lower, row + d)) - up
+            high = fused_multiply_add(west, far, load(upper, row + d)) - up
+            lowest2, highest2 = (
+                minimum(maximum(low, lowest), lowest2),
+                maximum(minimum(high, highest), highest2),
+            )
+            lowest, highest = minimum(low, lowest), maximum(high, highest)
+    return maximum(minimum(highest2 - lowest, highest - lowest2), broadcast(F0))
 
 
 @kernel_for_any_types

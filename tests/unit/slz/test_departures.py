@@ -160,7 +160,7 @@ def test_noise_makes_flat_ground_steep_by_the_source_s_gradient_and_not_by_the_p
     assert (maps(default).state == SAFE).mean() > 0.7
 
 
-def test_three_standard_errors_of_the_slope_are_kept_from_its_limit_by_default() -> None:
+def test_standard_errors_of_the_slope_are_kept_from_its_limit_by_default() -> None:
     """The same ground just below the limit is safe where many returns fix its slope, and else not."""
     shares = []
     for density in (4.0, 200.0):

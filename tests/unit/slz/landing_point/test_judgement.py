@@ -201,6 +201,26 @@ def test_a_point_out_of_the_near_map_s_reach_is_judged_by_the_far_map() -> None:
     assert (closer.state, closer.judged_by) == (PointState.SAFE, "near")
 
 
+def test_the_certainty_of_a_point_is_the_least_of_the_cells_it_may_be_missed_by() -> None:
+    cloud = square(15, 0.25)
+    block = (np.abs(cloud[:, 0] - 3.0) < 0.4) & (np.abs(cloud[:, 1]) < 0.4)
+    cloud[block, 2] += 1.0
+    pipe = default()
+    over(pipe, cloud)
+    for second, (east, state) in enumerate([(-5.0, PointState.SAFE), (1.1, PointState.UNSAFE)], 1):
+        pipe.select(np.array([east, 0.0, 0.0]))
+        point = selected(over(pipe, cloud, second))
+        row, col = maps(pipe).grid.index(east, 0.0)
+        certain, box = maps(pipe).certainty, maps(pipe).box
+        reach = round(0.5 / maps(pipe).grid.cell_m)
+        around = certain[row - box.row0 - reach : row - box.row0 + reach + 1, :]
+        around = around[:, col - box.col0 - reach : col - box.col0 + reach + 1]
+        assert point.state is state
+        assert point.certainty <= certain[row - box.row0, col - box.col0]
+        assert point.certainty == pytest.approx(around.min(), abs=0.05)
+    assert point.certainty < 0.01
+
+
 def test_the_near_map_overrules_the_far_one() -> None:
     """A narrow ditch vanishes in the far map's cells. Seen from near it counts, whatever the far map says."""
     ground = flat(240, 240)
