@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 PAPER = "SLZ paper Table 4"
 THESIS = "SLZ thesis Table 3"
 OURS = "this project"
+GEAR_SHARES = {"pads": (0.285, 0.285), "skids": (0.6, 0.44), "tripod": (0.6, 0.44)}  # of the footprint
 TILT_OVER_SLOPE_DEG = 5.0  # by which a landed vehicle may tilt more than the ground slopes
 
 
@@ -142,12 +143,24 @@ class Parameters(BaseModel):
     ] = "pads"
     gear_length_m: Annotated[
         float,
-        _in(0.05, 30),
-        Spec("SLZ_GEAR_L_M", "m", OURS, "Front to rear pads of the gear, or length of its skids."),
-    ] = 0.57
+        _in(0, 30),
+        Spec(
+            "SLZ_GEAR_L_M",
+            "m",
+            OURS,
+            "Front to rear pads, or length of the skids; 0 is 0.285 footprint_m, of skids or a tripod 0.6.",
+        ),
+    ] = 0.0
     gear_width_m: Annotated[
-        float, _in(0.05, 30), Spec("SLZ_GEAR_W_M", "m", OURS, "Left to right pads of the gear, or skids.")
-    ] = 0.57
+        float,
+        _in(0, 30),
+        Spec(
+            "SLZ_GEAR_W_M",
+            "m",
+            OURS,
+            "Left to right pads or skids; 0 is 0.285 footprint_m, of skids or a tripod 0.44.",
+        ),
+    ] = 0.0
     pad_radius_m: Annotated[
         float, _in(0.005, 2), Spec("SLZ_PAD_R_M", "m", OURS, "Radius of a pad, or half the width of a skid.")
     ] = 0.03
@@ -444,6 +457,12 @@ class Parameters(BaseModel):
     ] = 0.5
 
     @property
+    def gear_size_m(self) -> tuple[float, float]:
+        """Length and width of the gear between its outermost contacts."""
+        length, width = GEAR_SHARES.get(self.gear, (0.0, 0.0))
+        return self.gear_length_m or length * self.footprint_m, self.gear_width_m or width * self.footprint_m
+
+    @property
     def greatest_tilt_deg(self) -> float:
         """Tilt of the landed vehicle below which it stands safely."""
         return self.tip_limit_deg or self.safe_slope_deg + TILT_OVER_SLOPE_DEG
@@ -491,12 +510,12 @@ class Parameters(BaseModel):
                 f"safe_slope_deg ({self.safe_slope_deg}) must not exceed tip_limit_deg"
                 f" ({self.tip_limit_deg}), unless that is 0 or gear is none"
             )
-        across_m = math.hypot(self.gear_length_m, self.gear_width_m) + 2 * self.pad_radius_m
+        length_m, width_m = self.gear_size_m
+        across_m = math.hypot(length_m, width_m) + 2 * self.pad_radius_m
         if across_m > self.footprint_m:
             raise ValueError(
                 f"footprint_m ({self.footprint_m}) must hold the gear: {across_m:.2f} m across with"
-                f" gear_length_m {self.gear_length_m}, gear_width_m {self.gear_width_m} and"
-                f" pad_radius_m {self.pad_radius_m}"
+                f" gear_length_m {length_m:g}, gear_width_m {width_m:g} and pad_radius_m {self.pad_radius_m}"
             )
 
 

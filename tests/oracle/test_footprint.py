@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import params
 from slz.grid import Box
 from slz.kernels.argument_types import Array1D
 from slz.kernels.cells.cell_statistics import summary
@@ -32,7 +31,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.morphology import eroded
 from slz.kernels.simd import LANES, store, store_wide
-from slz.terrain.gear import gear_of
+from slz.terrain.gear import NO_GEAR
 from slz.terrain.layers import LAYERS
 from slz.terrain.tiles import Noise, Tiles
 
@@ -47,7 +46,6 @@ seeds = st.integers(0, 10_000)
 # ---- planes -------------------------------------------------------------------------------------
 
 NOISE_M, SLOPE_LIMIT = 0.02, 10.0
-NO_GEAR = gear_of(params.load("quadcopter", ["gear=none"]), 0.25)
 
 
 @dataclass
@@ -76,7 +74,8 @@ def planes(
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty(rows * wide, np.uint8)
     derive_box(
         about, inverses(about), whole, np.zeros_like(whole), k, k,
-        (cell_m, NOISE_M, limit, relief_limit, 0.3), NO_GEAR.contacts_m, NO_GEAR.limits, (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,
+        (cell_m, NOISE_M, limit, relief_limit, 0.3), NO_GEAR.contacts_m, NO_GEAR.limits,
+        (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,
     )  # fmt: skip
     return maps[2:7, :, :cols]
 

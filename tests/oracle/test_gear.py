@@ -100,7 +100,7 @@ def safe_map(surface: Surface, parameters: params.Parameters) -> tuple[Floats, N
 
 def least_tilt_deg(surface: Surface, east: float, north: float, p: params.Parameters) -> float:
     """Least tilt of the gear on the exact surface, of headings 10 degrees apart."""
-    ahead, aside = p.gear_length_m / 2, p.gear_width_m / 2
+    ahead, aside = p.gear_size_m[0] / 2, p.gear_size_m[1] / 2
     if p.gear == "skids":
         along = np.linspace(-ahead, ahead, 41)
         places = [(x, y) for y in (-aside, aside) for x in along]

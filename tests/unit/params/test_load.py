@@ -138,6 +138,13 @@ def test_without_a_tip_limit_the_vehicle_may_tilt_five_degrees_more_than_the_gro
     assert params.load("helicopter").greatest_tilt_deg == 10
 
 
+def test_without_sizes_the_gear_follows_the_footprint() -> None:
+    assert params.load("quadcopter").gear_size_m == pytest.approx((0.57, 0.57))
+    assert params.load("helicopter").gear_size_m == pytest.approx((3.0, 2.2))
+    assert params.load("helicopter", ["footprint_m=2"]).gear_size_m == pytest.approx((1.2, 0.88))
+    assert params.load("quadcopter", ["gear_width_m=0.4"]).gear_size_m == pytest.approx((0.57, 0.4))
+
+
 def test_a_footprint_that_does_not_hold_the_gear_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"footprint_m \(1\.5\) must hold the gear: 1\.76 m across"):
         params.load("quadcopter", ["footprint_m=1.5", "gear_length_m=1.2", "gear_width_m=1.2"])
