@@ -36,6 +36,7 @@ from slz.zones.zone_map import ZoneMap
 Points = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
+THIN_REACH = 1.5  # of the mapping reach, up to which isolated returns are judged
 
 
 class DefaultMethod:
@@ -147,7 +148,7 @@ class DefaultMethod:
         isolated = picked(points, ~keep)
         mostly = len(isolated) > len(kept)
         dense = is_dense_at(isolated, sensor_enu_m, len(points))
-        isolated = picked(isolated, within(isolated, sensor_enu_m, reach_m(p)) & ~dense)
+        isolated = picked(isolated, within(isolated, sensor_enu_m, THIN_REACH * reach_m(p)) & ~dense)
         return (points.copy(), ~keep, isolated) if mostly else (kept, np.zeros(len(kept), bool), isolated)
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:

@@ -18,6 +18,8 @@ from slz.kernels.simd import LANES
 from slz.terrain.gear import Gear, gear_of
 from slz.terrain.layers import LAYERS
 
+NARROW = 1  # radius of the closing that fills gaps of one and two cells between seen cells, raised or not
+
 
 @dataclass(frozen=True, slots=True)
 class Reach:
@@ -52,6 +54,7 @@ class CoveredCells:
     cells: NDArray[np.float32]
     covered: Bits
     unseen: Bits
+    gaps: Bits
     edge: int
     radius: int
     cell_m: float
@@ -66,10 +69,12 @@ class CoveredCells:
         known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
         covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
+        gaps = dilated(complement(closed(known, NARROW, cols), cols), reach.radius + 1, cols)
         return cls(
             cells,
             covered,
             unseen,
+            gaps,
             reach.margin,
             reach.radius,
             cell_m,
@@ -103,7 +108,7 @@ def derive(
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
     derive_box(
-        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits,
+        cells, inverses(cells), seen.covered, seen.unseen, seen.gaps, m, seen.radius, seen.limits,
         seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide),
         maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip

@@ -17,6 +17,7 @@ from slz.kernels.points.clutter import (
     add_others,
     bands_of,
 )
+from slz.points.mapping_reach import within
 
 MOST = 8192  # returns kept
 EXPLAINED = 2.0  # returns of clutter expected, among which `MOST_OTHERS` are no object
@@ -36,6 +37,7 @@ class IsolatedReturns:
     points_enu_m: Points
     born_s: Points
     sensor_up_m: Points
+    distant: NDArray[np.bool_]  # beyond the reach of the map
     held_m2: Points
     rays_m2: Points
     bands: NDArray[np.int64]
@@ -61,10 +63,12 @@ class IsolatedReturns:
     @classmethod
     def none(cls) -> IsolatedReturns:
         """Return no returns."""
-        return cls.new(np.empty((0, 3)), 0.0, 0.0, 0)
+        return cls.new(np.empty((0, 3)), 0.0, np.zeros(3), 0.0, 0)
 
     @classmethod
-    def new(cls, points_enu_m: Points, now_s: float, sensor_up_m: float, first: int) -> IsolatedReturns:
+    def new(
+        cls, points_enu_m: Points, now_s: float, sensor_enu_m: Points, reach_m: float, first: int
+    ) -> IsolatedReturns:
         """Return the returns of a window, numbered from `first` on, before anything is known of them."""
         n = len(points_enu_m)
         upright_m, level_m = np.full((2, n, MOST_OTHERS), np.inf)
@@ -72,7 +76,8 @@ class IsolatedReturns:
             number=np.arange(first, first + n),
             points_enu_m=points_enu_m,
             born_s=np.full(n, now_s),
-            sensor_up_m=np.full(n, sensor_up_m),
+            sensor_up_m=np.full(n, float(sensor_enu_m[2])),
+            distant=~within(points_enu_m, sensor_enu_m, reach_m),
             held_m2=np.zeros(n),
             rays_m2=np.zeros(n),
             bands=np.full(n, NO_BAND),

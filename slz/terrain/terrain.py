@@ -31,6 +31,7 @@ from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
+from slz.points.mapping_reach import reach_m
 from slz.terrain.derive import CoveredCells, reach_of
 from slz.terrain.footing import Footing, footing
 from slz.terrain.layers import LAYERS, NAMED
@@ -138,6 +139,7 @@ class EvidenceTerrain(UnboundedTerrain):
                 len(points_enu_m) + len(isolated_enu_m),
                 self.tiles,
                 self._parameters.max_age_s,
+                reach_m(self._parameters),
             )
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))

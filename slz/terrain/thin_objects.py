@@ -30,6 +30,7 @@ from slz.terrain.tiles import Tiles
 
 FALSE_ALARM = np.array([0.005, 0.005, 0.0008])  # below ground, low, high
 AGREES_M = 0.15  # from the ground: belongs to it
+DISTANT_M = 0.3  # from the ground, up to which a distant return may belong to it
 SMALL_M, HAZARD_M, CONTRADICTING = 0.5, 0.3, 5
 LEAST_GROUND, GROUND_VOXEL_M = 2, 1.0  # returns in 3 x 3 voxels that begin ground where none is known
 UNKNOWN_PLACE = np.full(3, np.nan)  # of a sensor
@@ -58,7 +59,13 @@ class ThinObjects:
         self._share = ClutterShare()
 
     def update(
-        self, isolated_enu_m: Points, sensor_enu_m: Points, n_returns: int, tiles: Tiles, max_age_s: float
+        self,
+        isolated_enu_m: Points,
+        sensor_enu_m: Points,
+        n_returns: int,
+        tiles: Tiles,
+        max_age_s: float,
+        reach_m: float,
     ) -> Points:
         """Add a window's isolated returns and judge all anew; return those that belong to the surface.
 
@@ -74,16 +81,20 @@ class ThinObjects:
             Evidence, the window's other returns included.
         max_age_s
             Time after which a return is forgotten.
+        reach_m
+            Horizontal distance up to which returns are precise enough to be ground.
         """
         now_s = tiles.latest_s
         self._share.add_rays(n_returns, now_s, max_age_s)
         before = self._kept.some(self._kept.found)
-        new = IsolatedReturns.new(isolated_enu_m, now_s, float(sensor_enu_m[2]), self._n_added)
+        new = IsolatedReturns.new(isolated_enu_m, now_s, sensor_enu_m, reach_m, self._n_added)
         self._n_added += len(new)
         kept = self._kept.joined_with(new.some(new.within_limit()))
         kept = kept.some(now_s - kept.born_s <= max_age_s)
         over_m, held_m2 = tiles.ground_and_rays(kept.points_enu_m).T
         kept.count_rays(held_m2)
+        apart = ~kept.distant | (np.abs(over_m) > DISTANT_M)  # False for a distant one over unknown ground
+        kept, over_m = kept.some(apart), over_m[apart]
         on_ground = np.abs(over_m) <= AGREES_M
         ground, kept, over_m = kept.points_enu_m[on_ground], kept.some(~on_ground), over_m[~on_ground]
         kept.place(over_m, self._high_share)
@@ -101,7 +112,7 @@ class ThinObjects:
     def _judged(self, kept: IsolatedReturns, over_m: Points) -> tuple[Points, IsolatedReturns]:
         """Return the returns of solid objects, and those to keep with their verdicts."""
         certain = self._chance(kept, over_m) < FALSE_ALARM[kept.bands]
-        small = (np.abs(over_m) < SMALL_M) & (kept.rays_m2 * HAZARD_M**2 < CONTRADICTING)
+        small = (np.abs(over_m) < SMALL_M) & ~kept.distant & (kept.rays_m2 * HAZARD_M**2 < CONTRADICTING)
         near_m = np.maximum(kept.upright_m, kept.level_m)[:, SOLID - 2]
         solid = certain & (near_m <= LONELY_M)
         kept.found = certain | small

@@ -70,7 +70,7 @@ def classify(
     sure, clear = undoubted(slope, sigma, relief, noise2, share, slope_limit, relief_limit, quarters)
     seen, clear_ones = known & open_, flags_of(clear)
     store(maps, A_CERTAINTY * layer + to, where(flags(seen & clear_ones), sure, broadcast(F0)))
-    return seen & (clear_ones ^ LOW16) & flags_of(relief == relief)
+    return known & (clear_ones ^ LOW16) & flags_of(relief == relief)
 
 
 @kernel
