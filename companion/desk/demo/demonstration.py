@@ -154,10 +154,14 @@ def table(summary: dict[str, Any]) -> Table:
     """Return the summary as a table for the terminal."""
     good = summary["landed"] and summary["touchdown_safe"]
     verdict = "landed on safe ground" if good else "did NOT land on safe ground"
+    if summary["touchdown_fault"]:
+        verdict = f"{verdict}: {summary['touchdown_fault']}"
     shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
     error, area = summary["touchdown_error_m"], summary["area_error"]
+    tilt = summary["touchdown_tilt_deg"]
     rows = {
         "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
+        "stands at": "-" if tilt is None else f"{tilt:.1f} degrees on its gear (truth)",
         "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
         "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
         "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",
@@ -300,6 +304,12 @@ def _simulator(
         "--footprint", str(parameters.footprint_m),
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
+        "--gear", "pads" if parameters.gear == "none" else parameters.gear,
+        "--gear-length", str(parameters.gear_length_m),
+        "--gear-width", str(parameters.gear_width_m),
+        "--pad-radius", str(parameters.pad_radius_m),
+        "--clearance", str(parameters.clearance_m),
+        "--tip-limit", str(parameters.tip_limit_deg),
     ]  # fmt: skip
     if plan.sensor.radar:
         command += ["--radar-to", f"127.0.0.1:{radar_port}"]
