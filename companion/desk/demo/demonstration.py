@@ -154,14 +154,13 @@ def table(summary: dict[str, Any]) -> Table:
     """Return the summary as a table for the terminal."""
     good = summary["landed"] and summary["touchdown_safe"]
     verdict = "landed on safe ground" if good else "did NOT land on safe ground"
-    if summary["touchdown_fault"]:
-        verdict = f"{verdict}: {summary['touchdown_fault']}"
     shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
     error, area = summary["touchdown_error_m"], summary["area_error"]
     tilt = summary["touchdown_tilt_deg"]
     rows = {
         "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
         "stands at": "-" if tilt is None else f"{tilt:.1f} degrees on its gear (truth)",
+        "unsafe because it": summary["touchdown_fault"] or "-",
         "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
         "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
         "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",

@@ -268,6 +268,7 @@ def signals() -> Iterator[None]:
     ("--point-rate 20000.5", "20000.5"), ("--lidar-to nowhere.invalid:1", "nowhere.invalid"),
     ("--lidar-metadata os1.json", "only --lidar ouster"), ("--radar-to nowhere", "--radar-to"),
     ("--point-rate 30000", "25000 or 31250"), ("--point-rate 30000 --lidar opal", "25000 or 31250"),
+    ("--tip-limit 0", "from 1 to 60"), ("--clearance nan", "--clearance nan"), ("--gear none", "none"),
     ("--lidar ouster --lidar-metadata /no/such/folder/os1.json", "/no/such/folder"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(

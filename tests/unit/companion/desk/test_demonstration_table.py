@@ -1,0 +1,57 @@
+"""Table of a demonstration on the terminal: the verdict, and why a touchdown is unsafe."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from companion.desk.demo.demonstration import table
+
+SAFE = {
+    "scene": "streets",
+    "seed": 3,
+    "landed": True,
+    "touchdown_safe": True,
+    "touchdown_fault": "",
+    "touchdown_error_m": 0.12,
+    "touchdown_tilt_deg": 2.31,
+    "zones": [],
+    "zones_seen": 4,
+    "area_error": 0.1,
+    "unsafe_as_safe": 0.0,
+    "recall": 0.9,
+    "aborts": 0,
+    "abort_reasons": [],
+    "latency_ms": {"p50": 1, "p99": 2, "max": 3},
+    "simulated_s": 100.0,
+    "wall_s": 50.0,
+    "maps": {},
+}
+
+
+@pytest.mark.parametrize(
+    ("more", "texts"),
+    [
+        ({}, ["streets, seed 3: landed on safe ground", "2.3 degrees on its gear"]),
+        (
+            {
+                "touchdown_safe": False,
+                "touchdown_tilt_deg": 19.3,
+                "touchdown_fault": "stands at 19 degrees on its gear",
+            },
+            ["did NOT land on safe ground", "stands at 19 degrees on its gear", "19.3 degrees"],
+        ),
+        (
+            {"landed": False, "touchdown_error_m": None, "touchdown_tilt_deg": None},
+            ["seed 3: did NOT land on safe ground"],
+        ),
+    ],
+)
+def test_the_table_tells_how_the_vehicle_stands(more: dict[str, Any], texts: list[str]) -> None:
+    console = Console(width=200)
+    with console.capture() as shown:
+        console.print(table(SAFE | more))
+    for text in texts:
+        assert text in shown.get()
