@@ -14,11 +14,11 @@ from sitl.world.world import World
 
 ROAD = (-150.0, -4.0, 150.0, 4.0)
 GREEN = (20.0, 48.0, 60.0, 80.0)
-GARDEN = (30.0, 54.0, 50.0, 74.0)
+GARDEN = (22.0, 50.0, 58.0, 78.0)
 HOME = (40.0, 64.0)
 BED_M = 2.0
-"""Distance of the kerbs and flagstones of the garden."""
-KERB_M, HOME_KERB_M = (0.1, 0.28), (0.15, 0.2)
+"""Distance of the kerbs and flagstones of the garden; one place in four is empty."""
+KERB_M, HOME_KERB_M = (0.1, 0.28), (0.15, 0.195)
 HOME_FREE_M, HOME_LOW_M = 0.6, 8.5
 """Around home there is nothing, then nothing so high that the relief of home would not be safe."""
 PLOT_M, YARD_Y = 22.0, (26.0, 44.0)
@@ -84,7 +84,7 @@ def _garden(rng: np.random.Generator) -> list[Solid]:
             yaw = float(rng.uniform(0.0, math.pi))
             kerb = rng.random() < 0.7
             length, width = rng.uniform((0.9, 0.1), (1.5, 0.15)) if kerb else [rng.uniform(0.4, 0.6)] * 2
-            if away_m < HOME_FREE_M + length / 2:
+            if rng.random() < 0.25 or away_m < HOME_FREE_M + length / 2:
                 continue
             name = f"{'kerb' if kerb else 'flagstone'}-{len(solids)}-{height:.2f}"
             size = float(length), float(width), scene_objects.FOOT_M + height

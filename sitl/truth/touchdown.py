@@ -46,7 +46,7 @@ def footing(
         return Footing(None, False, "its gear finds no ground")
     tilt_deg, belly = max(pose.tilt_deg for pose in poses), any(pose.belly_touches for pose in poses)
     if tilt_deg > tip_limit_deg:
-        return Footing(tilt_deg, belly, f"stands at {tilt_deg:.0f} degrees on its gear")
+        return Footing(tilt_deg, belly, f"stands at {tilt_deg:.1f} degrees on its gear")
     return Footing(tilt_deg, belly, "stands on its belly" if belly else "")
 
 

@@ -160,7 +160,7 @@ def table(summary: dict[str, Any]) -> Table:
     rows = {
         "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
         "stands at": "-" if tilt is None else f"{tilt:.1f} degrees on its gear (truth)",
-        "unsafe because it": summary["touchdown_fault"] or "-",
+        "why unsafe": summary["touchdown_fault"] or "-",
         "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
         "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
         "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",

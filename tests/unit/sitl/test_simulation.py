@@ -169,7 +169,7 @@ def test_a_landing_is_judged_by_how_its_gear_stands() -> None:
     s.scene.world.add_mover("slab", (Box(0, 0, 0, 1.4, 3.0, 0.2, name="top"),), *ahead, np.pi / 2 - turn)
     found = json.loads(json.dumps(s.log.document()))["touchdown"]["footing"]
     assert found["tilt_deg"] == pytest.approx(19.3, abs=2.0)
-    assert found["fault"] == f"stands at {found['tilt_deg']:.0f} degrees on its gear"
+    assert found["fault"] == f"stands at {found['tilt_deg']:.1f} degrees on its gear"
     s.log.tip_limit_deg = 30.0
     assert s.log.document()["touchdown"]["footing"]["fault"] == ""
     s.log.gear = gear_of("tripod", 5.0, 0.57)

@@ -31,12 +31,12 @@ def test_level_ground_has_no_fault() -> None:
 
 
 def test_a_kerb_that_slope_and_relief_allow_is_told_by_the_tilt() -> None:
-    assert fault_of(world(kerb(0.2)), touched()) == "stands at 19 degrees on its gear"
+    assert fault_of(world(kerb(0.2)), touched()) == "stands at 19.3 degrees on its gear"
     assert fault_of(world(kerb(0.2)), touched(heading_deg=45.0)) == ""
     assert fault_of(world(kerb(0.2)), touched(east_m=3.0)) == ""
 
 
-@pytest.mark.parametrize(("height_m", "fault"), [(0.15, ""), (0.16, "stands at 16 degrees on its gear")])
+@pytest.mark.parametrize(("height_m", "fault"), [(0.15, ""), (0.16, "stands at 15.7 degrees on its gear")])
 def test_the_limit_is_15_degrees(height_m: float, fault: str) -> None:
     assert footing(world(kerb(height_m)), touched()).fault == fault
     assert footing(world(kerb(height_m)), touched(), tip_limit_deg=10.0).fault != ""
@@ -44,7 +44,7 @@ def test_the_limit_is_15_degrees(height_m: float, fault: str) -> None:
 
 def test_ground_and_gear_are_both_told() -> None:
     assert fault_of(world(kerb(0.32)), touched()) == (
-        "touched unsafe ground; stands at 29 degrees on its gear"
+        "touched unsafe ground; stands at 29.3 degrees on its gear"
     )
     assert fault_of(world(kind=Kind.WATER), touched()) == "touched unsafe ground"
 
@@ -63,6 +63,6 @@ def test_beyond_the_world_there_is_no_ground() -> None:
 def test_a_car_counts_where_it_stands_now() -> None:
     place = world()
     place.add_mover("step", (Box(0.0, 0.0, 0.0, 0.2, 2.0, 0.2, name="slab"),), 0.285, 0.0, 0.0)
-    assert fault_of(place, touched()) == "stands at 19 degrees on its gear"
+    assert fault_of(place, touched()) == "stands at 19.3 degrees on its gear"
     place.move("step", 5.0, 0.0, 0.0)
     assert fault_of(place, touched()) == ""
