@@ -18,9 +18,9 @@ GARDEN = (22.0, 50.0, 58.0, 78.0)
 HOME = (40.0, 64.0)
 BED_M = 2.0
 """Distance of the kerbs and flagstones of the garden; one place in four is empty."""
-KERB_M, HOME_KERB_M = (0.1, 0.28), (0.15, 0.195)
-HOME_FREE_M, HOME_LOW_M = 0.6, 8.5
-"""Around home there is nothing, then nothing so high that the relief of home would not be safe."""
+KERB_M, HOME_KERB_M, EDGING_M = (0.1, 0.195), (0.15, 0.195), ((18.5, 0.22), (61.5, 0.24))
+"""Heights of kerbs and of those near home; east and height of edgings. Higher ones are no safe relief."""
+HOME_FREE_M, HOME_NEAR_M = 0.6, 8.5
 PLOT_M, YARD_Y = 22.0, (26.0, 44.0)
 
 
@@ -73,22 +73,26 @@ def _road(rng: np.random.Generator) -> list[Solid]:
 
 
 def _garden(rng: np.random.Generator) -> list[Solid]:
-    """Scatter kerbs and flagstones of 0.1 m to 0.28 m: mostly safe by slope and relief, but not level."""
-    solids: list[Solid] = []
+    """Return kerbs and flagstones of 0.1 m to 0.24 m: safe by slope and relief, but no level stand."""
+    foot_m = scene_objects.FOOT_M
+    solids: list[Solid] = [
+        Box(x, HOME[1], -foot_m, 0.12, 28.0, foot_m + height, 0.0, Kind.CONCRETE, f"kerb-edging-{height:.2f}")
+        for x, height in EDGING_M
+    ]
     x0, y0, x1, y1 = GARDEN
     for x in np.arange(x0 + BED_M / 2, x1, BED_M):
         for y in np.arange(y0 + BED_M / 2, y1, BED_M):
             px, py = float(x + rng.uniform(-0.3, 0.3)), float(y + rng.uniform(-0.3, 0.3))
             away_m = math.dist((px, py), HOME)
-            height = float(rng.uniform(*(HOME_KERB_M if away_m < HOME_LOW_M else KERB_M)))
+            height = float(rng.uniform(*(HOME_KERB_M if away_m < HOME_NEAR_M else KERB_M)))
             yaw = float(rng.uniform(0.0, math.pi))
             kerb = rng.random() < 0.7
             length, width = rng.uniform((0.9, 0.1), (1.5, 0.15)) if kerb else [rng.uniform(0.4, 0.6)] * 2
             if rng.random() < 0.25 or away_m < HOME_FREE_M + length / 2:
                 continue
             name = f"{'kerb' if kerb else 'flagstone'}-{len(solids)}-{height:.2f}"
-            size = float(length), float(width), scene_objects.FOOT_M + height
-            solids.append(Box(px, py, -scene_objects.FOOT_M, *size, yaw, Kind.CONCRETE, name))
+            size = float(length), float(width), foot_m + height
+            solids.append(Box(px, py, -foot_m, *size, yaw, Kind.CONCRETE, name))
     return solids
 
 

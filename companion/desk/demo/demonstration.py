@@ -303,12 +303,7 @@ def _simulator(
         "--footprint", str(parameters.footprint_m),
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
-        "--gear", "pads" if parameters.gear == "none" else parameters.gear,
-        "--gear-length", str(parameters.gear_length_m),
-        "--gear-width", str(parameters.gear_width_m),
-        "--pad-radius", str(parameters.pad_radius_m),
-        "--clearance", str(parameters.clearance_m),
-        "--tip-limit", str(parameters.tip_limit_deg),
+        *gear_options(parameters),
     ]  # fmt: skip
     if plan.sensor.radar:
         command += ["--radar-to", f"127.0.0.1:{radar_port}"]
@@ -335,6 +330,20 @@ def _simulator(
         for ended in processes:
             if ended.stdout is not None:
                 ended.stdout.close()
+
+
+def gear_options(parameters: Parameters) -> list[str]:
+    """Return the simulator's options of the gear; with none its vehicle stands on its own pads."""
+    if parameters.gear == "none":
+        return []
+    return [
+        "--gear", parameters.gear,
+        "--gear-length", str(parameters.gear_length_m),
+        "--gear-width", str(parameters.gear_width_m),
+        "--pad-radius", str(parameters.pad_radius_m),
+        "--clearance", str(parameters.clearance_m),
+        "--tip-limit", str(parameters.tip_limit_deg),
+    ]  # fmt: skip
 
 
 def _ready(process: subprocess.Popen[str]) -> int:

@@ -127,7 +127,7 @@ def test_kerbs_and_flagstones_are_as_high_as_kerbs() -> None:
     ]
     assert len(heights) > 60
     assert min(heights) == pytest.approx(0.1, abs=0.01)
-    assert max(heights) == pytest.approx(0.28, abs=0.01)
+    assert max(heights) == pytest.approx(0.24)
 
 
 def test_nobody_can_land_on_the_hill_but_all_around_it() -> None:

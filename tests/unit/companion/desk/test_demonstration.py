@@ -1,4 +1,4 @@
-"""Table of a demonstration on the terminal: the verdict, and why a touchdown is unsafe."""
+"""A demonstration: the gear its simulator is told, and the table with the verdict."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from companion.desk.demo.demonstration import table
+import params
+from companion.desk.demo.demonstration import gear_options, table
 
 SAFE = {
     "scene": "streets",
@@ -55,3 +56,13 @@ def test_the_table_tells_how_the_vehicle_stands(more: dict[str, Any], texts: lis
         console.print(table(SAFE | more))
     for text in texts:
         assert text in shown.get()
+
+
+def test_the_simulator_is_told_the_vehicle_s_gear() -> None:
+    words = gear_options(params.build({"gear": "tripod", "gear_width_m": 0.7, "tip_limit_deg": 12.0}))
+    told = dict(zip(words[::2], words[1::2], strict=True))
+    assert (told["--gear"], told["--gear-width"], told["--tip-limit"]) == ("tripod", "0.7", "12.0")
+
+
+def test_without_a_gear_the_simulator_keeps_its_own() -> None:
+    assert gear_options(params.build({"gear": "none"})) == []
