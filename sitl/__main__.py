@@ -19,7 +19,7 @@ from sitl.sensors import lidars, ouster_os1, ouster_packets
 from sitl.sensors.lidar_port import Address
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
-from sitl.truth import truth
+from sitl.truth import gear_options, truth
 from sitl.wire.message_signing import read_key
 from sitl.wire.wire import WireError
 
@@ -33,6 +33,11 @@ RANGES = {
     "footprint": (0.1, 50.0),
     "slope_limit": (0.0, 90.0),
     "relief_limit": (0.0, 50.0),
+    "gear_length": (0.05, 30.0),
+    "gear_width": (0.05, 30.0),
+    "pad_radius": (0.005, 2.0),
+    "clearance": (0.02, 10.0),
+    "tip_limit": (1.0, 60.0),
 }
 
 
@@ -172,6 +177,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--footprint", type=float, default=2.0, help="vehicle footprint of the truth, m")
     parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
     parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
+    gear_options.add_options(parser)
     options = parser.parse_args(arguments)
     if options.autopilot is not None:
         attach.refuse_foreign(options, parser.get_default)
@@ -228,6 +234,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruder = intruder
+    simulation.log.gear, simulation.log.tip_limit_deg = gear_options.chosen(options), options.tip_limit
     try:
         return simulation, None if options.lockstep is None else LockstepServer(options.lockstep)
     except WireError:

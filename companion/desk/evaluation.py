@@ -15,6 +15,8 @@ from params import Parameters
 from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps, Zone, zone_mask
 from slz.zones.detection import search_components, side_in_cells
 
+UNSAFE_GROUND = "touched unsafe ground"
+
 
 @dataclass(frozen=True, slots=True)
 class Truth:
@@ -60,18 +62,33 @@ def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:
 
 
 def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str, Any]:
-    """Return whether the vehicle landed, its distance to the chosen point (m), and the ground's safety."""
+    """Return whether the vehicle landed, its distance to the chosen point (m), and whether it is safe there.
+
+    It is safe on safe ground on which its gear stands; `touchdown_fault` says why not, `touchdown_tilt_deg`
+    at what tilt the gear rests.
+    """
     contact = truth.flight.get("touchdown")
     if not contact:
-        return {"landed": False, "touchdown_error_m": None, "touchdown_safe": False}
+        return {
+            "landed": False,
+            "touchdown_error_m": None,
+            "touchdown_tilt_deg": None,
+            "touchdown_safe": False,
+            "touchdown_fault": "",
+        }
     here = np.array([float(contact["e"]), float(contact["n"])])
     error = None
     if chosen_lla is not None:
         error = float(np.hypot(*(truth.frame.enu_m(*chosen_lla)[:2] - here)))
+    footing = contact.get("footing", {"tilt_deg": None, "fault": ""})
+    ground = "" if truth.at(here[:1], here[1:])[0] else UNSAFE_GROUND
+    fault = "; ".join(reason for reason in (ground, footing["fault"]) if reason)
     return {
         "landed": True,
         "touchdown_error_m": error,
-        "touchdown_safe": bool(truth.at(here[:1], here[1:])[0]),
+        "touchdown_tilt_deg": footing["tilt_deg"],
+        "touchdown_safe": not fault,
+        "touchdown_fault": fault,
     }
 
 

@@ -15,7 +15,7 @@ from sitl.attached.client_wire import open_client
 from sitl.attached.pose_source import Place
 from sitl.sensors.lidar_port import Address
 from sitl.signals import Signals
-from sitl.truth import truth
+from sitl.truth import gear_options, truth
 
 IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
@@ -36,7 +36,7 @@ def build(options: argparse.Namespace, origin: Place | None, lidar_to: Address |
     """Open the wire and build the scene; raise WireError or ValueError with one line for the user."""
     wire = open_client(options.autopilot)
     try:
-        return AttachedLidar(
+        attached = AttachedLidar(
             scenes.build(options.scene, options.seed),
             wire,
             seed=options.seed,
@@ -49,6 +49,8 @@ def build(options: argparse.Namespace, origin: Place | None, lidar_to: Address |
     except ValueError:
         wire.close()
         raise
+    attached.log.gear, attached.log.tip_limit_deg = gear_options.chosen(options), options.tip_limit
+    return attached
 
 
 def follow(attached: AttachedLidar, options: argparse.Namespace, signals: Signals) -> int:

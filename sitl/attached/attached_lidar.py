@@ -6,6 +6,7 @@ own time. Its stamps are those of a clock of its own (`sensor_time`), which paus
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,7 @@ from sitl.scenes import Scene
 from sitl.sensors import lidars
 from sitl.sensors.lidar_port import Address
 from sitl.vehicle.pose_track import PoseTrack
+from sitl.vehicle.rigid_body import to_euler
 from sitl.wire.wire import Peer, Wire
 
 COMPONENT = mavlink.MAV_COMP_ID_PERIPHERAL
@@ -148,7 +150,8 @@ class AttachedLidar:
         east, north, up = (float(v) for v in pymap3d.geodetic2enu(*pose.lla, *self.origin_lla))
         self._track.add(at_ns, np.array([east, north, up]), pose.quat_wxyz)
         self._last_ns = at_ns
-        self.log.note(at_ns, (east, north, up), self.source)
+        heading_deg = math.degrees(to_euler(pose.quat_wxyz)[2]) % 360.0
+        self.log.note(at_ns, (east, north, up), heading_deg, self.source)
 
     def _origin(self, pose: Pose, waited: bool) -> Place | None:
         """Return the scene's origin that aligns its home with the autopilot's; None while that is unknown."""

@@ -10,6 +10,8 @@ import pymap3d
 
 from sitl.attached.pose_source import Place, PoseSource
 from sitl.scenes import Scene
+from sitl.truth.gear import QUADCOPTER, Gear
+from sitl.truth.touchdown import TIP_LIMIT_DEG, footing
 
 STEP_NS = 200_000_000
 # Height above its place on the ground from which the vehicle counts as flying.
@@ -17,10 +19,18 @@ FLOWN_M = 1.0
 
 
 class AttachedLog:
-    """Log of trajectory at 5 Hz, take-off and touchdowns, in the world's axes; times are the sensor's, s."""
+    """Log of trajectory at 5 Hz, take-off and touchdowns, in the world's axes; times are the sensor's, s.
+
+    Attributes
+    ----------
+    gear, tip_limit_deg
+        The touchdowns are judged by them.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
+        self.gear: Gear = QUADCOPTER
+        self.tip_limit_deg = TIP_LIMIT_DEG
         self._next_ns = 0
         self._stood_m: float | None = None
         self._flying = False
@@ -28,13 +38,13 @@ class AttachedLog:
         self.takeoff: dict[str, float] | None = None
         self.touchdowns: list[dict[str, float]] = []
 
-    def note(self, at_ns: int, enu_m: Place, source: PoseSource) -> None:
+    def note(self, at_ns: int, enu_m: Place, heading_deg: float, source: PoseSource) -> None:
         """Record a true pose and the autopilot's reported state."""
         place = {"t": at_ns * 1e-9, "e": enu_m[0], "n": enu_m[1], "u": enu_m[2]}
         down = not source.armed or source.on_ground is True
         if down and self._flying:
             self._flying = False
-            self.touchdowns.append(place)
+            self.touchdowns.append(place | {"heading_deg": heading_deg})
         if down:
             self._stood_m = enu_m[2]
         elif not self._flying and self._stood_m is not None and enu_m[2] - self._stood_m > FLOWN_M:
@@ -49,7 +59,7 @@ class AttachedLog:
 
     def document(self, origin_lla: Place) -> dict[str, Any]:
         """Return the content of flight.json."""
-        touchdowns = [_placed(touchdown, origin_lla) for touchdown in self.touchdowns]
+        touchdowns = [self._judged(touchdown, origin_lla) for touchdown in self.touchdowns]
         return {
             "seed": self._scene.seed,
             "scene": self._scene.name,
@@ -59,6 +69,10 @@ class AttachedLog:
             "touchdowns": touchdowns,
             "trajectory": self.trajectory,
         }
+
+    def _judged(self, touchdown: dict[str, float], origin_lla: Place) -> dict[str, Any]:
+        found = footing(self._scene.world, touchdown, self.gear, self.tip_limit_deg)
+        return {**_placed(touchdown, origin_lla), "footing": found._asdict()}
 
     def write(self, folder: Path, origin_lla: Place) -> None:
         """Write flight.json."""

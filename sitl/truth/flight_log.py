@@ -10,6 +10,8 @@ import pymap3d
 
 from sitl.autopilot.autopilot import Autopilot
 from sitl.scenes.scene import Scene
+from sitl.truth.gear import QUADCOPTER, Gear
+from sitl.truth.touchdown import TIP_LIMIT_DEG, footing
 from sitl.vehicle.multirotor import Vehicle
 
 STEP_NS = 200_000_000
@@ -31,10 +33,18 @@ class LoggedFlight(Protocol):
 
 
 class FlightLog:
-    """Log of trajectory at 5 Hz, take-off, touchdown, modes and events."""
+    """Log of trajectory at 5 Hz, take-off, touchdown, modes and events.
+
+    Attributes
+    ----------
+    gear, tip_limit_deg
+        The touchdown is judged by them.
+    """
 
     def __init__(self, simulation: LoggedFlight) -> None:
         self._simulation = simulation
+        self.gear: Gear = QUADCOPTER
+        self.tip_limit_deg = TIP_LIMIT_DEG
         self._next_ns = 0
         self.trajectory: list[dict[str, Any]] = []
         self.takeoff: dict[str, float] | None = None
@@ -69,7 +79,7 @@ class FlightLog:
             "scene": s.scene.name,
             "origin": list(s.origin_lla),
             "takeoff": self.takeoff,
-            "touchdown": self._placed(s.touchdown),
+            "touchdown": self._judged(s.touchdown),
             "collision": self._placed(s.vehicle.collision),
             "crashed": s.vehicle.collision is not None,
             "armed_at_end": s.autopilot.armed,
@@ -77,6 +87,13 @@ class FlightLog:
             "events": self.events,
             "trajectory": self.trajectory,
         }
+
+    def _judged(self, touchdown: dict[str, Any] | None) -> dict[str, Any] | None:
+        placed = self._placed(touchdown)
+        if placed is None:
+            return None
+        found = footing(self._simulation.scene.world, placed, self.gear, self.tip_limit_deg)
+        return placed | {"footing": found._asdict()}
 
     def _placed(self, event: dict[str, Any] | None) -> dict[str, Any] | None:
         if event is None:

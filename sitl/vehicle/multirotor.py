@@ -159,12 +159,13 @@ class Vehicle:
         if math.hypot(east, north, up) > HARDEST_TOUCH_MS:
             self._collide(now_ns, before)
             return
-        roll, pitch, _ = to_euler(before[6:10])
+        roll, pitch, yaw = to_euler(before[6:10])
         self._hopped = False
         self.contact = self._place(now_ns) | {
             "sink_ms": -up,
             "drift_ms": math.hypot(east, north),
             "tilt_deg": math.degrees(math.hypot(roll, pitch)),
+            "heading_deg": math.degrees(yaw) % 360.0,
         }
 
     def _collide(self, now_ns: int, before: F64 | None = None) -> None:

@@ -45,6 +45,7 @@ def _result(sortie: Sortie, error: str) -> dict[str, Any]:
     plan, witness, tally = sortie.plan, sortie.witness, sortie.companion.executive.tally
     touchdown, collision = sortie.sim.touchdown, sortie.sim.vehicle.collision
     landed = touchdown is not None and sortie.down
+    touchdown_fault = sortie.touchdown_fault() if touchdown is not None else ""
     return {
         **asdict(plan),
         "state": plan.state.value,
@@ -52,7 +53,8 @@ def _result(sortie: Sortie, error: str) -> dict[str, Any]:
         "ended_s": witness.ended_s,
         "simulated_s": round(witness.now_s, 1),
         "landed": landed,
-        "safe": sortie.touchdown_safe() if touchdown is not None else None,
+        "safe": not touchdown_fault if touchdown is not None else None,
+        "touchdown_fault": touchdown_fault,
         "touchdown": touchdown,
         "collision": collision,
         "taken_by": witness.taken_by,

@@ -251,8 +251,11 @@ def unsafe(flight: Flown) -> list[str]:
 
 
 def bad_end(flight: Flown) -> list[str]:
-    """Return whether it touched unsafe ground, or flew into something, whoever had it."""
-    wrong = ["touched unsafe ground"] if flight["safe"] is False else []
+    """Return whether it touched unsafe ground, does not stand on its gear, or flew into something.
+
+    Whoever had it.
+    """
+    wrong = [flight.get("touchdown_fault") or "touched unsafe ground"] if flight["safe"] is False else []
     return [*wrong, "collided"] if flight["collision"] is not None else wrong
 
 

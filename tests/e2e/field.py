@@ -25,7 +25,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import scenes
-from sitl.truth import truth
+from sitl.truth.touchdown import fault_of
 
 HOME = (-35.363262, 149.165237, 584.0)
 POINT_RATE = 50_000
@@ -270,15 +270,11 @@ class Field(ABC):
         touchdown, chosen = flight["touchdown"], summary["chosen"]
         error_m, safe = None, False
         if touchdown is not None:
-            safe = self._safe(touchdown["e"], touchdown["n"])
+            world = scenes.build(self.scene, self.seed).world
+            safe = not fault_of(world, touchdown)
             if chosen is not None:
                 error_m = _apart_m(chosen, touchdown)
         return Outcome(summary, flight, safe, error_m, self.pilot.said)
-
-    def _safe(self, east: float, north: float) -> bool:
-        world = scenes.build(self.scene, self.seed).world
-        found = truth.safe_map(world, (east - 0.1, north - 0.1, east + 0.1, north + 0.1))
-        return bool(found.safe[0, 0])
 
     def _tail(self, name: str) -> str:
         return (self.folder / f"{name}.err").read_text("utf-8")[-1500:]

@@ -138,11 +138,13 @@ class Mission:
         return float(np.hypot(there[0] - contact["e"], there[1] - contact["n"]))
 
     def touchdown_safe(self) -> bool:
-        """Judge the ground under the touchdown by the exact world, cars where they stand now."""
-        from sitl.truth import truth
+        """Judge ground and gear at the touchdown by the exact world, cars where they stand now."""
+        return not self.touchdown_fault()
+
+    def touchdown_fault(self) -> str:
+        """Return why the touchdown is unsafe; empty where it is safe."""
+        from sitl.truth.touchdown import fault_of
 
         contact = self.sim.touchdown
         assert contact is not None
-        e, n = contact["e"], contact["n"]
-        found = truth.safe_map(self.sim.scene.world, (e - 0.1, n - 0.1, e + 0.1, n + 0.1))
-        return bool(found.safe[0, 0])
+        return fault_of(self.sim.scene.world, contact)

@@ -156,8 +156,11 @@ def table(summary: dict[str, Any]) -> Table:
     verdict = "landed on safe ground" if good else "did NOT land on safe ground"
     shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
     error, area = summary["touchdown_error_m"], summary["area_error"]
+    tilt = summary["touchdown_tilt_deg"]
     rows = {
         "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
+        "stands at": "-" if tilt is None else f"{tilt:.1f} degrees on its gear (truth)",
+        "why unsafe": summary["touchdown_fault"] or "-",
         "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
         "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
         "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",
@@ -300,6 +303,7 @@ def _simulator(
         "--footprint", str(parameters.footprint_m),
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
+        *gear_options(parameters),
     ]  # fmt: skip
     if plan.sensor.radar:
         command += ["--radar-to", f"127.0.0.1:{radar_port}"]
@@ -326,6 +330,20 @@ def _simulator(
         for ended in processes:
             if ended.stdout is not None:
                 ended.stdout.close()
+
+
+def gear_options(parameters: Parameters) -> list[str]:
+    """Return the simulator's options of the gear; with none its vehicle stands on its own pads."""
+    if parameters.gear == "none":
+        return []
+    return [
+        "--gear", parameters.gear,
+        "--gear-length", str(parameters.gear_size_m[0]),
+        "--gear-width", str(parameters.gear_size_m[1]),
+        "--pad-radius", str(parameters.pad_radius_m),
+        "--clearance", str(parameters.clearance_m),
+        "--tip-limit", str(parameters.greatest_tilt_deg),
+    ]  # fmt: skip
 
 
 def _ready(process: subprocess.Popen[str]) -> int:

@@ -84,6 +84,10 @@ HELD = {"fault": "lidar_stop", "path": way("hold"), "landed": False, "phase": "h
     [
         ({}, ""),
         ({"safe": False}, "touched unsafe ground"),
+        (
+            {"safe": False, "touchdown_fault": "stands at 19 degrees on its gear"},
+            "stands at 19 degrees on its gear",
+        ),
         ({"landed": False, "safe": None, "touchdown": None, "collision": {"e": 0.0, "n": 0.0}}, "collided"),
         ({"error": "RuntimeError: x"}, "RuntimeError: x"),
         ({"commands_while_pilot_flies": 2}, "2 commands in a mode of the pilot's"),

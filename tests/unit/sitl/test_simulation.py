@@ -21,8 +21,10 @@ from sitl.autopilot.modes import Mode
 from sitl.intruder import Intruder
 from sitl.pace import Pace
 from sitl.simulation import TICK_NS, PoseTrack, Simulation
+from sitl.truth.gear import gear_of
 from sitl.vehicle.rigid_body import from_euler
 from sitl.wire.wire import MemoryWire
+from sitl.world.primitives import Box
 from tests.unit.sitl.wire.test_wire import COMPANION, STATION, Station, command
 
 CLOUD_HEADER_BYTES = 36
@@ -156,6 +158,24 @@ def test_a_landing_is_written_down_as_it_truly_was() -> None:
     assert {p["mode"] for p in document["trajectory"]} >= {"STABILIZE", "GUIDED", "LAND"}
 
 
+def test_a_landing_is_judged_by_how_its_gear_stands() -> None:
+    s = flown_onto((3.0, 2.0, 0.0))
+    level = s.log.document()["touchdown"]
+    assert level["footing"]["fault"] == ""
+    assert level["footing"]["tilt_deg"] < 3.0
+    # A slab under the pads ahead, across the heading.
+    turn = np.radians(level["heading_deg"])
+    ahead = level["e"] + 0.9 * np.sin(turn), level["n"] + 0.9 * np.cos(turn)
+    s.scene.world.add_mover("slab", (Box(0, 0, 0, 1.4, 3.0, 0.2, name="top"),), *ahead, np.pi / 2 - turn)
+    found = json.loads(json.dumps(s.log.document()))["touchdown"]["footing"]
+    assert found["tilt_deg"] == pytest.approx(19.3, abs=2.0)
+    assert found["fault"] == f"stands at {found['tilt_deg']:.1f} degrees on its gear"
+    s.log.tip_limit_deg = 30.0
+    assert s.log.document()["touchdown"]["footing"]["fault"] == ""
+    s.log.gear = gear_of("tripod", 5.0, 0.57)
+    assert s.log.document()["touchdown"]["footing"]["tilt_deg"] < 5.0
+
+
 def test_the_intruder_drives_onto_the_landing_point_while_the_vehicle_is_low() -> None:
     s = flown_onto((3.0, 2.0, 0.0), Intruder(15.0))
     starts, stands = s.log.events
@@ -248,6 +268,7 @@ def signals() -> Iterator[None]:
     ("--point-rate 20000.5", "20000.5"), ("--lidar-to nowhere.invalid:1", "nowhere.invalid"),
     ("--lidar-metadata os1.json", "only --lidar ouster"), ("--radar-to nowhere", "--radar-to"),
     ("--point-rate 30000", "25000 or 31250"), ("--point-rate 30000 --lidar opal", "25000 or 31250"),
+    ("--tip-limit 0", "from 1 to 60"), ("--clearance nan", "--clearance nan"), ("--gear none", "none"),
     ("--lidar ouster --lidar-metadata /no/such/folder/os1.json", "/no/such/folder"),
 ])  # fmt: skip
 def test_bad_usage_is_one_line_and_exit_code_2(

@@ -22,7 +22,12 @@ SIDE_M, CELL_M = 20.0, 0.5
 ORIGIN = {"lat_deg": HOME.lat_deg, "lon_deg": HOME.lon_deg, "alt_m": HOME.alt_m}
 
 
-def write_truth(folder: Path, origin: Any = ORIGIN, touched: tuple[float, float] | None = (2.0, 3.0)) -> Path:
+def write_truth(
+    folder: Path,
+    origin: Any = ORIGIN,
+    touched: tuple[float, float] | None = (2.0, 3.0),
+    footing: dict[str, Any] | None = None,
+) -> Path:
     """Write ground about the origin that is safe in its eastern half."""
     n = round(SIDE_M / CELL_M)
     safe = np.zeros((n, n), np.uint8)
@@ -32,7 +37,9 @@ def write_truth(folder: Path, origin: Any = ORIGIN, touched: tuple[float, float]
     with rasterio.open(folder / "truth.tif", "w", driver="GTiff", transform=place, **shape) as file:
         file.write(safe, 1)
     (folder / "scene.json").write_text(json.dumps({"origin": origin}))
-    flight = {} if touched is None else {"touchdown": {"e": touched[0], "n": touched[1]}}
+    flight: dict[str, Any] = {} if touched is None else {"touchdown": {"e": touched[0], "n": touched[1]}}
+    if footing is not None:
+        flight["touchdown"]["footing"] = footing
     (folder / "flight.json").write_text(json.dumps(flight))
     return folder
 
@@ -62,17 +69,52 @@ def flown(folder: Path, touched: tuple[float, float] | None) -> Truth:
 
 def test_a_touchdown_is_told_with_its_distance_from_the_chosen_point(tmp_path: Path) -> None:
     found = touchdown(flown(tmp_path, (2.0, 3.0)), HOME.lla([5.0, -1.0, 0.0]))
-    assert found == {"landed": True, "touchdown_error_m": pytest.approx(5.0), "touchdown_safe": True}
+    assert found == {
+        "landed": True,
+        "touchdown_error_m": pytest.approx(5.0),
+        "touchdown_tilt_deg": None,
+        "touchdown_safe": True,
+        "touchdown_fault": "",
+    }
 
 
 def test_a_touchdown_without_a_chosen_point_has_no_error_and_may_be_unsafe(tmp_path: Path) -> None:
     found = touchdown(flown(tmp_path, (-2.0, 3.0)), None)
-    assert found == {"landed": True, "touchdown_error_m": None, "touchdown_safe": False}
+    assert found == {
+        "landed": True,
+        "touchdown_error_m": None,
+        "touchdown_tilt_deg": None,
+        "touchdown_safe": False,
+        "touchdown_fault": "touched unsafe ground",
+    }
+
+
+@pytest.mark.parametrize(
+    ("east_m", "fault", "told"),
+    [
+        (2.0, "", ""),
+        (2.0, "stands at 19 degrees on its gear", "stands at 19 degrees on its gear"),
+        (-2.0, "stands on its belly", "touched unsafe ground; stands on its belly"),
+    ],
+)
+def test_a_touchdown_is_safe_only_where_its_gear_stands(
+    tmp_path: Path, east_m: float, fault: str, told: str
+) -> None:
+    footing = {"tilt_deg": 19.2, "belly_touches": False, "fault": fault}
+    found = touchdown(read_truth(write_truth(tmp_path, touched=(east_m, 3.0), footing=footing)), None)
+    assert (found["touchdown_safe"], found["touchdown_fault"]) == (not told, told)
+    assert found["touchdown_tilt_deg"] == 19.2
 
 
 def test_a_vehicle_that_never_came_down_has_not_landed(tmp_path: Path) -> None:
     found = touchdown(flown(tmp_path, None), HOME.lla([5.0, -1.0, 0.0]))
-    assert found == {"landed": False, "touchdown_error_m": None, "touchdown_safe": False}
+    assert found == {
+        "landed": False,
+        "touchdown_error_m": None,
+        "touchdown_tilt_deg": None,
+        "touchdown_safe": False,
+        "touchdown_fault": "",
+    }
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,8 @@ from sitl.scenes import Scene
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.livox_packets import CARTESIAN_32, HEADER, HEADER_BYTES
 from sitl.sensors.optics import Noise
+from sitl.truth.touchdown import footing
+from sitl.vehicle.rigid_body import from_euler
 from sitl.wire.wire import MemoryWire, Peer
 from tests.unit.sitl.autopilot_messages import HOME, IN_AIR, ON_GROUND, Sender, beside_home
 
@@ -266,12 +268,15 @@ def test_the_log_holds_the_true_touchdown(bench: Bench, tmp_path: Path, scene: S
     for up in (0.5, 2.0, 6.0, 2.0, 0.0):
         bench.pose(up=up, east=4.0)
     bench.tell(bench.sender.landed(ON_GROUND))
-    bench.pose(up=0.0, east=4.5)
+    bench.pose(up=0.0, east=4.5, quat=from_euler(0.0, 0.0, np.radians(70.0)))
     assert bench.attached.origin_lla is not None
     bench.attached.log.write(tmp_path, bench.attached.origin_lla)
     flight = json.loads((tmp_path / "flight.json").read_text("utf-8"))
     assert len(flight["touchdowns"]) == 1
     assert flight["touchdown"]["e"] - scene.home_enu[0] == pytest.approx(4.5, abs=0.02)
+    assert flight["touchdown"]["heading_deg"] == pytest.approx(70.0, abs=0.1)
+    standing = footing(scene.world, flight["touchdown"])
+    assert flight["touchdown"]["footing"] == standing._asdict()
     assert flight["takeoff"]["u"] - scene.world.height_m(*scene.home_enu[:2]) == pytest.approx(2.1, abs=0.05)
 
 

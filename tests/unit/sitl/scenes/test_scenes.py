@@ -11,7 +11,8 @@ from scipy import ndimage
 from sitl import scenes
 from sitl.scenes.scene import Scene
 from sitl.truth import truth
-from sitl.world.primitives import Kind
+from sitl.truth.touchdown import fault_of, footing
+from sitl.world.primitives import Box, Kind
 
 
 @cache
@@ -99,6 +100,34 @@ def test_slope_and_pond_and_roofs_are_what_their_regions_say() -> None:
     assert truth.safe_map(world, (155.0, 40.0, 165.0, 50.0), 0.5).safe.all()
     assert world.height_m(150.0, -15.0) == pytest.approx(8.0)
     assert world.height_m(120.1, 40.0) == pytest.approx(12.5)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_garden_of_the_streets_tips_a_gear_where_slope_and_relief_are_safe(seed: int) -> None:
+    built = scenes.build("streets", seed)
+    corners = np.array(built.regions["garden"])
+    rng = np.random.default_rng(seed)
+    tilts = []
+    for east, north in rng.uniform(corners.min(axis=0) + 1, corners.max(axis=0) - 1, (300, 2)):
+        here = {"e": float(east), "n": float(north), "heading_deg": float(rng.uniform(0, 360))}
+        if not fault_of(built.world, here, tip_limit_deg=90.0):
+            tilts.append(footing(built.world, here).tilt_deg or 0.0)
+    assert len(tilts) > 200  # of 300 safe without a gear
+    assert 0.05 < np.mean(np.array(tilts) > 15.0) < 0.4
+    assert np.median(tilts) < 2.0
+    x, y, heading = built.home_enu
+    assert footing(built.world, {"e": x, "n": y, "heading_deg": np.degrees(heading)}).fault == ""
+
+
+def test_kerbs_and_flagstones_are_as_high_as_kerbs() -> None:
+    heights = [
+        box.z_m + box.height_m
+        for box in scene("streets").world.solids
+        if isinstance(box, Box) and box.name.startswith(("kerb", "flagstone"))
+    ]
+    assert len(heights) > 60
+    assert min(heights) == pytest.approx(0.1, abs=0.01)
+    assert max(heights) == pytest.approx(0.24)
 
 
 def test_nobody_can_land_on_the_hill_but_all_around_it() -> None:

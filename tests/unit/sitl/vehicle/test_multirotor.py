@@ -84,6 +84,7 @@ def test_touchdown_is_recorded_with_place_and_speeds() -> None:
     assert 1.0 < body.contact["sink_ms"] < 2.0
     assert body.contact["drift_ms"] == pytest.approx(0.0, abs=1e-9)
     assert body.contact["tilt_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert body.contact["heading_deg"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_attitude_stays_a_unit_quaternion() -> None:
