@@ -36,7 +36,7 @@ from slz.zones.zone_map import ZoneMap
 Points = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
-THIN_REACH = 1.5  # of the mapping reach, up to which isolated returns are judged
+THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
 
 
 class DefaultMethod:

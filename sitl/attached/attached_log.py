@@ -10,7 +10,7 @@ import pymap3d
 
 from sitl.attached.pose_source import Place, PoseSource
 from sitl.scenes import Scene
-from sitl.truth.gear import QUADCOPTER, Gear
+from sitl.truth.standing_gear import QUADCOPTER, Gear
 from sitl.truth.touchdown import TIP_LIMIT_DEG, footing
 
 STEP_NS = 200_000_000

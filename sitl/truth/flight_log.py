@@ -10,7 +10,7 @@ import pymap3d
 
 from sitl.autopilot.autopilot import Autopilot
 from sitl.scenes.scene import Scene
-from sitl.truth.gear import QUADCOPTER, Gear
+from sitl.truth.standing_gear import QUADCOPTER, Gear
 from sitl.truth.touchdown import TIP_LIMIT_DEG, footing
 from sitl.vehicle.multirotor import Vehicle
 

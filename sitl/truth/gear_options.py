@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from sitl.truth.gear import KINDS, Gear, gear_of
+from sitl.truth.standing_gear import KINDS, Gear, gear_of
 from sitl.truth.touchdown import TIP_LIMIT_DEG
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sitl.truth.gear import QUADCOPTER, Gear, stances
+from sitl.truth.standing_gear import QUADCOPTER, Gear, stances
 from sitl.truth.truth import safe_map
 from sitl.world.world import World
 

@@ -13,12 +13,19 @@ from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
 from slz.kernels.footprint.derive_maps import derive_box
 from slz.kernels.footprint.patch import inverses
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
+from slz.kernels.raster.morphology import (
+    above,
+    closed,
+    complement,
+    dilated,
+    enclosed,
+    eroded,
+    exceeds,
+    minimum_filter,
+)
 from slz.kernels.simd import LANES
 from slz.terrain.gear import Gear, gear_of
 from slz.terrain.layers import LAYERS
-
-NARROW = 1  # radius of the closing that fills gaps of one and two cells between seen cells, raised or not
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +61,6 @@ class CoveredCells:
     cells: NDArray[np.float32]
     covered: Bits
     unseen: Bits
-    gaps: Bits
     edge: int
     radius: int
     cell_m: float
@@ -69,12 +75,10 @@ class CoveredCells:
         known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
         covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
-        gaps = dilated(complement(closed(known, NARROW, cols), cols), reach.radius + 1, cols)
         return cls(
             cells,
             covered,
             unseen,
-            gaps,
             reach.margin,
             reach.radius,
             cell_m,
@@ -108,7 +112,7 @@ def derive(
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
     derive_box(
-        cells, inverses(cells), seen.covered, seen.unseen, seen.gaps, m, seen.radius, seen.limits,
+        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits,
         seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide),
         maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
     )  # fmt: skip
@@ -119,11 +123,11 @@ def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: fl
     """Return the footprints that hold unseen ground.
 
     An object amid unseen ground must not make that ground count as seen. So cells raised above nearby ground
-    close no gap, unless a safe slope leads up to them. The outermost seen cells may be part water, part
-    shore, so the rim does not count as seen.
+    close no gap, unless a safe slope leads up to them; a single cell among eight seen ones counts as seen
+    beside any. The outermost seen cells may be part water, part shore, so the rim does not count as seen.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
     lowest, cols = minimum_filter(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
     level = known & ~exceeds(height_m, lowest, p.relief_m)
-    seen = known | closed(level, reach.gap, cols)
+    seen = known | closed(level, reach.gap, cols) | enclosed(known, cols)
     return dilated(complement(seen, cols), reach.radius + 1, cols)

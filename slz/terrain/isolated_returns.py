@@ -17,7 +17,6 @@ from slz.kernels.points.clutter import (
     add_others,
     bands_of,
 )
-from slz.points.mapping_reach import within
 
 MOST = 8192  # returns kept
 EXPLAINED = 2.0  # returns of clutter expected, among which `MOST_OTHERS` are no object
@@ -63,21 +62,29 @@ class IsolatedReturns:
     @classmethod
     def none(cls) -> IsolatedReturns:
         """Return no returns."""
-        return cls.new(np.empty((0, 3)), 0.0, np.zeros(3), 0.0, 0)
+        return cls.new(np.empty((0, 3)), 0.0, 0.0, 0)
 
     @classmethod
     def new(
-        cls, points_enu_m: Points, now_s: float, sensor_enu_m: Points, reach_m: float, first: int
+        cls,
+        points_enu_m: Points,
+        now_s: float,
+        sensor_up_m: float,
+        first: int,
+        distant: NDArray[np.bool_] | None = None,
     ) -> IsolatedReturns:
-        """Return the returns of a window, numbered from `first` on, before anything is known of them."""
+        """Return the returns of a window, numbered from `first` on, before anything is known of them.
+
+        distant: (n,) which are beyond the reach of the map; none by default.
+        """
         n = len(points_enu_m)
         upright_m, level_m = np.full((2, n, MOST_OTHERS), np.inf)
         return cls(
             number=np.arange(first, first + n),
             points_enu_m=points_enu_m,
             born_s=np.full(n, now_s),
-            sensor_up_m=np.full(n, float(sensor_enu_m[2])),
-            distant=~within(points_enu_m, sensor_enu_m, reach_m),
+            sensor_up_m=np.full(n, sensor_up_m),
+            distant=np.zeros(n, bool) if distant is None else distant,
             held_m2=np.zeros(n),
             rays_m2=np.zeros(n),
             bands=np.full(n, NO_BAND),

@@ -69,7 +69,7 @@ class TiledLayers:
         table = self._opened(box)
         for first, held, states in self._blocks:
             derive_tiles(
-                seen.cells, seen.covered, seen.unseen, seen.gaps, seen.edge, seen.radius, seen.limits,
+                seen.cells, seen.covered, seen.unseen, seen.edge, seen.radius, seen.limits,
                 seen.gear.contacts_m, seen.gear.limits, held, states, first, table, box.row0, box.col0,
             )  # fmt: skip
 

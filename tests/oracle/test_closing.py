@@ -9,7 +9,16 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from slz.kernels.raster.bitmap import packed, unpacked
-from slz.kernels.raster.morphology import above, closed, complement, dilated, eroded, exceeds, minimum_filter
+from slz.kernels.raster.morphology import (
+    above,
+    closed,
+    complement,
+    dilated,
+    enclosed,
+    eroded,
+    exceeds,
+    minimum_filter,
+)
 
 seeds = st.integers(0, 10_000)
 
@@ -29,6 +38,18 @@ def test_dilation_and_closing_are_those_of_scipy(seed: int, radius: int, share: 
     assert not unpacked(wide, cols, 64).any(), "beyond the map"
     expected = ndimage.binary_closing(known, square) | known  # scipy, too, takes the outside for unknown
     np.testing.assert_array_equal(unpacked(closed(bits, radius, cols), 0, cols), expected)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seeds, st.sampled_from([0.5, 0.9, 0.99]))
+def test_a_cell_is_enclosed_where_its_eight_neighbours_are_set(seed: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    known = rng.random((rng.integers(1, 40), rng.integers(1, 150))) < share
+    ring = np.ones((3, 3))
+    ring[1, 1] = 0
+    bits = enclosed(packed(known.view(np.uint8)), known.shape[1])
+    expected = ndimage.binary_erosion(known, ring)
+    np.testing.assert_array_equal(unpacked(bits, 0, known.shape[1]), expected)
 
 
 @settings(max_examples=60, deadline=None)

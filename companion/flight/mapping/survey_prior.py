@@ -199,10 +199,10 @@ def _check(folder: Path, document: dict[str, Any], parameters: Parameters) -> No
                 f" {own:g}: survey again with --set {name}={own:g}"
             )
     for name in GEAR if parameters.gear != "none" else ():
-        own_gear, surveyed_gear = getattr(parameters, name), theirs.get(name)
-        made = f"without {name}" if surveyed_gear is None else f"with {name}={surveyed_gear}"
+        own_gear = getattr(parameters, name)
+        surveyed_gear = theirs.get(name, own_gear)  # a survey older than the gear knows none
         if surveyed_gear != own_gear:
             raise UsageError(
-                f"--prior {folder}: it was surveyed {made}, this vehicle has {name}={own_gear}:"
+                f"--prior {folder}: it was surveyed with {name}={surveyed_gear}, this vehicle has {own_gear}:"
                 f" survey again with --set {name}={own_gear}"
             )

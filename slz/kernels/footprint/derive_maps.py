@@ -24,16 +24,13 @@ from slz.kernels.footprint.patch import (
     middle_height,
     rows_of_patch,
 )
-from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, SHARE, add_inner_relief, fit_planes
+from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, add_inner_relief, fit_planes
 from slz.kernels.footprint.rest_pose import Contacts, GearLimits, refuse_without_heading, scratch_for
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import NONE, Bits, word_at
-from slz.kernels.simd import LANES, aligned_empty, broadcast, flags_of, load, store
+from slz.kernels.simd import LANES, aligned_empty, load, store
 
 LOW16 = np.uint64(0xFFFF)
-# Share of a footprint's cells that hold a return, above which a gap of 3 x 3 cells is not left by chance: the
-# others are empty with 0.27 at most, and 121 squares of nine of them with 121 x 0.27^9 < 0.001.
-DENSE = np.float32(0.73)
 Row = Array1D[np.float32]
 Table = Array2D[np.int32]
 Limits = tuple[Float32, Float32, Float32, Float32, Float32]
@@ -45,7 +42,6 @@ def derive_box(
     inverse: Row,
     covered: Bits,
     unseen: Bits,
-    gaps: Bits,
     edge: int,
     radius: int,
     limits: Limits,
@@ -65,9 +61,8 @@ def derive_box(
     ----------
     cells, inverse
         (6, rows, cols) of `summarise`, and their `inverses`.
-    covered, unseen, gaps
-        Bitmaps of the cells: footprint wholly covered by seen cells; footprint holds unseen ground; footprint
-        holds a gap of three cells or more, which is unseen ground where most of its cells are struck.
+    covered, unseen
+        Bitmaps of the cells: footprint wholly covered by seen cells; footprint holds unseen ground.
     edge, radius
         Margin of cells that are not derived, and radius of a footprint, at most the margin.
     limits
@@ -129,9 +124,6 @@ def derive_box(
                     store(maps, A_TOP * layer + to + here, load(flat, TOP * rows * cols + at))
                     if fits:
                         hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
-                        share = load(statistics, j * PLANE_STATISTICS * LANES + SHARE * LANES)
-                        dense = flags_of(broadcast(DENSE) < share)
-                        hidden ^= (hidden ^ word_at(gaps, edge + r + j, edge + c + g)) & dense
                         doubtful = classify(
                             statistics, j * PLANE_STATISTICS * LANES, hidden, slope_limit, relief_limit,
                             quarters, maps, to + here, layer, states, place + here,
@@ -164,7 +156,6 @@ def derive_tiles(
     cells: Array3D[np.float32],
     covered: Bits,
     unseen: Bits,
-    gaps: Bits,
     edge: int,
     radius: int,
     limits: Limits,
@@ -198,6 +189,6 @@ def derive_tiles(
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
             derive_box(
-                cells, inverse, covered, unseen, gaps, edge, radius, limits, contacts, gear, box,
+                cells, inverse, covered, unseen, edge, radius, limits, contacts, gear, box,
                 maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at,
             )  # fmt: skip

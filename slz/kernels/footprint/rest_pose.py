@@ -21,13 +21,13 @@ from slz.kernels.simd import LANES, broadcast, flags_of, load, sqrt
 
 AROUND = -1e-4  # least barycentric coordinate of a centre of gravity within a triple of contacts
 TOUCHES_M = 1e-4
-EDGE_SIGMAS = 4.0  # standard deviations of a return: what differs less under a pad is no edge
+EDGE_SIGMAS = 5.0  # standard deviations of a return: what differs less under a pad is no edge
 FARTHEST_RING = 4  # cells around a contact without a return, in which its ground is sought
 CLEAR_SIGMAS = (
     2.0  # standard deviations of the gradient within its limit, from which a heading is not in doubt
 )
 NOISES_OF_RELIEF = np.float32(2)  # by which noise may exaggerate a relief, in deviations of one return
-LEAST_CERTAINTY = np.float32(0.05)  # below, the certainty is not refined
+LEAST_CERTAINTY = np.float32(0.5)  # of an unsafe cell; below, it is not refined
 IS_SAFE, IS_UNSAFE = np.uint8(1), np.uint8(0)
 NOWHERE = np.float32(np.inf)  # gradient of a gear that cannot rest
 
@@ -68,21 +68,29 @@ def _ground_of_box(
 
 @kernel
 def _ground_under(
-    ground: Ground, plane: Plane, north: float, east: float, pad: float
+    ground: Ground, plane: Plane, north: float, east: float, pad: float, edge_m: float
 ) -> tuple[float, float, float]:
     """Return lowest, mean and highest ground under a pad, of the nearest cells where it has no return.
 
-    north, east, pad: place from the middle of the footprint, and radius, in cells. The heights are over the
-    plane.
+    Where the cells around it hold no edge, the mean is theirs too: it is less noisy.
+
+    Parameters
+    ----------
+    north, east, pad
+        Place from the middle of the footprint, and radius, in cells. The heights are over the plane.
     """
     row, col = ground[4] + north, ground[5] + east
     row0, row1 = math.floor(row - pad + 0.5), math.floor(row + pad + 0.5)
     col0, col1 = math.floor(col - pad + 0.5), math.floor(col + pad + 0.5)
-    found, ring = _ground_of_box(ground, plane, row0, row1, col0, col1), 1
-    while np.isnan(found[1]) and ring <= FARTHEST_RING:
-        found = _ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
-        ring += 1
-    return found
+    own = _ground_of_box(ground, plane, row0, row1, col0, col1)
+    for ring in range(1, FARTHEST_RING + 1):
+        around = _ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
+        if around[2] - around[0] <= edge_m:
+            return around
+        if not np.isnan(own[1]):
+            return own
+        own = around
+    return own
 
 
 @kernel
@@ -186,7 +194,7 @@ def gradient_at(
     (height, low, high, kept), n, edges = scratch, 0, 0
     for i in range(count):
         east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
-        least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m)
+        least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m, edge_m)
         if np.isnan(mean):
             return np.inf
         level = plane[0] + plane[1] * east + plane[2] * north

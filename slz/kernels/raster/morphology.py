@@ -85,6 +85,27 @@ def closed(bits: Bits, radius: int, cols: int) -> Bits:
 
 
 @kernel
+def _beside(bits: Bits, row: int, word: int) -> np.uint64:
+    """Return the cells of a word whose western and eastern neighbours are set."""
+    west = bits[row, word - 1] >> LAST if word > 0 else NONE
+    east = bits[row, word + 1] << LAST if word + 1 < bits.shape[1] else NONE
+    own = bits[row, word]
+    return np.uint64(((own << ONE) | west) & ((own >> ONE) | east))
+
+
+@kernel
+def enclosed(bits: Bits, cols: int) -> Bits:
+    """Return the cells all of whose eight neighbours are set."""
+    out = np.zeros_like(bits)
+    for r in range(1, bits.shape[0] - 1):
+        for w in range(bits.shape[1]):
+            south, north = bits[r - 1, w] & _beside(bits, r - 1, w), bits[r + 1, w] & _beside(bits, r + 1, w)
+            out[r, w] = _beside(bits, r, w) & south & north
+    _clear_beyond(out, cols)
+    return out
+
+
+@kernel
 def complement(bits: Bits, cols: int) -> Bits:
     """Return the complement: the cells that are not set."""
     out = ~bits

@@ -21,7 +21,7 @@ from sitl.autopilot.modes import Mode
 from sitl.intruder import Intruder
 from sitl.pace import Pace
 from sitl.simulation import TICK_NS, PoseTrack, Simulation
-from sitl.truth.gear import gear_of
+from sitl.truth.standing_gear import gear_of
 from sitl.vehicle.rigid_body import from_euler
 from sitl.wire.wire import MemoryWire
 from sitl.world.primitives import Box

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sitl.truth.gear import QUADCOPTER, Gear, gear_of, stances
+from sitl.truth.standing_gear import QUADCOPTER, Gear, gear_of, stances
 from sitl.world.primitives import Box, Cylinder, Ground, Solid
 from sitl.world.world import World
 

@@ -7,7 +7,7 @@ import argparse
 import pytest
 
 from sitl.truth import gear_options
-from sitl.truth.gear import QUADCOPTER, gear_of
+from sitl.truth.standing_gear import QUADCOPTER, gear_of
 
 
 def parsed(*words: str) -> argparse.Namespace:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sitl.truth.gear import gear_of
+from sitl.truth.standing_gear import gear_of
 from sitl.truth.touchdown import fault_of, footing
 from sitl.world.primitives import Box, Ground, Kind, Solid
 from sitl.world.world import World

@@ -135,3 +135,28 @@ def test_beyond_the_limit_clutter_goes_first_and_then_the_oldest_object(found: i
     kept = old.joined_with(IsolatedReturns.new(np.zeros((MOST, 3)), 2.0, 25.0, found))
     kept = kept.some(kept.within_limit())
     assert (len(kept), int(kept.found.sum())) == (MOST, stays)
+
+
+# ---- returns beyond the mapping reach -------------------------------------------------------------
+
+REACH = ("angle_noise_deg=0.4",)  # the map ends 5.8 m from below the sensor
+
+
+def mapped_then_seen_from_afar(second: Floats) -> Pipeline:
+    """One hit of a pole within the mapping reach, then another of it from 6.4 m aside."""
+    pole = np.array([[2.0, 1.0, 1.4]])
+    pipe = fly([np.vstack([ground(100), pole])], *REACH)
+    aside = ground(100, seed=5) - np.array([10.0, 0.0, 0.0])
+    points = np.vstack([aside, second])
+    stamps = np.full(len(points), 6_000_000_000, np.int64)
+    sensor = np.array([-4.4, 1.0, 25.0])
+    pipe.process(Window(points, stamps, sensor, FRAME, int(stamps[0]), int(stamps[0])))
+    return pipe
+
+
+def test_a_second_hit_from_beyond_the_reach_makes_a_pole() -> None:
+    assert state_at(mapped_then_seen_from_afar(np.array([[2.05, 1.03, 0.7]])), 2.0, 1.0) == UNSAFE
+
+
+def test_a_distant_return_at_the_ground_is_neither_ground_nor_an_object() -> None:
+    assert state_at(mapped_then_seen_from_afar(np.array([[2.05, 1.03, 0.2]])), 2.0, 1.0) == SAFE
