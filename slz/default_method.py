@@ -99,7 +99,7 @@ class DefaultMethod:
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
         with run_concurrently(self._other, far.add_points, points, sensor_enu_m, stamp_s, None, near.tiles):
-            near.add_points(_picked(points, used), sensor_enu_m, stamp_s, isolated)
+            near.add_points(_picked(points, used), sensor_enu_m, stamp_s, isolated, reach_m=reach_m(self._p))
         clock.lap("terrain")
         near.identify(sensor_enu_m)
         far.identify(sensor_enu_m)

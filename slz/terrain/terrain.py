@@ -31,7 +31,6 @@ from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
-from slz.points.mapping_reach import reach_m
 from slz.terrain.derive import CoveredCells, reach_of
 from slz.terrain.footing import Footing, footing
 from slz.terrain.layers import LAYERS, NAMED
@@ -122,12 +121,14 @@ class EvidenceTerrain(UnboundedTerrain):
         sensor_enu_m: NDArray[np.float64],
         stamp_s: float,
         isolated_enu_m: NDArray[np.float64] | None = None,
+        reach_m: float = math.inf,
     ) -> Change:
         """Add one window of points, in stored heights (over `tiles.datum_m`), and derive the changed maps.
 
         Points outside the window's grid are skipped. When the budget of tiles is used, the ground not
         seen for longest is evicted; where none can be, points are dropped and counted. Isolated returns are
-        judged together with those of earlier windows, see `slz.terrain.thin_objects`.
+        judged together with those of earlier windows, see `slz.terrain.thin_objects`; those beyond
+        `reach_m` from the sensor are never ground.
         """
         now_s = self.tiles.now_s(stamp_s)
         change = self._accumulate(points_enu_m, sensor_enu_m)
@@ -139,7 +140,7 @@ class EvidenceTerrain(UnboundedTerrain):
                 len(points_enu_m) + len(isolated_enu_m),
                 self.tiles,
                 self._parameters.max_age_s,
-                reach_m(self._parameters),
+                reach_m,
             )
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))

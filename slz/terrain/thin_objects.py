@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from slz.kernels.points.clutter import HIGH, LONELY_M, NO_BAND, chances
 from slz.kernels.points.voxel_density_filter import is_supported
-from slz.points.mapping_reach import within
 from slz.terrain.clutter_share import ClutterShare
 from slz.terrain.isolated_returns import IsolatedReturns
 from slz.terrain.tiles import Tiles
@@ -88,7 +87,7 @@ class ThinObjects:
         now_s = tiles.latest_s
         self._share.add_rays(n_returns, now_s, max_age_s)
         before = self._kept.some(self._kept.found)
-        distant = ~within(isolated_enu_m, sensor_enu_m, reach_m)
+        distant = np.hypot(*(isolated_enu_m - sensor_enu_m)[:, :2].T) > reach_m
         new = IsolatedReturns.new(isolated_enu_m, now_s, float(sensor_enu_m[2]), self._n_added, distant)
         self._n_added += len(new)
         kept = self._kept.joined_with(new.some(new.within_limit()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -60,6 +61,7 @@ class ZoneMap:
         stamp_s: float,
         isolated_enu_m: Points | None = None,
         like: Tiles | None = None,
+        reach_m: float = math.inf,
     ) -> None:
         """Add a window's points and search the terrain.
 
@@ -71,13 +73,15 @@ class ZoneMap:
             (n, 3) isolated returns, likewise; None for a map that does not judge them.
         like
             Evidence whose datum the points refer to, by default its own.
+        reach_m
+            Horizontal distance from the sensor beyond which isolated returns are never ground.
         """
         self._follow(sensor_enu_m)
         terrain = self.terrain
         if like is not None:
             terrain.tiles.datum_m = like.datum_m
         sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
-        change = terrain.add(points_enu_m, sensor_there_m, stamp_s, isolated_enu_m)
+        change = terrain.add(points_enu_m, sensor_there_m, stamp_s, isolated_enu_m, reach_m)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
         self.candidates = self._search()
 
