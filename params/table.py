@@ -17,6 +17,7 @@ PAPER = "SLZ paper Table 4"
 THESIS = "SLZ thesis Table 3"
 OURS = "this project"
 GEAR_SHARES = {"pads": (0.285, 0.285), "skids": (0.6, 0.44), "tripod": (0.6, 0.44)}  # of the footprint
+LEAST_GEAR_M = 0.1
 TILT_OVER_SLOPE_DEG = 5.0  # by which a landed vehicle may tilt more than the ground slopes
 
 
@@ -505,6 +506,9 @@ class Parameters(BaseModel):
         return self
 
     def _check_gear(self) -> None:
+        for name in ("gear_length_m", "gear_width_m"):
+            if 0 < getattr(self, name) < LEAST_GEAR_M:
+                raise ValueError(f"{name} ({getattr(self, name)}) must be 0 or at least {LEAST_GEAR_M} m")
         if self.safe_slope_deg > self.greatest_tilt_deg:
             raise ValueError(
                 f"safe_slope_deg ({self.safe_slope_deg}) must not exceed tip_limit_deg"

@@ -14,7 +14,6 @@ from slz.kernels.footprint.rest_pose import GearLimits
 
 HEADING_STEP_DEG = 15
 MOST_OF_A_SKID = 16  # contacts
-STEEP_CELLS = 1.5  # cells on the steepest safe slope: their rise under a pad is no edge
 Place = tuple[float, float]  # forward and right of the centre of gravity, m
 
 
@@ -32,7 +31,7 @@ class Gear:
     limits: GearLimits
 
 
-NO_GEAR = Gear(np.empty((0, 3, 2), np.float32), 360, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+NO_GEAR = Gear(np.empty((0, 3, 2), np.float32), 360, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @functools.lru_cache(maxsize=8)
@@ -47,10 +46,9 @@ def gear_of(parameters: Parameters, cell_m: float) -> Gear:
     sine, cosine = np.sin(headings)[:, None], np.cos(headings)[:, None]
     contacts = np.stack([forward * sine + right * cosine, forward * cosine - right * sine], axis=2)
     tip, slope = math.radians(p.greatest_tilt_deg), math.radians(p.safe_slope_deg)
-    edge_m = STEEP_CELLS * cell_m * math.tan(slope)
     limits = (
         float(line), math.tan(tip), p.clearance_m, math.hypot(length_m, width_m) / 2,
-        p.pad_radius_m, edge_m, _leverage_per_m(p.gear, length_m, width_m),
+        p.pad_radius_m, _leverage_per_m(p.gear, length_m, width_m),
         math.tan(slope) / p.safe_slope_deg,
     )  # fmt: skip
     return Gear(contacts.astype(np.float32), period_deg, limits)

@@ -16,7 +16,7 @@ import params
 from slz import Pipeline, Window
 from slz.frame import LocalFrame
 from slz.grid import Box
-from slz.kernels.footprint.rest_pose import A_LEVERAGE, steepest_rest
+from slz.kernels.footprint.rest_pose import A_LEVERAGE, gradient_at, scratch_for, steepest_rest
 from slz.terrain.gear import gear_of
 
 Floats = NDArray[np.float64]
@@ -155,3 +155,67 @@ def test_a_kerb_is_refused_where_small_feet_straddle_it_and_accepted_beside_it()
 def test_wide_feet_stand_on_a_kerb_that_small_ones_do_not() -> None:
     at, wide = safe_map(kerb(0.2, 0.0), load("pads 2 m across"))
     assert wide[:, np.abs(at) < 0.1].mean() > 0.9
+
+
+# ---- belly, coarse cells, skids at edges, sparse returns ------------------------------------------
+
+
+def stone(east: float, north: float, side_m: float, high_m: float) -> Surface:
+    return lambda x, y: high_m * ((np.abs(x - east) < side_m / 2) & (np.abs(y - north) < side_m / 2))
+
+
+def test_a_stone_anywhere_under_the_belly_is_refused() -> None:
+    """The belly is a disc to the pads: parts of cells whose centre is outside of it belong to it."""
+    at, safe = safe_map(stone(0.15, 0.02, 0.15, 0.25), load("pads 0.8 m across", "clearance_m=0.1"))
+    east, north = np.meshgrid(at, at)
+    assert not safe[np.hypot(east - 0.15, north - 0.02) < 0.4].any()
+    assert safe[np.hypot(east - 0.15, north - 0.02) > 2].mean() > 0.95
+
+
+@pytest.mark.parametrize("cell_m", [0.5, 1.0])
+def test_small_feet_on_a_kerb_within_a_coarse_cell_are_refused(cell_m: float) -> None:
+    parameters = load("pads 0.8 m across", f"cell_m={cell_m}", "min_square_m=3")
+    surface = kerb(0.22, 25)
+    at, safe = safe_map(surface, parameters)
+    for row, col in zip(*np.nonzero(safe), strict=True):
+        assert least_tilt_deg(surface, at[col], at[row], parameters) < parameters.greatest_tilt_deg + 2
+    assert safe.mean() > 0.3
+
+
+def test_the_ground_of_a_pad_is_that_of_the_nearest_returns() -> None:
+    ground = (
+        np.full(25 * 25, np.inf, np.float32),
+        np.zeros(25 * 25, np.float32),
+        np.full(25 * 25, -np.inf, np.float32),
+    )
+    for array in ground:  # returns every third row and column
+        array.reshape(25, 25)[::3, ::3] = 0
+    gear = gear_of(load("pads 0.8 m across"), 0.2)
+    place = (*ground, 25, 12, 12)
+    for heading in range(len(gear.contacts_m)):
+        assert gradient_at(
+            place,
+            (0.0, 0.0, 0.0),
+            0.2,
+            gear.contacts_m,
+            heading,
+            gear.limits,
+            0.02,
+            scratch_for(gear.contacts_m),
+        ) == pytest.approx(0, abs=1e-6)
+
+
+def test_skids_are_refused_at_headings_at_which_an_edge_may_tilt_them() -> None:
+    parameters = params.load("quadcopter", ["gear=skids", "gear_length_m=1.2", "gear_width_m=0.6"])
+    gear, cells = gear_of(parameters, 0.2), 25
+    x = (np.mgrid[:cells, :cells][1] - cells // 2) * 0.2
+    high = np.where(x > 0.25, 0.24, 0.0)  # the kerb runs somewhere in the column at 0.2
+    mixed = np.abs(x - 0.2) < 0.05
+    lower, upper = np.where(mixed, 0.0, high), np.where(mixed, 0.24, high)
+    middle = (lower + upper) / 2
+    ground = tuple(a.astype(np.float32).ravel() for a in (lower, middle, upper))
+    along = gradient_at(
+        (*ground, cells, cells // 2, cells // 2), (0.0, 0.0, 0.0), 0.2,
+        gear.contacts_m, 0, gear.limits, 0.02, scratch_for(gear.contacts_m),
+    )  # fmt: skip
+    assert along == np.inf or along > math.tan(math.radians(parameters.greatest_tilt_deg))

@@ -14,6 +14,7 @@ MOST_UNSEEN = 0.01  # probability that a hazard got no return, from which on no 
 LOOK_NS = 20 * SECOND
 AWAY_M, AT_CORNER_M = 2.0, 0.7  # corners from the point, and distance at which one is reached
 LOOK_MS = 1.0
+MOST_BLOCKED = 8  # steps towards a corner behind an obstacle, after which the look ends
 CORNERS = ((AWAY_M, 0.0), (0.0, AWAY_M), (-AWAY_M, 0.0), (0.0, -AWAY_M))
 
 
@@ -28,6 +29,7 @@ class CloserLook:
         """Forget the look at an earlier point."""
         self._since_ns: int | None = None
         self._is_over = False
+        self._n_blocked = 0
         self._corners = itertools.cycle(map(np.array, CORNERS))
         self._corner: Vector = next(self._corners)
 
@@ -43,7 +45,10 @@ class CloserLook:
         if self._since_ns is None:
             self._since_ns = s.now_ns
             state.say(Severity.INFO, f"{unseen:.0%} of {hazard_m:g} m hazards unseen: looking closer")
-        elif s.now_ns - self._since_ns > LOOK_NS:
+        if s.blocked:  # the look is not worth a climb
+            self._n_blocked += 1
+            self._corner = next(self._corners)
+        if s.now_ns - self._since_ns > LOOK_NS or self._n_blocked > MOST_BLOCKED:
             self._is_over = True
             state.say(Severity.WARNING, f"{unseen:.0%} of {hazard_m:g} m hazards stay unseen")
             return None

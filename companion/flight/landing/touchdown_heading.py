@@ -21,6 +21,8 @@ def touchdown_heading_rad(selected: SelectedPoint | None, heading_rad: float | N
 
 def stands_at(selected: SelectedPoint | None, heading_rad: float | None) -> bool:
     """Return whether the gear stands at the present heading; an unknown heading is not safe."""
+    if selected is not None and not selected.footing.headings_deg:
+        return False
     wanted_rad = touchdown_heading_rad(selected, heading_rad)
     if wanted_rad is None:
         return True

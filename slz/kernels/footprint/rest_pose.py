@@ -21,6 +21,7 @@ from slz.kernels.simd import LANES, broadcast, flags_of, load, sqrt
 
 AROUND = -1e-4  # least barycentric coordinate of a centre of gravity within a triple of contacts
 TOUCHES_M = 1e-4
+PARTS = 4  # of a gear, whose edges are tried at both sides independently
 EDGE_SIGMAS = 5.0  # standard deviations of a return: what differs less under a pad is no edge
 FARTHEST_RING = 4  # cells around a contact without a return, in which its ground is sought
 CLEAR_SIGMAS = (
@@ -32,10 +33,10 @@ IS_SAFE, IS_UNSAFE = np.uint8(1), np.uint8(0)
 NOWHERE = np.float32(np.inf)  # gradient of a gear that cannot rest
 
 # Contacts of one line (a skid; 1 for pads); greatest gradient of the plane through the contacts; height of
-# the belly over that plane (m); radius of the belly and of a pad (m); step within a pad's ground that is no
-# edge without noise (m); greatest gradient that a relief of 1 m can add; gradient of a slope of 1 degree.
-GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32, Float32]
-A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, AN_EDGE, A_LEVERAGE, A_DEGREE = range(8)
+# the belly over that plane (m); radius of the belly and of a pad (m); greatest gradient that a relief of 1 m
+# can add; gradient of a slope of 1 degree.
+GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32]
+A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, A_LEVERAGE, A_DEGREE = range(7)
 Row = Array1D[np.float32]
 Contacts = Array3D[np.float32]
 Rest = tuple[float, float, float, float]  # gradient, its east and north parts, height below the centre (m)
@@ -85,7 +86,7 @@ def _ground_under(
     own = _ground_of_box(ground, plane, row0, row1, col0, col1)
     for ring in range(1, FARTHEST_RING + 1):
         around = _ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
-        if around[2] - around[0] <= edge_m:
+        if not np.isnan(around[1]) and around[2] - around[0] <= edge_m:
             return around
         if not np.isnan(own[1]):
             return own
@@ -159,15 +160,33 @@ def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> 
     """Return whether no ground under the belly reaches up to it."""
     _, _, upper, wide, row, col = ground
     belly, tall = limits[A_BELLY] / cell_m, len(upper) // wide
-    reach = math.floor(belly)
+    reach = math.ceil(belly + 0.5)
     for dr in range(-reach, reach + 1):
         for dc in range(-reach, reach + 1):
             r, c = row + dr, col + dc
-            if dr * dr + dc * dc <= belly * belly and 0 <= r < tall and 0 <= c < wide:
+            y, x = max(0.0, abs(dr) - 0.5), max(0.0, abs(dc) - 0.5)  # nearest part of the cell
+            if y * y + x * x < belly * belly and 0 <= r < tall and 0 <= c < wide:
                 level = rest[1] * dc * cell_m + rest[2] * dr * cell_m + rest[3]
                 if upper[r * wide + c] - level > limits[A_CLEARANCE]:
                     return False
     return True
+
+
+@kernel
+def _part(contact: int, count: int, line: int) -> int:
+    """Return the part of the gear that a contact belongs to: a pad, or half a skid."""
+    return contact if line == 1 else 2 * (contact // line) + (2 * (contact % line) >= line)
+
+
+@kernel
+def _steepest_on_lines(
+    contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], line: int
+) -> Rest:
+    """Return the steepest plane on which a gear of lines of contacts can rest, see `steepest_rest`."""
+    n = 0
+    for first in range(0, len(heights), line):
+        n = _upper_hull(heights, first, first + line, kept, n)
+    return steepest_rest(contacts, heading, heights, kept, n)
 
 
 @kernel
@@ -178,7 +197,7 @@ def gradient_at(
     contacts: Contacts,
     heading: int,
     limits: GearLimits,
-    edge_m: float,
+    noise_m: float,
     scratch: Scratch,
 ) -> float:
     """Return the gradient at which a gear rests at a heading; infinite where it cannot rest.
@@ -187,35 +206,33 @@ def gradient_at(
     ----------
     contacts, heading
         (headings, contacts, 2) east and north of the contacts from the centre of gravity, m.
-    edge_m
-        A greater step within the ground of a pad is an edge.
+    noise_m
+        Standard deviation of the height of one return.
     """
     count, line = contacts.shape[1], int(limits[A_LINE])
-    (height, low, high, kept), n, edges = scratch, 0, 0
+    (height, low, high, kept), edges = scratch, 0
+    edge_m = math.hypot(EDGE_SIGMAS * noise_m, abs(plane[1]) + abs(plane[2]))  # noise; plane within a cell
     for i in range(count):
         east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
         least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m, edge_m)
         if np.isnan(mean):
             return np.inf
         level = plane[0] + plane[1] * east + plane[2] * north
-        height[i], low[i], high[i] = level + mean, level + least, level + most
+        height[i], low[i], high[i] = level + mean, level + mean, level + mean
         if most - least > edge_m:
-            edges |= 1 << i
-    for first in range(0, count, line):
-        n = _upper_hull(height, first, first + line, kept, n)
-    rest = steepest_rest(contacts, heading, height, kept, n)
+            low[i], high[i] = level + least, level + most
+            edges |= 1 << _part(i, count, line)
+    rest = _steepest_on_lines(contacts, heading, height, kept, line)
     if rest[0] < 0 or not _is_clear(ground, cell_m, limits, rest):
         return np.inf
     gradient = rest[0]
-    if edges != 0 and line == 1:
-        for sides in range(1 << count):  # a bit for each pad: at the upper side of its edge
-            if sides & ~edges == 0:
+    if edges != 0:
+        for sides in range(1 << PARTS):  # a bit for each part: at the upper side of its edges
+            if sides & ~edges == 0 and gradient <= limits[A_GRADIENT]:
                 for i in range(count):
-                    if edges >> i & 1:
-                        height[i] = high[i] if sides >> i & 1 else low[i]
-                gradient = max(gradient, steepest_rest(contacts, heading, height, kept, n)[0])
-                if gradient > limits[A_GRADIENT]:
-                    break
+                    if low[i] < high[i]:
+                        height[i] = high[i] if sides >> _part(i, count, line) & 1 else low[i]
+                gradient = max(gradient, _steepest_on_lines(contacts, heading, height, kept, line)[0])
     return gradient
 
 
@@ -226,14 +243,14 @@ def _least_gradient(
     cell_m: float,
     contacts: Contacts,
     limits: GearLimits,
-    edge_m: float,
+    noise_m: float,
     enough: float,
     scratch: Scratch,
 ) -> float:
     """Return the least gradient at which a gear rests, of all headings, or the first one below `enough`."""
     least = np.inf
     for heading in range(contacts.shape[0]):
-        least = min(least, gradient_at(ground, plane, cell_m, contacts, heading, limits, edge_m, scratch))
+        least = min(least, gradient_at(ground, plane, cell_m, contacts, heading, limits, noise_m, scratch))
         if least <= enough:
             break
     return least
@@ -320,7 +337,7 @@ def refuse_without_heading(
             cell_m,
             contacts,
             limits,
-            math.hypot(limits[AN_EDGE], EDGE_SIGMAS * noise_m),
+            noise_m,
             limit - CLEAR_SIGMAS * sigma,
             scratch,
         )
@@ -357,12 +374,12 @@ def keep_common_headings(
         One flag for each heading of the contacts.
     """
     lower, middle, upper, wide, row, col = ground
-    scratch, edge_m = scratch_for(contacts), math.hypot(limits[AN_EDGE], EDGE_SIGMAS * noise_m)
+    scratch = scratch_for(contacts)
     for r in range(row, row + rows):
         for c in range(col, col + cols):
             here = lower, middle, upper, wide, r, c
             plane = _plane_of(here, radius)
             for heading in range(contacts.shape[0]):
                 if fits[heading]:
-                    gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, edge_m, scratch)
+                    gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, noise_m, scratch)
                     fits[heading] = gradient <= limits[A_GRADIENT]

@@ -150,6 +150,11 @@ def test_a_footprint_that_does_not_hold_the_gear_is_refused() -> None:
         params.load("quadcopter", ["footprint_m=1.5", "gear_length_m=1.2", "gear_width_m=1.2"])
 
 
+def test_a_gear_too_small_to_stand_on_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"gear_width_m \(0\.01\) must be 0 or at least 0\.1 m"):
+        params.load("quadcopter", ["gear_width_m=0.01"])
+
+
 @pytest.mark.parametrize("profile", params.PROFILES)
 def test_every_profiles_limits_agree_with_its_gear(profile: str) -> None:
     """On ground at its limit of slope or relief, the gear is within its own."""

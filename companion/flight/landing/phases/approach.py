@@ -64,9 +64,10 @@ class Approach:
         if judged is PointState.UNSAFE:
             return state.break_off("point unsafe", s)
         look = self._look.offset(s) if self._over_since_ns and judged is PointState.SAFE else None
-        if look is not None or not (
-            over and judged is PointState.SAFE and stands_at(s.selected, s.heading_rad)
-        ):
+        if look is not None:
+            self._over_since_ns = s.now_ns
+        stands = judged is PointState.SAFE and stands_at(s.selected, s.heading_rad)
+        if look is not None or not (over and stands):
             state.safe_since_ns = None
         elif state.safe_since_ns is None:
             state.safe_since_ns = s.now_ns

@@ -76,7 +76,7 @@ class Descent:
             )
             reason = None if unseen else state.why_not(s)
             turned = reason is None and not unseen and not stands_at(s.selected, s.heading_rad)
-            reason = reason or ("turned away" if turned else "does not land" if late else None)
+            reason = reason or ("heading unsafe" if turned else "does not land" if late else None)
             if reason:
                 return state.break_off(reason, s)
         elif late:

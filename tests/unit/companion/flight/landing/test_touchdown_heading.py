@@ -81,7 +81,7 @@ def test_a_vehicle_turned_away_in_the_autopilots_landing_breaks_off() -> None:
     flight.fly_to(Phase.FINAL)
     flight.heading_deg = 130.0
     flight.fly_to(Phase.CLIMB)
-    assert flight.executive.tally.abort_reasons == ["turned away"]
+    assert flight.executive.tally.abort_reasons == ["heading unsafe"]
 
 
 # ---- closer look ---------------------------------------------------------------------------------
@@ -114,3 +114,16 @@ def test_ground_well_seen_or_without_evidence_of_cells_takes_no_look(footing: Fo
     flight.footing = footing
     flight.fly_to(Phase.LANDED)
     assert not any("hazards" in text for text in flight.texts)
+
+
+def test_a_look_into_blocked_air_ends_without_a_climb_and_the_landing_goes_on() -> None:
+    flight = Flight([zone(1, 30, 0)], survey_s=5)
+    flight.footing = Footing(unseen=0.2)
+    flight.blocked = lambda f: f.position[1] > 0.2 and f.velocity_wanted[1] > 0.2
+    flight.fly_to(Phase.LANDED)
+    assert not any("climbing" in text for text in flight.texts)
+    assert flight.executive.tally.abort_reasons == []
+
+
+def test_no_heading_at_all_is_none_at_which_the_gear_stands() -> None:
+    assert not stands_at(at(), 0.0)
