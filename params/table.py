@@ -126,7 +126,12 @@ class Parameters(BaseModel):
     relief_m: Annotated[
         float,
         _in(0.02, 5),
-        Spec("SLZ_RELIEF_M", "m", OURS, "Height above or below the footprint's plane that is a hazard."),
+        Spec(
+            "SLZ_RELIEF_M",
+            "m",
+            OURS,
+            "Height from the lowest to the highest ground about the footprint's plane that is a hazard.",
+        ),
     ] = 0.3
     hazard_size_m: Annotated[
         float,
