@@ -21,6 +21,7 @@ from slz.kernels.simd import LANES, broadcast, flags_of, load, sqrt
 
 AROUND = -1e-4  # least barycentric coordinate of a centre of gravity within a triple of contacts
 TOUCHES_M = 1e-4
+FINE = 0.5  # of the distance between skids: in wider cells the place of an edge says nothing of their halves
 PARTS = 4  # of a gear, whose edges are tried at both sides independently
 EDGE_SIGMAS = 5.0  # standard deviations of a return: what differs less under a pad is no edge
 FARTHEST_RING = 4  # cells around a contact without a return, in which its ground is sought
@@ -34,9 +35,9 @@ NOWHERE = np.float32(np.inf)  # gradient of a gear that cannot rest
 
 # Contacts of one line (a skid; 1 for pads); greatest gradient of the plane through the contacts; height of
 # the belly over that plane (m); radius of the belly and of a pad (m); greatest gradient that a relief of 1 m
-# can add; gradient of a slope of 1 degree.
-GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32]
-A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, A_LEVERAGE, A_DEGREE = range(7)
+# can add; gradient of a slope of 1 degree; gradient of ground within a cell that is no edge.
+GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32, Float32]
+A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, A_LEVERAGE, A_DEGREE, A_RISE = range(8)
 Row = Array1D[np.float32]
 Contacts = Array3D[np.float32]
 Rest = tuple[float, float, float, float]  # gradient, its east and north parts, height below the centre (m)
@@ -173,6 +174,13 @@ def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> 
 
 
 @kernel
+def _apart_m(contacts: Contacts, heading: int, line: int) -> float:
+    """Return the distance between two skids."""
+    east = contacts[heading, line, 0] - contacts[heading, 0, 0]
+    return math.hypot(east, contacts[heading, line, 1] - contacts[heading, 0, 1])
+
+
+@kernel
 def _part(contact: int, count: int, line: int) -> int:
     """Return the part of the gear that a contact belongs to: a pad, or half a skid."""
     return contact if line == 1 else 2 * (contact // line) + (2 * (contact % line) >= line)
@@ -211,7 +219,8 @@ def gradient_at(
     """
     count, line = contacts.shape[1], int(limits[A_LINE])
     (height, low, high, kept), edges = scratch, 0
-    edge_m = math.hypot(EDGE_SIGMAS * noise_m, abs(plane[1]) + abs(plane[2]))  # noise; plane within a cell
+    rise_m = max(float(limits[A_RISE]) * cell_m, abs(plane[1]) + abs(plane[2]))  # within a cell, by slope
+    edge_m = math.hypot(EDGE_SIGMAS * noise_m, rise_m)
     for i in range(count):
         east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
         least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m, edge_m)
@@ -226,7 +235,7 @@ def gradient_at(
     if rest[0] < 0 or not _is_clear(ground, cell_m, limits, rest):
         return np.inf
     gradient = rest[0]
-    if edges != 0:
+    if edges != 0 and (line == 1 or cell_m <= FINE * _apart_m(contacts, heading, line)):
         for sides in range(1 << PARTS):  # a bit for each part: at the upper side of its edges
             if sides & ~edges == 0 and gradient <= limits[A_GRADIENT]:
                 for i in range(count):
