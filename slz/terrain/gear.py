@@ -13,7 +13,6 @@ from params import Parameters
 from slz.kernels.footprint.rest_pose import GearLimits
 
 HEADING_STEP_DEG = 15
-UNEVEN_SLOPES = 1.5  # times the steepest safe slope, up to which ground within a cell is no edge
 MOST_OF_A_SKID = 16  # contacts
 Place = tuple[float, float]  # forward and right of the centre of gravity, m
 
@@ -32,7 +31,7 @@ class Gear:
     limits: GearLimits
 
 
-NO_GEAR = Gear(np.empty((0, 3, 2), np.float32), 360, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+NO_GEAR = Gear(np.empty((0, 3, 2), np.float32), 360, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @functools.lru_cache(maxsize=8)
@@ -50,7 +49,7 @@ def gear_of(parameters: Parameters, cell_m: float) -> Gear:
     limits = (
         float(line), math.tan(tip), p.clearance_m, math.hypot(length_m, width_m) / 2,
         p.pad_radius_m, _leverage_per_m(p.gear, length_m, width_m),
-        math.tan(slope) / p.safe_slope_deg, UNEVEN_SLOPES * math.tan(slope),
+        math.tan(slope) / p.safe_slope_deg,
     )  # fmt: skip
     return Gear(contacts.astype(np.float32), period_deg, limits)
 

@@ -172,7 +172,7 @@ def test_a_stone_anywhere_under_the_belly_is_refused() -> None:
     assert safe[np.hypot(east - 0.15, north - 0.02) > 2].mean() > 0.95
 
 
-@pytest.mark.parametrize("cell_m", [0.25, 0.3])
+@pytest.mark.parametrize("cell_m", [0.25, 0.5, 1.0])
 def test_small_feet_on_a_kerb_within_a_cell_are_refused(cell_m: float) -> None:
     parameters = load("pads 0.8 m across", f"cell_m={cell_m}", "min_square_m=3")
     surface = kerb(0.22, 25)

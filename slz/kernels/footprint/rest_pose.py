@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array3D, Float32
+from slz.kernels.cells.cell_record import IS_SAFE, IS_UNSAFE
 from slz.kernels.footprint.certainty import CERTAIN_SIGMAS, normal_cdf
 from slz.kernels.footprint.plane_fit import LEVEL, NOISE2, NORTH, RELIEF, SLOPE, WEST
 from slz.kernels.jit import kernel
@@ -25,25 +26,21 @@ FINE = 0.5  # of the distance between skids: in wider cells the place of an edge
 PARTS = 4  # of a gear, whose edges are tried at both sides independently
 EDGE_SIGMAS = 5.0  # standard deviations of a return: what differs less under a pad is no edge
 FARTHEST_RING = 4  # cells around a contact without a return, in which its ground is sought
-CLEAR_SIGMAS = (
-    2.0  # standard deviations of the gradient within its limit, from which a heading is not in doubt
-)
+CLEAR_SIGMAS = 2.0  # standard deviations of a gradient within its limit, from which no other heading is tried
 NOISES_OF_RELIEF = np.float32(2)  # by which noise may exaggerate a relief, in deviations of one return
 LEAST_CERTAINTY = np.float32(0.5)  # of an unsafe cell; below, it is not refined
-IS_SAFE, IS_UNSAFE = np.uint8(1), np.uint8(0)
 NOWHERE = np.float32(np.inf)  # gradient of a gear that cannot rest
 
 # Contacts of one line (a skid; 1 for pads); greatest gradient of the plane through the contacts; height of
 # the belly over that plane (m); radius of the belly and of a pad (m); greatest gradient that a relief of 1 m
-# can add; gradient of a slope of 1 degree; gradient of ground within a cell that is no edge.
-GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32, Float32]
-A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, A_LEVERAGE, A_DEGREE, A_RISE = range(8)
+# can add; gradient of a slope of 1 degree.
+GearLimits = tuple[Float32, Float32, Float32, Float32, Float32, Float32, Float32]
+A_LINE, A_GRADIENT, A_CLEARANCE, A_BELLY, A_PAD, A_LEVERAGE, A_DEGREE = range(7)
 Row = Array1D[np.float32]
 Contacts = Array3D[np.float32]
 Rest = tuple[float, float, float, float]  # gradient, its east and north parts, height below the centre (m)
-Plane = tuple[
-    float, float, float
-]  # height at the middle of the footprint (m), rise to the east and north per cell
+# Height at the middle of the footprint, rise to the east and to the north per cell (m).
+Plane = tuple[float, float, float]
 # Lowest, mean and highest ground of the cells (m), flat; cells in a row; row and column of the footprint.
 # Unknown cells are +inf, anything and -inf.
 Ground = tuple[Row, Row, Row, int, int, int]
@@ -181,7 +178,7 @@ def _apart_m(contacts: Contacts, heading: int, line: int) -> float:
 
 
 @kernel
-def _part(contact: int, count: int, line: int) -> int:
+def _part(contact: int, line: int) -> int:
     """Return the part of the gear that a contact belongs to: a pad, or half a skid."""
     return contact if line == 1 else 2 * (contact // line) + (2 * (contact % line) >= line)
 
@@ -219,7 +216,7 @@ def gradient_at(
     """
     count, line = contacts.shape[1], int(limits[A_LINE])
     (height, low, high, kept), edges = scratch, 0
-    rise_m = max(float(limits[A_RISE]) * cell_m, abs(plane[1]) + abs(plane[2]))  # within a cell, by slope
+    rise_m = abs(plane[1]) + abs(plane[2])  # of the plane within a cell
     edge_m = math.hypot(EDGE_SIGMAS * noise_m, rise_m)
     for i in range(count):
         east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
@@ -230,7 +227,7 @@ def gradient_at(
         height[i], low[i], high[i] = level + mean, level + mean, level + mean
         if most - least > edge_m:
             low[i], high[i] = level + least, level + most
-            edges |= 1 << _part(i, count, line)
+            edges |= 1 << _part(i, line)
     rest = _steepest_on_lines(contacts, heading, height, kept, line)
     if rest[0] < 0 or not _is_clear(ground, cell_m, limits, rest):
         return np.inf
@@ -240,7 +237,7 @@ def gradient_at(
             if sides & ~edges == 0 and gradient <= limits[A_GRADIENT]:
                 for i in range(count):
                     if low[i] < high[i]:
-                        height[i] = high[i] if sides >> _part(i, count, line) & 1 else low[i]
+                        height[i] = high[i] if sides >> _part(i, line) & 1 else low[i]
                 gradient = max(gradient, _steepest_on_lines(contacts, heading, height, kept, line)[0])
     return gradient
 
