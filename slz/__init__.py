@@ -11,7 +11,7 @@ from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
 from slz.terrain.changes import Drawn, DrawnTile
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
-from slz.window import Scan, Window, Windower, join
+from slz.window import PointAttributes, Scan, Window, Windower, join
 from slz.zone import LandingPoint, Zone, zone_mask
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "Nearby",
     "Obstacle",
     "Pipeline",
+    "PointAttributes",
     "PointState",
     "Report",
     "Scan",

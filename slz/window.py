@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,68 @@ from slz.frame import LocalFrame
 LATE_NS = 2_000_000_000
 MOST_LATE = 100  # scans
 MOST_POINTS = 10_000_000  # bound on a window whose stamps do not advance
+MOST_LOST = 1_000_000  # the same, for rays without a return
+LOST_M = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class PointAttributes:
+    """Attributes of returns beyond position, and the rays of the same scan that gave no return.
+
+    intensity : (n,) float32, in the sensor's own unit, NaN where it gives none.
+    echo : (n,) uint8, number of the return along its ray (LAS: return number), 1 is the first, 0 unknown.
+    echoes : (n,) uint8, number of returns of the ray, 0 unknown.
+    lost_enu_m, lost_origin_enu_m : (m, 3) float64, rays that were fired below the horizon and gave no return:
+    the point at `LOST_M` along each, and the sensor's position when it was fired. Empty where the sensor does
+    not report them.
+    """
+
+    intensity: NDArray[np.float32]
+    echo: NDArray[np.uint8]
+    echoes: NDArray[np.uint8]
+    lost_enu_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    lost_origin_enu_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+
+    def __post_init__(self) -> None:
+        n, lost = len(self.intensity), len(self.lost_enu_m)
+        for name, array, shape, dtype in (
+            ("intensity", self.intensity, (n,), np.float32),
+            ("echo", self.echo, (n,), np.uint8),
+            ("echoes", self.echoes, (n,), np.uint8),
+            ("lost rays", self.lost_enu_m, (lost, 3), np.float64),
+            ("origins of lost rays", self.lost_origin_enu_m, (lost, 3), np.float64),
+        ):
+            if array.shape != shape or array.dtype != dtype:
+                raise ValueError(f"{name} must be {shape} {np.dtype(dtype)}, not {_form(array)}")
+
+    @classmethod
+    def of(
+        cls,
+        intensity: NDArray[np.generic],
+        echo: NDArray[np.uint8],
+        echoes: NDArray[np.uint8],
+        *lost: NDArray[np.float64],
+    ) -> Self:
+        """Return read-only attributes in which return numbers that contradict each other are unknown.
+
+        lost : `lost_enu_m` and `lost_origin_enu_m`, or nothing.
+        """
+        wrong = (echo == 0) | (echo > echoes)
+        if wrong.any():
+            echo, echoes = np.where(wrong, np.uint8(0), echo), np.where(wrong, np.uint8(0), echoes)
+        found = cls(np.asarray(intensity, np.float32), echo, echoes, *lost)
+        for column in fields(found):
+            getattr(found, column.name).setflags(write=False)
+        return found
+
+    @classmethod
+    def unknown(cls, n: int) -> Self:
+        """Return the attributes of n returns of a sensor that gives none."""
+        none = np.zeros(n, np.uint8)
+        return cls.of(np.full(n, np.nan, np.float32), none, none)
+
+    def __len__(self) -> int:
+        return len(self.intensity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +84,14 @@ class Scan:
 
     points_enu_m : (n, 3) float64, in `frame`. stamp_ns : (n,) int64, the clock of the vehicle computer,
     not decreasing. sensor_enu_m : (3,) float64, sensor position at the last stamp, NaN where unknown.
+    attributes : of the n returns, None where the source gives none.
     """
 
     points_enu_m: NDArray[np.float64]
     stamp_ns: NDArray[np.int64]
     sensor_enu_m: NDArray[np.float64]
     frame: LocalFrame
+    attributes: PointAttributes | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
@@ -36,6 +101,8 @@ class Scan:
             raise ValueError(f"stamps must be ({n},) int64, not {_form(self.stamp_ns)}")
         if self.sensor_enu_m.shape != (3,):
             raise ValueError(f"sensor position must be (3,), not {_form(self.sensor_enu_m)}")
+        if self.attributes is not None and len(self.attributes) != n:
+            raise ValueError(f"attributes must be of the {n} points, not of {len(self.attributes)}")
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -82,6 +149,7 @@ class Windower:
     def _must_close(self, scan: Scan) -> bool:
         elapsed = int(scan.stamp_ns[0]) - self._first_ns
         over = elapsed >= round(self.window_s * 1e9) or sum(map(len, self._scans)) >= MOST_POINTS
+        over = over or sum(map(_lost, self._scans)) >= MOST_LOST
         return over or elapsed < -LATE_NS or scan.frame != self._scans[-1].frame
 
     def _is_late(self, scan: Scan) -> bool:
@@ -101,7 +169,10 @@ class Windower:
 
 
 def join(scans: Iterable[Scan]) -> Window:
-    """Join scans of one frame into a window, in the order given; stamps of two sensors may interleave."""
+    """Join scans of one frame into a window, in the order given; stamps of two sensors may interleave.
+
+    Returns of scans without attributes get unknown ones, if any scan has attributes.
+    """
     scans = list(scans)
     newest = max(scans, key=lambda scan: int(scan.stamp_ns[-1]) if len(scan) else -1)
     stamps = np.concatenate([scan.stamp_ns for scan in scans])
@@ -115,7 +186,22 @@ def join(scans: Iterable[Scan]) -> Window:
         frame=newest.frame,
         start_ns=int(stamps.min()),
         end_ns=int(stamps.max()),
+        attributes=_join_attributes(scans),
     )
+
+
+def _join_attributes(scans: Sequence[Scan]) -> PointAttributes | None:
+    if all(scan.attributes is None for scan in scans):
+        return None
+    parts = [
+        PointAttributes.unknown(len(scan)) if scan.attributes is None else scan.attributes for scan in scans
+    ]
+    columns = (column.name for column in fields(PointAttributes))
+    return PointAttributes.of(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+
+def _lost(scan: Scan) -> int:
+    return 0 if scan.attributes is None else len(scan.attributes.lost_enu_m)
 
 
 def _form(array: NDArray[np.generic]) -> str:

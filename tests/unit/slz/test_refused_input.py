@@ -11,7 +11,7 @@ import pytest
 from slz import LocalFrame
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.radar.line_buffer import RadarLines
-from slz.window import Scan, Windower
+from slz.window import PointAttributes, Scan, Windower
 
 FRAME = LocalFrame(0.0, 0.0, 0.0)
 
@@ -35,6 +35,25 @@ def scan(n: int = 4, **changed: Any) -> Scan:
 def test_a_scan_of_another_form_is_refused(changed: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
         scan(**changed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"intensity": np.zeros(4)}, r"intensity must be \(4,\) float32, not \(4,\) float64"),
+        ({"echo": np.zeros(3, np.uint8)}, r"echo must be \(4,\) uint8, not \(3,\) uint8"),
+        ({"echoes": np.zeros(4)}, r"echoes must be \(4,\) uint8, not \(4,\) float64"),
+        ({"lost_enu_m": np.zeros((2, 2))}, r"lost rays must be \(2, 3\) float64, not \(2, 2\) float64"),
+        ({"lost_enu_m": np.zeros((2, 3))}, r"origins of lost rays must be \(2, 3\) float64, not \(0, 3\)"),
+    ],
+)
+def test_attributes_of_another_form_are_refused(changed: dict[str, Any], told: str) -> None:
+    sound = PointAttributes.unknown(4)
+    assert scan(attributes=sound).attributes is sound
+    with pytest.raises(ValueError, match=told):
+        dataclasses.replace(sound, **changed)
+    with pytest.raises(ValueError, match="attributes must be of the 4 points, not of 3"):
+        scan(attributes=PointAttributes.unknown(3))
 
 
 def test_an_empty_scan_begins_no_window() -> None:

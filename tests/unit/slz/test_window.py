@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from slz import LocalFrame, Scan, Window
-from slz.window import Windower, join
+from slz.window import LOST_M, PointAttributes, Windower, join
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 MS = 1_000_000
@@ -113,3 +115,50 @@ def test_scans_of_two_sensors_are_joined_in_their_order_and_the_newest_stamp_end
     assert (window.start_ns, window.end_ns) == (10 * MS, 17 * MS)
     assert not window.points_enu_m.flags.writeable
     assert not window.stamp_ns.flags.writeable
+
+
+def rated(first_ms: int, n: int = 3, lost: int = 2) -> Scan:
+    """A scan whose intensities are its milliseconds, and whose lost rays end below them."""
+    plain = scan(first_ms, 0, n)
+    origin = np.tile(plain.sensor_enu_m, (lost, 1))
+    lost_enu_m = origin - [0.0, 0.0, LOST_M]
+    two = np.full(n, 2, np.uint8)
+    intensity = plain.points_enu_m[:, 0].astype(np.float32)
+    return replace(plain, attributes=PointAttributes.of(intensity, two - 1, two, lost_enu_m, origin))
+
+
+def test_attributes_stay_with_their_returns_and_are_unknown_for_scans_without_any() -> None:
+    plain = [scan(0, 0), scan(50, 0)]
+    assert join(plain).attributes is None
+    window = join([rated(0), scan(50, 0), rated(90, n=1, lost=1)])
+    found = window.attributes
+    assert found is not None
+    np.testing.assert_array_equal(found.intensity, [0, 1, 2, *[np.nan] * 3, 90])
+    assert found.echo.tolist() == [1, 1, 1, 0, 0, 0, 1]
+    assert found.echoes.tolist() == [2, 2, 2, 0, 0, 0, 2]
+    assert found.lost_enu_m[:, 2].tolist() == [-LOST_M, -LOST_M, 90 - LOST_M]
+    assert found.lost_origin_enu_m[:, 2].tolist() == [0, 0, 90]
+    assert not any(getattr(found, name).flags.writeable for name in PointAttributes.__slots__)
+
+
+def test_attributes_leave_points_and_stamps_of_a_window_as_they_are() -> None:
+    plain = join([scan(0, 0), scan(50, 0)])
+    window = join([rated(0), rated(50)])
+    np.testing.assert_array_equal(window.points_enu_m, plain.points_enu_m)
+    np.testing.assert_array_equal(window.stamp_ns, plain.stamp_ns)
+
+
+def test_return_numbers_that_contradict_each_other_are_unknown() -> None:
+    echo, echoes = np.array([1, 2, 0, 2, 1, 0], np.uint8), np.array([1, 2, 2, 1, 0, 0], np.uint8)
+    found = PointAttributes.of(np.zeros(6, np.uint8), echo, echoes)
+    assert found.echo.tolist() == [1, 2, 0, 0, 0, 0]
+    assert found.echoes.tolist() == [1, 2, 0, 0, 0, 0]
+    assert found.intensity.dtype == np.float32
+    assert echo.tolist() == [1, 2, 0, 2, 1, 0]
+
+
+def test_lost_rays_of_a_window_whose_stamps_stand_still_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("slz.window.MOST_LOST", 20)
+    windower = Windower(1.0)
+    windows = [window for _ in range(50) if (window := windower.add(rated(0, lost=5))) is not None]
+    assert [len(window) for window in windows[:2]] == [12, 12]
